@@ -63,12 +63,12 @@ hypotheses, _ = model.hypotheses()
 candidates, _ = model.candidates(hypotheses)
 fits = model.refine(model.begun(candidates[:3]))
 for fit in fits:
-    print(f"from {fit.candidate.hypothesis.origin}: score {model.score(fit):.3f}")
+    print(f"from {fit.candidate.hypothesis.origin}: score {model.cost(fit):.3f}")
 
 # %%
 # The map is read off in coordinates in which images are nearest points.
 
-best = min(fits, key=model.score)
+best = min(fits, key=model.cost)
 embedding = model.embedding(best)
 points = problem.target.index.points(embedding.target, embedding.source)
 own = problem.source.correspondence(problem.target, points)

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.usefixtures("prepared_once")
 class BySpectralResidual(Isometry):
     """Distances along both shapes agree; the map that fits best wins, whatever its energy."""
 
-    def score(self, fit):
+    def cost(self, fit):
         return fit.spectral_residual
 
 

@@ -9,15 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from isomatch.matching import selection
-from isomatch.matching.selection import (
-    LANDMARK_SLACK,
-    Rules,
-    contenders,
-    distinct,
-    ranked,
-    survivors,
-    weighed,
-)
+from isomatch.matching.parameters import TIES
+from isomatch.matching.selection import Rules, contenders, distinct, ranked, survivors, weighed
 from isomatch.settings import OutcomeSettings, SelectionSettings
 
 SETTINGS, BOUNDS = SelectionSettings(), OutcomeSettings()
@@ -174,7 +167,7 @@ def test_priors_decide_ties_and_nothing_else(fits):
     best = min(score for score, _ in fits)
     tied = [fit for fit in made if fit.score <= BOUNDS.tie * best]
     assert chosen.best in tied
-    assert chosen.best.prior_error <= min(fit.prior_error for fit in tied) + LANDMARK_SLACK
+    assert chosen.best.prior_error <= min(fit.prior_error for fit in tied) + TIES.landmark_slack
 
 
 @given(st.lists(st.integers(0, 9), max_size=8), st.sampled_from([None, 1, 3]))

@@ -18,6 +18,7 @@ from isomatch.correspondence import UNMATCHED, carried_along, nearest_rotation
 from isomatch.matching.assessment.confidence import expected_errors
 from isomatch.matching.assessment.evidence import Evidence, Solution, measured_evidence, outcome_of
 from isomatch.matching.assessment.quality import measure_quality
+from isomatch.matching.parameters import COMPONENTS, TIES
 from isomatch.matching.priors import (
     FEWEST_POINTS,
     NO_USER_LANDMARKS,
@@ -29,22 +30,10 @@ from isomatch.matching.priors import (
 )
 from isomatch.matching.problem import Problem
 from isomatch.matching.result import MAP_ARRAYS, Outcome
-from isomatch.matching.selection import SPECTRAL_RESIDUAL_NOISE
 from isomatch.matching.strategies import solve
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
 
-MOST_RUNNERS_UP = 3  # components tried as partners of the largest; chosen: nine matches at most
-# over that of the largest, from which another is one; hemispheres differ by less, clothes by more
-RUNNER_UP_AREA = 0.5
-SPECTRUM_FUNCTIONS = 20  # eigenvalues of which the logarithms are compared
-# their mean difference, above the least, up to which a pair is tried; poses 0.03, halves 0.13
-SAME_SPECTRUM = 0.1
-# mean distance, in √area, up to which a rigid component fits; half the spacing of the samples
-SAME_PLACE = 0.02
-MOST_APART = 0.7  # from where it is carried to, over √area and its distance from the carriers; two eyes: 0.9
-MOST_LENGTH_RATIO = 1.4  # √area of one over that of its partner; as for the unit of a part
-HELD = 1.0  # distance from the carriers, over √area, up to which a component cannot turn by itself; chosen
 FAR_APART = 1e6  # cost of components that are no partners
 TINY = 1e-6
 SIDES = "source", "target"
@@ -82,7 +71,7 @@ class _Components:
             chosen = zip(*linear_sum_assignment(-joined))
             return [self._matched(i, j) for i, j in chosen if joined[i, j]], False
         unlike = np.array([[self._unlike(i, j) for j in columns] for i in rows])
-        tried = unlike <= unlike.min() + SAME_SPECTRUM
+        tried = unlike <= unlike.min() + COMPONENTS.same_spectrum
         matched: dict[tuple[int, int], ComponentMatch] = {}
         for i, j in np.argwhere(tried).tolist():
             if match := self._tried(i, j):
@@ -96,8 +85,8 @@ class _Components:
         return best, bool(tied and _against(others[0])[2] < limit)
 
     def _runners_up(self, side: tuple[PreparedShape, ...]) -> list[int]:
-        least = RUNNER_UP_AREA * side[0].share
-        return [i for i, shape in enumerate(side[:MOST_RUNNERS_UP]) if shape.share >= least]
+        least = COMPONENTS.runner_up_area * side[0].share
+        return [i for i, shape in enumerate(side[: COMPONENTS.most_runners_up]) if shape.share >= least]
 
     def carried_ones(self, matches: list[ComponentMatch]) -> list[ComponentMatch]:
         """Match the components that have a partner near where those matched already carry them."""
@@ -120,15 +109,15 @@ class _Components:
             return -float(joined[i, j]) if joined[i, j] else FAR_APART
         source, target = self.sources[i], self.targets[j]
         place = carrier.offset(centre, target)
-        size = abs(np.log(carrier.length_ratio(source, target))) / np.log(MOST_LENGTH_RATIO)
-        if place > MOST_APART or size > 1:
+        size = abs(np.log(carrier.length_ratio(source, target))) / np.log(COMPONENTS.most_length_ratio)
+        if place > COMPONENTS.most_apart or size > 1:
             return FAR_APART
-        return float((place / MOST_APART) ** 2 + size**2 + self._unlike(i, j))
+        return float((place / COMPONENTS.most_apart) ** 2 + size**2 + self._unlike(i, j))
 
     def _unlike(self, i: int, j: int) -> float:
         """Mean difference of the logarithms of the first eigenvalues of two bodies, which are of unit area."""
         spectra = [shape.laplace.values[1:] for shape in (self.sources[i], self.targets[j])]
-        n = min(SPECTRUM_FUNCTIONS, *map(len, spectra))
+        n = min(COMPONENTS.spectrum_functions, *map(len, spectra))
         return float(np.abs(np.log(spectra[0][:n] / spectra[1][:n])).mean())
 
     def _tried(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch | None:
@@ -155,7 +144,7 @@ class _Components:
         """Match two components that are carried to each other."""
         # A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
         # decides what symmetry leaves open, if the component is near enough to what carries it.
-        held = carrier.gap(pair.target) <= HELD
+        held = carrier.gap(pair.target) <= COMPONENTS.held
         placed = self._placed(pair, carrier)
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
             if held or not pair.target.symmetries:
@@ -183,7 +172,7 @@ class _Components:
         moved, there = carrier.turned(pair.source), cast(Mesh, pair.target.body).vertices
         points = pair.target.index.points(there, moved)
         gap = np.linalg.norm(points.interpolation(len(there)) @ there - moved, axis=1)
-        if gap.mean() > SAME_PLACE:
+        if gap.mean() > COMPONENTS.same_place:
             return None
         quality = measure_quality(pair, points)
         found = pair.source.correspondence(pair.target, points)
@@ -197,7 +186,11 @@ def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
     residuals = np.nan_to_num([match.solution.quality.spectral_residual for match in matches], nan=np.inf)
     sureness = min(match.solution.outcome.sureness for match in matches)
     spread = np.std([np.log(match.pair.source.scale / match.pair.target.scale) for match in matches])
-    return -len(matches), -sureness, float(np.maximum(residuals, SPECTRAL_RESIDUAL_NOISE).mean() + spread)
+    return (
+        -len(matches),
+        -sureness,
+        float(np.maximum(residuals, TIES.spectral_residual_noise).mean() + spread),
+    )
 
 
 def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:

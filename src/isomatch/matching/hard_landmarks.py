@@ -12,18 +12,10 @@ from isomatch._core.arrays import Bool, BoolArray, Float, FloatArray, Int, IntAr
 from isomatch._core.errors import some
 from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.matching.assessment.evidence import Solution, held_evidence
+from isomatch.matching.parameters import HELD_LANDMARKS
 from isomatch.matching.problem import Problem
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
-
-# width of a bump over the distance moved; docs/priors.md: 1.5 to 3 alike, steeper turns faces over
-SLOPE = 2.0
-LEAST_WIDTH, MOST_WIDTH = 0.1, 0.2  # of the bump, in √area; docs/priors.md
-
-TAIL = 0.02  # weights up to this become 0: what is far from the landmarks stays as it was, bit by bit
-LEAST = 0.1  # singular value of the kernel among landmarks that is inverted; those too close to be told apart move as one
-FUNCTION_WEIGHT = 0.3  # of the functions beside positions, in √area
-N_FUNCTIONS = 20  # they tell apart sheets that are near in space
 
 
 def pinned(
@@ -130,9 +122,13 @@ def _carried(shape: PreparedShape, values: Float[FloatArray, "n_body q"]) -> Flo
 def _coordinates(shape: PreparedShape) -> Float[FloatArray, "n_full q"]:
     """Coordinates of the vertices of the body in full: positions if there are any, and functions of unit gradient."""
     body = _in_full(shape)
-    n = len(shape.laplace.values) if isinstance(body, Graph) else N_FUNCTIONS
+    n = len(shape.laplace.values) if isinstance(body, Graph) else HELD_LANDMARKS.n_functions
     smooth = _carried(shape, shape.laplace.vectors[:, 1:n] / np.sqrt(shape.laplace.values[1:n]))
-    return smooth if isinstance(body, Graph) else np.hstack([body.vertices, FUNCTION_WEIGHT * smooth])
+    return (
+        smooth
+        if isinstance(body, Graph)
+        else np.hstack([body.vertices, HELD_LANDMARKS.function_weight * smooth])
+    )
 
 
 def _weights(shape: PreparedShape, at: Int[IntArray, "m"], gap: float) -> Float[FloatArray, "n_full m"]:
@@ -144,15 +140,15 @@ def _weights(shape: PreparedShape, at: Int[IntArray, "m"], gap: float) -> Float[
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     places = _at(shape.detail.transfer.on_coarse, at) if shape.detail else PrecisePoints.at_vertices(at)
     nearest = places.corners[:, 0]
-    width = np.clip(SLOPE * gap, LEAST_WIDTH, MOST_WIDTH)
+    width = np.clip(HELD_LANDMARKS.slope * gap, HELD_LANDMARKS.least_width, HELD_LANDMARKS.most_width)
     if len(at) > 1:
         apart = shape.distances_between(nearest)[~np.eye(len(at), dtype=bool)]
-        width = min(width, max(apart.min(), 0.5 * LEAST_WIDTH))
+        width = min(width, max(apart.min(), 0.5 * HELD_LANDMARKS.least_width))
     heat = (phi * np.exp(-0.5 * width**2 * spectrum)) @ places.interpolated(phi).T
     kernel = _carried(shape, heat)
     kernel /= kernel[at].diagonal()
     among = kernel[at]
-    inverse = np.linalg.pinv(among, rcond=LEAST / float(np.linalg.norm(among, 2)))
-    weights: FloatArray = np.maximum(kernel @ inverse - TAIL, 0.0) / (1 - TAIL)
+    inverse = np.linalg.pinv(among, rcond=HELD_LANDMARKS.least / float(np.linalg.norm(among, 2)))
+    weights: FloatArray = np.maximum(kernel @ inverse - HELD_LANDMARKS.tail, 0.0) / (1 - HELD_LANDMARKS.tail)
     weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
     return weights

@@ -20,9 +20,9 @@ from isomatch.matching.assessment.evidence import Evidence, Solution, verified
 from isomatch.matching.components import match_components
 from isomatch.matching.hard_landmarks import pinned
 from isomatch.matching.isometric.isometry import IsometricMatch
-from isomatch.matching.isometric.search import PRIOR_STEPS
 from isomatch.matching.maps import Hypothesis
 from isomatch.matching.model import MatchingModel
+from isomatch.matching.parameters import SCREENING
 from isomatch.matching.priors import (
     Priors,
     UserPriors,
@@ -335,7 +335,7 @@ def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Prob
     # for each search vertex of the target, the row of the source whose image is nearest, by geodesic distance
     between = pair.target.distances.between
     starts = np.array([between(pair.target_vertices, image).argmin(axis=1) for image in images])
-    aligned = iterative_closest_points(*pair_back.search_points, starts, PRIOR_STEPS)
+    aligned = iterative_closest_points(*pair_back.search_points, starts, SCREENING.prior_steps)
     return [Hypothesis(each, c.hypothesis.origin) for each, c in zip(aligned, refined + others, strict=True)]
 
 

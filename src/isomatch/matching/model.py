@@ -107,6 +107,10 @@ class MatchingModel(ABC, Generic[M, C]):
         """Select among refined maps, least cost first; ``rivals`` are ranked, but may not win."""
 
     @abstractmethod
+    def cost(self, fit: M) -> float:
+        """Return what a refined map costs among others of this model; lower is better."""
+
+    @abstractmethod
     def image(self, best: M) -> Int[BodyVertices, "n_s"]:
         """Vertex of the target's body for each of the source's, −1 where it has none, without the last precision."""
 
@@ -181,16 +185,16 @@ class MatchingModel(ABC, Generic[M, C]):
 class RefiningModel(MatchingModel[F, C]):
     """A model whose maps are `Fit` objects, which the refinement of the problem makes better.
 
-    Subclass `Isometry` to change a part of it, such as ``score``.
+    Subclass `Isometry` to change a part of it, such as ``cost``.
 
     Examples
     --------
-    An isometry whose maps are scored by their spectral residual alone, handed to `match` as
+    An isometry whose maps cost their spectral residual alone, handed to `match` as
     ``relation=BySpectralResidual``:
 
     >>> from isomatch.matching import Isometry
     >>> class BySpectralResidual(Isometry):
-    ...     def score(self, fit):
+    ...     def cost(self, fit):
     ...         return fit.spectral_residual
     >>> issubclass(BySpectralResidual, MatchingModel)
     True

@@ -18,14 +18,12 @@ from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, neare
 from isomatch.io import SurfaceLike
 from isomatch.matching.coordinates import refined_images
 from isomatch.matching.maps import Fit
+from isomatch.matching.parameters import SCREENING
 from isomatch.matching.priors import Priors
 from isomatch.matching.proposals.extremities import extremity_assignments
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
-
-# of both shapes, from which no automatic map is told; discs and balls 11 to 40, bodies to 6
-MANY_ROTATIONS = 11
 
 Start: TypeAlias = "Callable[[Problem], Iterable[IntArray]]"
 """Makes first maps of a problem: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
@@ -225,7 +223,7 @@ class Problem(SmoothPair):
     def round(self) -> bool:
         """Whether both shapes have so many rotations that those found are a few of a continuous group, as of a ball."""
         both = self.source.symmetries, self.target.symmetries
-        return min(sum(each.orientation >= 0 for each in own) for own in both) >= MANY_ROTATIONS
+        return min(sum(each.orientation >= 0 for each in own) for own in both) >= SCREENING.many_rotations
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -21,17 +21,12 @@ from isomatch.correspondence import Embedding, signed_procrustes
 from isomatch.matching.isometric.candidates import energy_of
 from isomatch.matching.isometric.isometry import Isometry
 from isomatch.matching.maps import Fit
+from isomatch.matching.parameters import SPECTRAL
 from isomatch.matching.priors import Priors
 from isomatch.matching.problem import Joint, Problem, Refinement, prepare_pair
 from isomatch.settings import Config, RefinementName
 from isomatch.shapes import PreparedShape, orientation_of, prepare
 from isomatch.surfaces import Mesh
-
-# functions from which a functional map grows; docs/lab/paper.md: the best of four
-LAPLACE_FIRST = (15, 20, 30, 40)
-LAPLACE_CHOICE = 50  # functions at which the best of these is chosen; chosen: as many as the rank
-LAPLACE_STEP = 5  # functions added in each step; Melzi et al. 2019
-DISTANCE_STEPS = 15  # iterations of the plain descriptor alignment; two on all vertices follow; chosen
 
 
 class Smooth(Joint):
@@ -72,7 +67,7 @@ def descriptor_embedding(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> E
 
     points = turned(pair.source_vertices, BodyVertices(pair.target_vertices[target_row]))
     everywhere = BodyVertices(np.arange(len(source.coordinates)))
-    for vertices in (*[pair.refinement_vertices] * DISTANCE_STEPS, everywhere, everywhere):
+    for vertices in (*[pair.refinement_vertices] * SPECTRAL.distance_steps, everywhere, everywhere):
         images = pair.target.index.vertices(points, source.coordinates[vertices])
         points = turned(vertices, BodyVertices(images))
     return Embedding(source.coordinates, points)
@@ -91,13 +86,13 @@ def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
     if settings.laplace_steps_at_once:
         first = polar(spectra.functional_map(rows, most))[0]
         return spectra.embedding(spectra.orthogonal_icp(first, most, settings.laplace_steps_at_once, weights))
-    middle = min(LAPLACE_CHOICE, most)
+    middle = min(SPECTRAL.choice, most)
 
     def side(target_vertex: BodyVertices) -> float:
         return float(np.sign(orientation_of(pair.source, spectra.source, pair.target, target_vertex, middle)))
 
     def sizes(first: int, last: int) -> tuple[int, ...]:
-        return (*range(first + LAPLACE_STEP, last, LAPLACE_STEP), last) if last > first else ()
+        return (*range(first + SPECTRAL.step, last, SPECTRAL.step), last) if last > first else ()
 
     def grown(first: int) -> tuple[bool, float, FloatArray]:
         functional_map = spectra.upsampled(spectra.functional_map(rows, first), sizes(first, middle))
@@ -105,7 +100,7 @@ def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
         return side(image) != kept, energy_of(pair, vertices, image), functional_map
 
     kept = side(BodyVertices(rows))
-    trials = parallel_map(grown, sorted({min(first, middle) for first in LAPLACE_FIRST}))
+    trials = parallel_map(grown, sorted({min(first, middle) for first in SPECTRAL.first}))
     *_, functional_map = min(trials, key=itemgetter(0, 1))
     functional_map = spectra.upsampled(functional_map, sizes(middle, most))
     of_source, of_target = spectra.embedding(functional_map)

@@ -68,8 +68,8 @@ class Quality(Shown):
         Mean distance from the images in the joint coordinates after the joint refinement (spectrum has unit 1).
     runner_up : float
         Score of the best map that differs over that of the map: 1 is a tie, below 1 the other, which was not eligible,
-        fits better; ``inf`` if no other came near. For a part it is the ratio of their costs; for two parts, where more
-        is better, the score of the map over that of the other.
+        fits better; ``inf`` if no other came near. For a part it is the ratio of their costs; for two parts, whose costs
+        are negative, that of the map over that of the other.
     mirrored : float
         The same ratio for the best map of the other orientation; if that is not allowed, ``inf`` unless below 0.6.
     residual : float

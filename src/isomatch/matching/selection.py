@@ -10,34 +10,8 @@ import numpy as np
 
 from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray
 from isomatch.matching.maps import Candidate, Fit
+from isomatch.matching.parameters import SAME_MAP, TIES
 from isomatch.settings import Orientation, OutcomeSettings, SelectionSettings
-
-# energy over the least, up to which orientation decides among maps that agree with landmarks;
-# a mixture of both sides fits worse than either
-SAME_ENERGY = 1.5
-
-# two limbs exchanged: share of the vertices sent far away from where the winner sends them, and score over the winner's;
-# horse7–horse14 (wrong) 0.08 and 1.002, half of its two forelegs; of 111 right maps no other score is below 1.059
-ELSEWHERE_SHARE = 0.05
-ELSEWHERE_TIE = 1.05
-
-# difference of landmark errors, in √area, that counts for nothing; as of search vertices
-LANDMARK_SLACK = 0.05
-
-# score over that of a map that counts whatever priors say; docs/lab/benchmarks.md, confidence
-CLEARLY_BETTER = 1.15
-
-# Energies, spectral residuals and scores below these are equal: two triangulations of one surface differ as much, by
-# 0.002 to 0.06, 0.26 to 0.35 and 0.04 to 0.09 (docs/lab/benchmarks.md, symmetry). Otherwise one of the symmetric maps
-# between two copies of a mesh would seem better than the others.
-ENERGY_NOISE = 0.012
-SPECTRAL_RESIDUAL_NOISE = 0.25
-SCORE_NOISE = 0.04
-
-# in √area, from which two maps send a vertex to different places; chosen: above the errors of right maps, below a limb
-ELSEWHERE = 0.08
-
-LEAST_REGION = 0.01  # share of the vertices, below which a region says nothing; chosen: ten of 1000
 
 T = TypeVar("T")
 V = TypeVar("V", bound=IntArray)  # images, in any index space
@@ -92,10 +66,10 @@ def ranked(
     # without landmarks: the wanted orientation, then those not clearly of the other, then the rest; each by energy
     if not landmarks:
         return sorted(candidates, key=lambda c: (rank(c), c.energy))
-    slack = min((c.landmark_error for c in candidates), default=0.0) + LANDMARK_SLACK
+    slack = min((c.landmark_error for c in candidates), default=0.0) + TIES.landmark_slack
     agreeing = sorted((c for c in candidates if c.landmark_error <= slack), key=lambda c: (rank(c), c.energy))
     # landmarks may ask for the other orientation: the wanted one comes first only where its energy is near the least
-    limit = SAME_ENERGY * min((c.energy for c in agreeing), default=0.0)
+    limit = TIES.same_energy * min((c.energy for c in agreeing), default=0.0)
     return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, rank(c, "any"), c.energy))
 
 
@@ -111,10 +85,10 @@ def contenders(
     leaning = [c for c in order if _orientation_rank(c, orientation, settings) <= side]
     leaning.sort(key=lambda candidate: candidate.energy)
     # relative to the least energy of these, which the first of the ranking need not have
-    limit = settings.energy_limit * max(leaning[0].energy, ENERGY_NOISE)
+    limit = settings.energy_limit * max(leaning[0].energy, TIES.energy_noise)
     kept = [c for c in leaning if c.energy <= limit][: settings.most_contenders]
     # and one that agrees better with priors than any of these, on either side
-    nearest = nearest_to_priors(order, LANDMARK_SLACK)
+    nearest = nearest_to_priors(order, TIES.landmark_slack)
     if not any(c in kept for c in nearest):
         kept.append(min(nearest, key=lambda c: c.energy))
     return kept
@@ -140,10 +114,10 @@ def survivors(
     # while normals take no part, a twisted map may fit well: it neither sets the standard nor replaces another
     clear = [i for i in q if with_normals or abs(fits[i].orientation) > oriented] or list(q)
     least = min(fits[i].spectral_residual for i in clear)
-    limit = settings.spectral_residual_limit * max(least, SPECTRAL_RESIDUAL_NOISE)
+    limit = settings.spectral_residual_limit * max(least, TIES.spectral_residual_noise)
     order = sorted(q, key=lambda i: (i not in clear, fits[i].spectral_residual))
     # the best of those nearest to the priors goes on however badly it fits, and the best of each orientation if asked
-    spared = [i for i in order if fits[i] in nearest_to_priors(fits, LANDMARK_SLACK)][:1]
+    spared = [i for i in order if fits[i] in nearest_to_priors(fits, TIES.landmark_slack)][:1]
     if both_sides:
         spared += {fits[i].side: i for i in reversed(order)}.values()
     kept: list[tuple[int, int]] = []
@@ -171,7 +145,7 @@ def weighed(
     weight: float,
 ) -> list[float]:
     """Multiply the costs of maps by the descriptor distance of their images where they differ from the best map."""
-    # Two maps i, j that differ in a region R (where their images are > ELSEWHERE apart) are compared by
+    # Two maps i, j that differ in a region R (where their images are > SAME_MAP.elsewhere apart) are compared by
     #   c_i / c_j · exp(w (m̄_i − m̄_j)),   m̄ the mean over R of the descriptor distance:
     # the exponential makes the comparison of j with i the inverse of that of i with j. docs/lab/design_notes.md
     n = len(costs)
@@ -179,8 +153,8 @@ def weighed(
     for i in range(n):
         for j in range(i):
             differences = descriptor_distances[i] - descriptor_distances[j]
-            region = np.isfinite(differences) & (distance(images[i], images[j]) > ELSEWHERE)
-            if region.mean() >= LEAST_REGION:
+            region = np.isfinite(differences) & (distance(images[i], images[j]) > SAME_MAP.elsewhere)
+            if region.mean() >= TIES.least_region:
                 lead[i, j] = weight * differences[region].mean()
                 lead[j, i] = -lead[i, j]
     # As R differs from pair to pair, three maps may beat each other in a ring. The best is the eligible one that loses
@@ -221,11 +195,11 @@ class Rules:
             tie=bounds.tie,
             mirror_tie=bounds.mirror_tie,
             runner_up_distance=settings.runner_up_distance,
-            landmark_slack=LANDMARK_SLACK,
-            score_noise=SCORE_NOISE,
-            elsewhere_share=ELSEWHERE_SHARE,
-            elsewhere_tie=ELSEWHERE_TIE,
-            clearly_better=CLEARLY_BETTER,
+            landmark_slack=TIES.landmark_slack,
+            score_noise=TIES.score_noise,
+            elsewhere_share=TIES.elsewhere_share,
+            elsewhere_tie=TIES.elsewhere_tie,
+            clearly_better=TIES.clearly_better,
             same_map=settings.same_map,
         )
 

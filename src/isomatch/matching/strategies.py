@@ -16,9 +16,10 @@ from isomatch._core.threads import parallel_map
 from isomatch.matching.assessment.evidence import Evidence, Solution, fits_badly
 from isomatch.matching.elastic.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric, may_be_far
 from isomatch.matching.isometric.candidates import is_another
-from isomatch.matching.isometric.isometry import MOST_MIRRORED, IsometricMatch, Isometry, image_of, torn
+from isomatch.matching.isometric.isometry import IsometricMatch, Isometry, image_of, torn
 from isomatch.matching.maps import Hypothesis
 from isomatch.matching.model import MatchingModel, origin_of
+from isomatch.matching.parameters import SAME_MAP, SCREENING, STRATEGY
 from isomatch.matching.partial.part import Part, PartSide
 from isomatch.matching.partial.two_parts import TwoParts
 from isomatch.matching.pipeline import match_under, search_under
@@ -42,14 +43,7 @@ from isomatch.shapes import (
 # shapes as they are, whichever strategy found it; evidence says how sure it is, and compares only maps that tie.
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS  # nothing else is worth trying
 OF_USERS = {"matrix", "function"}  # names of engines of the user's own distances
-# best hypotheses whose flips are tried between capped shapes: of mesh018–mesh014 with holes the error is 30 with 3
-FLIPPED = 6
-CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
-TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a self-contact
 NO_COST = 1e-12  # of a shape on its copy, so that a lead is finite
-AGREES = 0.12  # √area: mean distance up to which maps of two strategies are one; as between maps of a part
-# share of the bound of the doubt, up to which the map of a part needs no other strategy; that of a mirror image had 0.94
-LITTLE_DOUBT = 0.5
 
 
 @dataclass(eq=False)
@@ -157,7 +151,7 @@ def _closed(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution
     """Match the shapes with their holes capped."""
     timer.start("prepare")
     search = problem.config.search
-    config = replace(problem.config, search=replace(search, flipped=max(FLIPPED, search.flipped)))
+    config = replace(problem.config, search=replace(search, flipped=max(STRATEGY.flipped, search.flipped)))
     try:
         source, target = parallel_map(capped_shape, (problem.source, problem.target))
         match = attempts.matches[CLOSED.name] = _between(problem, source, target, timer, config)
@@ -221,7 +215,7 @@ def _creases_cut(problem: Problem, attempts: Attempts, timer: StageTimer) -> Sol
     side = int(surplus[1] > surplus[0])
     shapes = [capped_shape(shape) for shape in originals]
     loose, best = None, None
-    for _ in range(CREASED):
+    for _ in range(STRATEGY.creased):
         timer.start("prepare")
         creased = creased_shape(originals[side], surplus[side], loose)
         if creased is None:
@@ -230,7 +224,7 @@ def _creases_cut(problem: Problem, attempts: Attempts, timer: StageTimer) -> Sol
         match = _between(problem, shapes[0], shapes[1], timer)
         if best and match.ranking.best.score > best.ranking.best.score:
             break
-        best, loose = match, torn(match, side, TORN)
+        best, loose = match, torn(match, side, STRATEGY.torn)
     return _summed_up(problem, best, timer) if best else None
 
 
@@ -248,7 +242,7 @@ def _limbs_apart(problem: Problem, attempts: Attempts, timer: StageTimer) -> Sol
 
 def _is_clear(problem: Problem, solution: Solution) -> bool:
     """Whether the map of a part is far from doubtful."""
-    bound = LITTLE_DOUBT * problem.config.parts.poor_doubt
+    bound = STRATEGY.little_doubt * problem.config.parts.poor_doubt
     return solution.outcome is Outcome.PARTIAL and solution.quality.doubt <= bound
 
 
@@ -434,7 +428,9 @@ def _verified_best(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
 
     def differs(i: int) -> bool:
         both = (images[i] >= 0) & (images[best] >= 0)
-        return not both.any() or target.mean_distance(images[i][both], images[best][both]) > AGREES
+        return (
+            not both.any() or target.mean_distance(images[i][both], images[best][both]) > SAME_MAP.other_map
+        )
 
     second = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf)
     lead = second / max(costs[best], NO_COST)
@@ -452,7 +448,7 @@ def _mirror_image_fits(problem: Problem, closed: IsometricMatch, cost: float, ti
     if problem.priors.any:
         return False
     model, side = cast(Isometry, closed.model), cast(PartSide, part_of(problem))
-    turned = model.begun(model.turned(closed.proposals.eligible)[:MOST_MIRRORED])
+    turned = model.begun(model.turned(closed.proposals.eligible)[: SCREENING.most_mirrored])
     best = min(model.refine(turned), key=lambda fit: fit.score, default=None)
     if best is None:
         return False

@@ -14,15 +14,12 @@ from isomatch._core.errors import InputError
 from isomatch._core.threads import row_product
 from isomatch.correspondence import UNMATCHED, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.parameters import ERRORS
 from isomatch.matching.problem import Problem
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import linked
 
-RUNNER_UP_EXPONENT = 10.0  # so that one in ten runners-up is right at the bound of a tie
-# √area over which an expected error is spread; 0.05 to 0.14 tried: isomatch_lab.studies.vertex_confidence
-ERROR_RADIUS = 0.08
-ERROR_SCALE = 0.32  # to the mean error of faust_r and creatures: isomatch_lab.studies.vertex_confidence
 TINY = 1e-12
 
 
@@ -39,7 +36,7 @@ def expected_errors(
     # Of an isometry both are the same, and F is orthogonal. A displaced image leaves r = Φ_t(f(i)) − Φ_s(i) F, and to
     # first order r = |∇(Φ_s F)| · δ for an image that has to move by δ:
     #   δ(i) = ‖r‖ / |∇(Φ_s F)|   (a length),   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)   (strain: 0 if F is orthogonal),
-    #   expected error = ERROR_SCALE · √(δ |ε|), spread by the heat kernel. docs/lab/benchmarks.md, confidence
+    #   expected error = scale · √(δ |ε|), spread by the heat kernel. docs/lab/benchmarks.md, confidence
     source = pair.source
     k = pair.n_functions
     functions = source.functions[:, :k]  # (n_s, K)
@@ -50,8 +47,8 @@ def expected_errors(
     fitted, own = (_gradient_energy(x, source.body.edges, lengths) for x in (fit, functions))
     left_over = np.sqrt(((pulled_back - fit) ** 2).sum(axis=1) / np.maximum(fitted, TINY))
     strain = np.log(np.maximum(fitted, TINY) / np.maximum(unit**2 * own, TINY))
-    local = ERROR_SCALE * np.sqrt(left_over * np.abs(strain))
-    return diffused(source, local if doubt is None else local + doubt, ERROR_RADIUS)
+    local = ERRORS.scale * np.sqrt(left_over * np.abs(strain))
+    return diffused(source, local if doubt is None else local + doubt, ERRORS.radius)
 
 
 def doubt_of(
@@ -59,7 +56,7 @@ def doubt_of(
 ) -> Float[FloatArray, "n_s"]:
     """Expect the distance between two maps, times the chance that the other is right, in √area."""
     # with P(map) ∝ score^−10, the other has chance 1 / (1 + (its score / score)^10); ½ at a tie
-    chance = 1 / (1 + ratio**RUNNER_UP_EXPONENT)
+    chance = 1 / (1 + ratio**ERRORS.runner_up_exponent)
     rows = nearest_of(pair.source, pair.refinement_vertices)
     return np.asarray(chance * pair.target.distance(image, runner_up)[rows])
 
@@ -102,11 +99,6 @@ def diffused(shape: SmoothShape, values: Float[FloatArray, "n"], radius: float) 
 
 ANOTHER_MAP = "another map that fits nearly as well sends it elsewhere"
 UNLIKE_ITS_IMAGE = "it looks unlike its image"
-
-MAIN = 0.25  # share of a region, from which what is doubtful there is a reason
-LEAST_KNOWN = 0.5  # share of a neighbourhood, below which its descriptor distance is not known
-LEAST_AREA = 0.005  # share of the surface, below which no region is told; half a hand
-UNLIKE_ERROR = 0.27  # mean error, in √area, where they look unlike; docs/lab/benchmarks.md, regions of doubt
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,10 +169,10 @@ def regions_of_doubt(
     n, label = linked(body.n_vertices, (i, j))
     shares = source.share * np.bincount(label, inside * body.vertex_areas, n) / body.vertex_areas.sum()
     regions = []
-    for region in np.argsort(-shares, kind="stable")[: (shares > LEAST_AREA).sum()]:
+    for region in np.argsort(-shares, kind="stable")[: (shares > ERRORS.least_area).sum()]:
         vertices = np.flatnonzero((label == region) & inside)
         vertices = vertices[np.argsort(-most[vertices], kind="stable")]
-        reasons = [reason for reason, doubt in doubts.items() if (doubt[vertices] > 1.0).mean() > MAIN]
+        reasons = [reason for reason, doubt in doubts.items() if (doubt[vertices] > 1.0).mean() > ERRORS.main]
         images = runner_up[vertices] if runner_up is not None and ANOTHER_MAP in reasons else None
         regions.append(DoubtfulRegion(vertices, float(shares[region]), " and ".join(reasons), images))
     return tuple(regions)
@@ -189,9 +181,9 @@ def regions_of_doubt(
 def around(shape: PreparedShape, values: Float[FloatArray, "n"]) -> Float[FloatArray, "n"]:
     """Mean of values in the neighbourhood of each vertex of a body, nan where most are not known."""
     finite = np.isfinite(values)
-    total = diffused(shape, np.where(finite, values, 0.0), ERROR_RADIUS)
-    weight = diffused(shape, finite.astype(float), ERROR_RADIUS)
-    return np.where(weight > LEAST_KNOWN, total / np.maximum(weight, LEAST_KNOWN), np.nan)
+    total = diffused(shape, np.where(finite, values, 0.0), ERRORS.radius)
+    weight = diffused(shape, finite.astype(float), ERRORS.radius)
+    return np.where(weight > ERRORS.least_known, total / np.maximum(weight, ERRORS.least_known), np.nan)
 
 
 def lifted(
@@ -217,7 +209,7 @@ def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> Float[FloatA
     doubt = np.zeros(n_vertices)
     for region in regions:
         if UNLIKE_ITS_IMAGE in region.reason:
-            doubt[region.vertices] = UNLIKE_ERROR
+            doubt[region.vertices] = ERRORS.unlike
     return doubt
 
 

@@ -10,15 +10,13 @@ from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArr
 from isomatch.correspondence import PrecisePoints, alignment_residual, signed_procrustes
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.parameters import ERRORS
 from isomatch.matching.problem import Problem
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import Ranking
 from isomatch.settings import COVERAGE_RADIUS
 from isomatch.shapes import orientation_of
 from isomatch.surfaces import Graph, Surface, linked
-
-MOST_NAMED = 5  # landmarks in a note
-NORMAL_FUNCTIONS = 60  # of the smoothed surfaces whose normals are compared; chosen with poor_orientation
 
 
 def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] | None = None) -> Quality:
@@ -39,7 +37,7 @@ def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] 
     orientation = np.nan
     if pair.oriented:
         basis = pair.spectra.source
-        orientation = orientation_of(source, basis, target, image[vertices], NORMAL_FUNCTIONS)
+        orientation = orientation_of(source, basis, target, image[vertices], ERRORS.normal_functions)
     return Quality(
         spectral_residual=ranking.best.spectral_residual if ranking else np.nan,
         runner_up=ranking.runner_up if ranking else np.nan,
@@ -163,7 +161,7 @@ def contradicted_landmarks(pair: Problem, points: PrecisePoints) -> list[str]:
     against = np.flatnonzero(apart > pair.config.outcome.contradiction)
     if not len(against):
         return []
-    worst = against[np.argsort(-apart[against], kind="stable")[:MOST_NAMED]]
+    worst = against[np.argsort(-apart[against], kind="stable")[: ERRORS.most_named]]
     pairs = zip(priors.user_landmarks[worst], apart[worst])
     named = ", ".join(f"{i} → {j} ({distance:.2f} √area off)" for (i, j), distance in pairs)
     more = ", …" if len(against) > len(worst) else ""

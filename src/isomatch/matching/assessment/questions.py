@@ -9,12 +9,9 @@ import numpy as np
 
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import UNMATCHED
+from isomatch.matching.parameters import ERRORS
 from isomatch.matching.result import MatchResult
 from isomatch.surfaces import Mesh
-
-N_CANDIDATES = 400  # vertices that may be asked for
-APART = 0.1  # √area between two places that are told apart by eye; chosen: a hand is half as long
-REACH = 0.3  # √area of the source: questions nearer to each other than this tell less
 
 
 @dataclass(frozen=True)
@@ -84,16 +81,16 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
     open_pairs, asked = np.ones(len(pairs), dtype=bool), list[int]()
     away = np.full(len(vertices), np.inf)  # from the questions asked
     for _ in range(most):
-        told = np.minimum(gap, REACH)
-        told[gap < APART] = 0.0
+        told = np.minimum(gap, ERRORS.questions_apart)
+        told[gap < ERRORS.places_apart] = 0.0
         # pairs that are still open first, then all pairs, so that later answers confirm the earlier ones
         worth = told[open_pairs].sum(axis=0) + told.mean(axis=0)
-        worth = worth * np.minimum(away / (REACH * size[0]), 1.0)
+        worth = worth * np.minimum(away / (ERRORS.questions_apart * size[0]), 1.0)
         best = int(worth.argmax())
         if not worth[best] > 0:
             break
         asked.append(best)
-        open_pairs &= gap[:, best] < APART
+        open_pairs &= gap[:, best] < ERRORS.places_apart
         apart = np.linalg.norm(source.vertices[vertices] - source.vertices[vertices[best]], axis=1)
         away = np.minimum(away, apart)
     return tuple(_question(int(vertices[k]), images[:, k], target, size[1]) for k in asked)
@@ -104,7 +101,7 @@ def _spread(source: Mesh, matched: BoolArray) -> IntArray:
     inside = np.flatnonzero(matched)
     points = source.vertices[inside]
     chosen, away = [0], np.linalg.norm(points - points[0], axis=1)
-    while len(chosen) < min(N_CANDIDATES, len(inside)):
+    while len(chosen) < min(ERRORS.n_asked, len(inside)):
         chosen.append(int(away.argmax()))
         away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return inside[chosen]
@@ -122,6 +119,6 @@ def _question(vertex: int, images: IntArray, target: Mesh, size: float) -> Quest
     maps = list[int]()
     for k in np.flatnonzero(images != UNMATCHED).tolist():
         apart = np.linalg.norm(target.vertices[images[maps]] - target.vertices[images[k]], axis=1) / size
-        if (apart >= APART).all():
+        if (apart >= ERRORS.places_apart).all():
             maps.append(k)
     return Question(vertex, tuple(images[maps].tolist()), tuple(maps))

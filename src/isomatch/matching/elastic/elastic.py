@@ -23,7 +23,6 @@ from isomatch.matching.bending import Bent, ElasticBending
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.elastic.elastic_fit import (
     COARSE_STEPS,
-    N_COARSE,
     Coefficients,
     ElasticFit,
     ElasticShape,
@@ -34,30 +33,14 @@ from isomatch.matching.elastic.elastic_fit import (
 )
 from isomatch.matching.maps import Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel
+from isomatch.matching.parameters import ELASTIC_FIT, ELASTIC_SEARCH, SAME_MAP, TIES
 from isomatch.matching.problem import Problem, search_pairs
 from isomatch.matching.proposals.priors import starts_from_priors
 from isomatch.matching.result import Quality
-from isomatch.matching.selection import LANDMARK_SLACK, Ranking, Rules, distances_between, distinct, select
+from isomatch.matching.selection import Ranking, Rules, distances_between, distinct, select
 
-# those without another source: docs/lab/design_notes.md
-# best coarse fits that go on after each step; the last are bent, with maps from elsewhere
-N_FOLLOWED = (90, 40, 8)
-ASYMMETRY_UNIT, ASYMMETRY_EXPONENT = 0.1, 0.25  # chosen on pairs of animals, not one by one
-# mean cosine between normals of a coarse fit that goes on; selection.orientation_threshold
-LEAST_ORIENTATION = 0.3
-HOPELESS = 1.5  # score over the least, halfway, from which a map is not bent further
 # between two bendings: all functions, half the smoothness for twice as many
 LAST_STEP = Step(200, 0.0005, 2, False)
-SAME_MAP = 0.05  # √area: mean distance by which maps differ in the large; search.same_map
-# beside canonical coordinates, in the last step; docs/lab/robustness.md, other species
-FINE_NORMAL_WEIGHT = 0.15
-PRIORED_TIE = 1.1  # score over the least, up to which a map that agrees with the priors wins
-SKIPPED = 2  # first lengths of elastic.bending, which move large pieces; the winner was bent by them before
-FULL_LENGTHS = (0.05, 0.04, 0.03)  # by which the winner is bent in full, after those
-READ_UNIT = 0.05  # of normals, where images are read off the bent source: they only tell sheets apart
-LYING_WEIGHT = 15.0  # of where the bent shapes lie, beside joint coordinates
-NEARLY_ISOMETRIC = 0.085  # stretch of bent shapes below which an ordinary map stays what it is
-FITS_ISOMETRIC = 0.105  # and below which one that fits does if it wins
 NO_SCORE = 1e-12  # so that ratios of scores are finite
 
 FAR = (
@@ -151,10 +134,10 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         starts = self._starts()
         first = partial(self._drawn, self._coarse, COARSE_STEPS[0])
         kept = [first(start, origin) for start, origin in starts]
-        for step, most in zip(COARSE_STEPS, N_FOLLOWED):  # so many of the best that differ go on
+        for step, most in zip(COARSE_STEPS, ELASTIC_SEARCH.followed):  # so many of the best that differ go on
             taken = parallel_map(partial(self._stepped, step=step), kept)
             order = sorted((fit for fit in taken if fit), key=attrgetter("score"))
-            kept = distinct(order, lambda fit: fit.image, self.target.mean_distances, SAME_MAP, most)
+            kept = distinct(order, lambda fit: fit.image, self.target.mean_distances, SAME_MAP.same_map, most)
         timer.start("bending")
         if self.ordinary is not None:
             kept.append(self._drawn_ordinary(self.ordinary))
@@ -179,10 +162,10 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         """Select the map that verifies best."""
         fits = sorted(maps, key=attrgetter("score"))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
-        tie = PRIORED_TIE if len(self.priors.initial_pairs) else 1.0
+        tie = ELASTIC_FIT.priored_tie if len(self.priors.initial_pairs) else 1.0
         least = self.pair.config.selection.runner_up_distance
-        rules = Rules(runner_up_distance=least, tie=tie, landmark_slack=LANDMARK_SLACK)
-        costs = parallel_map(lambda fit: self.verified(fit).cost, fits)
+        rules = Rules(runner_up_distance=least, tie=tie, landmark_slack=TIES.landmark_slack)
+        costs = parallel_map(self.cost, fits)
         ranking = select(fits, apart, rules, scores=costs)
         # one that differs must cost more, and not score less
         of_winner = apart[fits.index(ranking.best)]
@@ -194,6 +177,10 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         """Coordinates of all vertices in which images are nearest points."""
         return self.everywhere(best)
 
+    def cost(self, fit: StretchedFit) -> float:
+        """Return what a bent map costs on the shapes as they are."""
+        return self.verified(fit).cost
+
     def image(self, best: StretchedFit) -> Int[BodyVertices, "n_s"]:
         """Vertex of the target's body for each of the source's, bent at the lower resolution."""
         return self._bendings[0].images(best.bent[0], np.arange(self.source.body.n_vertices))
@@ -203,11 +190,11 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         """Whether the ordinary map fits, and hardly stretches the shapes when they are bent by it."""
         if self.ordinary is None or not self.ordinary_fits:
             return False
-        return self._bent(self._drawn_ordinary(self.ordinary)).stretch < NEARLY_ISOMETRIC
+        return self._bent(self._drawn_ordinary(self.ordinary)).stretch < ELASTIC_FIT.nearly_isometric
 
     def keeps_lengths(self, winner: StretchedFit) -> bool:
         """Whether a winner is the ordinary map, and hardly stretches the shapes, so that it is not bent in full."""
-        most = FITS_ISOMETRIC if self.ordinary_fits else NEARLY_ISOMETRIC
+        most = ELASTIC_FIT.fits_isometric if self.ordinary_fits else ELASTIC_FIT.nearly_isometric
         return winner.is_ordinary and winner.stretch < most
 
     def _pairs(self, image: Int[BodyVertices, "r"]) -> Int[BodyVertices, "r 2"]:
@@ -245,13 +232,15 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
     @cached_property
     def _coarse(self) -> ElasticFit:
-        source, target = (shape.sampled(N_COARSE, False) for shape in self._shapes)
+        source, target = (shape.sampled(ELASTIC_SEARCH.n_coarse, False) for shape in self._shapes)
         return ElasticFit(source, target, self.pair.signatures, self.priors.landmarks)
 
     @cached_property
     def _fine(self) -> ElasticFit:
         source, target = (shape.sampled(self.pair.config.n_refine, True) for shape in self._shapes)
-        return replace(self._coarse, source=source, target=target, normal_weight=FINE_NORMAL_WEIGHT)
+        return replace(
+            self._coarse, source=source, target=target, normal_weight=ELASTIC_FIT.fine_normal_weight
+        )
 
     @cached_property
     def _bendings(self) -> tuple[ElasticBending, ElasticBending]:
@@ -270,11 +259,13 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         if images.orientation < 0:
             return None
         coefficients, images = coarse.run(fit.coefficients, (step,), images)
-        if images.orientation < LEAST_ORIENTATION:
+        if images.orientation < ELASTIC_SEARCH.least_orientation:
             return None
         # spectral residual × (unit + asymmetry)^exponent: of two fits that are as good, the one that exchanges mirror
         # images is right; below the unit, asymmetry is that of the shapes themselves
-        penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
+        penalty = (
+            ELASTIC_SEARCH.asymmetry_unit + coarse.asymmetry(images)
+        ) ** ELASTIC_SEARCH.asymmetry_exponent
         image, residual = BodyVertices(coarse.target.targets[images.forth]), images.spectral_residual
         moved = replace(fit, image=image, coefficients=coefficients, images=images)
         return replace(moved, spectral_residual=residual, score=residual * penalty)
@@ -301,7 +292,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         """Bend both shapes onto each other by each map, at a low resolution; images are read off there."""
         # those that score much worse than another one halfway are given up, unless the map was known before
         halfway = parallel_map(self._bent_halfway, fits)
-        most = HOPELESS * min((fit.score for fit in halfway), default=0.0)
+        most = ELASTIC_FIT.hopeless * min((fit.score for fit in halfway), default=0.0)
         kept = [fit for fit in halfway if fit.score <= most or fit.is_ordinary or fit.is_users]
         return parallel_map(self._bent_further, kept)
 
@@ -341,7 +332,10 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         look like, and bending where limbs are. What was known before has its say in where that step begins.
         """
         pair, bent = self.pair, self._in_full(fit)
-        lying = Embedding(with_normals(bent.mesh, READ_UNIT), with_normals(bent.onto.mesh, READ_UNIT))
+        lying = Embedding(
+            with_normals(bent.mesh, ELASTIC_FIT.read_unit),
+            with_normals(bent.onto.mesh, ELASTIC_FIT.read_unit),
+        )
         image = self._read(lying)
         before = self._known_before(fit, image)
         if before is not None:
@@ -351,11 +345,11 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
     def _known_before(self, fit: StretchedFit, image: BodyVertices) -> Int[BodyVertices, "r"] | None:
         """Return images of the initial map, or an ordinary one that fits, if a map is the same in the large."""
-        if len(self.priors.initial_pairs) and fit.prior_error < SAME_MAP:
+        if len(self.priors.initial_pairs) and fit.prior_error < SAME_MAP.same_map:
             return BodyVertices(np.where(self._users >= 0, self._users, image))
         if self.ordinary is None or not self.ordinary_fits:
             return None
-        alike = self.target.mean_distance(fit.image, self.ordinary.image) < SAME_MAP
+        alike = self.target.mean_distance(fit.image, self.ordinary.image) < SAME_MAP.same_map
         return self.ordinary.image if alike else None
 
     def _in_full(self, fit: StretchedFit) -> Bent:
@@ -364,8 +358,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         pairs = np.concatenate([bending.pairs(bent) for bending, bent in zip(self._bendings, fit.bent)])
         coefficients, _ = self._fine.run(self._fine.from_pairs(BodyVertices(pairs), LAST_STEP), (LAST_STEP,))
         drawn = self._fine.embedding(coefficients)
-        coarse = there.laid(drawn, settings.bending[SKIPPED:], most_scaled=settings.most_scaled)
-        return there.laid_in_full(coarse, FULL_LENGTHS, settings.most_scaled)
+        coarse = there.laid(drawn, settings.bending[ELASTIC_FIT.skipped :], most_scaled=settings.most_scaled)
+        return there.laid_in_full(coarse, ELASTIC_FIT.full_lengths, settings.most_scaled)
 
     def _read(self, embedding: Embedding) -> Int[BodyVertices, "r"]:
         """Images of the vertices of the model."""
@@ -374,7 +368,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     def _beside(self, image: Int[BodyVertices, "r"], lying: Embedding) -> Embedding:
         """Joint coordinates under a map, and coordinates in which bent shapes lie on each other."""
         joint = registered(self.pair, image, 1.0, self.refinement.smooth)
-        return Embedding(*(np.hstack([x, LYING_WEIGHT * y]) for x, y in zip(joint, lying)))
+        return Embedding(*(np.hstack([x, ELASTIC_FIT.lying_weight * y]) for x, y in zip(joint, lying)))
 
     def measure(self, match: Match[StretchedFit, Embedding]) -> Measured:
         """Take the nearest points under the map selected, and measure it."""

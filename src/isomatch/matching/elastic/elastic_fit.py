@@ -23,35 +23,14 @@ from isomatch._core.arrays import (
 from isomatch._core.cached import cached_property
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, IntervalCost, Intervals, assign_points, nearest_rows, pin_first
+from isomatch.matching.parameters import ELASTIC_SEARCH
 from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.problem import Problem
 from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.surfaces import Mesh, vertex_normals
 
-# those without another source were chosen together on pairs of animals
-N_COARSE = 300  # samples of each shape in the coarse fit: enough for 30 functions
-SIGNATURE_WEIGHT, NORMAL_WEIGHT = 0.05, 0.05  # beside canonical coordinates; normals in the coarse fit
-LANDMARK_WEIGHT = 30.0  # of a landmark, in samples; not measured
 RIDGE = 1e-9
-
-# of the first maps
-N_ANCHORS = 12  # points of the source that are assigned
-N_CANDIDATES = 150  # points of the target among which images are sought: spacing 0.09, less than APART
-BEAM = 600  # partial assignments that are kept
-APART = 0.12  # mean distance, in average distances, by which they differ; as in parts
-MOST_COST, SOFT = 0.6, 0.2  # of the cost of a distance, see `IntervalCost`
-# weights of the share of the area that is less remote, and of signatures
-REMOTENESS_COST, SIGNATURE_COST = 0.5, 0.1
-ASIDE_COST, MOST_ASIDE = 1.0, 1.0  # of distances from mirror images, in average distances; not measured
-# starts that do not compare these, where both shapes have one; docs/lab/robustness.md, other species
-N_PLAIN_STARTS = 30
-
-# of mirror images
-MIRROR_SPECTRAL_RESIDUAL, MIRROR_ORIENTATION = 0.26, 0.5  # at most and at least, of a map to itself to be one
-MIRROR_STARTS = 24  # first maps; not measured
-MIRROR_FORGIVEN = 0.1  # as `ElasticSettings.forgiven`: a shape is nearly isometric to its mirror image
-N_FOLLOWED = (12, 4, 4)  # of these that go on after each step; docs/lab/design_notes.md
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +191,7 @@ class ElasticFit:
     signatures: Embedding  # of all vertices of both
     landmarks: Int[BodyVertices, "l 2"]  # vertices of source and target that correspond
     side: float = 1.0  # 1 for maps that preserve the orientation of the faces, −1 for those that reverse it
-    normal_weight: float = NORMAL_WEIGHT  # beside canonical coordinates
+    normal_weight: float = ELASTIC_SEARCH.normal_weight  # beside canonical coordinates
 
     def from_pairs(self, pairs: Int[BodyVertices, "q 2"], step: Step) -> Coefficients:
         """Fit smooth maps to pairs of vertices alone."""
@@ -253,7 +232,7 @@ class ElasticFit:
                 values += [mirrored[other.targets[forth[onto.mirror_row]]]]
             weights = np.concatenate([np.ones(len(v)) for v in here])
             first = len(here[0]) + len(here[1])
-            weights[first : first + len(held)] = LANDMARK_WEIGHT
+            weights[first : first + len(held)] = ELASTIC_SEARCH.landmark_weight
             return _smooth(onto.shape, np.concatenate(here), np.vstack(values), weights, step)
 
         return Coefficients(
@@ -278,7 +257,9 @@ class ElasticFit:
 
     def _embedding(self, copies: tuple[_Copy, _Copy]) -> Embedding:
         both = zip(self._moving(copies), self.signatures, (self.source, self.target))
-        return Embedding(*(np.hstack([x, SIGNATURE_WEIGHT * own[onto.targets]]) for x, own, onto in both))
+        return Embedding(
+            *(np.hstack([x, ELASTIC_SEARCH.signature_weight * own[onto.targets]]) for x, own, onto in both)
+        )
 
     def _copies(self, coefficients: Coefficients) -> tuple[_Copy, _Copy]:
         """Copy the target to the source, and the source to the target."""
@@ -297,7 +278,7 @@ class ElasticFit:
     def _unlike(self) -> Float[Float32Array, "samples_s samples_t"]:
         """Squared distances of the weighted signatures of the samples of both."""
         both = zip(self.signatures, (self.source, self.target))
-        a, b = (SIGNATURE_WEIGHT * values[samples.vertices] for values, samples in both)
+        a, b = (ELASTIC_SEARCH.signature_weight * values[samples.vertices] for values, samples in both)
         return single(np.stack([((row - b) ** 2).sum(axis=1) for row in a]))
 
     def _nearest_anywhere(self, copies: tuple[_Copy, _Copy]) -> tuple[SoughtRows, SoughtRows, float]:
@@ -376,27 +357,33 @@ def anchor_starts(
     # area, and, where both shapes are symmetric, how far aside: heads and tails lie in the plane of symmetry, legs do
     # not. Some starts do without, as mirror images may be wrong in places.
     source, target, settings = pair.source, pair.target, pair.config.elastic
-    anchors, between = _anchors(source, BodyVertices(landmarks[:, 0]), N_ANCHORS)
-    samples = target.sample_vertices[:N_CANDIDATES]
+    anchors, between = _anchors(source, BodyVertices(landmarks[:, 0]), ELASTIC_SEARCH.n_anchors)
+    samples = target.sample_vertices[: ELASTIC_SEARCH.n_candidates]
     candidates = np.unique(np.concatenate([landmarks[:, 1], target.extremities, samples]))
     of_source, of_target = pair.signatures
     unlike = np.abs(of_source[anchors, None] - of_target[candidates]).mean(axis=2)
-    unary = SIGNATURE_COST * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
+    unary = ELASTIC_SEARCH.signature_cost * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
     remote = _remoteness(source)[anchors, None], _remoteness(target)[candidates]
-    unary += REMOTENESS_COST * np.abs(remote[0] - remote[1])
+    unary += ELASTIC_SEARCH.remoteness_cost * np.abs(remote[0] - remote[1])
     kinds = [(unary, settings.n_starts)]
     if shapes and all(shape.mirrored is not None for shape in shapes):
-        aside = [np.minimum(shape.aside / shape.prepared.intrinsic_scale, MOST_ASIDE) for shape in shapes]
+        aside = [
+            np.minimum(shape.aside / shape.prepared.intrinsic_scale, ELASTIC_SEARCH.most_aside)
+            for shape in shapes
+        ]
         unlike = np.abs(aside[0][anchors, None] - aside[1][candidates])
-        kinds = [(unary + ASIDE_COST * unlike, settings.n_starts), (unary, N_PLAIN_STARTS)]
+        kinds = [
+            (unary + ELASTIC_SEARCH.aside_cost * unlike, settings.n_starts),
+            (unary, ELASTIC_SEARCH.n_plain_starts),
+        ]
 
     among = target.distances_between(candidates) / target.intrinsic_scale
     sides = Intervals(between, between), Intervals(among, among)
-    cost = IntervalCost(settings.forgiven, settings.inside, MOST_COST, SOFT)
+    cost = IntervalCost(settings.forgiven, settings.inside, ELASTIC_SEARCH.most_cost, ELASTIC_SEARCH.soft)
     starts: list[BodyVertices] = []
     for unary, count in kinds:
         pin_first(unary, np.searchsorted(candidates, landmarks[:, 1]))
-        rows, _ = assign_points(*sides, unary, cost, BEAM, APART)
+        rows, _ = assign_points(*sides, unary, cost, ELASTIC_SEARCH.beam, ELASTIC_SEARCH.apart)
         starts += [BodyVertices(np.column_stack([anchors, candidates[row]])) for row in rows[:count]]
     return starts
 
@@ -426,7 +413,7 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     # An elastic match of the shape to itself, of side −1, so that the identity does not take part.
     settings = config.elastic
     shape = ElasticShape(prepared, settings)
-    samples = shape.sampled(N_COARSE, False)
+    samples = shape.sampled(ELASTIC_SEARCH.n_coarse, False)
     signatures = Embedding(prepared.signatures, prepared.signatures)
     fit = ElasticFit(samples, samples, signatures, NO_LANDMARKS, side=-1.0)
 
@@ -435,16 +422,21 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
         images = fit.images(coefficients)
         return None if images.orientation < 0 else (coefficients, images)
 
-    few = replace(config, elastic=replace(settings, forgiven=MIRROR_FORGIVEN, n_starts=MIRROR_STARTS))
+    few = replace(
+        config,
+        elastic=replace(
+            settings, forgiven=ELASTIC_SEARCH.mirror_forgiven, n_starts=ELASTIC_SEARCH.mirror_starts
+        ),
+    )
     rows = prepared.sample_vertices[: prepared.config.n_search]
     symmetries = [BodyVertices(np.column_stack([rows, rows[each.image_row]])) for each in prepared.symmetries]
     starts = [*anchor_starts(Problem(prepared, prepared, few), NO_LANDMARKS), *symmetries]
     maps = [each for each in parallel_map(first, starts) if each]
-    for step, most in zip(COARSE_STEPS, N_FOLLOWED):
+    for step, most in zip(COARSE_STEPS, ELASTIC_SEARCH.mirror_followed):
         maps = parallel_map(lambda each: fit.run(each[0], (step,), each[1]), maps)  # noqa: B023
         maps = sorted(maps, key=lambda each: each[1].spectral_residual)[:most]
-    clear = [each for each in maps if each[1].orientation >= MIRROR_ORIENTATION]
-    if not clear or clear[0][1].spectral_residual > MIRROR_SPECTRAL_RESIDUAL:
+    clear = [each for each in maps if each[1].orientation >= ELASTIC_SEARCH.mirror_orientation]
+    if not clear or clear[0][1].spectral_residual > ELASTIC_SEARCH.mirror_spectral_residual:
         return shape
     coefficients = clear[0][0].source
     return replace(shape, mirrored=prepared.laplace.vectors[:, : len(coefficients)] @ coefficients)

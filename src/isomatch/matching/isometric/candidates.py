@@ -13,16 +13,13 @@ from isomatch.matching.assessment.quality import mean_known
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
 from isomatch.matching.model import RefiningModel
+from isomatch.matching.parameters import SCREENING
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import starts_from_pose
 from isomatch.matching.proposals.priors import start_from_pairs
 from isomatch.matching.selection import Ranking, ranked
 from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
-
-# functions in the upsampling of a hypothesis; steps of 5 as in Melzi et al. 2019
-SIZES = tuple(range(20, 51, 5))
-SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; docs/lab/design_notes.md
 
 
 class Screening:
@@ -48,7 +45,7 @@ class Screening:
     def _candidate(self, hypothesis: Hypothesis) -> Candidate:
         pair, settings = self._pair, self._pair.config.selection
         spectra = pair.search_spectra
-        target_row = SearchRows(spectra.image(spectra.grown(hypothesis.target_row, SIZES)))
+        target_row = SearchRows(spectra.image(spectra.grown(hypothesis.target_row, SCREENING.sizes)))
         target_vertex = BodyVertices(pair.target_vertices[target_row])
         energy = energy_of(pair, pair.source_vertices, target_vertex, pair.config.search.rank)
         basis, n = spectra.source, settings.normal_functions
@@ -130,9 +127,10 @@ def is_sure(model: RefiningModel[Fit, Embedding], ranking: Ranking[Fit]) -> bool
     areas = model.source.body.vertex_areas[model.vertices]
     return (
         ranking.runner_up > bounds.tie
-        and winner.spectral_residual < SURE * bounds.poor_spectral_residual
-        and residual_of(model.pair, model.vertices, winner.image) < SURE * bounds.poor_residual
-        and mean_known(model.descriptor_distance(winner), areas) < SURE * bounds.poor_descriptor_distance
+        and winner.spectral_residual < SCREENING.sure * bounds.poor_spectral_residual
+        and residual_of(model.pair, model.vertices, winner.image) < SCREENING.sure * bounds.poor_residual
+        and mean_known(model.descriptor_distance(winner), areas)
+        < SCREENING.sure * bounds.poor_descriptor_distance
     )
 
 

@@ -40,14 +40,12 @@ from isomatch.matching.isometric.candidates import (
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
+from isomatch.matching.parameters import SAME_MAP, SCREENING, TIES
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.flips import distinct_maps
 from isomatch.matching.proposals.symmetries import near_symmetric_variants, symmetric_variants
 from isomatch.matching.result import Alternative, Outcome
 from isomatch.matching.selection import (
-    ENERGY_NOISE,
-    LANDMARK_SLACK,
-    SCORE_NOISE,
     Ranking,
     Rules,
     contenders,
@@ -60,14 +58,12 @@ from isomatch.matching.selection import (
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.matching.verify import inverse, verifier_of
 
-ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
 TURNED = 0.2  # √area: mean distance from which a map is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
 MOST_TURNED = 4  # such maps, which are refined
 # cost of a verification, over that of the map, up to which the map composed with a near-symmetry fits as well; of the
 # right map over a half turn of ants 1.46 at most, of a wrong map over the right one of animals 1.59 at least
 AS_WELL = 1.5
 MOST_FROM_TARGET = 2  # maps found from the target that contend, of those that tie there; chosen
-MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
 
 AMBIGUOUS = (
@@ -123,7 +119,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     >>> model = Isometry(prepare_pair(source.mesh, target.mesh))
     >>> candidates, runners_up = model.candidates(*model.hypotheses())
     >>> fits = model.refine(model.begun(candidates[:2]))
-    >>> model.score(fits[0]) < 0.5
+    >>> model.cost(fits[0]) < 0.5
     True
     """
 
@@ -225,7 +221,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
             apart = self._apart(refined)
             kept = survivors(refined, apart, pair.config.selection, with_positions, both_sides)
             refined = [refined[i].standing_for(refined[j]) for i, j in kept]
-        return self._refined_again([replace(fit, score=self.score(fit)) for fit in refined])
+        return self._refined_again([replace(fit, score=self.cost(fit)) for fit in refined])
 
     def _refined_again(self, fits: Sequence[Fit]) -> list[Fit]:
         """Refine those that tie with the best once more, from few functions; of each two maps the better stays."""
@@ -238,7 +234,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
             if not settings.sizes_again or fit.score > limit:
                 return fit
             again = self._stepped(fit, (*settings.sizes_again, *last), with_positions)
-            return min(fit, replace(again, score=self.score(again)), key=attrgetter("score"))
+            return min(fit, replace(again, score=self.cost(again)), key=attrgetter("score"))
 
         return parallel_map(better, fits)
 
@@ -251,9 +247,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         step = self.pair.config.refining.last_step
         _, spectral_residual = refined_images(self.pair, image, fit.side, *step)
         fit = replace(fit, image=image, spectral_residual=spectral_residual)
-        return replace(fit, score=self.score(fit))
+        return replace(fit, score=self.cost(fit))
 
-    def score(self, fit: Fit) -> float:
+    def cost(self, fit: Fit) -> float:
         """Return the cost of a refined map: spectral residual × a power of its energy.
 
         The spectral residual sees detail, after a fit that may have smoothed over what distances and curvature still see.
@@ -324,7 +320,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
             return [first]
         fits = (first, *ranking.others)
         tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
-        return nearest_to_priors(tied, LANDMARK_SLACK)  # where shapes lie in space, if that was said to count
+        return nearest_to_priors(
+            tied, TIES.landmark_slack
+        )  # where shapes lie in space, if that was said to count
 
     def _from_target(self, side: float) -> list[Fit]:
         """Search from the target to the source; the maps that tie there, inverted and refined locally."""
@@ -385,9 +383,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         hopeful = [c for c in self.turned(candidates) if c.energy < settings.mirrored_energy * kept]
         if not hopeful:
             return ranking
-        fits = [ranking.best, *self.refine(self.begun(hopeful[:MOST_MIRRORED]))]
+        fits = [ranking.best, *self.refine(self.begun(hopeful[: SCREENING.most_mirrored]))]
         costs = self.weighed(fits, [fit.score for fit in fits], [fit is ranking.best for fit in fits])
-        ratio = max(min(costs[1:]), SCORE_NOISE) / max(costs[0], SCORE_NOISE)
+        ratio = max(min(costs[1:]), TIES.score_noise) / max(costs[0], TIES.score_noise)
         return replace(ranking, mirrored=ratio) if ratio < bounds.mirror_image else ranking
 
     def turned(self, candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -405,7 +403,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _shares_elsewhere(self, fits: list[Fit]) -> Float[FloatArray, "q q"]:
         """Share of vertices that each two refined maps send to places far apart."""
-        far, distance = ELSEWHERE_DISTANCE, self.target.distance
+        far, distance = SAME_MAP.other_limb, self.target.distance
         shares = np.zeros((len(fits),) * 2)
         for i, fit in enumerate(fits):
             for j, other in enumerate(fits[:i]):
@@ -487,7 +485,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
         itself = Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin)
         own, *others = Screening(pair)([itself, *variants])
-        limit = config.selection.energy_limit * max(own.energy, ENERGY_NOISE)
+        limit = config.selection.energy_limit * max(own.energy, TIES.energy_noise)
         turned = [
             c
             for c in sorted(others, key=attrgetter("energy"))

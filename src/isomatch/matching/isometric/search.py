@@ -6,17 +6,12 @@ from collections.abc import Sequence
 
 from isomatch.correspondence import iterative_closest_points
 from isomatch.matching.maps import Hypothesis
+from isomatch.matching.parameters import SCREENING
 from isomatch.matching.problem import Problem, Start, name_of
 from isomatch.matching.proposals.anchors import starts_from_anchors
 from isomatch.matching.proposals.flips import Pool, flips
 from isomatch.matching.proposals.priors import start_from_pairs, starts_from_priors
 from isomatch.matching.proposals.starts import default_starts, first_maps_of
-
-PRIOR_STEPS = 8  # of closest points from priors; most maps change little afterwards
-
-# most hypotheses of limbless shapes: the residuals of round shapes tell little, so many are kept until curvature has been
-# compared; docs/lab/robustness.md, shapes without limbs
-MOST_WITHOUT_LIMBS = 40
 
 
 def hypotheses_from_priors(pair: Problem) -> list[Hypothesis]:
@@ -25,7 +20,9 @@ def hypotheses_from_priors(pair: Problem) -> list[Hypothesis]:
     # of the map from them come with it; otherwise automatic hypotheses compete
     settings = pair.config.search
     from_priors = [
-        Hypothesis(iterative_closest_points(*pair.search_points, start[None], PRIOR_STEPS)[0], origin)
+        Hypothesis(
+            iterative_closest_points(*pair.search_points, start[None], SCREENING.prior_steps)[0], origin
+        )
         for start, origin in starts_from_priors(pair)
     ]
     from_landmarks = [start for start in from_priors if start.origin == "landmarks"]
@@ -40,7 +37,7 @@ def search(
 ) -> list[Hypothesis]:
     """Collect distinct hypotheses from priors and starts, and flips of the best; best residual first."""
     settings, starts = pair.config.search, default_starts if starts is None else starts
-    pool = Pool(pair, MOST_WITHOUT_LIMBS if pair.limbless else settings.n_hypotheses)
+    pool = Pool(pair, SCREENING.most_without_limbs if pair.limbless else settings.n_hypotheses)
     pool.merge(from_priors)
     for start in starts:
         rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]

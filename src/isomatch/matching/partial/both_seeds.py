@@ -15,57 +15,16 @@ from isomatch.correspondence import IntervalCost, Intervals, grow_regions, pin_f
 from isomatch.descriptors import BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.assessment.confidence import nearest_of
-from isomatch.matching.partial.part_pair import N_POSTS, areas_of_samples
+from isomatch.matching.parameters import PART_UNIT, SAME_MAP, SEEDS
+from isomatch.matching.partial.part_pair import areas_of_samples
 from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.selection import distinct
 from isomatch.shapes import PreparedShape
 
-# all chosen together on two parts of SHREC'16; docs/lab/design_notes.md
-N_SAMPLES = 600  # vertices of each part that are mapped; not measured
-MOST_LANDMARKS = 50  # that lead the search, of those given; all lead the refinement
-
-# lengths below are in the unit of both parts, about √area of the body that they are parts of
-BODY = 1.25  # √area of the body over the root mean square of those of its parts; only the unit of the bounds below
-# times that one part may be as long as the other in the units of the files; beyond, areas are equal
-MOST_UNLIKE = 4.0
-MOMENT_RADII = (0.06, 0.09, 0.13, 0.18, 0.24)  # of balls: small ones are noise, large ones cross the boundary
 AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # of the balls whose areas are compared
-OVERHANG = 0.02  # by which a ball may reach over a boundary and count
 
-USUAL, PRIOR_RADII = 0.25, 1.5  # cost of a candidate that says nothing, and how many radii it counts as
-USUAL_AREA, MOST_AREA, PRIOR_AREAS = 0.15, 1.0, 2.0  # the same of the logarithms of areas
-MOMENTS_WEIGHT, AREAS_WEIGHT = 0.6, 0.5
-MOST_DESCRIPTOR_DISTANCE = 2.0  # standard deviations from which values differ as much as any two
-NEUTRAL, PRIOR = 0.5, 0.5  # descriptor distance where nothing is known, and how many radii it counts as
-AROUND = 0.12  # distance over which descriptor distances are averaged
-N_ALIKE = 3  # samples of the target that always look as alike as any
-BY_CHANCE = 1.2  # mean of −log of the ranks of images up to which they may be at random; uniform ranks have 1
-SURELY = 0.05  # distance from where nothing is shown, from which something surely is
-UNCOVERED = 0.08  # distance from all images from which a sample of the target has none
-LEFT_OUT_COST = 1.0  # of area that has no image but must, in evidence
-N_AROUND = 8  # samples around each whose triangles are compared
 
-N_ANCHORS, N_CANDIDATES = 56, 300  # samples of the source that grow regions, and of the target where they go
-N_ROOTS, N_LIKELY = 40, 30  # anchors deepest inside from which regions grow, and candidates of each
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
-NEAR, DEAREST, WIDTH, VARIANTS_APART = (
-    0.2,
-    0.09,
-    4,
-    0.12,
-)  # see `grow_regions`; beyond the dearest, too, none is assigned
-LIKELY_GAINS = 2.0, 0.5  # of an anchor that looks alike, against one whose distances agree
-SAME_REGION, FEWEST_COMMON = 0.1, 3  # mean distance of images, and anchors in common, of regions that are one
-# mean distance of images, and share of samples in both, of maps that become one
-SAME_MAP, SAME_SHARE = 0.05, 0.7
-N_SCREENED = 400  # regions that are extended
-RANKS = (150, 1, 80), (300, 2, 30)  # samples to which they are extended, rounds, and how many remain
-ACCEPTED, LED_ACCEPTED = 0.06, 0.12  # cost of a sample, also where landmarks lead, so that little is wrong
-ROUND_TRIP = 0.12  # how far a sample may be from where it returns to
-EXTENSION_NEAR = 0.15  # see `trilaterate`
-FIRST_ANCHORS, NEXT_ANCHORS = 50, 90  # samples from which others are trilaterated once more
-FEWEST_ACCEPTED, FEWEST_SAMPLES = 8, 25  # samples of a region on the way, and in the end
-ORIENTED = 0.2  # mean sign of triangles, below which a region is taken for a mirror image
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +40,14 @@ class BothSide:
         """Its samples: the landmarks, then vertices evenly spread."""
         spread = self.shape.sample_vertices
         others = spread[~np.isin(spread, self.landmarks)]
-        return BodyVertices(np.concatenate([self.landmarks, others])[:N_SAMPLES])
+        return BodyVertices(np.concatenate([self.landmarks, others])[: SEEDS.n_samples])
 
     @cached_property
     def _missing(self) -> MissingRegion:
         mesh = self.shape.mesh_body
-        return MissingRegion.of(mesh, distance_engine(mesh, self.shape.config.engine, weld=False), N_POSTS)
+        return MissingRegion.of(
+            mesh, distance_engine(mesh, self.shape.config.engine, weld=False), PART_UNIT.n_posts
+        )
 
     @cached_property
     def to_boundary(self) -> Float[FloatArray, "n"]:
@@ -114,7 +75,7 @@ class BothSide:
     def moments(self) -> BallSignature:
         """The ball signature of every vertex."""
         return ball_signature(
-            self.shape.mesh_body, MOMENT_RADII, unit=1 / self.unit, samples=self.vertices, weld=False
+            self.shape.mesh_body, SEEDS.moment_radii, unit=1 / self.unit, samples=self.vertices, weld=False
         )
 
     @cached_property
@@ -122,7 +83,7 @@ class BothSide:
         """Logarithms of the areas of balls around the samples, and which of them no boundary cuts."""
         radii, along = np.array(AREA_RADII), self.intervals.upper
         areas = np.stack([(along < radius) @ self.areas for radius in radii], axis=1)
-        whole = radii <= self.to_boundary[self.vertices, None] + OVERHANG
+        whole = radii <= self.to_boundary[self.vertices, None] + SEEDS.overhang
         return np.log(np.maximum(areas, self.areas[:, None])), whole
 
     @cached_property
@@ -139,10 +100,10 @@ def two_sides(
 ) -> tuple[BothSide, BothSide]:
     """Both parts in one unit: that of the files, unless these are too unlike or areas are to be the same."""
     lengths = np.array([source.scale, target.scale])
-    if same_area or lengths.max() > MOST_UNLIKE * lengths.min():
+    if same_area or lengths.max() > SEEDS.most_unlike * lengths.min():
         lengths[:] = 1.0
-    units = lengths / (BODY * np.sqrt((lengths**2).mean()))
-    first = map(BodyVertices, landmarks[:MOST_LANDMARKS].T)
+    units = lengths / (SEEDS.body * np.sqrt((lengths**2).mean()))
+    first = map(BodyVertices, landmarks[: SEEDS.most_landmarks].T)
     here, there = (BothSide(*side) for side in zip((source, target), units.tolist(), first))
     return here, there
 
@@ -151,11 +112,11 @@ def signed_triangles(
     source: BothSide, rows: Int[SampleRows, "q"], target: BothSide, images: Int[BodyVertices, "q"]
 ) -> float:
     """Mean sign of the small triangles of samples: 1 if their images are wound alike, −1 if they are mirrored."""
-    if len(rows) <= N_AROUND:
+    if len(rows) <= SEEDS.n_around:
         return 0.0
     apart = source.intervals.upper[np.ix_(rows, rows)]
     np.fill_diagonal(apart, np.inf)
-    near = np.argpartition(apart, N_AROUND - 1, axis=1)[:, :N_AROUND]
+    near = np.argpartition(apart, SEEDS.n_around - 1, axis=1)[:, : SEEDS.n_around]
     signs = []
     for mesh, vertices in ((source.shape.mesh_body, source.vertices[rows]), (target.shape.mesh_body, images)):
         points, normals = mesh.vertices[vertices], mesh.vertex_normals[vertices]
@@ -169,7 +130,7 @@ def signed_triangles(
 def _summed(here: BallSignature, there: BallSignature, deviation: FloatArray) -> tuple[FloatArray, IntArray]:
     """Sum over the radii known at both of the halved descriptor distances of all pairs, and their number."""
     counts = here.known[:, None] & there.known[None]
-    total, most = np.zeros(counts.shape[:2]), MOST_DESCRIPTOR_DISTANCE
+    total, most = np.zeros(counts.shape[:2]), SEEDS.most_descriptor_distance
     for j in range(counts.shape[2]):
         apart = np.abs(here.values[:, None, j] - there.values[None, :, j]) / deviation[j]
         total += counts[:, :, j] * np.minimum(apart, most).mean(axis=2) / most
@@ -206,7 +167,7 @@ class CommonRegions:
     @cached_property
     def _around(self) -> Float[FloatArray, "s_s s_s"]:
         """How much each sample of the source counts around each."""
-        return np.asarray(np.exp(-((self.source.intervals.upper / AROUND) ** 2)) * self.source.areas)
+        return np.asarray(np.exp(-((self.source.intervals.upper / SEEDS.around) ** 2)) * self.source.areas)
 
     def descriptor_distances(
         self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]
@@ -217,34 +178,34 @@ class CommonRegions:
         count = (here.known & there.known).sum(axis=1)
         total = np.nan_to_num(here.descriptor_distance(there, self._deviation)) * count
         around = self._around[np.ix_(rows, rows)]
-        return np.asarray((around @ (total + NEUTRAL * PRIOR)) / (around @ (count + PRIOR)))
+        return np.asarray((around @ (total + SEEDS.neutral * SEEDS.prior)) / (around @ (count + SEEDS.prior)))
 
     @cached_property
     def _unlike(self) -> Float[FloatArray, "s_s s_t"]:
         """Descriptor distance of each sample of the source and each of the target by themselves."""
         here, there = (side.moments.at(side.vertices) for side in (self.source, self.target))
-        return _drawn_to(*_summed(here, there, self._deviation), USUAL, PRIOR_RADII)
+        return _drawn_to(*_summed(here, there, self._deviation), SEEDS.usual, SEEDS.prior_radii)
 
     @cached_property
     def _surprise(self) -> Float[FloatArray, "s_s s_t"]:
         """How unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
         apart = self._unlike
         rank = apart.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
-        return np.asarray(-np.log((rank + N_ALIKE) / apart.shape[1]))
+        return np.asarray(-np.log((rank + SEEDS.n_alike) / apart.shape[1]))
 
     def evidence(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Sum area × how much better images look than at random, over the samples of a region where that is above 0."""
         # Let u be the rank of the image of a sample x among all samples of the target, by descriptor distance, from 0 to
         # 1. At random it is uniform, so −log u has mean 1 (as in Fisher's sum of log p-values). With the mean over
         # samples around x, whose errors differ, the evidence is
-        #     Σ_x area(x) max(mean_{x′ near x} −log u(x′) − BY_CHANCE, 0).
+        #     Σ_x area(x) max(mean_{x′ near x} −log u(x′) − by_chance, 0).
         # What everything looks like has no low rank, so it is no evidence; and as ranks, not distances, count, shapes of
         # two kinds, which look unlike everywhere, are verified as those of one. A large region beats a small one only by
         # area that itself looks alike.
         surprise = self._surprise[rows, self.target.nearest_sample[images]]
         around = self._around[np.ix_(rows, rows)]
         mean = around @ surprise / around.sum(axis=1)
-        return float(self.source.areas[rows] @ np.maximum(mean - BY_CHANCE, 0.0))
+        return float(self.source.areas[rows] @ np.maximum(mean - SEEDS.by_chance, 0.0))
 
     def worth(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Return the evidence for a region, less what speaks against it."""
@@ -257,39 +218,39 @@ class CommonRegions:
             return 0.0
         from_region = source.intervals.upper[:, rows]
         from_images = target.intervals.upper[:, target.nearest_sample[images]]
-        shown = (target.to_boundary[images] - from_region).max(axis=1) > SURELY
-        showing = (source.to_boundary[source.vertices[rows]] - from_images).max(axis=1) > SURELY
+        shown = (target.to_boundary[images] - from_region).max(axis=1) > SEEDS.surely
+        showing = (source.to_boundary[source.vertices[rows]] - from_images).max(axis=1) > SEEDS.surely
         shown[rows] = False
         left_out = source.areas[shown].sum()
-        left_out += target.areas[showing & (from_images.min(axis=1) > UNCOVERED)].sum()
-        return self.evidence(rows, images) - LEFT_OUT_COST * float(left_out)
+        left_out += target.areas[showing & (from_images.min(axis=1) > SEEDS.uncovered)].sum()
+        return self.evidence(rows, images) - SEEDS.left_out_cost * float(left_out)
 
     def alike(self, rows: Int[SampleRows, "m"], columns: Int[SampleRows, "c"]) -> Float[FloatArray, "m c"]:
         """Cost of each candidate for each anchor by itself, by moments and areas of balls."""
         (of_source, whole_here), (of_target, whole_there) = self.source.ball_areas, self.target.ball_areas
         both = whole_here[rows][:, None] & whole_there[columns][None]
-        apart = np.minimum(np.abs(of_source[rows][:, None] - of_target[columns][None]), MOST_AREA)
-        areas = _drawn_to((apart * both).sum(axis=2), both.sum(axis=2), USUAL_AREA, PRIOR_AREAS)
-        return MOMENTS_WEIGHT * self._unlike[np.ix_(rows, columns)] + AREAS_WEIGHT * areas
+        apart = np.minimum(np.abs(of_source[rows][:, None] - of_target[columns][None]), SEEDS.most_area)
+        areas = _drawn_to((apart * both).sum(axis=2), both.sum(axis=2), SEEDS.usual_area, SEEDS.prior_areas)
+        return SEEDS.moments_weight * self._unlike[np.ix_(rows, columns)] + SEEDS.areas_weight * areas
 
     def grown(self) -> list[Int[SampleRows, "m"]]:
         """Grow regions: for each that differs from those before, the candidates of the anchors, −1 for none."""
         source, target = self.source, self.target
-        rows = SampleRows(np.arange(min(N_ANCHORS, len(source.vertices))))
-        columns = SampleRows(np.arange(min(N_CANDIDATES, len(target.vertices))))
+        rows = SampleRows(np.arange(min(SEEDS.n_anchors, len(source.vertices))))
+        columns = SampleRows(np.arange(min(SEEDS.n_candidates, len(target.vertices))))
         alone = self.alike(rows, columns)
-        roots = np.argsort(-source.to_boundary[source.vertices[rows]], kind="stable")[:N_ROOTS]
-        likely = np.argsort(alone[roots], axis=1, kind="stable")[:, :N_LIKELY]
+        roots = np.argsort(-source.to_boundary[source.vertices[rows]], kind="stable")[: SEEDS.n_roots]
+        likely = np.argsort(alone[roots], axis=1, kind="stable")[:, : SEEDS.n_likely]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
         here, there = source.intervals.at(rows, rows), target.intervals.at(columns, columns)
         ranked = []
-        for weight in LIKELY_GAINS:
-            unary = weight * (alone - USUAL)
+        for weight in SEEDS.likely_gains:
+            unary = weight * (alone - SEEDS.usual)
             if n := len(source.landmarks):
                 pin_first(unary, np.arange(n))
                 seeds = np.column_stack([np.arange(n)] * 2)
-            costs = unary, seeds, COST, NEAR, DEAREST, DEAREST
-            regions, gains = grow_regions(here, there, *costs, WIDTH, VARIANTS_APART)
+            costs = unary, seeds, COST, SEEDS.near, SEEDS.dearest, SEEDS.dearest
+            regions, gains = grow_regions(here, there, *costs, SEEDS.width, SEEDS.variants_apart)
             ranked.append(regions[np.argsort(-gains, kind="stable")])
         return self._distinct(np.stack(ranked, axis=1).reshape(-1, len(rows)))
 
@@ -301,21 +262,23 @@ class CommonRegions:
             both = (region >= 0) & (others >= 0)
             total = np.where(both, self.target.intervals.upper[region, others], 0.0).sum(axis=1)
             common = both.sum(axis=1)
-            return np.where(common >= FEWEST_COMMON, total / np.maximum(common, 1), np.inf)
+            return np.where(common >= SEEDS.fewest_common, total / np.maximum(common, 1), np.inf)
 
-        return distinct(map(SampleRows, regions), lambda region: region, apart, SAME_REGION, N_SCREENED)
+        return distinct(
+            map(SampleRows, regions), lambda region: region, apart, SEEDS.same_region, SEEDS.n_screened
+        )
 
     def _extended_from(
         self, start: tuple[SampleRows, SampleRows], n: int, rounds: int
     ) -> CommonRegion | None:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
         source, target, (rows, columns) = self.source, self.target, start
-        most = LED_ACCEPTED if len(source.landmarks) else ACCEPTED
+        most = SEEDS.led_accepted if len(source.landmarks) else SEEDS.accepted
         for _ in range(rounds):
             placed, accepted = self.placed(rows, columns, n, most)
-            if accepted.sum() < FEWEST_ACCEPTED:
+            if accepted.sum() < SEEDS.fewest_accepted:
                 return None
-            most_anchors = FIRST_ANCHORS if n < len(source.vertices) else NEXT_ANCHORS
+            most_anchors = SEEDS.first_anchors if n < len(source.vertices) else SEEDS.next_anchors
             rows = SampleRows(np.flatnonzero(accepted)[:most_anchors])
             columns = SampleRows(placed[rows])
         return self.region(BodyVertices(target.vertices[placed]), accepted)
@@ -328,11 +291,13 @@ class CommonRegions:
         everything, there = np.arange(min(n, len(source.vertices))), np.arange(min(n, len(target.vertices)))
         of_source, of_target = source.intervals.at(rows, everything), target.intervals.at(columns, there)
         # there and back: a sample whose image is not there at all is placed somewhere, but does not return from it
-        placed, costs = trilaterate(of_source, of_target, COST, EXTENSION_NEAR)
+        placed, costs = trilaterate(of_source, of_target, COST, SEEDS.extension_near)
         accepted = costs < most
         images, of_image = np.unique(placed[accepted], return_inverse=True)
-        back, _ = trilaterate(of_target.each(lambda bound: bound[:, images]), of_source, COST, EXTENSION_NEAR)
-        accepted[accepted] = source.intervals.upper[everything[accepted], back[of_image]] < ROUND_TRIP
+        back, _ = trilaterate(
+            of_target.each(lambda bound: bound[:, images]), of_source, COST, SEEDS.extension_near
+        )
+        accepted[accepted] = source.intervals.upper[everything[accepted], back[of_image]] < SEEDS.round_trip
         marks = np.arange(len(source.landmarks))
         placed[marks], accepted[marks] = marks, True
         return SampleRows(placed), accepted
@@ -356,19 +321,19 @@ class CommonRegions:
         if len(marks):
             starts.insert(0, (marks, marks))
         regions: list[CommonRegion] = []
-        for n, rounds, most in (*RANKS, (len(self.source.vertices), 2, count)):
+        for n, rounds, most in (*SEEDS.ranks, (len(self.source.vertices), 2, count)):
             extend = partial(self._extended_from, n=n, rounds=rounds)
             ranked = [
                 (region, start)
                 for region, start in zip(parallel_map(extend, starts), starts)
-                if region is not None and region.orientation > ORIENTED
+                if region is not None and region.orientation > SEEDS.oriented
             ]
             ranked.sort(key=lambda each: -each[0].worth)
             starts = [start for _, start in ranked[:most]]
             regions = [region for region, _ in ranked]
-        large = [region for region in regions if region.accepted.sum() >= FEWEST_SAMPLES]
+        large = [region for region in regions if region.accepted.sum() >= SEEDS.fewest_samples]
         if len(marks) and not large:  # all that can be said is where the landmarks lead
-            placed, _ = self.placed(marks, marks, len(self.source.vertices), ACCEPTED)
+            placed, _ = self.placed(marks, marks, len(self.source.vertices), SEEDS.accepted)
             images = BodyVertices(self.target.vertices[placed])
             large = [self.region(images, np.ones(len(placed), dtype=bool))]
         return self._apart(large)[:count]
@@ -380,7 +345,7 @@ class CommonRegions:
             for other in kept:
                 both = region.accepted & other.accepted
                 far = target.unit * target.shape.distance(region.images[both], other.images[both])
-                if both.sum() > SAME_SHARE * region.accepted.sum() and far.mean() < SAME_MAP:
+                if both.sum() > SEEDS.same_share * region.accepted.sum() and far.mean() < SAME_MAP.same_map:
                     break
             else:
                 kept.append(region)

@@ -40,36 +40,22 @@ from isomatch.matching.assessment.quality import (
     prior_errors,
 )
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
+from isomatch.matching.parameters import PART_FIT, SAME_MAP, TIES
 from isomatch.matching.partial.part_pair import PartPair
 from isomatch.matching.partial.part_registration import (
     ALL_FUNCTIONS,
-    N_ROUGH_VERTICES,
     BentPart,
     PartFit,
     PartFits,
     WholeCoordinates,
 )
-from isomatch.matching.partial.part_starts import APART, PartStarts, self_maps
+from isomatch.matching.partial.part_starts import PartStarts, self_maps
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import nearest_in_pose
 from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.selection import (
-    LANDMARK_SLACK,
-    Ranking,
-    Rules,
-    distances_between,
-    distinct,
-    nearest_to_priors,
-    select,
-)
+from isomatch.matching.selection import Ranking, Rules, distances_between, distinct, nearest_to_priors, select
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.shapes import PreparedShape
-
-# those without another source were chosen together on cuts and holes
-N_VARIED = 4  # best rough maps that are composed with maps of the whole onto itself
-N_CONTENDERS = 8  # best starts that are refined to the end
-# last lengths with which the best map bends the part in full; 3 and 10 no better on four parts
-N_BENT_IN_FULL = 5
 
 PartSide = Literal["source", "target"]
 
@@ -160,7 +146,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         first_maps = self._first_maps()
         only_given = config.hypotheses == "given" and not self.searches_by_anchors
         rough = [] if only_given else self._rough_fits(first_maps)
-        kept = self._distinct(rough, N_CONTENDERS)
+        kept = self._distinct(rough, PART_FIT.n_contenders)
         hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
         hopeful = kept[: max(len(hopeful), 2)]  # the best, and a runner-up
         contenders = [*((fit.pair, fit.image, fit.origin) for fit in hopeful), *first_maps]
@@ -184,7 +170,10 @@ class Part(RefiningModel[PartFit, BentPart]):
         fits, costs = self._by_cost([*parallel_map(settle, fits[:n_settled]), *fits[n_settled:]])
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(
-            runner_up_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
+            runner_up_distance=SAME_MAP.other_map,
+            tie=settings.tie,
+            mirror_tie=settings.tie,
+            landmark_slack=TIES.landmark_slack,
         )
         ranking = select(fits, apart, rules, scores=costs)
         if self.led:  # by a match that has looked for others
@@ -193,7 +182,7 @@ class Part(RefiningModel[PartFit, BentPart]):
 
     def _verified_if_in_doubt(self, ranking: Ranking[PartFit]) -> Ranking[PartFit]:
         best = ranking.best
-        fits, doubt = self._distinct([best, *ranking.others], N_CONTENDERS), self._doubt(ranking)
+        fits, doubt = self._distinct([best, *ranking.others], PART_FIT.n_contenders), self._doubt(ranking)
         if doubt.evidence.poor or doubt.evidence.ambiguous:
             fits = self._by_verification(fits)
         ranking = replace(ranking, distinct=tuple(fits[1:]))
@@ -217,20 +206,26 @@ class Part(RefiningModel[PartFit, BentPart]):
 
     def _by_cost(self, fits: list[PartFit]) -> tuple[list[PartFit], list[float]]:
         """Order maps by their weighed cost; returns also the costs."""
-        costs = self.weighed(fits, [fit.cost for fit in fits], [True] * len(fits))
+        costs = self.weighed(fits, list(map(self.cost, fits)), [True] * len(fits))
         order = sorted(range(len(fits)), key=lambda i: costs[i])
         return [fits[i] for i in order], [costs[i] for i in order]
 
     def coordinates(self, best: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
-        return best.bending.laid_in_full(best.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
+        return best.bending.laid_in_full(
+            best.bent, self.pair.config.parts.bending[-PART_FIT.n_bent_in_full :]
+        )
+
+    def cost(self, fit: PartFit) -> float:
+        """Return the spectral residual × a power of the stress, see `PartFit.cost`."""
+        return fit.cost
 
     def image(self, best: PartFit) -> Int[BodyVertices, "n_part"]:
         """Vertex of the whole for each of the part, bent at the lower resolution."""
         return self.fits.bending.images(best.bent, np.arange(self.source.body.n_vertices))
 
     def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
-        return distinct(fits, lambda fit: fit.image, self.target.mean_distances, APART, count)
+        return distinct(fits, lambda fit: fit.image, self.target.mean_distances, SAME_MAP.other_map, count)
 
     def _rough_fits(self, first_maps: list[tuple[PartPair, BodyVertices, str]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
@@ -242,7 +237,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         rough = sorted((fit for fit in fits if fit), key=promise)
         if self.led:
             return rough
-        best = self._distinct(rough, N_VARIED)
+        best = self._distinct(rough, PART_FIT.n_varied)
         varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, self._onto_itself)))
         return sorted([*rough, *(fit for fit in varied if fit)], key=promise)
 
@@ -272,7 +267,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         images += [
             (filled(self.source, towards_whole(pairs, self.side))[0], name) for pairs, name in handed_in
         ]
-        rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
+        rough = self.source.sample_vertices[: PART_FIT.n_rough_vertices]
         pair = self.fits.pair
         return [(pair.in_unit_of(image), BodyVertices(image[rough]), origin) for image, origin in images]
 
@@ -283,7 +278,7 @@ class Part(RefiningModel[PartFit, BentPart]):
 
     def _by_verification(self, fits: list[PartFit]) -> list[PartFit]:
         """Order maps of which none is sure by what they cost on the shapes as they are, see `verify`."""
-        fits = nearest_to_priors(fits, LANDMARK_SLACK)
+        fits = nearest_to_priors(fits, TIES.landmark_slack)
         if self.led or len(fits) < 2:
             return fits
         costs = [self.verified(fit).cost for fit in fits]

@@ -13,31 +13,12 @@ from isomatch.correspondence import Embedding, IntervalCost
 from isomatch.descriptors import RADII, BallSignature, ball_signature, mean_curvature
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.assessment.confidence import nearest_of
+from isomatch.matching.parameters import PART_UNIT
 from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.settings import Config
 from isomatch.shapes import CURVATURE_WEIGHT, N_BALLS, WAVE_WEIGHT, PreparedShape
 from isomatch.surfaces import Mesh
-
-# those without another source were chosen together on cuts and holes
-MOST_COST, SOFT = 0.6, 0.18  # of the cost of a distance, in √area of the part, see `IntervalCost`
-N_POSTS = 60  # boundary vertices through which paths may leave the part
-N_ANCHORS = 50  # distance columns of the part whose images a start consists of
-LEAST_TRUSTED = 0.07  # share of known distances, below which ``scale = "auto"`` keeps the unit of the files
-UNIT_STEP = 1.1  # ratio of the units that are tried
-LEAST_SHARE = 0.1  # of the whole's area, where the units of the files say nothing; views show 16 % and more
-# of the unit of the files; FAUST remeshed: bodies of one person differ by up to 1.2
-LARGEST_UNIT_CHANGE = 1.4
-LARGEST_UNIT = 1.05  # a part is no larger than the whole, but for errors of the measurement
-UNIT_GRID = 0.02  # logarithm of the ratio of two units that are told apart
-TRUSTED = 0.97  # lower over upper bound from which a distance counts as known
-LONG = 0.3  # √(area of the part): shorter distances do not measure the unit
-FEWEST_KNOWN = 40  # distances that do
-RADIUS_STEP = 1.25  # ratio of the radii between which ball signatures are interpolated
-
-N_ENERGIES = 20
-# a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ
-REACH, CURVATURE_REACH = 4.0, 3.0
 
 
 @dataclass(frozen=True)
@@ -67,9 +48,9 @@ class PartPair:
         functions: Embedding | None = None,
     ) -> PartPair:
         """Assume that both shapes came in the same units; landmarks are vertices of part and whole."""
-        mesh, n = part.mesh_body, N_ANCHORS
+        mesh, n = part.mesh_body, PART_UNIT.n_anchors
         engine = distance_engine(mesh, part.config.engine, weld=False)
-        missing = MissingRegion.of(mesh, engine, N_POSTS)
+        missing = MissingRegion.of(mesh, engine, PART_UNIT.n_posts)
         anchors = PartVertices(np.concatenate([landmarks[:, 0], part.column_vertices[:n]]))
         # The distance D of two points of the part on the whole is not known, but bounded on both sides. From above, for
         # a path along the part is a path on the whole:
@@ -97,8 +78,8 @@ class PartPair:
         # integrated once, for radii from the least r over the largest unit to the largest r over the least unit, in
         # steps small enough to interpolate between, so that `signature` costs nothing in any unit.
         units = pair.units
-        first, last = RADII[0] / max(*units, LARGEST_UNIT), RADII[-1] / min(units)
-        radii = np.geomspace(first, last, 2 + round(np.log(last / first) / np.log(RADIUS_STEP)))
+        first, last = RADII[0] / max(*units, PART_UNIT.largest), RADII[-1] / min(units)
+        radii = np.geomspace(first, last, 2 + round(np.log(last / first) / np.log(PART_UNIT.radius_step)))
         return replace(pair, radii=tuple(radii.tolist()))
 
     def with_unit(self, unit: float) -> PartPair:
@@ -116,7 +97,7 @@ class PartPair:
         # c(D; l, u) = min(v + inside |D − u|, most) / (soft + u). With l, u, most and soft all multiplied by the unit,
         #     c(t D; t l, t u) = c(D; l, u):
         # a smaller unit is no cheaper only because all lengths are, so costs in different units can be compared.
-        return IntervalCost(most=MOST_COST * self.unit, soft=SOFT * self.unit)
+        return IntervalCost(most=PART_UNIT.most_cost * self.unit, soft=PART_UNIT.soft * self.unit)
 
     @property
     def share(self) -> float:
@@ -139,12 +120,12 @@ class PartPair:
     def trusted(self) -> float:
         """Share of the pairs of anchors whose distance on the whole is known."""
         lower, upper = self.anchor_intervals
-        return float((lower >= TRUSTED * upper)[~np.eye(len(lower), dtype=bool)].mean())
+        return float((lower >= PART_UNIT.trusted * upper)[~np.eye(len(lower), dtype=bool)].mean())
 
     @property
     def is_hardly_known(self) -> bool:
         """Whether so little of the whole is known that no unit is sure, and no map exact."""
-        return self.trusted < LEAST_TRUSTED
+        return self.trusted < PART_UNIT.least_trusted
 
     @cached_property
     def to_boundary(self) -> Float[FloatArray, "n_part"]:
@@ -165,7 +146,7 @@ class PartPair:
     @property
     def knows_unit(self) -> bool:
         """Whether the unit of the files is one that a part may have."""
-        least, most = np.sqrt(LEAST_SHARE), LARGEST_UNIT_CHANGE
+        least, most = np.sqrt(PART_UNIT.least_share), PART_UNIT.largest_change
         return bool(self.config.scale != "free" and least / most <= self.unit <= most)
 
     @cached_property
@@ -180,15 +161,15 @@ class PartPair:
         if self.keeps_unit:
             return (min(self.unit, 1.0),)
         # With s = area(part) / area(whole) on the true body, the unit is √s: what is cut off changes √area of the part,
-        # in which its lengths come. s ≤ 1 for a part. It is at least LEAST_SHARE where the files say nothing; otherwise
-        # the unit is that of the files up to LARGEST_UNIT_CHANGE both ways, for a person grows, and scanners differ.
-        first, last = np.sqrt(LEAST_SHARE), 1.0
+        # in which its lengths come. s ≤ 1 for a part. It is at least `least_share` where the files say nothing; otherwise
+        # the unit is that of the files up to `largest_change` both ways, for a person grows, and scanners differ.
+        first, last = np.sqrt(PART_UNIT.least_share), 1.0
         if self.knows_unit:
-            first = self.unit / LARGEST_UNIT_CHANGE
-            last = min(self.unit * LARGEST_UNIT_CHANGE, 1.0)
+            first = self.unit / PART_UNIT.largest_change
+            last = min(self.unit * PART_UNIT.largest_change, 1.0)
         # In a geometric series of ratio q, any unit is within a factor √q of one that is tried: 1.05 for q = 1.1, which
         # is what the tolerance of `IntervalCost` (0.05) forgives. The unit is then measured by `unit_of`.
-        count = 1 + max(round(np.log(last / first) / np.log(UNIT_STEP)), 0)
+        count = 1 + max(round(np.log(last / first) / np.log(PART_UNIT.step)), 0)
         return tuple(float(unit) for unit in np.geomspace(first, last, count))
 
     def unit_of(self, images: Int[BodyVertices, "m"]) -> float:
@@ -196,8 +177,8 @@ class PartPair:
         # Where the interval of a distance is a point, D = d: its ratio to the distance of the images is the error of the
         # unit. The median withstands up to half of the images being wrong. Short distances are mostly noise.
         lower, upper = self.anchor_intervals
-        exact = (lower >= TRUSTED * upper) & (upper > LONG * self.unit)
-        if exact.sum() < FEWEST_KNOWN:
+        exact = (lower >= PART_UNIT.trusted * upper) & (upper > PART_UNIT.long * self.unit)
+        if exact.sum() < PART_UNIT.fewest_known:
             return self.unit
         distances = self.whole.distances.between(images, images)
         return self.restricted(self.unit * float(np.median(distances[exact] / upper[exact])))
@@ -212,8 +193,8 @@ class PartPair:
         if self.keeps_unit:
             return self.unit
         # on a grid, so that maps which measure nearly the same unit share what was computed in it
-        steps = np.round(np.log(unit / self.unit) / UNIT_GRID)
-        return min(self.unit * float(np.exp(UNIT_GRID * steps)), LARGEST_UNIT)
+        steps = np.round(np.log(unit / self.unit) / PART_UNIT.grid)
+        return min(self.unit * float(np.exp(PART_UNIT.grid * steps)), PART_UNIT.largest)
 
 
 @cached_method
@@ -245,7 +226,7 @@ class WholeSignatures:
     @cached_property
     def _energies(self) -> FloatArray:
         values = self.whole.laplace.values[1:]
-        return np.linspace(np.log(values[4]), np.log(values[min(90, len(values) - 1)]), N_ENERGIES)
+        return np.linspace(np.log(values[4]), np.log(values[min(90, len(values) - 1)]), PART_UNIT.n_energies)
 
     # The wave kernel signature of Aubry, Schlickewei & Cremers (ICCV Workshops 2011) is
     #     Σ_k φ_k(x)² f_e(λ_k) / Σ_k f_e(λ_k),   f_e(λ) = exp(−(e − log λ)² / 2σ²).
@@ -270,7 +251,7 @@ class WholeSignatures:
     @cached_property
     def _weights(self) -> tuple[float, float]:
         n_curvatures = len(self.whole.config.preparation.curvature_functions)
-        return WAVE_WEIGHT / np.sqrt(N_ENERGIES), CURVATURE_WEIGHT / np.sqrt(n_curvatures)
+        return WAVE_WEIGHT / np.sqrt(PART_UNIT.n_energies), CURVATURE_WEIGHT / np.sqrt(n_curvatures)
 
     @cached_property
     def values(self) -> Float[FloatArray, "n_whole k"]:
@@ -302,8 +283,8 @@ class WholeSignatures:
         of_part = self._waves(vectors / pair.unit, values / pair.share)
         signatures = [self._weights[0] * _standardised(of_part, waves)]
         # A function of eigenvalue λ = exp(energy) has wavelength 2π / √λ, and differs from that of the whole up to about
-        # so far from the boundary: there its value is given no weight, 1 − exp(−(distance √λ / REACH)²).
-        weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / REACH) ** 2))]
+        # so far from the boundary: there its value is given no weight, 1 − exp(−(distance √λ / reach)²).
+        weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / PART_UNIT.reach) ** 2))]
         for column, size in zip(curvatures.T, sizes):
             k = min(size, len(whole_values))
             k_part = int(np.clip(round(k * pair.share), 8, len(part.laplace.values) - 1))
@@ -311,7 +292,9 @@ class WholeSignatures:
             here = _standardised(curvature / pair.unit, column)
             there = _standardised(column, column)
             signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
-            weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / CURVATURE_REACH) ** 2)))
+            weights.append(
+                1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / PART_UNIT.curvature_reach) ** 2))
+            )
         functions = pair.functions.source[vertices]
         weights.append(np.ones_like(functions))
         return PartSignatures(np.hstack([*signatures, functions]), np.hstack(weights))

@@ -24,32 +24,14 @@ from isomatch.descriptors import deviation_of
 from isomatch.matching.bending import Bending, Bent, HardLandmarks, Surroundings
 from isomatch.matching.coordinates import iterated
 from isomatch.matching.maps import Fit
-from isomatch.matching.partial.part_pair import (
-    FEWEST_KNOWN,
-    TRUSTED,
-    PartPair,
-    PartSignatures,
-    WholeSignatures,
-)
+from isomatch.matching.parameters import PART_FIT, PART_UNIT
+from isomatch.matching.partial.part_pair import PartPair, PartSignatures, WholeSignatures
 from isomatch.matching.partial.part_starts import PartStart, completed, composed
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
 
-# those without another source were chosen together on cuts and holes
-FUNCTION_RATIO = 1.75  # a boundary needs more functions than the share of the area says
-EXTRA_FUNCTIONS = 3
-# √area up to which distances from landmarks are coordinates; docs/lab/robustness.md: parts
-LANDMARK_REACH = 0.3
-LEAST_NEAR, MOST_NEAR = 0.08, 0.3  # √area of the part: distances that measure the unit of a map
-N_ROUGH_VERTICES = 500  # of the part in the short refinement
-ROUGH_SIZES = (20, 40, 70)  # functions of the whole in it
-N_ROUGH_FUNCTIONS, N_FINE_FUNCTIONS = 40, 60  # of the whole, which tell where normals point
-N_ANCHOR_FUNCTIONS = 200  # that tell the images of the anchors under a fine map
 ALL_FUNCTIONS = 10**6
-N_BENT = 2  # times that a map is settled; docs/lab/robustness.md: parts
-STRESS_EXPONENT = 0.25  # docs/lab/design_notes.md: 0.15 to 0.4 choose alike
-LEAST_ORIENTATION = 0.1  # below which a rough map promises no less
 LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
 
 
@@ -81,17 +63,17 @@ class WholeCoordinates:
         everywhere = np.arange(self._whole.body.n_vertices)
         # up to a reach beyond which a twisted limb or an unknown detour would spoil them
         distances = self._whole.distances.between(everywhere, self._landmarks)
-        distances = np.clip(distances, 0.0, LANDMARK_REACH)
+        distances = np.clip(distances, 0.0, PART_FIT.landmark_reach)
         return np.hstack([self.signatures.values, distances / self._settings.position_unit])
 
     @cached_method
     def features_of_part(self, pair: PartPair) -> PartSignatures:
         """Return the same of a part in the unit of a pair; a distance counts where its interval is a point."""
         signatures, n, bounds = self.signatures.of_part(pair), len(self._landmarks), (pair.lower, pair.along)
-        lower, upper = (np.minimum(pair.unit * bound[:n].T, LANDMARK_REACH) for bound in bounds)
+        lower, upper = (np.minimum(pair.unit * bound[:n].T, PART_FIT.landmark_reach) for bound in bounds)
         return PartSignatures(
             np.hstack([signatures.values, upper / self._settings.position_unit]),
-            np.hstack([signatures.weights, (lower >= TRUSTED * upper).astype(np.float64)]),
+            np.hstack([signatures.weights, (lower >= PART_UNIT.trusted * upper).astype(np.float64)]),
         )
 
     @cached_method
@@ -122,10 +104,12 @@ class NearPairs:
     def measures(self) -> tuple[Bool[BoolArray, "q q"], Bool[BoolArray, "near"], Float[FloatArray, "near"]]:
         """Which pairs are near, which of these have a known distance on the whole, and those along the part."""
         pair, config = self.pair, self.pair.config
-        vertices = pair.part.sample_vertices[: min(config.n_search, config.n_refine, N_ROUGH_VERTICES)]
+        vertices = pair.part.sample_vertices[
+            : min(config.n_search, config.n_refine, PART_FIT.n_rough_vertices)
+        ]
         along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
-        near = (along > LEAST_NEAR) & (along < MOST_NEAR)
-        exact = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
+        near = (along > PART_FIT.least_near) & (along < PART_FIT.most_near)
+        exact = pair.missing.lower_bound(vertices, vertices, along)[near] >= PART_UNIT.trusted * along[near]
         return near, exact, along[near]
 
 
@@ -149,9 +133,11 @@ class PartRefinement:
         # share of the area (Rodolà et al., Partial functional correspondence, 2017). Counted by eigenvalues, in units of
         # the whole, the slope need not be known.
         part, whole = self._pair.part.laplace, self._pair.whole.laplace
-        top = FUNCTION_RATIO * whole.values[min(k, len(whole.values)) - 1]
+        top = PART_FIT.function_ratio * whole.values[min(k, len(whole.values)) - 1]
         most = min(len(part.values), len(self.vertices) // 3)
-        return int(np.clip(np.searchsorted(part.values / self._pair.share, top) + EXTRA_FUNCTIONS, 6, most))
+        return int(
+            np.clip(np.searchsorted(part.values / self._pair.share, top) + PART_FIT.extra_functions, 6, most)
+        )
 
     def refined(
         self, image: Int[BodyVertices, "r"], sizes: Iterable[int], with_positions: bool = True
@@ -181,7 +167,7 @@ class PartRefinement:
         if self._pair.keeps_unit:
             return self._pair.unit
         near, exact, along = self._near.measures
-        if exact.sum() < FEWEST_KNOWN:
+        if exact.sum() < PART_UNIT.fewest_known:
             return self._pair.unit
         images = image[: len(near)]
         there = self._pair.whole.distances.between(images, images)[near]
@@ -317,7 +303,7 @@ class PartFit(Fit):
         # compared, so log cost = log r + ¼ log σ weighs two measurements in different units. The residual sees detail,
         # after a fit that makes each map agree with itself in smooth functions; the stress is of distances, to which no
         # map was fitted.
-        return max(float(self.spectral_residual * self.stress**STRESS_EXPONENT), LEAST_SCORE)
+        return max(float(self.spectral_residual * self.stress**PART_FIT.stress_exponent), LEAST_SCORE)
 
     @property
     def bent_cost(self) -> float:
@@ -337,7 +323,10 @@ class PartFit(Fit):
         #   m   mean descriptor distance of balls, w = `PartSettings.descriptor_weight`. If the log ratio of its densities
         #       at right and wrong images is linear in m, exp(w Δm) is the likelihood ratio of two maps. The mean is over
         #       the whole part, as rough maps differ nearly everywhere; fine ones are compared where they do (`weighed`).
-        twist, weight = max(self.orientation, LEAST_ORIENTATION), self.pair.config.parts.descriptor_weight
+        twist, weight = (
+            max(self.orientation, PART_FIT.least_orientation),
+            self.pair.config.parts.descriptor_weight,
+        )
         return float(self.cost / np.sqrt(twist) * np.exp(weight * self.descriptor_distance))
 
 
@@ -363,10 +352,12 @@ class PartFits:
 
     def rough(self, start: PartStart) -> PartFit | None:
         """Refine some vertices a little; None for a mirror image."""
-        refinement = self._refinement(start.pair, N_ROUGH_VERTICES)
+        refinement = self._refinement(start.pair, PART_FIT.n_rough_vertices)
         vertices = PartVertices(refinement.vertices[: self._config.n_search])
         origin = "landmarks" if len(self.pair.landmarks) else "anchors"
-        return self.roughly(start.pair, refinement.extended(start.dense(vertices), N_ROUGH_FUNCTIONS), origin)
+        return self.roughly(
+            start.pair, refinement.extended(start.dense(vertices), PART_FIT.n_rough_functions), origin
+        )
 
     def varied(self, fit: PartFit, image_row: Int[SearchRows, "m_t"]) -> PartFit | None:
         """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
@@ -374,18 +365,20 @@ class PartFits:
 
     def roughly(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str) -> PartFit | None:
         """Refine a map of the vertices of a rough one a little; None for a mirror image."""
-        refinement = self._refinement(pair, N_ROUGH_VERTICES)
-        if refinement.orientation(image, N_ROUGH_FUNCTIONS) < 0:
+        refinement = self._refinement(pair, PART_FIT.n_rough_vertices)
+        if refinement.orientation(image, PART_FIT.n_rough_functions) < 0:
             return None
-        image, spectral_residual = refinement.refined(image, ROUGH_SIZES)
-        anchors = refinement.extended(image, ROUGH_SIZES[-1], pair.anchors)
-        return self._fit(refinement, pair, image, spectral_residual, anchors, N_ROUGH_FUNCTIONS, origin)
+        image, spectral_residual = refinement.refined(image, PART_FIT.rough_sizes)
+        anchors = refinement.extended(image, PART_FIT.rough_sizes[-1], pair.anchors)
+        return self._fit(
+            refinement, pair, image, spectral_residual, anchors, PART_FIT.n_rough_functions, origin
+        )
 
     def begun(self, pair: PartPair, image: BodyVertices, origin: str) -> PartFit:
         """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
-        pair = pair.with_unit(self._refinement(pair, N_ROUGH_VERTICES).local_unit(image))
+        pair = pair.with_unit(self._refinement(pair, PART_FIT.n_rough_vertices).local_unit(image))
         refinement = self._refinement(pair, self._config.n_refine)
-        image = refinement.extended(image, ROUGH_SIZES[-1])
+        image = refinement.extended(image, PART_FIT.rough_sizes[-1])
         return PartFit(image, origin=origin, pair=pair, refinement=refinement, bending=self.bending)
 
     def refined(self, fit: PartFit) -> PartFit:
@@ -400,7 +393,7 @@ class PartFits:
 
     def settled(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
         """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
-        for _ in range(N_BENT):
+        for _ in range(PART_FIT.n_bent):
             image = self.bending.images(fit.bent, fit.refinement.vertices)
             fit = again(replace(fit, image=image, spectral_residual=np.inf))
         return fit
@@ -422,12 +415,12 @@ class PartFits:
         self, pair: PartPair, image: BodyVertices, residual: float, lengths: tuple[float, ...], origin: str
     ) -> PartFit:
         refinement = self._refinement(pair, self._config.n_refine)
-        k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))
+        k = min(PART_FIT.n_anchor_functions, len(pair.whole.laplace.values))
         anchors = completed(pair, refinement.extended(image, k, pair.anchors), 2)
         error = 0.0
         if self.given is not None:
             error = pair.whole.mean_distance(image, self.given[refinement.vertices])
-        fit = self._fit(refinement, pair, image, residual, anchors, N_FINE_FUNCTIONS, origin)
+        fit = self._fit(refinement, pair, image, residual, anchors, PART_FIT.n_fine_functions, origin)
         return replace(fit, lengths=lengths, prior_error=error)
 
     def _fit(

@@ -23,34 +23,13 @@ from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, Intervals, assign_points, grow_regions, pin_first, trilaterate
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.maps import Hypothesis
+from isomatch.matching.parameters import PART_SEARCH, SAME_MAP
 from isomatch.matching.partial.part_pair import PartPair, WholeSignatures, areas_of_samples
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.flips import flips
 from isomatch.matching.selection import distinct
 from isomatch.settings import Config
 from isomatch.shapes import SAME_SYMMETRY, PreparedShape
-
-# those without another source were chosen together on cuts and holes
-N_PLACED, N_CANDIDATES = 16, 300  # anchors that the beam search assigns, and points of the whole among which
-BEAM = 1000  # partial assignments that are kept
-APART = 0.12  # √area: mean distance of assignments, and of maps, that are kept; without it, all would be variants of one
-LED_APART = 0.04  # the same of assignments with landmarks; chosen on a twisted body between right limbs
-N_TRILATERATED, N_STARTS = 80, 16  # best assignments that are completed, and that are starts
-N_MIRRORED = 24  # starts, with those composed with maps of the whole onto itself
-SIGNATURE_COST = 0.25  # weight of the signatures
-# √area, of balls whose areas are compared; by factors of about √2
-RADII = (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9)
-BALL_TOLERANCE, MOST_BALL = 0.15, 0.7
-UNIT_COST = 0.05  # times the square of the logarithm of the unit over that of the files; chosen on views, not measured
-
-# of the regions that are grown; all chosen on single views, not one by one
-N_ROOTS, N_LIKELY = 24, 24  # anchors from which regions grow, and candidates of each
-MOST_GROWN, N_GROWN = 60, 12  # regions that are completed, and starts of them
-NEAR = 0.2  # distances, in √area of the whole, weigh 1 / (this + distance) in a region
-DEAREST = 0.3  # mean cost of distances at which an anchor gains nothing
-DESCRIPTOR_GAIN = 2.0  # of an anchor that looks alike, against one that agrees in its distances
-# says nothing, as so many radii; right ones are about 0.4, any two about 0.8
-NEUTRAL_DESCRIPTOR_DISTANCE, PRIOR_RADII = 0.6, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,26 +85,26 @@ class PartStarts:
     def __init__(self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[SearchRows]) -> None:
         self._pair, self._signatures, self._onto_itself = pair, signatures, onto_itself
         whole = pair.whole
-        samples = whole.sample_vertices[:N_CANDIDATES]
+        samples = whole.sample_vertices[: PART_SEARCH.n_candidates]
         points = samples, whole.extremities, whole.column_vertices, pair.landmarks
         self._candidates = np.unique(np.concatenate(points))
         self._places = np.union1d(whole.sample_vertices, self._candidates)
         self._to_samples = single(whole.distances.between(self._places, whole.sample_vertices))
         areas = areas_of_samples(whole, whole.sample_vertices)
         # areas of the balls around all places, a column for each radius
-        self._balls = np.stack([(self._to_samples < r) @ areas for r in RADII], axis=1)
+        self._balls = np.stack([(self._to_samples < r) @ areas for r in PART_SEARCH.radii], axis=1)
         self._areas = areas_of_samples(pair.part, pair.part.sample_vertices)
         self._at = lru_cache(pair.with_unit)
         self._mean_signatures = np.abs(signatures.values).mean(axis=0)
-        self._apart = LED_APART if len(pair.landmarks) else APART
+        self._apart = PART_SEARCH.led_apart if len(pair.landmarks) else SAME_MAP.other_map
 
     def __call__(self) -> list[PartStart]:
         """Return the starts, least cost first; no two alike."""
         assigned = [start for group in parallel_map(self._assigned, self._pair.units) for start in group]
         assigned.sort(key=lambda start: start.cost)
-        best = assigned[:N_TRILATERATED]
+        best = assigned[: PART_SEARCH.n_trilaterated]
         starts = parallel_map(lambda start: self._start(start.pair, start.images, 3), best)
-        kept = self._distinct(starts, N_STARTS)
+        kept = self._distinct(starts, PART_SEARCH.n_starts)
         mirrored = [
             (start.pair, composed(start.pair.whole, start.images, image_row))
             for start in kept
@@ -133,7 +112,7 @@ class PartStarts:
         ]
         more = parallel_map(lambda each: self._start(*each, 2), mirrored)
         # a wrong side is as likely a start as the right one, so each is tried; later steps tell them apart
-        return [*self._distinct([*kept, *more], N_MIRRORED), *self._grown()]
+        return [*self._distinct([*kept, *more], PART_SEARCH.n_mirrored), *self._grown()]
 
     def _grown(self) -> list[PartStart]:
         """Grow regions from the anchors deepest inside, each with the candidates that look most like it."""
@@ -141,15 +120,19 @@ class PartStarts:
         if whole.balls is None or len(pair.landmarks):
             return []
         descriptor_distance = self._descriptor_distances(pair, whole.balls)
-        roots = np.argsort(-pair.to_boundary[pair.anchors], kind="stable")[:N_ROOTS]
-        likely = np.argsort(descriptor_distance[roots], axis=1, kind="stable")[:, :N_LIKELY]
+        roots = np.argsort(-pair.to_boundary[pair.anchors], kind="stable")[: PART_SEARCH.n_roots]
+        likely = np.argsort(descriptor_distance[roots], axis=1, kind="stable")[:, : PART_SEARCH.n_likely]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
-        unary = DESCRIPTOR_GAIN * (descriptor_distance - NEUTRAL_DESCRIPTOR_DISTANCE)
-        regions, gains = grow_regions(*self._sides(pair), unary, seeds, pair.cost, NEAR, DEAREST)
-        best = regions[np.argsort(-gains, kind="stable")[:MOST_GROWN]]
+        unary = PART_SEARCH.descriptor_gain * (descriptor_distance - PART_SEARCH.neutral)
+        regions, gains = grow_regions(
+            *self._sides(pair), unary, seeds, pair.cost, PART_SEARCH.near, PART_SEARCH.dearest
+        )
+        best = regions[np.argsort(-gains, kind="stable")[: PART_SEARCH.most_grown]]
         images = BodyVertices(np.where(best >= 0, candidates[best], -1))
         starts = parallel_map(lambda row: self._start(pair, row, 2), images)
-        return distinct(starts, lambda start: start.images, whole.mean_distances, self._apart, N_GROWN)
+        return distinct(
+            starts, lambda start: start.images, whole.mean_distances, self._apart, PART_SEARCH.n_grown
+        )
 
     def _sides(self, pair: PartPair) -> tuple[Intervals, Intervals]:
         """Distances between the anchors, and between the candidates."""
@@ -165,15 +148,17 @@ class PartStarts:
         a, b = np.indices((len(here.values), len(there.values))).reshape(2, -1)
         apart = here.at(a).descriptor_distance(there.at(b), deviation_of(there)).reshape(n_radii.shape)
         total = np.where(n_radii > 0, apart, 0.0) * n_radii
-        return np.asarray((total + NEUTRAL_DESCRIPTOR_DISTANCE * PRIOR_RADII) / (n_radii + PRIOR_RADII))
+        return np.asarray(
+            (total + PART_SEARCH.neutral * PART_SEARCH.prior_radii) / (n_radii + PART_SEARCH.prior_radii)
+        )
 
     def _assigned(self, unit: float) -> list[PartStart]:
         """Assign the first anchors in one unit."""
         pair, candidates = self._at(unit), self._candidates
-        placed = min(N_PLACED, len(pair.anchors))
+        placed = min(PART_SEARCH.n_placed, len(pair.anchors))
         alone = self._unary(pair, np.arange(placed)[:, None], np.searchsorted(self._places, candidates))
         pin_first(alone, np.searchsorted(candidates, pair.landmarks[:placed]))
-        rows, costs = assign_points(*self._sides(pair), alone, pair.cost, BEAM, self._apart)
+        rows, costs = assign_points(*self._sides(pair), alone, pair.cost, PART_SEARCH.beam, self._apart)
         # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
         # the unary costs. `_start` weighs both alike, of however many anchors.
         costs = costs / (placed * (placed - 1) / 2) + self._against(unit)
@@ -187,14 +172,16 @@ class PartStarts:
             images = completed(scaled, images, 1, self._distances_to_samples)
         unary = self._unary(scaled, np.arange(len(images)), np.searchsorted(self._places, images))
         unary[: len(scaled.landmarks)] = 0.0
-        cost = scaled.stress(images) + unary.mean() * 2 / (N_PLACED - 1) + self._against(scaled.unit)
+        cost = (
+            scaled.stress(images) + unary.mean() * 2 / (PART_SEARCH.n_placed - 1) + self._against(scaled.unit)
+        )
         return PartStart(scaled, images, float(cost))
 
     def _against(self, unit: float) -> float:
         """Cost of another unit than that of the files."""
         if not self._pair.knows_unit:
             return 0.0
-        return float(UNIT_COST * np.log(unit / self._pair.unit) ** 2)
+        return float(PART_SEARCH.unit_cost * np.log(unit / self._pair.unit) ** 2)
 
     def _distinct(self, starts: list[PartStart], most: int) -> list[PartStart]:
         order = sorted(starts, key=lambda start: start.cost)
@@ -210,14 +197,14 @@ class PartStarts:
         least, most = self._balls_of_part(pair)
         # violation of the interval of areas, over the mean area of such balls; and the distance of signatures, over twice
         # their mean size, as far as the boundary lets them be trusted
-        below = least[anchors] * (1 - BALL_TOLERANCE) - self._balls[places]
-        above = self._balls[places] - most[anchors] * (1 + BALL_TOLERANCE)
+        below = least[anchors] * (1 - PART_SEARCH.ball_tolerance) - self._balls[places]
+        above = self._balls[places] - most[anchors] * (1 + PART_SEARCH.ball_tolerance)
         violation = np.maximum(np.maximum(below, above), 0.0) / self._balls.mean(axis=0)
-        cost = np.asarray(np.minimum(violation, MOST_BALL).mean(axis=-1))
+        cost = np.asarray(np.minimum(violation, PART_SEARCH.most_ball).mean(axis=-1))
         of_part, weights = (values[anchors] for values in self._signatures.of_anchors(pair))
         of_whole = self._signatures.values
         apart = weights * np.abs(of_part - of_whole[self._places[places]]) / (2 * self._mean_signatures)
-        cost += SIGNATURE_COST * np.minimum(apart, 1.0).mean(axis=-1)
+        cost += PART_SEARCH.signature_cost * np.minimum(apart, 1.0).mean(axis=-1)
         return cost
 
     @cached_method
@@ -225,7 +212,7 @@ class PartStarts:
         """Least and greatest areas of the balls of all radii around the anchors."""
         # The ball of radius r around x on the whole has all y with D(x, y) < r. As lower ≤ D ≤ upper,
         #     area{upper < r} ≤ area of the ball ≤ area{lower < r} + what is missing, if the boundary is nearer than r.
-        radii, samples = np.array(RADII), PartVertices(pair.part.sample_vertices)
+        radii, samples = np.array(PART_SEARCH.radii), PartVertices(pair.part.sample_vertices)
         areas = self._areas * pair.share
         lower, upper = pair.intervals(samples)
         least = np.stack([(upper < r) @ areas for r in radii], axis=1)

@@ -29,9 +29,10 @@ from isomatch.matching.assessment.evidence import CommonDoubt, Solution
 from isomatch.matching.assessment.measured import Measured
 from isomatch.matching.assessment.quality import descriptor_distance_of
 from isomatch.matching.model import Match, MatchingModel, Proposals
-from isomatch.matching.partial.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
+from isomatch.matching.parameters import PART_FIT, SAME_MAP, SEEDS, TWO_PARTS
+from isomatch.matching.partial.both_seeds import CommonRegion, CommonRegions, two_sides
 from isomatch.matching.partial.part import Part, contradiction, expected_errors_of_part, filled, measured_part
-from isomatch.matching.partial.part_registration import N_ROUGH_VERTICES, BentPart, PartFit, WholeCoordinates
+from isomatch.matching.partial.part_registration import BentPart, PartFit, WholeCoordinates
 from isomatch.matching.priors import Priors
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import nearest_in_pose
@@ -40,16 +41,6 @@ from isomatch.matching.selection import Ranking
 from isomatch.matching.verify import largest_piece
 from isomatch.settings import Config
 from isomatch.shapes import region_of
-
-# best refined regions that are grown again, cost of a sample up to which it joins, and whether it is refined roughly
-ROUNDS = (4, 0.05, True), (2, 0.045, False)
-APART = 0.12  # mean distance of images, in √area of the target, from which two maps differ
-AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
-HELD = 0.1  # distance from where it is known to go, in √area of the target, up to which a landmark is held
-TOO_UNLIKE = 0.6  # descriptor distance from which a sample and its surroundings do not lead others
-OFF, RIM = 0.04, 0.02  # distances from the target, and its boundary, up to which bent vertices are in common
-ROUGH_FUNCTIONS = 100  # of a rough refinement, which ranks regions as one in full
-N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,26 +92,28 @@ class RefinedRegion:
         """Number of landmarks that the map sends near to where they are known to go."""
         source, target = self.regions.source, self.regions.target
         image = self.image[source.landmarks]
-        return int((target.shape.distance(image, target.landmarks)[image != UNMATCHED] < HELD).sum())
+        return int(
+            (target.shape.distance(image, target.landmarks)[image != UNMATCHED] < TWO_PARTS.held).sum()
+        )
 
     @property
-    def score(self) -> float:
-        """How good the map is among others: its worth × orientation; 0 if it is worth nothing or mirrored."""
-        # Not a cost, but a reward, the more the better: Σ area that looks more alike than at random − area that should
+    def cost(self) -> float:
+        """What the map costs among others: −worth × orientation; 0 if it is worth nothing or mirrored."""
+        # The worth is a reward, the more the better: Σ area that looks more alike than at random − area that should
         # have an image and has none (`CommonRegions.worth`). Costs of single points would rank a tiny region that fits
         # exactly first, as nothing is asked of what it leaves out. The orientation is 1 − 2t if a share t of the region
         # is turned inside out. A power of the spectral residual beside these chose no better, docs/lab/design_notes.md.
-        return max(self.worth, 0.0) * max(self.fit.orientation, 0.0)
+        return -max(self.worth, 0.0) * max(self.fit.orientation, 0.0)
 
     def grown_again(self, most: float) -> CommonRegion:
         """Extend the region from where its samples lie, to those that cost at most so much."""
         # samples that look unlike their images lead no others, but join again where others lead there
         source, target = self.regions.source, self.regions.target
         at_samples = np.full(len(source.vertices), UNMATCHED)
-        alike = self.rows[self.descriptor_distances < TOO_UNLIKE]
+        alike = self.rows[self.descriptor_distances < TWO_PARTS.too_unlike]
         at_samples[alike] = self.image[source.vertices[alike]]
         at_samples[: len(source.landmarks)] = target.landmarks
-        rows = SampleRows(np.flatnonzero(at_samples != UNMATCHED)[:NEXT_ANCHORS])
+        rows = SampleRows(np.flatnonzero(at_samples != UNMATCHED)[: SEEDS.next_anchors])
         columns = SampleRows(target.nearest_sample[at_samples[rows]])
         placed, accepted = self.regions.placed(rows, columns, len(source.vertices), most)
         images = BodyVertices(np.where(at_samples != UNMATCHED, at_samples, target.vertices[placed]))
@@ -163,7 +156,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
     def refine(self, maps: Sequence[RefinedRegion]) -> list[RefinedRegion]:
         """Grow the best regions again, and refine them; first come those refined to the end."""
         regions, others = list(maps), list[RefinedRegion]()
-        for count, cost, roughly in ROUNDS if regions else ():
+        for count, cost, roughly in TWO_PARTS.rounds if regions else ():
             grown = [region.grown_again(cost) for region in regions[:count]]
             again = self._refined([region for region in grown if region.accepted.any()], roughly)
             regions, others = again or regions, [*regions, *others]
@@ -179,8 +172,12 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         """Take the first region, and compare it with the next that differs and holds as many landmarks."""
         best, *rest = maps
         others = tuple(each for each in rest if each.held >= best.held and self._differs(best, each))
-        lead = best.score / others[0].score if others and others[0].score else np.inf
+        lead = best.cost / others[0].cost if others and others[0].cost else np.inf
         return Ranking(best, tuple(rest), lead, np.inf, others[0] if others else None, distinct=others)
+
+    def cost(self, fit: RefinedRegion) -> float:
+        """Return the cost of a region among those that hold as many landmarks."""
+        return fit.cost
 
     def image(self, best: RefinedRegion) -> Int[BodyVertices, "n_s"]:
         """Vertex of the target for each of the source, −1 where it has none."""
@@ -189,7 +186,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
     def coordinates(self, best: RefinedRegion) -> BentPart:
         """Bend the region in full."""
         fit = best.fit
-        return fit.bending.laid_in_full(fit.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
+        return fit.bending.laid_in_full(fit.bent, self.pair.config.parts.bending[-TWO_PARTS.n_bent_in_full :])
 
     def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
         def refined(region: CommonRegion) -> RefinedRegion | str:
@@ -208,7 +205,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         source, target = regions.source, regions.target
         n = source.shape.body.n_vertices
         gap, owner = distance_along_edges_to_nearest(source.shape.body, source.vertices[region.accepted])
-        vertices = largest_piece(source.shape.mesh_body, source.unit * gap <= AROUND)
+        vertices = largest_piece(source.shape.mesh_body, source.unit * gap <= TWO_PARTS.around)
         without_extremities = replace(pair.config.preparation, n_extremities=0)
         config = replace(pair.config, scale="same", preparation=without_extremities)
         if roughly:
@@ -226,7 +223,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
             part, target.shape, config, functions, Priors(landmarks), pair.refinement, pair.starts
         )
         model = Part(problem, coordinates=self._coordinates(tuple(landmarks[:, 1].tolist())))
-        first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
+        first = images[owner[vertices[part.sample_vertices[: PART_FIT.n_rough_vertices]]]]
         begun = model.fits.begun(model.fits.pair, BodyVertices(first), region.origin)
         return RefinedRegion(regions, vertices, model.refine([begun])[0])
 
@@ -253,7 +250,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
             first_maps.append((BodyVertices(np.column_stack([everything, images])), "pose"))
         for pairs, origin in (*first_maps, *self.first_maps_handed_in()):
             image, gap = filled(self.source, pairs)
-            near = self._regions.source.unit * gap <= AROUND
+            near = self._regions.source.unit * gap <= TWO_PARTS.around
             regions.append(self._regions.around(image, near, origin))
         return [region for region in regions if region.accepted.any()]
 
@@ -264,7 +261,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
             if len(kept) < self.pair.config.selection.most_alternatives:
                 kept += [region] * all(self._differs(each, region) for each in kept)
         return tuple(
-            Alternative(partial(self._map_of, each), -each.score, each.fit.orientation, each.fit.origin)
+            Alternative(partial(self._map_of, each), each.cost, each.fit.orientation, each.fit.origin)
             for each in kept
         )
 
@@ -276,7 +273,10 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
     def _differs(self, best: RefinedRegion, other: RefinedRegion) -> bool:
         """Whether two maps differ where both have images; those that have none in common do."""
         both = best.matched & other.matched
-        return not both.any() or self.target.mean_distance(best.image[both], other.image[both]) > APART
+        return (
+            not both.any()
+            or self.target.mean_distance(best.image[both], other.image[both]) > SAME_MAP.other_map
+        )
 
     def measure(self, match: Match[RefinedRegion, BentPart]) -> Measured:
         """Measure the map of the region."""
@@ -317,15 +317,15 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
 
 
 def _ranked(regions: list[RefinedRegion]) -> list[RefinedRegion]:
-    """Put those first that hold most landmarks, and of these those of the highest score."""
-    return sorted(regions, key=lambda region: (-region.held, -region.score))
+    """Put those first that hold most landmarks, and of these those of the least cost."""
+    return sorted(regions, key=lambda region: (-region.held, region.cost))
 
 
 def overlaps(bent: BentPart) -> Bool[BoolArray, "n"]:
     """Which vertices of a bent part lie on the target, where that is not just its boundary."""
     onto, points = bent.onto.mesh, bent.points
     gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)
-    return np.asarray(gap <= np.where(Boundary(onto).holds(points), RIM, OFF))
+    return np.asarray(gap <= np.where(Boundary(onto).holds(points), TWO_PARTS.rim, TWO_PARTS.off))
 
 
 def rough(config: Config) -> Config:
@@ -333,7 +333,7 @@ def rough(config: Config) -> Config:
     refining = config.refining
     names = "sizes_without_positions", "sizes_with_positions", "final_sizes", "sizes_of_parts"
     sizes: dict[str, Any] = {
-        name: tuple(k for k in getattr(refining, name) if k <= ROUGH_FUNCTIONS) for name in names
+        name: tuple(k for k in getattr(refining, name) if k <= TWO_PARTS.rough_functions) for name in names
     }
     if any(sizes[name] for name in names[:3]):
         refining = replace(refining, **sizes)
@@ -342,7 +342,7 @@ def rough(config: Config) -> Config:
         config,
         n_columns=min(config.n_columns, 40),
         rank=min(config.rank, 20),
-        n_functions=min(config.n_functions, ROUGH_FUNCTIONS),
+        n_functions=min(config.n_functions, TWO_PARTS.rough_functions),
         n_refine=min(config.n_refine, 500),
         refining=refining,
         parts=replace(config.parts, bending=bending, n_bent_vertices=n_bent),

@@ -7,18 +7,9 @@ import numpy as np
 from isomatch._core.arrays import BodyVertices, Int, SearchRows
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Intervals, assign_points, nearest_rows
+from isomatch.matching.parameters import ANCHORS
 from isomatch.matching.problem import Problem, search_pairs
 from isomatch.shapes import EXACTLY, farthest_rows
-
-N_ANCHORS = 6  # three points determine an isometry, three more its errors
-N_CANDIDATES = 200  # search vertices of the target among which their images are sought; as for symmetries
-SIGNATURE_WEIGHT = 0.25  # docs/lab/robustness.md, shapes without limbs
-BEAM = 200  # partial assignments that are kept; chosen, not measured
-# mean distance by which these differ, in average distances; chosen: 0.1 with 80 starts is no better
-APART = 0.15
-N_STARTS = 48  # best assignments that become first maps; chosen: of the most that extremities give
-SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the first before a candidate is made
-SLIDE_STEPS = 10  # docs/lab/robustness.md, shapes without limbs
 
 
 def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
@@ -33,15 +24,15 @@ def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
     here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
     there = target.distances_between(pair.target_vertices) / target.intrinsic_scale
     signatures = pair.search_signatures
-    n = N_CANDIDATES
-    anchors = farthest_rows(here[:n, :n], N_ANCHORS)
+    n = ANCHORS.n_candidates
+    anchors = farthest_rows(here[:n, :n], ANCHORS.n_anchors)
     exact, among = here[np.ix_(anchors, anchors)], there[:n, :n]
     sides = Intervals(exact, exact), Intervals(among, among)
     remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
-    unary = pair.config.search.eccentricity_weight * remoteness + SIGNATURE_WEIGHT * unlike
-    assigned, _ = assign_points(*sides, unary, EXACTLY, BEAM, APART)
-    starts = [SearchRows(nearest_rows(there[:, x], here[:, anchors])) for x in assigned[:N_STARTS]]
+    unary = pair.config.search.eccentricity_weight * remoteness + ANCHORS.signature_weight * unlike
+    assigned, _ = assign_points(*sides, unary, EXACTLY, ANCHORS.beam, ANCHORS.apart)
+    starts = [SearchRows(nearest_rows(there[:, x], here[:, anchors])) for x in assigned[: ANCHORS.n_starts]]
     return [search_pairs(pair, start) for start in parallel_map(lambda start: slid(pair, start), starts)]
 
 
@@ -50,8 +41,8 @@ def slid(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "
     # Of a round shape, many maps keep distances, and iterative closest points stop at any of them. Few functions leave
     # a map free to move along these directions: images are nearest neighbours in (Φ_t Fᵀ / √k, σ_t) of (Φ_s / √k, σ_s).
     spectra, signatures = pair.search_spectra, pair.search_signatures
-    k = min(SLIDE_FUNCTIONS, pair.n_functions)
-    for _ in range(SLIDE_STEPS):
+    k = min(ANCHORS.slide_functions, pair.n_functions)
+    for _ in range(ANCHORS.slide_steps):
         carried = spectra.target[:, :k] @ spectra.functional_map(target_row, k).T
         of_target = np.hstack([carried / np.sqrt(k), signatures.target])
         of_source = np.hstack([spectra.source.at_samples[:, :k] / np.sqrt(k), signatures.source])
