@@ -7,21 +7,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from isomatch._core.arrays import BodyVertices, FloatArray, Int, IntArray
+from isomatch.matching.parameters import EXCHANGE
 from isomatch.matching.problem import Problem
 from isomatch.matching.verify import Verifier, verifier_of
 from isomatch.surfaces import linked
-
-OTHER_LIMB = (
-    0.1  # √area: distance of two images from which they are at different places; chosen, two thirds of a limb
-)
-LEAST_AREA = 0.01  # share of the area of the smallest region that is exchanged; chosen: ten of 1000 samples
-MOST_AREA = 0.4  # share of the largest; two thirds of a body are another map, which is verified as a whole
-MOST_REGIONS = 6  # of one other map, the largest first
-ALIKE = 1.25  # mean descriptor distance of a region over the present one, up to which it is tried
-GAIN = 0.97  # cost over the present one, up to which an exchange is kept; a coarse one that costs more is not tried
-MOST_EXCHANGES = 4
-N_COARSE = 400  # vertices that are bent to decide what is bent with all
-N_COMPARED = 60  # vertices of a region whose images are compared with those of another
 
 
 def exchange_regions(
@@ -30,12 +19,12 @@ def exchange_regions(
     """Exchange regions of a map of a known cost with other maps while its cost falls; None if it never does."""
     exchange = _Exchange(pair)
     best = image
-    for _ in range(MOST_EXCHANGES if np.isfinite(cost) else 0):
+    for _ in range(EXCHANGE.most_exchanges if np.isfinite(cost) else 0):
         tried = [
             (exchange.verifier(moved).cost, i, moved) for i, moved in enumerate(exchange.moves(best, others))
         ]
         least, _, moved = min(tried, default=(np.inf, 0, best))
-        if not least <= GAIN * cost:
+        if not least <= EXCHANGE.gain * cost:
             break
         best, cost = moved, least
     return None if best is image else best
@@ -46,7 +35,7 @@ class _Exchange:
 
     def __init__(self, pair: Problem) -> None:
         self.pair, self.verifier = pair, verifier_of(pair)
-        self.coarse = Verifier(pair, N_COARSE)
+        self.coarse = Verifier(pair, EXCHANGE.n_coarse)
         self.mesh, self.areas = pair.source.mesh_body, pair.source.body.vertex_areas / pair.source.body.area
 
     def moves(
@@ -59,7 +48,7 @@ class _Exchange:
             for region in self._regions(image, other):
                 weights = self.areas[region]
                 here, there = (np.nansum(x[region] * weights) for x in (unlike, others_unlike))
-                if weights.sum() <= MOST_AREA and there <= ALIKE * here:
+                if weights.sum() <= EXCHANGE.most_area and there <= EXCHANGE.alike * here:
                     moved = image.copy()
                     moved[region] = other[region]
                     if self.coarse(BodyVertices(moved)).cost <= cost:
@@ -69,11 +58,15 @@ class _Exchange:
         """Find connected regions in which maps differ: those that take each other's images together, and each alone."""
         both = (image >= 0) & (other >= 0)
         differs = np.zeros(len(image), dtype=bool)
-        differs[both] = self.pair.target.distance(image[both], other[both]) > OTHER_LIMB
+        differs[both] = self.pair.target.distance(image[both], other[both]) > EXCHANGE.other_place
         edges = self.mesh.edges[differs[self.mesh.edges].all(axis=1)]
         _, label = linked(len(image), (edges[:, 0], edges[:, 1]))
         shares = np.bincount(label, self.areas * differs)
-        largest = [c for c in np.argsort(-shares, kind="stable")[:MOST_REGIONS] if shares[c] >= LEAST_AREA]
+        largest = [
+            c
+            for c in np.argsort(-shares, kind="stable")[: EXCHANGE.most_regions]
+            if shares[c] >= EXCHANGE.least_area
+        ]
         regions = [np.flatnonzero((label == c) & differs) for c in largest]
         links = [
             (i, j)
@@ -89,8 +82,8 @@ class _Exchange:
 
     def _lies_on(self, images: IntArray, others: IntArray) -> bool:
         """Whether a third of some images lie where others do."""
-        few, among = (x[:: max(1, len(x) // N_COMPARED)] for x in (images, others))
+        few, among = (x[:: max(1, len(x) // EXCHANGE.n_compared)] for x in (images, others))
         apart: FloatArray = self.pair.target.distances.between(few, among) / np.sqrt(
             self.pair.target.body.area
         )
-        return bool((apart.min(axis=1) < OTHER_LIMB / 2).mean() > 0.3)
+        return bool((apart.min(axis=1) < EXCHANGE.other_place / 2).mean() > EXCHANGE.lies_on)

@@ -40,7 +40,7 @@ from isomatch.matching.isometric.candidates import (
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
-from isomatch.matching.parameters import SAME_MAP, SCREENING, TIES
+from isomatch.matching.parameters import EXCHANGE, SAME_MAP, SCREENING, TIES
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.flips import distinct_maps
 from isomatch.matching.proposals.symmetries import near_symmetric_variants, symmetric_variants
@@ -63,7 +63,6 @@ MOST_TURNED = 4  # such maps, which are refined
 # cost of a verification, over that of the map, up to which the map composed with a near-symmetry fits as well; of the
 # right map over a half turn of ants 1.46 at most, of a wrong map over the right one of animals 1.59 at least
 AS_WELL = 1.5
-MOST_FROM_TARGET = 2  # maps found from the target that contend, of those that tie there; chosen
 
 
 AMBIGUOUS = (
@@ -330,7 +329,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         proposals = turned.propose(StageTimer())
         tied = turned._tied(turned.select(turned.refine(proposals.begun), proposals))
         found = []
-        for fit in tied[:MOST_FROM_TARGET]:
+        for fit in tied[: EXCHANGE.most_from_target]:
             known = BodyVertices(np.full(self.target.body.n_vertices, UNMATCHED))
             known[turned.vertices] = fit.image
             image, _ = inverse(self.source, known)
