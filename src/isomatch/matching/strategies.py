@@ -17,7 +17,7 @@ from isomatch.matching.assessment.evidence import Evidence, Solution, fits_badly
 from isomatch.matching.elastic.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric, may_be_far
 from isomatch.matching.isometric.candidates import is_another
 from isomatch.matching.isometric.isometry import IsometricMatch, Isometry, image_of, torn
-from isomatch.matching.maps import Hypothesis
+from isomatch.matching.maps import Candidate
 from isomatch.matching.model import MatchingModel, origin_of
 from isomatch.matching.parameters import SAME_MAP, SCREENING, STRATEGY
 from isomatch.matching.partial.part import Part, PartSide
@@ -50,7 +50,7 @@ NO_COST = 1e-12  # of a shape on its copy, so that a lead is finite
 class Attempts:
     """What was found of one problem so far; results only."""
 
-    hypotheses: Sequence[Hypothesis] | None = None  # of an isometry, in place of a search
+    hypotheses: Sequence[Candidate] | None = None  # of an isometry, in place of a search
     solutions: list[Solution] = field(default_factory=list)
     # of complete shapes or variants of them, by the name of the strategy
     matches: dict[str, IsometricMatch] = field(default_factory=dict)
@@ -177,7 +177,7 @@ def _elastic(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solutio
     match = attempts.matches[AS_IT_IS.name]
     model, measured, first = cast(Isometry, match.model), match.measured, match.ranking.best
     others = [
-        (search_pairs(problem, candidate.target_row), candidate.hypothesis.origin)
+        (search_pairs(problem, candidate.target_row), candidate.origin)
         for candidate in match.proposals.eligible
         if candidate.orientation > 0
     ]

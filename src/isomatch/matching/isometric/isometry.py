@@ -37,7 +37,7 @@ from isomatch.matching.isometric.candidates import (
     residual_of,
 )
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
-from isomatch.matching.maps import Candidate, Fit, Hypothesis
+from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.parameters import SAME_MAP, SCREENING, TIES
 from isomatch.matching.problem import Problem
@@ -111,7 +111,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     True
     """
 
-    def __init__(self, problem: Problem, hypotheses: Sequence[Hypothesis] | None = None) -> None:
+    def __init__(self, problem: Problem, hypotheses: Sequence[Candidate] | None = None) -> None:
         super().__init__(problem)
         self._found = hypotheses
 
@@ -141,7 +141,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         """Coordinates of all vertices in which images are nearest points."""
         return self.everywhere(best)
 
-    def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
+    def hypotheses(self) -> tuple[list[Candidate], list[Candidate]]:
         """Hypotheses that may win, and those that are searched as runners-up only."""
         pair, config, starts = self.pair, self.pair.config, self.problem.starts
         from_priors = hypotheses_from_priors(pair)
@@ -156,7 +156,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return self.refinement.searches_further if asked is None else asked
 
     def candidates(
-        self, may_win: Sequence[Hypothesis], only_runners_up: Sequence[Hypothesis] = ()
+        self, may_win: Sequence[Candidate], only_runners_up: Sequence[Candidate] = ()
     ) -> tuple[list[Candidate], list[Candidate]]:
         """Screen hypotheses, and the symmetric variants of the best: what may win, and runners-up, best first."""
         if not may_win:
@@ -180,7 +180,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
                 prior_error=c.prior_error,
                 landmark_error=c.landmark_error,
                 candidate=c,
-                origin=c.hypothesis.origin,
+                origin=c.origin,
             )
             for c in candidates
         ]
@@ -406,7 +406,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         rows = SearchRows(self.target.distances.between(pair.target_vertices, image).argmin(axis=0))
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
-        itself = Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin)
+        itself = Candidate(Alignment(rows, np.eye(1), 0.0), map_.origin)
         own, *others = Screening(pair)([itself, *variants])
         limit = config.selection.energy_limit * max(own.energy, TIES.energy_noise)
         turned = [
@@ -457,7 +457,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
         maps = (partial(_extended_map, pair, candidate.target_row) for candidate in kept[1:])
         return tuple(
-            Alternative(extend, candidate.energy, candidate.orientation, candidate.hypothesis.origin)
+            Alternative(extend, candidate.energy, candidate.orientation, candidate.origin)
             for extend, candidate in zip(maps, kept[1:])
         )
 
