@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from isomatch.correspondence import Embedding, alignment_residual, signed_procru
 from isomatch.matching.assessment.quality import mean_known
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit
-from isomatch.matching.model import RefiningModel
+from isomatch.matching.model import MatchingModel, RefiningModel
 from isomatch.matching.parameters import SCREENING
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import starts_from_pose
@@ -138,7 +139,7 @@ def is_sure(model: RefiningModel[Fit, Embedding], ranking: Ranking[Fit]) -> bool
     )
 
 
-def is_another(model: RefiningModel[Fit, Embedding], fit: Fit, other: Fit) -> bool:
+def is_another(model: MatchingModel[Any, Any], fit: Fit, other: Fit) -> bool:
     """Whether a map is another one, and no variant."""
     apart = model.target.mean_distance(fit.image, other.image)
     return apart > model.pair.config.selection.runner_up_distance

@@ -359,11 +359,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         winner = ranking.best
         return Measured(points, quality, distance, reason, origin_of(pair, winner), doubt=doubt, fit=winner)
 
-    def sum_up(
-        self, match: IsometricMatch, measured: Measured, timer: StageTimer, note: str | None = None
-    ) -> Solution:
-        """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
-        pair, map_, far = self.pair, measured, note is not None
+    def sum_up(self, match: IsometricMatch, measured: Measured, timer: StageTimer) -> Solution:
+        """Polish, carry and sum up a map; one between shapes far from isometric comes with a note."""
+        pair, map_, far = self.pair, measured, bool(measured.note)
         ranking, runners_up = match.ranking, None
         if ranking.against and ranking.runner_up < pair.config.outcome.tie and not far:
             runners_up = ranking.best.image, ranking.against.image
@@ -385,7 +383,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         if level is not pair:
             sizes = level.source.body.n_vertices, level.target.body.n_vertices
             notes.append("polished on {} and {} vertices".format(*sizes))
-        notes += [note] if note else []
+        notes += [map_.note] if far else []
         if any(shape.origin is not None and (shape.origin < 0).any() for shape in (self.source, self.target)):
             notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
         solution = map_.solution(pair, errors, tuple(evidence), notes, level, points, regions)
