@@ -63,7 +63,7 @@ hypotheses, _ = model.hypotheses()
 candidates, _ = model.candidates(hypotheses)
 fits = model.refine(model.begun(candidates[:3]))
 for fit in fits:
-    print(f"from {fit.candidate.hypothesis.origin}: score {model.cost(fit):.3f}")
+    print(f"from {fit.origin}: score {model.cost(fit):.3f}")
 
 # %%
 # The map is read off in coordinates in which images are nearest points.

@@ -5,7 +5,7 @@ import pytest
 
 from isomatch.correspondence import iterative_closest_points
 from isomatch.datasets import ground_truth
-from isomatch.matching import Hypothesis, default_starts, prepare_pair
+from isomatch.matching import Candidate, default_starts, prepare_pair
 from isomatch.matching.isometric.search import search
 from isomatch.matching.problem import search_pairs
 from isomatch.matching.proposals.flips import flips
@@ -30,7 +30,7 @@ def known():
         onto = pair.target.body.vertices[pair.target_vertices]
         nearest = np.linalg.norm(pair.target.body.vertices[vertices][:, None] - onto, axis=2).argmin(axis=1)
         maps.append(
-            Hypothesis(iterative_closest_points(*pair.search_points, nearest[None], 8)[0], "extremities")
+            Candidate(iterative_closest_points(*pair.search_points, nearest[None], 8)[0], "extremities")
         )
     return pair, *maps
 
@@ -49,7 +49,7 @@ def test_flips_of_the_mirror_image_contain_the_true_map(known):
 @pytest.mark.parametrize("origin", ["extremities", "initial map"])
 def test_flips_are_new_whatever_is_known(known, origin):
     pair, true, mirrored = known
-    winner = Hypothesis(mirrored.alignment, origin)
+    winner = Candidate(mirrored.alignment, origin)
     everything = [winner, true, *flips(pair, winner, [winner, true])]
     assert len(everything) > 2
     assert flips(pair, winner, everything) == []

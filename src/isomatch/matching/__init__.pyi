@@ -13,7 +13,7 @@ from isomatch.matching.coordinates import joint_coordinates
 from isomatch.matching.elastic.elastic import Elastic
 from isomatch.matching.isometric.candidates import first_map
 from isomatch.matching.isometric.isometry import Isometry
-from isomatch.matching.maps import Candidate, Fit, Hypothesis
+from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.match import BothDirections, continue_with, match, match_both
 from isomatch.matching.model import Match, MatchingModel, Proposals, RefiningModel
 from isomatch.matching.partial.part import Part
@@ -39,7 +39,6 @@ __all__ = [
     "Elastic",
     "Evidence",
     "Fit",
-    "Hypothesis",
     "Isometry",
     "Joint",
     "Match",

@@ -1,4 +1,4 @@
-"""Maps on the way: hypotheses, the candidates that they make, and fits, which a model has refined and measured."""
+"""Maps on the way: candidates, which are first maps, and fits, which a model has refined and measured."""
 
 from __future__ import annotations
 
@@ -12,32 +12,41 @@ from isomatch.correspondence import Alignment
 
 
 @dataclass(frozen=True, eq=False)
-class Hypothesis:
-    """A first map of the search vertices, after iterative closest points."""
+class Candidate:
+    """A first map of the search vertices, after iterative closest points; once it is screened, with its measures.
 
-    alignment: Alignment  # target row of each source row, rotation and residual
-    # "extremities", "poses", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip", "symmetry"
-    # or the name of a start
+    Parameters
+    ----------
+    alignment : Alignment
+        Target row of each source row, rotation and residual.
+    origin : str
+        "extremities", "poses", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip", "symmetry", or the
+        name of a start.
+    upsampled : (m_s,) array of int, optional
+        The map after upsampling; None before it is screened.
+    energy : float
+        Descriptor residual × curvature difference², with the descriptor columns of the search.
+    orientation : float
+        Mean cosine between normals: 1 true map, −1 mirror image; 0 without normals.
+    landmark_error : float
+        Mean distance of images of landmarks from their targets, in √area; 0 without.
+    prior_error : float
+        The largest of these, or if larger the mean distance from the images of the initial map; with neither, the mean
+        one from the nearest points in space, if shapes are aligned there; 0 without priors; in √area.
+    """
+
+    alignment: Alignment
     origin: str
+    upsampled: Int[SearchRows, "m_s"] | None = None
+    energy: float = np.nan
+    orientation: float = 0.0
+    landmark_error: float = 0.0
+    prior_error: float = 0.0
 
     @property
     def target_row(self) -> Int[SearchRows, "m_s"]:
         """Target row of each source row."""
-        return SearchRows(self.alignment.target_row)
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A hypothesis after upsampling, and its measures."""
-
-    hypothesis: Hypothesis
-    target_row: Int[SearchRows, "m_s"]  # upsampled map of the search vertices
-    energy: float  # descriptor residual × curvature difference², with the descriptor columns of the search
-    orientation: float  # mean cosine between normals: 1 true map, −1 mirror image; 0 without normals
-    landmark_error: float  # mean distance of images of landmarks from their targets, in √area; 0 without
-    # the largest of these, or if larger the mean distance from the images of the initial map; with neither, the mean one
-    # from the nearest points in space, if shapes are aligned there; 0 without priors; in √area
-    prior_error: float
+        return SearchRows(self.alignment.target_row if self.upsampled is None else self.upsampled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +64,7 @@ class Fit:
     orientation : float
         Mean cosine between normals: 1 preserves the orientation of the faces, −1 reverses it.
     prior_error, landmark_error, origin
-        As of a `Candidate` and its hypothesis.
+        As of a `Candidate`.
     candidate : Candidate, optional
         The candidate that it came from.
     """
@@ -70,19 +79,14 @@ class Fit:
     origin: str = ""
 
     @property
-    def is_measured(self) -> bool:
-        """Whether the model has measured the map."""
-        return bool(np.isfinite(self.spectral_residual) and not np.isnan(self.score))
-
-    @property
     def side(self) -> float:
         """1 if the map preserves the orientation of the faces, −1 if it reverses it."""
         return 1.0 if self.orientation >= 0 else -1.0
 
     @property
     def residual(self) -> float:
-        """Descriptor residual of the hypothesis, before any refinement; 0 without one."""
-        return self.candidate.hypothesis.alignment.residual if self.candidate else 0.0
+        """Descriptor residual of the candidate, before any refinement; 0 without one."""
+        return self.candidate.alignment.residual if self.candidate else 0.0
 
     def standing_for(self, other: Self) -> Self:
         """Return the fit as what the candidate of another one became."""

@@ -20,7 +20,7 @@ from isomatch.matching.assessment.evidence import Evidence, Solution, verified
 from isomatch.matching.components import match_components
 from isomatch.matching.hard_landmarks import pinned
 from isomatch.matching.isometric.isometry import IsometricMatch
-from isomatch.matching.maps import Hypothesis
+from isomatch.matching.maps import Candidate
 from isomatch.matching.model import MatchingModel
 from isomatch.matching.parameters import SCREENING
 from isomatch.matching.priors import (
@@ -323,20 +323,20 @@ def _turned(problem: Problem, user_priors: UserPriors) -> UserPriors:
     )
 
 
-def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Problem) -> list[Hypothesis]:
+def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Problem) -> list[Candidate]:
     """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
     fits = [fit for fit in (isometric.ranking.best, *isometric.ranking.others) if fit.candidate]
     refined = [fit.candidate for fit in fits if fit.candidate]
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
-    tried = [candidate.hypothesis for candidate in refined]
-    others = [c for c in isometric.proposals.eligible if all(c.hypothesis is not other for other in tried)]
+    tried = [candidate.alignment for candidate in refined]
+    others = [c for c in isometric.proposals.eligible if all(c.alignment is not other for other in tried)]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
     # for each search vertex of the target, the row of the source whose image is nearest, by geodesic distance
     between = pair.target.distances.between
     starts = np.array([between(pair.target_vertices, image).argmin(axis=1) for image in images])
     aligned = iterative_closest_points(*pair_back.search_points, starts, SCREENING.prior_steps)
-    return [Hypothesis(each, c.hypothesis.origin) for each, c in zip(aligned, refined + others, strict=True)]
+    return [Candidate(each, c.origin) for each, c in zip(aligned, refined + others, strict=True)]
 
 
 BEFORE = "the map before, "

@@ -73,7 +73,7 @@ class MatchingModel(ABC, Generic[M, C]):
     """The stage in which coordinates are made, for the timings; None if it is the refinement."""
 
     way: ClassVar[str] = "isometry"
-    """The row of `WAYS` that claims the same, for the report."""
+    """The row of `STRATEGIES` that claims the same, for the report."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem

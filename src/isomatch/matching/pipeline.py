@@ -14,12 +14,7 @@ C = TypeVar("C")
 
 def match_under(model: MatchingModel[M, C], timer: StageTimer) -> Solution:
     """Find a map under a model, and the evidence for it."""
-    match = search_under(model, timer)
-    if model.last_stage:
-        timer.start(model.last_stage)
-    _ = match.coordinates  # within this stage
-    timer.start("quality")
-    return model.sum_up(match, match.measured, timer)
+    return finish(search_under(model, timer), timer)
 
 
 def search_under(model: MatchingModel[M, C], timer: StageTimer | None = None) -> Match[M, C]:
@@ -30,3 +25,12 @@ def search_under(model: MatchingModel[M, C], timer: StageTimer | None = None) ->
     timer.start("refinement")
     maps, rivals = model.refine(proposals.begun), model.refine(proposals.rivals)
     return Match(model, proposals, model.rank(maps, rivals, proposals, timer))
+
+
+def finish(match: Match[M, C], timer: StageTimer) -> Solution:
+    """Read precise images off the coordinates, measure the map and sum it up."""
+    if match.model.last_stage:
+        timer.start(match.model.last_stage)
+    _ = match.coordinates  # within this stage
+    timer.start("quality")
+    return match.model.sum_up(match, match.measured, timer)

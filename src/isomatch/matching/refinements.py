@@ -42,10 +42,10 @@ class Descriptors(Joint):
     polishes: ClassVar[bool] = False
 
     def everywhere(self, problem: Problem, fit: Fit, coordinates: Callable[[], Embedding]) -> Embedding:
-        """Align distance descriptors, from the hypothesis that the map came from."""
+        """Align distance descriptors, from the first map that it came from."""
         if fit.candidate is None:
             return coordinates()
-        return descriptor_embedding(problem, fit.candidate.hypothesis.target_row)
+        return descriptor_embedding(problem, SearchRows(fit.candidate.alignment.target_row))
 
 
 class LaplaceIcp(Descriptors):

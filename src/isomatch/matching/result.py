@@ -191,8 +191,8 @@ class MatchResult(Shown):
     config : Config or the settings of a baseline
     seed : int
     way : str
-        What was claimed of the shapes when the map was found: a row of the table of `isomatch.matching.WAYS`, such as
-        "isometry", "part" or "elastic"; empty of a baseline, and where a relation was handed in.
+        What was claimed of the shapes when the map was found: a row of the table of `isomatch.matching.STRATEGIES`, such
+        as "isometry", "part" or "elastic"; empty of a baseline, and where a relation was handed in.
     symmetries : tuple of str
         Maps of the source, and of the target, onto themselves, in words; empty where none was found.
     descriptor_distance : (n_source,) array of float, optional

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias, cast
+from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
 
@@ -13,18 +13,17 @@ from isomatch._core.arrays import UserVertices
 from isomatch._core.errors import MeshError, NotConvergedError, SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
-from isomatch.matching.assessment.evidence import Evidence, Solution, fits_badly
-from isomatch.matching.elastic.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric, may_be_far
-from isomatch.matching.isometric.candidates import is_another
+from isomatch.matching.assessment.evidence import Evidence, Solution
+from isomatch.matching.elastic.elastic import Elastic, far_from_isometric, may_be_far
 from isomatch.matching.isometric.isometry import IsometricMatch, Isometry, image_of, torn
-from isomatch.matching.maps import Hypothesis
-from isomatch.matching.model import MatchingModel, origin_of
+from isomatch.matching.maps import Candidate
+from isomatch.matching.model import Match, MatchingModel, origin_of
 from isomatch.matching.parameters import SAME_MAP, SCREENING, STRATEGY
 from isomatch.matching.partial.part import Part, PartSide
 from isomatch.matching.partial.two_parts import TwoParts
-from isomatch.matching.pipeline import match_under, search_under
+from isomatch.matching.pipeline import finish, match_under, search_under
 from isomatch.matching.priors import NO_FUNCTIONS
-from isomatch.matching.problem import Problem, name_of, search_pairs
+from isomatch.matching.problem import Problem, name_of
 from isomatch.matching.result import Outcome
 from isomatch.matching.verify import on_bodies, verifier_of
 from isomatch.settings import Config
@@ -50,10 +49,9 @@ NO_COST = 1e-12  # of a shape on its copy, so that a lead is finite
 class Attempts:
     """What was found of one problem so far; results only."""
 
-    hypotheses: Sequence[Hypothesis] | None = None  # of an isometry, in place of a search
+    hypotheses: Sequence[Candidate] | None = None  # of an isometry, in place of a search
     solutions: list[Solution] = field(default_factory=list)
-    # of complete shapes or variants of them, by the name of the strategy
-    matches: dict[str, IsometricMatch] = field(default_factory=dict)
+    matches: dict[str, Match[Any, Any]] = field(default_factory=dict)  # by the name of the strategy
     failures: list[str] = field(default_factory=list)  # strategies that found no map, and why
 
     @property
@@ -73,13 +71,16 @@ class Strategy:
     name: str
     overlap: Overlap
     why: str  # when it is tried, in words
-    # makes a finished map of the shapes as they are, with the evidence for it
-    attempt: Callable[[Problem, Attempts, StageTimer], Solution | None]
+    # builds the model of a variant of the shapes; None if there is no such variant
+    model: Callable[[Problem, Attempts, StageTimer], MatchingModel[Any, Any] | None]
     fits: Callable[[Problem], bool] = lambda problem: True  # by the shapes and the settings alone
     applies: Callable[[Problem, Attempts], bool] = lambda problem, attempts: True  # by what was found
     is_enough: Callable[[Problem, Attempts, Solution], bool] = lambda problem, attempts, solution: (
         solution.outcome in SURE
     )
+    # builds the model of a further variant from what was found; the better map stays
+    again: Callable[[Problem, Match[Any, Any], StageTimer], MatchingModel[Any, Any] | None] | None = None
+    is_guess: bool = False  # whether its map is never sure
 
 
 def part_of(problem: Problem) -> PartSide | Literal["both"] | None:
@@ -118,126 +119,69 @@ def surplus_of(problem: Problem) -> tuple[int, int]:
     return max(ours - theirs, 0), max(theirs - ours, 0)
 
 
-def _summed_up(problem: Problem, match: IsometricMatch, timer: StageTimer) -> Solution:
-    """Sum up a match of complete shapes, or of variants of them."""
-    timer.start("quality")
-    solution = match.model.sum_up(match, match.measured, timer)
-    return solution.with_evidence(Evidence(partial=part_of(problem) in ("source", "target")))
-
-
-def _between(
-    problem: Problem,
-    source: PreparedShape,
-    target: PreparedShape,
-    timer: StageTimer,
-    config: Config | None = None,
-) -> IsometricMatch:
-    """Match variants of both shapes as complete ones."""
+def _of_variants(
+    problem: Problem, source: PreparedShape, target: PreparedShape, config: Config | None = None
+) -> Isometry:
+    """Claim that variants of both shapes are complete."""
     config, priors = config or problem.config, replace(problem.priors, functions=NO_FUNCTIONS)
-    variant = replace(problem, source=source, target=target, config=config, priors=priors)
-    match = search_under(Isometry(variant), timer)
-    _ = match.coordinates  # within the stage of the refinement
-    return match
+    return Isometry(replace(problem, source=source, target=target, config=config, priors=priors))
 
 
-def _as_it_is(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
-    """Match the shapes as they are, as complete ones."""
-    match = attempts.matches[AS_IT_IS.name] = search_under(Isometry(problem, attempts.hypotheses), timer)
-    _ = match.coordinates  # within the stage of the refinement
-    return _summed_up(problem, match, timer)
-
-
-def _closed(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
-    """Match the shapes with their holes capped."""
+def _closed(problem: Problem, timer: StageTimer) -> Isometry:
+    """Cap the holes of both shapes."""
     timer.start("prepare")
     search = problem.config.search
-    config = replace(problem.config, search=replace(search, flipped=max(STRATEGY.flipped, search.flipped)))
-    try:
-        source, target = parallel_map(capped_shape, (problem.source, problem.target))
-        match = attempts.matches[CLOSED.name] = _between(problem, source, target, timer, config)
-    except (MeshError, NotConvergedError) as error:
-        attempts.failures.append(f"with the holes closed no map was found: {error}")
-        return None
-    return _summed_up(problem, match, timer)
+    flipped = replace(search, flipped=max(STRATEGY.flipped, search.flipped))
+    source, target = parallel_map(capped_shape, (problem.source, problem.target))
+    return _of_variants(problem, source, target, replace(problem.config, search=flipped))
 
 
-def _cut(problem: Problem, most: tuple[int, int], timer: StageTimer) -> Solution | None:
-    """Match the shapes cut along the paths of so many self-contacts, and capped; None without any such path."""
+def _cut(problem: Problem, most: tuple[int, int], timer: StageTimer) -> Isometry | None:
+    """Cut the shapes along the paths of so many self-contacts, and cap them; None without any such path."""
     timer.start("prepare")
     shapes = problem.source, problem.target
     variants = [cut_shape(shape, n) for shape, n in zip(shapes, most)]
     if not any(variants):
         return None
     source, target = (variant or capped_shape(shape) for variant, shape in zip(variants, shapes))
-    return _summed_up(problem, _between(problem, source, target, timer), timer)
+    return _of_variants(problem, source, target)
 
 
-def _elastic(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
-    """Match elastically, from the best isometry and its candidates; gives the isometry if it wins and keeps lengths."""
-    match = attempts.matches[AS_IT_IS.name]
-    model, measured, first = cast(Isometry, match.model), match.measured, match.ranking.best
-    others = [
-        (search_pairs(problem, candidate.target_row), candidate.hypothesis.origin)
-        for candidate in match.proposals.eligible
-        if candidate.orientation > 0
-    ]
-    fits = not fits_badly(measured.quality, problem.config.outcome)
-    rivals = [fit for fit in match.ranking.others if fit.side == first.side and is_another(model, fit, first)]
-    elastic = Elastic(problem, first, others, fits, rivals)
-    timer.start("bending")
-    if elastic.is_needless:
-        return None
-    stretched = search_under(elastic, timer)
-    ranking = stretched.ranking
-    if elastic.keeps_lengths(ranking.best):
-        cost = ranking.best.score
-        quality = replace(measured.quality, runner_up=ranking.runner_up, bending_cost=cost)
-        measured, note = replace(measured, quality=quality), FAR_KEPT
-    else:
-        timer.start("precision")
-        measured, note = stretched.measured, FAR
-    timer.start("quality")
-    return model.sum_up(match, measured, timer, note)
-
-
-def _part_from_closed(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
-    """Refine the map with the holes capped as one of a part, without a search of its own."""
-    match, side = attempts.matches[CLOSED.name], cast(PartSide, part_of(problem))
-    origin = origin_of(problem, match.ranking.best)
-    led = image_of(match, side), origin, match.ranking.runner_up
-    return match_under(Part(problem, side, led), timer)
-
-
-def _creases_cut(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
-    """Cut what has more handles along its creases, too, and again along those that the last map tears; the best map."""
+def _creased(problem: Problem, before: IsometricMatch | None, timer: StageTimer) -> Isometry | None:
+    """Cut what has more handles along its creases, too, or along those that the map before tears."""
     # natural folds are creases, too; where both sides of one have near images, it is no self-contact
-    surplus, originals = surplus_of(problem), (problem.source, problem.target)
+    surplus, shapes = surplus_of(problem), (problem.source, problem.target)
     side = int(surplus[1] > surplus[0])
-    shapes = [capped_shape(shape) for shape in originals]
-    loose, best = None, None
-    for _ in range(STRATEGY.creased):
-        timer.start("prepare")
-        creased = creased_shape(originals[side], surplus[side], loose)
-        if creased is None:
-            break
-        shapes[side] = creased
-        match = _between(problem, shapes[0], shapes[1], timer)
-        if best and match.ranking.best.score > best.ranking.best.score:
-            break
-        best, loose = match, torn(match, side, STRATEGY.torn)
-    return _summed_up(problem, best, timer) if best else None
+    loose = torn(before, side, STRATEGY.torn) if before else None
+    timer.start("prepare")
+    creased = creased_shape(shapes[side], surplus[side], loose)
+    if creased is None:
+        return None
+    other = capped_shape(shapes[1 - side])
+    return _of_variants(problem, *((other, creased) if side else (creased, other)))
 
 
-def _limbs_apart(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
-    """Match a source that has more handles with its self-contacts and creases open, as a part."""
+def _limbs_apart(problem: Problem, timer: StageTimer) -> Part | None:
+    """Claim that a source that has more handles is a part, its self-contacts and creases open."""
     # What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. Of a
     # target that is a part much of the source would be left without images.
     timer.start("prepare")
     opened = opened_shape(problem.source, surplus_of(problem)[0])
-    if opened is None:
-        return None
-    solution = match_under(Part(replace(problem, source=opened)), timer)
-    return solution.with_evidence(Evidence(poor=True))  # never sure: much is guessed
+    return Part(replace(problem, source=opened)) if opened else None
+
+
+def _elastic(problem: Problem, attempts: Attempts, timer: StageTimer) -> Elastic | None:
+    """Let limbs stretch, from the best isometry and its candidates; None if that fits and hardly stretches."""
+    elastic = Elastic(problem, attempts.matches[AS_IT_IS.name])
+    timer.start("bending")
+    return None if elastic.is_needless else elastic
+
+
+def _part_from_closed(problem: Problem, attempts: Attempts) -> Part:
+    """Claim a part that is led by the map with the holes capped, without a search of its own."""
+    match, side = attempts.matches[CLOSED.name], cast(PartSide, part_of(problem))
+    origin = origin_of(problem, match.ranking.best)
+    return Part(problem, side, (image_of(match, side), origin, match.ranking.runner_up))
 
 
 def _is_clear(problem: Problem, solution: Solution) -> bool:
@@ -256,7 +200,7 @@ AS_IT_IS = Strategy(
     "isometry",
     "whole",
     "always, unless one shape is a part",
-    _as_it_is,
+    lambda problem, attempts, timer: Isometry(problem, attempts.hypotheses),
     # fused limbs make a handle, and may look right; so may an isometry of shapes that are none
     is_enough=lambda problem, attempts, solution: (
         solution.outcome in SURE and not max(handles_of(problem)) and not _is_far(problem, attempts)
@@ -281,31 +225,33 @@ CREASES_CUT = Strategy(
     "creases cut",
     "whole",
     "if nothing is sure, as one shape has more handles",
-    _creases_cut,
+    lambda problem, attempts, timer: _creased(problem, None, timer),
     lambda problem: max(surplus_of(problem)) > 0,
     lambda problem, attempts: attempts.is_unsure,
+    again=_creased,
 )
 LIMBS_APART = Strategy(
     "limbs apart",
     "part",
     "if nothing is sure, as the source has more handles",
-    _limbs_apart,
+    lambda problem, attempts, timer: _limbs_apart(problem, timer),
     lambda problem: surplus_of(problem)[0] > 0 and problem.config.orientation == "preserve",
     lambda problem, attempts: attempts.is_unsure,
+    is_guess=True,
 )
 ELASTIC = Strategy("elastic", "whole", "if no isometry fits", _elastic, may_be_far, _is_far)
 PART = Strategy(
     "part",
     "part",
     "one shape is a part of the other: it has a long boundary, or the settings say so",
-    lambda problem, attempts, timer: match_under(Part(problem, cast(PartSide, part_of(problem))), timer),
+    lambda problem, attempts, timer: Part(problem, cast(PartSide, part_of(problem))),
     is_enough=lambda problem, attempts, solution: _is_clear(problem, solution),
 )
 CLOSED = Strategy(
     "holes closed",
     "whole",
     "a part with its holes capped, unless it is sure before",
-    _closed,
+    lambda problem, attempts, timer: _closed(problem, timer),
     lambda problem: problem.config.parts.close and not has_own_distances(problem),
     is_enough=lambda problem, attempts, solution: False,
 )
@@ -313,7 +259,7 @@ PART_FROM_CLOSED = Strategy(
     "part, from the holes closed",
     "part",
     "as a part, from the map with its holes capped",
-    _part_from_closed,
+    lambda problem, attempts, timer: _part_from_closed(problem, attempts),
     CLOSED.fits,
     lambda problem, attempts: CLOSED.name in attempts.matches,
     lambda problem, attempts, solution: not attempts.is_unsure,
@@ -322,7 +268,7 @@ OVERLAPPING = Strategy(
     "two parts",
     "parts",
     "if no isometry is sure, as both shapes have long boundaries",
-    lambda problem, attempts, timer: match_under(TwoParts(problem), timer),
+    lambda problem, attempts, timer: TwoParts(problem),
 )
 VIA = Strategy("via", "parts", "wholes are given", lambda *_: None)  # see `solve_via`
 
@@ -385,10 +331,16 @@ def try_strategies(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
             continue
         try:
             with nullcontext() if strategy is AS_IT_IS else timer.within(strategy.name):
-                solution = strategy.attempt(problem, attempts, timer)
-        except NotConvergedError as error:
-            solution, failure = None, error
-            attempts.failures.append(f"the way {strategy.name!r} found no map: {error}")
+                solution = _attempt(strategy, problem, attempts, timer)
+        except (MeshError, NotConvergedError) as error:
+            solution, said = None, f"the way {strategy.name!r} found no map"
+            if strategy is CLOSED:  # caps may be no surface
+                said = "with the holes closed no map was found"
+            elif isinstance(error, MeshError):
+                raise
+            else:
+                failure = error
+            attempts.failures.append(f"{said}: {error}")
         if solution is not None:
             attempts.solutions.append(replace(solution, pair=problem, way=strategy.name))
             if strategy.is_enough(problem, attempts, solution):
@@ -398,6 +350,25 @@ def try_strategies(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
     alone = len(attempts.solutions) == 1
     solution = attempts.solutions[0] if alone else _verified_best(problem, attempts, timer)
     return replace(solution, notes=(*solution.notes, *attempts.failures))
+
+
+def _attempt(strategy: Strategy, problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
+    """Match under the model of a strategy; None if there is none."""
+    model = strategy.model(problem, attempts, timer)
+    if model is None:
+        return None
+    match = search_under(model, timer)
+    for _ in range(STRATEGY.creased - 1 if strategy.again else 0):
+        model = strategy.again and strategy.again(problem, match, timer)
+        if model is None:
+            break
+        other = search_under(model, timer)
+        if other.ranking.best.score > match.ranking.best.score:
+            break
+        match = other
+    attempts.matches[strategy.name] = match
+    partial = strategy.overlap == "whole" and part_of(problem) in ("source", "target")
+    return finish(match, timer).with_evidence(Evidence(poor=strategy.is_guess, partial=partial))
 
 
 def _of_relation(problem: Problem, timer: StageTimer) -> Solution:

@@ -30,6 +30,7 @@ class Measured:
     matched: Bool[BoolArray, "n_s"] | None = None  # which vertices have an image, if not all
     doubt: Float[FloatArray, "n_s"] | None = None  # error to be expected because another map may be right
     fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
+    note: str = ""  # of a map between shapes that are far from isometric
 
     def evidence(self, pair: Problem, far: bool) -> Evidence:
         """Compare the measures with the bounds, see `measured_evidence`."""

@@ -9,7 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from isomatch._core.arrays import BodyVertices, Int, IntArray
+from isomatch._core.arrays import BodyVertices, Int
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import NotConvergedError
 from isomatch._core.stage_timer import StageTimer
@@ -31,6 +31,7 @@ from isomatch.matching.elastic.elastic_fit import (
     anchor_starts,
     with_mirror,
 )
+from isomatch.matching.isometric.candidates import is_another
 from isomatch.matching.maps import Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel
 from isomatch.matching.parameters import ELASTIC_FIT, ELASTIC_SEARCH, SAME_MAP, TIES
@@ -75,14 +76,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     Parameters
     ----------
     problem : Problem
-    ordinary : Fit, optional
-        A map found otherwise, of the vertices of the model, which an elastic one must beat.
-    others : sequence of ((q, 2) array of int, str)
-        Further first maps, as vertices of source and target, and where each came from.
-    ordinary_fits : bool
-        Whether the ordinary map fits as maps between isometric shapes do.
-    rivals : sequence of Fit
-        Maps found beside the ordinary one, which contend as elastic ones do.
+    found : Match, optional
+        What was found under an `Isometry`: its map, which an elastic one must beat, its candidates and rivals contend.
 
     Notes
     -----
@@ -96,30 +91,34 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
     Examples
     --------
-    Handed to `match` as ``relation=Elastic``, or with first maps that contend with those searched:
+    Handed to `match` as ``relation=Elastic``:
 
     >>> from isomatch.datasets import example_pair
     >>> from isomatch.matching import prepare_pair
     >>> problem = prepare_pair(*(animal.mesh for animal in example_pair()))
-    >>> pairs = np.array([[0, 10], [5, 7], [9, 2]])
-    >>> Elastic(problem, others=[(pairs, "by hand")]).ordinary is None
+    >>> Elastic(problem).ordinary is None
     True
     """
 
     way = "elastic"
     last_stage = "precision"
 
-    def __init__(
-        self,
-        problem: Problem,
-        ordinary: Fit | None = None,
-        others: Sequence[tuple[Int[IntArray, "_ 2"], str]] = (),
-        ordinary_fits: bool = False,
-        rivals: Sequence[Fit] = (),
-    ) -> None:
+    def __init__(self, problem: Problem, found: Match[Fit, Embedding] | None = None) -> None:
         super().__init__(problem)
-        self.ordinary, self.ordinary_fits, self.rivals = ordinary, ordinary_fits, rivals
-        self.others = [(BodyVertices(pairs), origin) for pairs, origin in others]
+        self.found = found
+        self.ordinary: Fit | None = None  # a map of the vertices of the model, which an elastic one must beat
+        self.ordinary_fits = False  # whether it fits as maps between isometric shapes do
+        self._others: list[
+            tuple[BodyVertices, str]
+        ] = []  # first maps found beside it, and where each came from
+        self._rivals: list[Fit] = []  # refined maps found beside it
+        if found:
+            first, *others = found.ranking.best, *found.ranking.others
+            self.ordinary = first
+            self.ordinary_fits = not fits_badly(found.measured.quality, problem.config.outcome)
+            self._rivals = [fit for fit in others if fit.side == first.side and is_another(self, fit, first)]
+            candidates = (c for c in found.proposals.eligible if c.orientation > 0)
+            self._others = [(search_pairs(problem, c.target_row), c.origin) for c in candidates]
 
     def require_suitable(self) -> None:
         """Raise an `IsomatchError` unless the shapes are meshes, to be kept in orientation."""
@@ -142,7 +141,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         if self.ordinary is not None:
             kept.append(self._drawn_ordinary(self.ordinary))
         kept += [
-            self._drawn(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin) for fit in self.rivals
+            self._drawn(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin) for fit in self._rivals
         ]
         if len(self.priors.initial_pairs):
             kept.append(replace(first(self.priors.initial_pairs, "initial map"), is_users=True))
@@ -175,7 +174,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
     def coordinates(self, best: StretchedFit) -> Embedding:
         """Coordinates of all vertices in which images are nearest points."""
-        return self.everywhere(best)
+        return self.found.coordinates if self.found and self.keeps_lengths(best) else self.everywhere(best)
 
     def cost(self, fit: StretchedFit) -> float:
         """Return what a bent map costs on the shapes as they are."""
@@ -222,7 +221,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         else:
             from_priors = starts_from_priors(pair)
             first_maps += [(search_pairs(pair, rows), origin) for rows, origin in from_priors]
-        return [*first_maps, *self.others, *self.first_maps_handed_in()]
+        return [*first_maps, *self._others, *self.first_maps_handed_in()]
 
     @cached_property
     def _shapes(self) -> tuple[ElasticShape, ElasticShape]:
@@ -371,24 +370,31 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return Embedding(*(np.hstack([x, ELASTIC_FIT.lying_weight * y]) for x, y in zip(joint, lying)))
 
     def measure(self, match: Match[StretchedFit, Embedding]) -> Measured:
-        """Take the nearest points under the map selected, and measure it."""
+        """Take the nearest points under the map selected, and measure it; an ordinary one was measured before."""
+        ranking, winner = match.ranking, match.ranking.best
+        if self.found and self.keeps_lengths(winner):
+            before = self.found.measured
+            quality = replace(before.quality, runner_up=ranking.runner_up, bending_cost=winner.score)
+            return replace(before, quality=quality, note=FAR_KEPT)
         points = self.target.index.points(match.coordinates.target, match.coordinates.source)
         distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
-        ranking, quality = match.ranking, measure_quality(self.pair, points)
-        winner, n_bent = ranking.best, 1 + len(ranking.others)
+        quality = measure_quality(self.pair, points)
         quality = replace(quality, runner_up=ranking.runner_up, bending_cost=winner.score)
+        n_bent = 1 + len(ranking.others)
         reason = f"verified best of {match.proposals.n_tried} elastic maps, {n_bent} bent"
-        return Measured(points, quality, distance, reason, winner.origin)
+        return Measured(points, quality, distance, reason, winner.origin, note=FAR)
 
     def sum_up(
         self, match: Match[StretchedFit, Embedding], measured: Measured, timer: StageTimer
     ) -> Solution:
-        """Sum up the map, where no other model was tried."""
+        """Sum up the map, with the alternatives of the isometry that was found before."""
+        if self.found:
+            return self.found.model.sum_up(self.found, measured, timer)
         pair = self.pair
         regions = regions_of_doubt(pair, measured.descriptor_distance)
         errors = expected_errors(pair, measured.points, doubt_in(regions, self.source.body.n_vertices))
         far = (measured.evidence(pair, far=True),)
-        solution = measured.solution(pair, errors, far, [FAR], regions=regions)
+        solution = measured.solution(pair, errors, far, [measured.note], regions=regions)
         return replace(solution, descriptors_count=False)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, alignment_residual, signed_procrustes, spectral_embedding
 from isomatch.matching.assessment.quality import mean_known
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
-from isomatch.matching.maps import Candidate, Fit, Hypothesis
-from isomatch.matching.model import RefiningModel
+from isomatch.matching.maps import Candidate, Fit
+from isomatch.matching.model import MatchingModel, RefiningModel
 from isomatch.matching.parameters import SCREENING
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import starts_from_pose
@@ -35,14 +36,17 @@ class Screening:
             self._with_priors_rows = starts_from_pose(pair)
         self._screened: dict[bytes, Candidate] = {}
 
-    def __call__(self, hypotheses: list[Hypothesis]) -> list[Candidate]:
+    def __call__(self, hypotheses: list[Candidate]) -> list[Candidate]:
         """Return the candidate that each hypothesis makes; the order is kept."""
-        keys = [hypothesis.target_row.tobytes() for hypothesis in hypotheses]
+        keys = [hypothesis.alignment.target_row.tobytes() for hypothesis in hypotheses]
         new = {key: h for key, h in zip(keys, hypotheses) if key not in self._screened}
         self._screened |= zip(new, parallel_map(self._candidate, new.values()))
-        return [replace(self._screened[key], hypothesis=h) for key, h in zip(keys, hypotheses)]
+        return [
+            replace(self._screened[key], alignment=h.alignment, origin=h.origin)
+            for key, h in zip(keys, hypotheses)
+        ]
 
-    def _candidate(self, hypothesis: Hypothesis) -> Candidate:
+    def _candidate(self, hypothesis: Candidate) -> Candidate:
         pair, settings = self._pair, self._pair.config.selection
         spectra = pair.search_spectra
         target_row = SearchRows(spectra.image(spectra.grown(hypothesis.target_row, SCREENING.sizes)))
@@ -50,7 +54,8 @@ class Screening:
         energy = energy_of(pair, pair.source_vertices, target_vertex, pair.config.search.rank)
         basis, n = spectra.source, settings.normal_functions
         orientation = orientation_of(pair.source, basis, pair.target, target_vertex, n)
-        return Candidate(hypothesis, target_row, energy, orientation, *self._errors(target_row))
+        measures = target_row, energy, orientation, *self._errors(target_row)
+        return Candidate(hypothesis.alignment, hypothesis.origin, *measures)
 
     def _errors(self, target_row: Int[SearchRows, "m_s"]) -> tuple[float, float]:
         """Mean error at the landmarks, and ``prior_error``."""
@@ -118,7 +123,7 @@ def first_map(
     candidates, led = Screening(pair)(hypotheses), bool(len(pair.priors.landmarks))
     order = ranked(candidates, orientation, pair.config.selection, led)
     image = extended(pair, order[0].target_row, BodyVertices(source_vertex))
-    return image, order[0].hypothesis.origin
+    return image, order[0].origin
 
 
 def is_sure(model: RefiningModel[Fit, Embedding], ranking: Ranking[Fit]) -> bool:
@@ -134,7 +139,7 @@ def is_sure(model: RefiningModel[Fit, Embedding], ranking: Ranking[Fit]) -> bool
     )
 
 
-def is_another(model: RefiningModel[Fit, Embedding], fit: Fit, other: Fit) -> bool:
+def is_another(model: MatchingModel[Any, Any], fit: Fit, other: Fit) -> bool:
     """Whether a map is another one, and no variant."""
     apart = model.target.mean_distance(fit.image, other.image)
     return apart > model.pair.config.selection.runner_up_distance

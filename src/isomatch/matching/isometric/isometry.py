@@ -38,7 +38,7 @@ from isomatch.matching.isometric.candidates import (
     residual_of,
 )
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
-from isomatch.matching.maps import Candidate, Fit, Hypothesis
+from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.parameters import EXCHANGE, SAME_MAP, SCREENING, TIES
 from isomatch.matching.problem import Problem
@@ -122,7 +122,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     True
     """
 
-    def __init__(self, problem: Problem, hypotheses: Sequence[Hypothesis] | None = None) -> None:
+    def __init__(self, problem: Problem, hypotheses: Sequence[Candidate] | None = None) -> None:
         super().__init__(problem)
         self._found = hypotheses
 
@@ -162,7 +162,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         """Coordinates of all vertices in which images are nearest points."""
         return self.everywhere(best)
 
-    def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
+    def hypotheses(self) -> tuple[list[Candidate], list[Candidate]]:
         """Hypotheses that may win, and those that are searched as runners-up only."""
         pair, config, starts = self.pair, self.pair.config, self.problem.starts
         from_priors = hypotheses_from_priors(pair)
@@ -177,7 +177,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return self.refinement.searches_further if asked is None else asked
 
     def candidates(
-        self, may_win: Sequence[Hypothesis], only_runners_up: Sequence[Hypothesis] = ()
+        self, may_win: Sequence[Candidate], only_runners_up: Sequence[Candidate] = ()
     ) -> tuple[list[Candidate], list[Candidate]]:
         """Screen hypotheses, and the symmetric variants of the best: what may win, and runners-up, best first."""
         if not may_win:
@@ -201,7 +201,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
                 prior_error=c.prior_error,
                 landmark_error=c.landmark_error,
                 candidate=c,
-                origin=c.hypothesis.origin,
+                origin=c.origin,
             )
             for c in candidates
         ]
@@ -435,11 +435,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         winner = ranking.best
         return Measured(points, quality, distance, reason, origin_of(pair, winner), doubt=doubt, fit=winner)
 
-    def sum_up(
-        self, match: IsometricMatch, measured: Measured, timer: StageTimer, note: str | None = None
-    ) -> Solution:
-        """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
-        pair, map_, far = self.pair, measured, note is not None
+    def sum_up(self, match: IsometricMatch, measured: Measured, timer: StageTimer) -> Solution:
+        """Polish, carry and sum up a map; one between shapes far from isometric comes with a note."""
+        pair, map_, far = self.pair, measured, bool(measured.note)
         ranking, runners_up = match.ranking, None
         if ranking.against and ranking.runner_up < pair.config.outcome.tie and not far:
             runners_up = ranking.best.image, ranking.against.image
@@ -461,7 +459,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         if level is not pair:
             sizes = level.source.body.n_vertices, level.target.body.n_vertices
             notes.append("polished on {} and {} vertices".format(*sizes))
-        notes += [note] if note else []
+        notes += [map_.note] if far else []
         if any(shape.origin is not None and (shape.origin < 0).any() for shape in (self.source, self.target)):
             notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
         solution = map_.solution(pair, errors, tuple(evidence), notes, level, points, regions)
@@ -482,7 +480,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         rows = SearchRows(self.target.distances.between(pair.target_vertices, image).argmin(axis=0))
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
-        itself = Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin)
+        itself = Candidate(Alignment(rows, np.eye(1), 0.0), map_.origin)
         own, *others = Screening(pair)([itself, *variants])
         limit = config.selection.energy_limit * max(own.energy, TIES.energy_noise)
         turned = [
@@ -533,7 +531,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
         maps = (partial(_extended_map, pair, candidate.target_row) for candidate in kept[1:])
         return tuple(
-            Alternative(extend, candidate.energy, candidate.orientation, candidate.hypothesis.origin)
+            Alternative(extend, candidate.energy, candidate.orientation, candidate.origin)
             for extend, candidate in zip(maps, kept[1:])
         )
 

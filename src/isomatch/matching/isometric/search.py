@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from isomatch.correspondence import iterative_closest_points
-from isomatch.matching.maps import Hypothesis
+from isomatch.matching.maps import Candidate
 from isomatch.matching.parameters import SCREENING
 from isomatch.matching.problem import Problem, Start, name_of
 from isomatch.matching.proposals.anchors import starts_from_anchors
@@ -14,13 +14,13 @@ from isomatch.matching.proposals.priors import start_from_pairs, starts_from_pri
 from isomatch.matching.proposals.starts import default_starts, first_maps_of
 
 
-def hypotheses_from_priors(pair: Problem) -> list[Hypothesis]:
+def hypotheses_from_priors(pair: Problem) -> list[Candidate]:
     """Hypotheses from what the user knows, each after iterative closest points."""
     # landmarks at extremities leave the front and the back of a thin body undecided: with hypotheses = "given" the flips
     # of the map from them come with it; otherwise automatic hypotheses compete
     settings = pair.config.search
     from_priors = [
-        Hypothesis(
+        Candidate(
             iterative_closest_points(*pair.search_points, start[None], SCREENING.prior_steps)[0], origin
         )
         for start, origin in starts_from_priors(pair)
@@ -33,8 +33,8 @@ def hypotheses_from_priors(pair: Problem) -> list[Hypothesis]:
 
 
 def search(
-    pair: Problem, from_priors: list[Hypothesis], starts: Sequence[Start] | None = None
-) -> list[Hypothesis]:
+    pair: Problem, from_priors: list[Candidate], starts: Sequence[Start] | None = None
+) -> list[Candidate]:
     """Collect distinct hypotheses from priors and starts, and flips of the best; best residual first."""
     settings, starts = pair.config.search, default_starts if starts is None else starts
     pool = Pool(pair, SCREENING.most_without_limbs if pair.limbless else settings.n_hypotheses)

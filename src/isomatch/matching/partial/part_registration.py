@@ -287,11 +287,6 @@ class PartFit(Fit):
         return self.bending.laid(self.pair, self.refinement, self.image, self.lengths)
 
     @property
-    def is_measured(self) -> bool:
-        """Whether the relation has measured the map."""
-        return bool(np.isfinite(self.spectral_residual) and np.isfinite(self.stress))
-
-    @property
     def share(self) -> float:
         """Area of the part over that of the whole, by the map."""
         return self.refinement.local_unit(self.image) ** 2

@@ -22,7 +22,7 @@ from isomatch._core.cached import cached_method
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, Intervals, assign_points, grow_regions, pin_first, trilaterate
 from isomatch.descriptors import BallSignature, deviation_of
-from isomatch.matching.maps import Hypothesis
+from isomatch.matching.maps import Candidate
 from isomatch.matching.parameters import PART_SEARCH, SAME_MAP
 from isomatch.matching.partial.part_pair import PartPair, WholeSignatures, areas_of_samples
 from isomatch.matching.problem import Problem
@@ -225,7 +225,7 @@ def self_maps(whole: PreparedShape, config: Config) -> list[Int[SearchRows, "m_t
     """Symmetries of the whole and flips of its identity: where its search vertices go."""
     pair = Problem(whole, whole, config)
     rows = np.arange(len(pair.source_vertices))
-    identity = Hypothesis(Alignment(rows, np.eye(1), 0.0), "identity")
+    identity = Candidate(Alignment(rows, np.eye(1), 0.0), "identity")
     image_rows = [SearchRows(symmetry.image_row) for symmetry in whole.symmetries]
     image_rows += [flip.target_row for flip in flips(pair, identity, [identity])]
     return distinct(image_rows, lambda image_row: image_row, pair.distances_between_maps, SAME_SYMMETRY)

@@ -11,16 +11,16 @@ import numpy as np
 from isomatch._core.arrays import FloatArray, Int, IntArray, SearchRows
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
-from isomatch.matching.maps import Candidate, Hypothesis
+from isomatch.matching.maps import Candidate
 from isomatch.matching.problem import Problem
 from isomatch.matching.selection import distinct
 
 T = TypeVar("T")
-M = TypeVar("M", Alignment, Hypothesis, Candidate)
+M = TypeVar("M", Alignment, Candidate)
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
-def flips(pair: Problem, hypothesis: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
+def flips(pair: Problem, hypothesis: Candidate, others: list[Candidate]) -> list[Candidate]:
     """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those there are."""
     pool = Pool(pair, pair.config.search.n_hypotheses)
     pool.merge([hypothesis])
@@ -46,18 +46,18 @@ class Pool:
         self.pair = pair
         self._most = most
         self._settings = pair.config.search
-        self.hypotheses: list[Hypothesis] = []
+        self.hypotheses: list[Candidate] = []
 
-    def merge(self, new: list[Hypothesis]) -> None:
+    def merge(self, new: list[Candidate]) -> None:
         """Take in hypotheses; of maps that nearly coincide the one of smallest residual is kept."""
         order = sorted([*self.hypotheses, *new], key=attrgetter("alignment.residual"))
         self.hypotheses = distinct_maps(self.pair, order, self._most)
 
     def add(self, starts: list[Int[SearchRows, "m_s"]], steps: int, origin: str) -> None:
         """Run iterative closest points from first maps and merge what comes of them."""
-        self.merge([Hypothesis(alignment, origin) for alignment in self.converged(starts, steps)])
+        self.merge([Candidate(alignment, origin) for alignment in self.converged(starts, steps)])
 
-    def flip(self, parents: list[Hypothesis], origin: str) -> None:
+    def flip(self, parents: list[Candidate], origin: str) -> None:
         """Add what comes of turning the sign of one of the first Laplace–Beltrami functions in each of some maps."""
         # Φ_j is defined but for its sign, and a symmetric shape has even and odd functions: D F with D = diag(1, …, −1 at
         # j, …, 1) is near the functional map of the mirror image, or of the map that exchanges front and back
