@@ -393,20 +393,18 @@ class ExchangeParameters:
     most_from_target: int = 2  # maps
     # images of a vertex farther apart are at different places; chosen: two thirds of a limb
     other_place: float = 0.1  # √area
-    least_area: float = (
-        0.01  # share of the area: a smaller region is not exchanged; chosen: ten of 1000 samples
-    )
-    most_area: float = 0.4  # share of the area: a larger region is another map, verified as a whole; chosen
-    most_regions: int = 6  # regions of one other map, the largest first; chosen
-    # a region is tried up to this; right limbs 1.09, hopeless ones 2.7
+    least_area: float = 0.01  # share of the area: a smaller region stays; chosen: ten of 1000 samples
+    # a larger region is another map, which is verified as a whole; chosen
+    most_area: float = 0.4  # share of the area
+    most_regions: int = 6  # regions of one other map: the largest; chosen
+    # a region is tried up to this; measured: right limbs 1.09, hopeless ones 2.7
     alike: float = 1.25  # mean descriptor distance over the present one
     gain: float = 0.97  # cost over the present one: an exchange is kept up to this; chosen
-    most_exchanges: int = 4  # regions, or groups of them, one after the other; chosen
-    n_coarse: int = 400  # vertices that are bent to decide what is bent with all; chosen
-    n_compared: int = 60  # vertices of a region whose images are compared with those of another; chosen
-    lies_on: float = (
-        0.3  # share of the images of one region where those of another are: both go together; chosen
-    )
+    most_exchanges: int = 4  # regions, or groups of them: one after the other; chosen
+    n_coarse: int = 400  # vertices: those bent to decide what is bent with all; chosen
+    n_compared: int = 60  # vertices: those of a region whose images are compared; chosen
+    # regions go together if so many images of one lie where those of the other do; chosen
+    lies_on: float = 0.3  # share of the images
 
 
 @dataclass(frozen=True)
