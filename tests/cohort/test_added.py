@@ -22,9 +22,8 @@ from isomatch._core.errors import InputError, SettingError
 from isomatch.cli import main
 from isomatch.cohort import Collection, finish
 from isomatch.cohort.add import added
-from isomatch.cohort.ledger import writing_ledger
+from isomatch.cohort.ledger import PairRow, writing_ledger
 from isomatch.cohort.map_file import KEPT
-from isomatch.cohort.rows import PairRow
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.decimation import decimate
 from isomatch_lab.procedural import creature

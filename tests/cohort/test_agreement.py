@@ -16,9 +16,8 @@ from isomatch.cli.collect import collect
 from isomatch.cohort import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.cohort import combine as combine_module
 from isomatch.cohort.combine import CONTRADICTED, CycleJob
-from isomatch.cohort.ledger import writing_ledger
+from isomatch.cohort.ledger import MapSummary, PairAgreement, PairRow, ShapeRow, writing_ledger
 from isomatch.cohort.map_file import digest_of
-from isomatch.cohort.rows import MapSummary, PairAgreement, PairRow, ShapeRow
 from isomatch.datasets import ground_truth
 from isomatch.matching import match_both
 from isomatch.shapes import PreparedShape

@@ -19,9 +19,8 @@ from isomatch._core.files import claimed
 from isomatch.cohort import PairMaps
 from isomatch.cohort import ledger as ledger_module
 from isomatch.cohort.jobs import loaded_shape
-from isomatch.cohort.ledger import read_ledgers, writing_ledger
+from isomatch.cohort.ledger import MapRecord, PairRow, Rows, ShapeRow, read_ledgers, writing_ledger
 from isomatch.cohort.plan import OLD, Layout, key_of, medoid
-from isomatch.cohort.rows import MapRecord, PairRow, Rows, ShapeRow
 from isomatch.settings import Config
 
 RESULT = {"outcome": "CONVERGED", "quality": {"spectral_residual": 0.1, "orientation": 1.0, "mirrored": None}}
@@ -140,7 +139,7 @@ KILLED = """
 import os, sys
 from pathlib import Path
 from isomatch.cohort.ledger import writing_ledger
-from isomatch.cohort.rows import PairRow
+from isomatch.cohort.ledger import PairRow
 with writing_ledger(Path(sys.argv[1]), one_host=sys.argv[2] == "True") as ledger:
     for i in range(50):
         ledger.put_pair((str(i), "x"), PairRow(state="todo", time=1.0))

@@ -16,9 +16,8 @@ from isomatch._core.errors import MeshError
 from isomatch.cli import main
 from isomatch.cohort import Collection, export, finish, write_reports
 from isomatch.cohort import jobs as jobs_module
-from isomatch.cohort.ledger import Ledger
+from isomatch.cohort.ledger import Ledger, MapSummary, PairRow, Rows, ShapeRow
 from isomatch.cohort.outliers import mirror_images, two_groups
-from isomatch.cohort.rows import MapSummary, PairRow, Rows, ShapeRow
 from isomatch.matching import match_both
 from isomatch.surfaces import Graph, PointCloud, reflected
 from isomatch_lab.procedural import creature

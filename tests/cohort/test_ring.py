@@ -14,8 +14,7 @@ from isomatch import Correspondence, Mesh, Outcome, read_mesh, write_mesh
 from isomatch._core.texts import read_csv
 from isomatch.cli import main
 from isomatch.cohort import Collection, PairMaps, finish
-from isomatch.cohort.ledger import writing_ledger
-from isomatch.cohort.rows import ShapeRow
+from isomatch.cohort.ledger import ShapeRow, writing_ledger
 from isomatch.correspondence import nearest_points
 from small_collections import lopsided_blob, run
 

@@ -15,9 +15,8 @@ from isomatch._core.errors import InputError
 from isomatch.cli import main
 from isomatch.cohort import Collection, plan
 from isomatch.cohort import jobs as jobs_module
-from isomatch.cohort.ledger import writing_ledger
+from isomatch.cohort.ledger import PairRow, Rows, ShapeRow, writing_ledger
 from isomatch.cohort.report import write_table
-from isomatch.cohort.rows import PairRow, Rows, ShapeRow
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
 from small_collections import N, arrays_of, run

@@ -12,18 +12,15 @@ from isomatch._core.errors import InputError, IsomatchError, MeshError, SettingE
 from isomatch._core.files import claimed
 from isomatch._core.stage_timer import Progress
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.entries import Entry, entries_of
 from isomatch.cohort.finish import surfaces_written
-from isomatch.cohort.listener import Listener, Warn
+from isomatch.cohort.ledger import PairRow, Rows, ShapeRow
 from isomatch.cohort.outliers import OTHERS, checked_units, common_unit, scales_of, told_unit
-from isomatch.cohort.plan import Layout
-from isomatch.cohort.rows import PairRow, Rows, ShapeRow
-from isomatch.cohort.run import Reports, follow, write_results
+from isomatch.cohort.plan import Entry, Layout, entries_of
+from isomatch.cohort.run import Reports, follow, status_of, write_results
 from isomatch.cohort.scoring import LAST, new_shapes, write_scored
 from isomatch.cohort.shape_statistics import ScoredShape, ShapeModel, size_factors
 from isomatch.cohort.statistics_folder import Results, StatisticsFolder
-from isomatch.cohort.status import status_of
-from isomatch.cohort.workers import Workers, workers_of
+from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
 from isomatch.io import mesh_from, read_mesh
 from isomatch.landmarks import Landmarks
 

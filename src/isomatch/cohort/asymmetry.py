@@ -16,12 +16,11 @@ from isomatch._core.texts import read_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surface_as_written
-from isomatch.cohort.listener import Listener, Warn
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import Asymmetry, CorrespondedShapes, draw_values
-from isomatch.cohort.specimens import read_specimens
-from isomatch.cohort.statistics import Scale
+from isomatch.cohort.statistics import Scale, read_specimens
 from isomatch.cohort.statistics_folder import SCALES, VERSION, Results, StatisticsFolder, listed, tabulated
+from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.landmarks import read_landmarks
 from isomatch.matching import Outcome

@@ -14,21 +14,20 @@ from typing import Literal
 from isomatch._core.errors import FormatError, InputError, SettingError
 from isomatch._core.files import write_text
 from isomatch._core.settings import generator
-from isomatch.cohort.entries import (
+from isomatch.cohort.jobs import Event, Run
+from isomatch.cohort.ledger import Pair, PairRow, writing_ledger
+from isomatch.cohort.map_file import PairMaps, maps_of_pair
+from isomatch.cohort.outliers import OTHERS, checked_units
+from isomatch.cohort.plan import (
     PATTERNS,
     Entry,
-    Pair,
+    Layout,
+    Plan,
     entries_of,
     pairs_of,
     require_files_of_their_own,
     unusable_names,
 )
-from isomatch.cohort.jobs import Event, Run
-from isomatch.cohort.ledger import writing_ledger
-from isomatch.cohort.map_file import PairMaps, maps_of_pair
-from isomatch.cohort.outliers import OTHERS, checked_units
-from isomatch.cohort.plan import Layout, Plan
-from isomatch.cohort.rows import PairRow
 from isomatch.cohort.workers import Workers
 from isomatch.settings import Config
 

@@ -18,11 +18,21 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.files import claimed
 from isomatch._core.memory import peak_memory, require_memory
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.entries import Pair, tiles_of
 from isomatch.cohort.jobs import Event, loaded_shape
-from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import (
+    CONTRADICTED,
+    Ledger,
+    MapRecord,
+    MapSummary,
+    Pair,
+    PairAgreement,
+    PairRow,
+    Rows,
+    read_ledgers,
+    writing_ledger,
+)
 from isomatch.cohort.map_file import PairMaps, digest_of
-from isomatch.cohort.rows import CONTRADICTED, MapRecord, MapSummary, PairAgreement, PairRow, Rows
+from isomatch.cohort.plan import tiles_of
 from isomatch.cohort.workers import Attempt, Task, Workers, attempted, late_after, workers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching import Evidence, Outcome, lowered, match_both, outcome_of

@@ -19,8 +19,16 @@ from matplotlib.image import imsave
 from isomatch._core.errors import FormatError, InputError, IsomatchError, UnwritableFileError
 from isomatch._core.files import claimed, is_of_one_file, made_folder, replaced, staged, writing
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.entries import BETWEEN, Entry, Pair
-from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import (
+    CONTRADICTED,
+    Ledger,
+    Pair,
+    Rows,
+    ShapeRow,
+    SurfaceRow,
+    read_ledgers,
+    writing_ledger,
+)
 from isomatch.cohort.map_file import (
     as_matched,
     changed_files,
@@ -30,9 +38,8 @@ from isomatch.cohort.map_file import (
     require_unchanged,
 )
 from isomatch.cohort.outliers import NOT_UNLIKE, mirror_images, scales_of
-from isomatch.cohort.plan import Layout, identity_of_map
+from isomatch.cohort.plan import BETWEEN, Entry, Layout, identity_of_map
 from isomatch.cohort.report import write_page, write_table
-from isomatch.cohort.rows import CONTRADICTED, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.shape_statistics import MEASURED, doubtful_positions
 from isomatch.cohort.workers import Task, Workers, late_after, workers_of
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap

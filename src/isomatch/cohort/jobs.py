@@ -23,11 +23,23 @@ from isomatch._core.errors import FormatError, MissingFileError
 from isomatch._core.files import writing
 from isomatch._core.memory import peak_memory
 from isomatch._core.settings import generator
-from isomatch.cohort.entries import SIDE, Entry, Pair, pairs_of, tiles_of
-from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import (
+    Ledger,
+    MapRecord,
+    MapSummary,
+    Pair,
+    PairRow,
+    Rows,
+    ShapeRow,
+    State,
+    read_ledgers,
+    writing_ledger,
+)
 from isomatch.cohort.map_file import PairMaps, as_matched, changed_files, digest_of, maps_of_pair
 from isomatch.cohort.outliers import OF_SHAPES, Outlier, holes_of, likeness_of, mirror_images, outliers
 from isomatch.cohort.plan import (
+    SIDE,
+    Entry,
     Layout,
     Plan,
     features_of,
@@ -35,9 +47,10 @@ from isomatch.cohort.plan import (
     identity_of_map,
     key_of,
     made_with,
+    pairs_of,
+    tiles_of,
     why_again,
 )
-from isomatch.cohort.rows import MapRecord, MapSummary, PairRow, Rows, ShapeRow, State
 from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.correspondence import carried_along
 from isomatch.io import mesh_from, surface_from

@@ -20,10 +20,18 @@ from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, MapError
 from isomatch._core.files import opened
 from isomatch._core.threads import n_threads
-from isomatch.cohort.entries import Pair
-from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import (
+    FileRow,
+    Ledger,
+    MapRecord,
+    Pair,
+    PairRow,
+    Rows,
+    ShapeRow,
+    read_ledgers,
+    writing_ledger,
+)
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.rows import FileRow, MapRecord, PairRow, Rows, ShapeRow
 from isomatch.correspondence import Correspondence
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh, reflected

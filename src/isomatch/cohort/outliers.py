@@ -10,9 +10,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from isomatch._core.errors import InputError
-from isomatch.cohort.entries import Pair
+from isomatch.cohort.ledger import N_RANKS, Pair, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.plan import Plan
-from isomatch.cohort.rows import N_RANKS, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.shape_statistics import METRES, likely_units, size_factors, told_factor
 from isomatch.matching import Outcome
 from isomatch.repair import check, without_seams

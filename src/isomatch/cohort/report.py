@@ -19,11 +19,10 @@ from isomatch._core.errors import SettingError
 from isomatch._core.files import replaced, write_text, writing
 from isomatch._core.texts import write_csv
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.entries import Pair
+from isomatch.cohort.ledger import Pair, PairAgreement, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.map_file import as_matched
 from isomatch.cohort.outliers import Outlier, outliers
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.rows import PairAgreement, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.workers import Attempt, Task, Workers, attempted, late_after, workers_of
 from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality

@@ -1,7 +1,8 @@
-"""Workers: any executor of `concurrent.futures`; local processes and Dask's by name. One that dies is replaced."""
+"""Who does the steps of a study, any executor of `concurrent.futures` or one by name, and who is told of them."""
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import platform
@@ -13,12 +14,13 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import takewhile
-from typing import Any, Generic, Literal, NamedTuple, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 from isomatch._core.errors import InputError, UnwritableFileError
 from isomatch._core.files import is_of_one_file, legible
 from isomatch._core.first_use import package
 from isomatch._core.processes import begin_worker, worker_processes
+from isomatch._core.stage_timer import Progress, two_arguments
 from isomatch._core.threads import n_threads
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
@@ -26,6 +28,9 @@ ASKED = 2.0  # seconds until the number of workers of a cluster is asked for aga
 S = TypeVar("S")
 T = TypeVar("T")
 LOST = "the workers gave their tasks up, as when the scheduler of a cluster ends; run again to continue"
+Warn: TypeAlias = Callable[[str], Any]
+"""Called with a sentence about shapes or maps that a user should look at; by default they are logged."""
+logger = logging.getLogger("isomatch.cohort")
 
 
 @dataclass(frozen=True)
@@ -222,3 +227,20 @@ def _dask_executor(client: Any) -> Iterator[Executor]:
         yield executor
     finally:
         executor.shutdown(wait=False)
+
+
+@dataclass(frozen=True)
+class Listener:
+    """The two functions that a long step calls."""
+
+    tell: Callable[[str, float], Any]  # with a step, and the share that is done
+    warn: Warn
+
+    @classmethod
+    def of(cls, progress: Progress | None, warn: Warn | None) -> Listener:
+        """Take what a user gave; steps that nobody wants to know are not told."""
+        return cls(two_arguments(progress) if progress else lambda step, share: None, warn or logger.warning)
+
+    def part(self, first: float, last: float) -> Listener:
+        """Make the steps of a part of the work go from one share of it to another."""
+        return replace(self, tell=lambda step, share: self.tell(step, first + (last - first) * share))

@@ -19,7 +19,16 @@ from isomatch.cohort.shape_statistics.charts import (
     draw_tree,
     draw_values,
 )
-from isomatch.cohort.shape_statistics.completion import Completion, complete
+from isomatch.cohort.shape_statistics.completion import (
+    Completion,
+    Observations,
+    complete,
+    model_noise,
+    observed_landmarks,
+    observed_part,
+    observed_vertices,
+    read_observations,
+)
 from isomatch.cohort.shape_statistics.doubts import (
     METRES,
     Doubt,
@@ -30,20 +39,17 @@ from isomatch.cohort.shape_statistics.doubts import (
     told_factor,
 )
 from isomatch.cohort.shape_statistics.exports import write_shapeworks, write_statismo
-from isomatch.cohort.shape_statistics.group_test import GroupTest, group_test
+from isomatch.cohort.shape_statistics.group_test import (
+    GroupTest,
+    ShapeRegression,
+    group_test,
+    shape_regression,
+)
 from isomatch.cohort.shape_statistics.motion import (
     face_motion,
     motion_by_region,
     surface_strain,
     wall_thickness,
-)
-from isomatch.cohort.shape_statistics.observations import (
-    Observations,
-    model_noise,
-    observed_landmarks,
-    observed_part,
-    observed_vertices,
-    read_observations,
 )
 from isomatch.cohort.shape_statistics.procrustes import (
     ProcrustesAlignment,
@@ -51,7 +57,6 @@ from isomatch.cohort.shape_statistics.procrustes import (
     generalised_procrustes,
     procrustes_distances,
 )
-from isomatch.cohort.shape_statistics.regression import ShapeRegression, shape_regression
 from isomatch.cohort.shape_statistics.shape_distances import (
     classical_scaling,
     geodesic_distortions,

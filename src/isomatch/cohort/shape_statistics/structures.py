@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import InputError
 from isomatch._core.texts import natural_order
-from isomatch.cohort.shape_statistics.completion import complete
-from isomatch.cohort.shape_statistics.observations import observed_vertices
+from isomatch.cohort.shape_statistics.completion import complete, observed_vertices
 from isomatch.cohort.shape_statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.cohort.shape_statistics.shape_model import ShapeModel, Weighting
 from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes, filled, slices_of, structure_of
