@@ -43,7 +43,7 @@ def add(
     """Match new subjects with the template of a finished collection, and score them in its shape model.
 
     All files that are there stay as they are: new ones are in the folder ``added``, and nothing is fitted again. What was
-    done before is not done again, and more can be added.
+    done before is not done again, and more can be added. ``record["shapes"]`` has a line for each subject that is scored.
 
     Parameters
     ----------
@@ -60,11 +60,6 @@ def add(
         subject whose unit is given is not questioned.
     reports, executor, jobs, progress, warn
         See `run`.
-
-    Returns
-    -------
-    Results
-        A line for each subject that is scored in ``record["shapes"]``.
 
     Raises
     ------

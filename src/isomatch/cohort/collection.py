@@ -220,8 +220,6 @@ class Collection(Plan):
 
         Raises
         ------
-        InputError
-            If the executor is not known, the cluster does not answer, or there is no such shard.
         UnwritableFileError
             If another run does the same shard, or the folder cannot be written.
         """

@@ -77,16 +77,8 @@ def agree(
     compared each time; a replacement that was tried with as many shapes is not tried again.
 
     Pairs that are in no triangle of matched pairs stay as they are: all pairs make triangles, a star none. Of n shapes in
-    triangles, 3 n² maps are read up to four times, with O(n³) time and 48 n³ bytes of memory.
-
+    triangles, 3 n² maps are read up to four times, with O(n³) time and 48 n³ bytes of memory, or a `MemoryBudgetError`.
     Other arguments are those of `Collection.run`.
-
-    Raises
-    ------
-    UnwritableFileError
-        If a run of the collection or of a shard goes on, or the folder cannot be written.
-    MemoryBudgetError
-        If there are too many shapes to compare.
     """
     late = late_after(time_limit)
     own = collection.layout.ledger()

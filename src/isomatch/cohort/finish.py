@@ -64,27 +64,15 @@ def finish(
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
     A shape is written if it is matched with the template, in either direction, and only if its maps are others than
-    before. Often it is also matched with shapes that are matched with the template, as in a collection of all pairs. Then
-    the images of the template's vertices by all these ways are combined: their median on the surface, see `median_map`.
+    before, or its file was changed. Often it is also matched with shapes that are matched with the template. Then the
+    images of the template's vertices by all these ways are combined: their median on the surface, see `median_map`.
     Doubtful maps are no such ways. Vertices for which it has nothing are placed by those around them; see
-    `isomatch.wrap`. A shape that is not matched with the template, as in a chain, gets the composition of the maps on the
-    shortest path of sure ones; in a ring that is closed by sure maps, both ways round are joined, unless they are far
-    apart. ``shapes.csv`` names those that none leads to, has the expected error of the shortest way, in √area, and that
-    of the template once around a ring. Files of shapes that were taken out, or are not matched any more, are removed. A
-    file that was changed after it was written is written again.
+    `isomatch.wrap`. A shape that is not matched with the template, as in a chain, gets the composition of the maps on
+    the shortest path of sure ones; in a ring that is closed by sure maps, both ways round are joined, unless they are
+    far apart. Files of shapes that were taken out, or are not matched any more, are removed.
 
-    Other arguments are those of `Collection.run`.
-
-    Raises
-    ------
-    UnwritableFileError
-        If another process does the same, or the folder cannot be written.
-
-    Yields
-    ------
-    SurfaceRow
-        For each surface that is written: its name, the key of the map, and the measures of `WrapQuality`; or the error
-        that prevented it. ``again``: what was wrong with the file that was there.
+    Yields the line in ``shapes.csv`` of each surface that is written; ``again`` is what was wrong with the file that was
+    there. Other arguments are those of `Collection.run`.
     """
     late = late_after(time_limit)
     layout, rows = collection.layout, collection.rows()
@@ -380,7 +368,6 @@ def export(
     Parameters
     ----------
     collection : Collection
-        The collection.
     folder : path_like
         Folder for ``meshes/NAME``, in the units of the collection, with ``measured`` as far as the format has a place for
         it, for ``maps/SOURCE__TARGET``, a file for each direction, and for ``pairs.csv``, which is written last.
@@ -391,16 +378,6 @@ def export(
         is written.
     rounded : bool
         Whether files may move vertices by more than a thousandth of the mean edge; see `write_asset`.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to export, or the folder is that of the collection.
-    FormatError
-        If the format of the meshes is unknown, or does not keep the order of vertices; or if files of the collection
-        were changed after they were written.
-    UnwritableFileError
-        If a file cannot be written, or there are files of an earlier export.
     """
     if meshes and meshes.lower() == ".stl":
         raise FormatError(

@@ -146,20 +146,8 @@ def write_landmark_tables(
         Folder for a file of each shape, landmarks.csv, landmarks.tps, tables of errors, and landmarks.png.
     semilandmarks, format, force
         As the options of ``isomatch collect landmarks``.
-    progress : callable, optional
-        Called with each step, and the share that is done.
-
-    Returns
-    -------
-    LandmarkTables
-        What was written.
-
-    Raises
-    ------
-    InputError
-        If there are no landmarks of a shape of the collection.
-    FormatError, LandmarkError
-        If a file cannot be read or written, or its landmarks are not on the shape.
+    progress
+        As for `run`.
     """
     suffix = f".{format.removeprefix('.')}"
     writer_of(Path(f"landmarks{suffix}"))
@@ -335,7 +323,6 @@ def collected_landmarks(
     Parameters
     ----------
     collection : Collection
-        The collection.
     files : mapping of str to path_like
         File of the landmarks of each template, by its name.
     curve_points : int, optional
@@ -351,13 +338,6 @@ def collected_landmarks(
         Each shape of the collection, and its landmarks: of a template its own, with the points of curves equally spaced;
         of another the medians over templates, with their ``spread`` and ``expected_error``. Of maps one after the
         other, this is the root of the sum of squares.
-
-    Raises
-    ------
-    InputError
-        If a name is no shape of the collection, or there is no template.
-    FormatError, LandmarkError
-        If a file cannot be read, its landmarks are not on the shape, or maps were changed after they were written.
     """
     templates = _Templates(collection, files, curve_points)
     templates.add_patches(patches or {}, surface_points)

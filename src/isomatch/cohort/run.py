@@ -41,7 +41,6 @@ class Cohort:
     Parameters
     ----------
     folder : Path
-        The folder.
     collections : mapping of str to Collection
         That of each structure; of shapes of one surface each, that of the name "", and what was added to it.
     gaps : sequence of Gap
@@ -121,8 +120,8 @@ def run(
     """Match the shapes of a folder with a template, or with one another, and write all that follows from the maps.
 
     What was done before is not done again, also where the last run was killed. These are the steps of
-    `Collection.create`, `Collection.run`, `agree`, `write_reports` and `finish`, and then landmarks, or of subjects of
-    several surfaces their structures together.
+    `Collection.create`, `Collection.run`, `agree`, `write_reports` and `finish`, with their errors, and then landmarks,
+    or of subjects of several surfaces their structures together.
 
     Parameters
     ----------
@@ -146,18 +145,6 @@ def run(
     progress, warn : callable, optional
         Called with each step and the share that is done; and with what is wrong with shapes and maps, and what is done
         again, which by default is logged.
-
-    Returns
-    -------
-    Cohort
-        The collections, and what was found of contacts and landmarks.
-
-    Raises
-    ------
-    InputError
-        If shapes, pairs, names, units or landmarks are not usable.
-    SettingError
-        If the folder holds a collection with other settings.
     """
     if semilandmarks and landmarks is None:
         raise InputError("semilandmarks come with landmarks of a shape; give these (--landmarks)")
@@ -222,22 +209,7 @@ def reconcile(
 ) -> Cohort:
     """Replace maps of a collection that most others contradict, see `agree`, and write all that follows from the maps.
 
-    Parameters
-    ----------
-    folder : path_like
-        The folder of a collection whose pairs make triangles.
-    reports, executor, jobs, time_limit, progress, warn
-        See `run`.
-
-    Returns
-    -------
-    Cohort
-        The collection.
-
-    Raises
-    ------
-    InputError
-        If no three shapes are all matched with one another.
+    Arguments are those of `run`. `InputError` if no three shapes of the collection are all matched with one another.
     """
     collection, to, left = Collection.open(folder), Listener.of(progress, warn), _seconds_left(time_limit)
     with workers_of(executor, jobs) as workers:

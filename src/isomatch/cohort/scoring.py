@@ -33,6 +33,8 @@ def project(
 ) -> Results:
     """Score new shapes in an old model: how far each is from the mean, how well the modes describe it, and where not.
 
+    ``record["shapes"]`` has a line for each shape.
+
     Parameters
     ----------
     model : path_like
@@ -41,20 +43,8 @@ def project(
         Meshes in its topology, or one folder or list of them.
     output : path_like
         Folder for ``scored.csv``, ``scored.json``, and ``scored/NAME.ply``.
-    force : bool
-        Whether to replace an earlier result.
-    progress : callable, optional
-        Called with each step, and the share that is done.
-
-    Returns
-    -------
-    Results
-        A line for each shape in ``record["shapes"]``.
-
-    Raises
-    ------
-    FormatError, MeshError
-        If a file cannot be read, or has another topology.
+    force, progress
+        As for `statistics`.
     """
     into, listener = StatisticsFolder(Path(output), last=LAST), Listener.of(progress, None)
     with into.claimed(force) as new:
@@ -131,6 +121,8 @@ def complete_file(
 ) -> dict[str, Any]:
     """Write the likeliest shape of a model, given a part or landmarks, with how uncertain each vertex is.
 
+    Returns the values of NAME.json, which is beside the shape: scores, errors, pose, and notes.
+
     Parameters
     ----------
     model : path_like
@@ -138,21 +130,11 @@ def complete_file(
     shape : path_like
         What is known, see `read_observations`.
     output : path_like
-        Surface file for the completed shape; of subjects, a folder for a file of each structure. NAME.json is beside it.
+        Surface file for the completed shape; of subjects, a folder for a file of each structure.
     landmarks, noise, pose, config, seed, force
         As the options of ``isomatch statistics complete``.
-    progress : callable, optional
-        Called with each step, and the share that is done.
-
-    Returns
-    -------
-    dict of str to Any
-        The values of NAME.json: scores, errors, pose, and notes.
-
-    Raises
-    ------
-    FormatError, MeshError, LandmarkError
-        If a file cannot be read, or has nothing that the model knows.
+    progress
+        As for `statistics`.
     """
     shape, output, to = Path(shape), Path(output), Listener.of(progress, None)
     about = output.with_suffix(".json")

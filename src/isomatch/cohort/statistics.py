@@ -71,11 +71,6 @@ def statistics(
     progress, warn : callable, optional
         Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
 
-    Returns
-    -------
-    Results
-        The model, and the record of all numbers.
-
     Raises
     ------
     FormatError, MeshError, InputError
@@ -360,18 +355,8 @@ def series(
         Folder for time.csv, time.png, and strain/NAME.vtp, each shape with the measures of its faces.
     regions, reference, force
         As the options of ``isomatch statistics time``.
-    progress, warn : callable, optional
-        Called with each step and the share that is done; and with shapes that are left out, which by default are logged.
-
-    Returns
-    -------
-    Results
-        The names of the shapes, the reference, and notes.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two shapes in one topology, or the reference is none of them.
+    progress, warn
+        As for `statistics`.
     """
     folder, to = Path(folder), Listener.of(progress, warn)
     into = StatisticsFolder(Path(output), last="time.json")

@@ -284,7 +284,6 @@ class Results:
     Parameters
     ----------
     folder : Path
-        The folder.
     files : list of str
         Names of its files.
     record : mapping of str to Any
