@@ -79,7 +79,7 @@ def add(
         more = added(collection, new_shapes(files), model=prior, reflect=reflect, units=units)
         present = more.of(name for name in more.names if more.paths[name].exists())  # others stay as they are
         follow(present.run(workers), to)
-        write_results(more, reports, workers, lambda: None, to)
+        write_results(more, reports, workers, to)
         rows, written = more.rows(), surfaces_written(more)
         subjects = [name for name in more.names if name != more.template]
         scored = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ from isomatch.cohort.ledger import (
 )
 from isomatch.cohort.map_file import PairMaps, digest_of
 from isomatch.cohort.plan import tiles_of
-from isomatch.cohort.workers import Attempt, Task, Workers, attempted, late_after, workers_of
+from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching import Evidence, Outcome, lowered, match_both, outcome_of
 from isomatch.settings import Config
@@ -80,10 +80,9 @@ def agree(
     triangles, 3 n² maps are read up to four times, with O(n³) time and 48 n³ bytes of memory, or a `MemoryBudgetError`.
     Other arguments are those of `Collection.run`.
     """
-    late = late_after(time_limit)
     own = collection.layout.ledger()
     with ExitStack() as held:
-        workers = held.enter_context(workers_of(executor, jobs))
+        workers = held.enter_context(workers_of(executor, jobs, time_limit))
         others = [path for path in collection.layout.ledgers() if path != own]
         for path in others:
             held.enter_context(claimed(path))  # shards wait
@@ -96,22 +95,22 @@ def agree(
         require_memory(BYTES * len(names) ** 3, what, remedy)
         job = CycleJob(collection.of(names), {name: ledger.rows.shapes[name].key for name in names})
         for _ in range(MOST_ROUNDS):
-            inconsistencies = _measured(job, ledger, workers, late)
-            if late():
+            inconsistencies = _measured(job, ledger, workers)
+            if workers.is_late():
                 return
             _write(ledger, job, inconsistencies)
             repairs = _repairs(ledger.rows, job, inconsistencies)
             n_replaced = 0
             tasks = [Task((repair,), partial(attempted, job.repaired)) for repair in repairs]
-            for count, (repair, attempt) in enumerate(workers.completed(tasks, late), 1):
+            for count, (repair, attempt) in enumerate(workers.completed(tasks), 1):
                 row = _after(ledger.rows.pairs[repair.pair], attempt, len(job.prepared))
                 n_replaced += not isinstance(attempt, Exception) and isinstance(attempt.result, Replacement)
                 ledger.put_pair(repair.pair, row)
                 yield Event("agreement", repair.pair, row, count, len(repairs))
             if not n_replaced:
                 return
-        inconsistencies = _measured(job, ledger, workers, late)
-        if not late():
+        inconsistencies = _measured(job, ledger, workers)
+        if not workers.is_late():
             _write(ledger, job, inconsistencies)
 
 
@@ -143,7 +142,7 @@ def _in_triangles(rows: Rows) -> list[str]:
     return [name for name in rows.shapes if name in in_triangles]
 
 
-def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[], bool]) -> FloatArray:
+def _measured(job: CycleJob, ledger: Ledger, workers: Workers) -> FloatArray:
     """Inconsistency (n, n) of all pairs of the prepared shapes."""
     rows, names = ledger.rows, list(job.prepared)
     number = {name: i for i, name in enumerate(names)}
@@ -151,7 +150,7 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
     images = np.full((len(names), len(names), N_SAMPLES), UNMATCHED)
     tiles = tiles_of(done, names, TILE, max(1, len(done) // workers.count()))
     tasks = [Task(tuple(tile), partial(attempted, job.images)) for tile in tiles]
-    for pair, attempt in workers.completed(tasks, late):
+    for pair, attempt in workers.completed(tasks):
         if isinstance(attempt, Exception) or attempt.result is None:
             continue  # the next run matches it again
         both, (record, file) = attempt.result
@@ -169,7 +168,7 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
     side = max(1, -(-len(names) // workers.count()))  # the images travel with each task
     compared = partial(attempted, partial(job.readings, images))
     tasks = [Task(tuple(names[i : i + side]), compared) for i in range(0, len(names), side)]
-    for name, attempt in workers.completed(tasks, late):
+    for name, attempt in workers.completed(tasks):
         if not isinstance(attempt, Exception) and attempt.result is not None:
             readings[:, :, number[name]] = attempt.result
     prior = np.ones(readings.shape[:2])

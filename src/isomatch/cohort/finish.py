@@ -41,7 +41,7 @@ from isomatch.cohort.outliers import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.cohort.plan import BETWEEN, Entry, Layout, identity_of_map
 from isomatch.cohort.report import write_page, write_table
 from isomatch.cohort.shape_statistics import MEASURED, doubtful_positions
-from isomatch.cohort.workers import Task, Workers, late_after, workers_of
+from isomatch.cohort.workers import Task, Workers, workers_of
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
 from isomatch.io import Asset, Attribute, Frame, Polygons, mesh_from, read_asset, read_mesh, write_asset
 from isomatch.surfaces import Mesh, reflected
@@ -74,7 +74,6 @@ def finish(
     Yields the line in ``shapes.csv`` of each surface that is written; ``again`` is what was wrong with the file that was
     there. Other arguments are those of `Collection.run`.
     """
-    late = late_after(time_limit)
     layout, rows = collection.layout, collection.rows()
     template = collection.chosen_template(rows)
     lines = SurfaceRow.read(layout.shapes_table)
@@ -92,8 +91,8 @@ def finish(
             todo = [plan for plan in plans if not _is_written(plan, lines, whole)]
             tasks = [Task(tuple(todo[i : i + AT_ONCE]), wrapped) for i in range(0, len(todo), AT_ONCE)]
             saved = time.monotonic()
-            with workers_of(executor, jobs) as workers:
-                for plan, found in workers.completed(tasks, late):
+            with workers_of(executor, jobs, time_limit) as workers:
+                for plan, found in workers.completed(tasks):
                     name, file = plan.entry.name, layout.corresponded(plan.entry.name)
                     died = SurfaceRow(name=name, error=str(found)), ""
                     lines[name], digest = died if isinstance(found, Exception) else found

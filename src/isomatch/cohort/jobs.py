@@ -138,26 +138,26 @@ class Run:
         self, executor: str | Executor | Workers, jobs: int | None, time_limit: float | None
     ) -> Iterator[Event]:
         """Prepare and match all that is still open, and yield each step; see `Collection.run`."""
-        end = math.inf if time_limit is None else time.time() + time_limit
         layout = self.collection.layout
-        job = Job(layout, self.collection.config, self.collection.seed, end, self.collection.leader)
         for folder in ("prepared", "maps"):
             with writing(layout.folder / folder):
                 (layout.folder / folder).mkdir(parents=True, exist_ok=True)
         with (
-            workers_of(executor, jobs) as workers,
+            workers_of(executor, jobs, time_limit) as workers,
             writing_ledger(layout.ledger(self.shard), one_host=self.shard[1] == 1) as ledger,
         ):
+            settings = self.collection.config, self.collection.seed
+            job = Job(layout, *settings, workers.end, self.collection.leader)
             layout.remove_unfinished(self.shard)
             own = layout.ledger(self.shard)
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
-            ledger.put_origin(*made_with(self.collection.config, self.collection.seed))
+            ledger.put_origin(*made_with(*settings))
             yield from self._prepared_shapes(job, workers, ledger)
             yield from self._outliers(ledger.rows)
             tried: set[str] = set()
-            while not job.is_late():
+            while not workers.is_late():
                 yield from self._matched_pairs(job, workers, ledger)
-                reflections = [] if job.is_late() else self._reflections(ledger.rows, tried)
+                reflections = [] if workers.is_late() else self._reflections(ledger.rows, tried)
                 if not reflections:
                     break
                 tried |= {reflection.entry.name for reflection in reflections}
@@ -168,7 +168,7 @@ class Run:
         wrong = self._removed_if_changed("prepared", ledger.rows)
         todo = [entry for entry in self._entries(ledger.rows) if not self._is_prepared(entry, ledger.rows)]
         tasks = [Task((entry,), job.prepare_shape) for entry in todo]
-        for count, (entry, found) in enumerate(workers.completed(tasks, job.is_late), 1):
+        for count, (entry, found) in enumerate(workers.completed(tasks), 1):
             old = ledger.rows.shapes.get(entry.name)
             why = wrong.get(self.collection.layout.prepared(old.key)) if old else None
             new = found if isinstance(found, ShapeRow) else _failed_shape(_died(found))
@@ -196,7 +196,7 @@ class Run:
         most = min(max(1, len(missing) // (TILES_PER_WORKER * workers.count())), MOST_PAIRS)
         tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
         tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pair) for tile in tiles]
-        for count, (plan, found) in enumerate(workers.completed(tasks, job.is_late), 1):
+        for count, (plan, found) in enumerate(workers.completed(tasks), 1):
             new = found if isinstance(found, PairRow) else plan.row(_died(found))
             why = wrong.get(self.collection.layout.maps(plan.pair))
             row = self._explained(new, rows.pairs.get(plan.pair), plan.pair, why, rows)
@@ -208,7 +208,7 @@ class Run:
     ) -> Iterator[Event]:
         """Turn shapes the other way round, as far as the pair of each bears it out."""
         tasks = [Task((reflection,), partial(attempted, job.reflect_shape)) for reflection in reflections]
-        for count, ((entry, plan), attempt) in enumerate(workers.completed(tasks, job.is_late), 1):
+        for count, ((entry, plan), attempt) in enumerate(workers.completed(tasks), 1):
             rows = ledger.rows
             old, (result, error, *_) = rows.pairs[plan.pair], _died(attempt)
             if isinstance(
@@ -390,13 +390,9 @@ class Job:
     end: float = math.inf  # time, in seconds since the epoch, after which nothing new is begun
     leader: Plan | None = None
 
-    def is_late(self) -> bool:
-        """Whether nothing new is to be begun."""
-        return time.time() > self.end
-
     def match_pair(self, plan: PlannedPair) -> PairRow | None:
         """Match a pair that is not matched yet, if it is not too late, and return its row."""
-        return None if self.is_late() else plan.row(attempted(self._matched, plan))
+        return None if time.time() > self.end else plan.row(attempted(self._matched, plan))
 
     def prepare_shape(self, entry: Entry) -> ShapeRow:
         """Read and prepare a shape that is not prepared yet, and return its row."""

@@ -156,6 +156,14 @@ def write_landmark_tables(
     return write_tables(collection, files, Path(to), semilandmarks, listener, suffix, force)
 
 
+def marks_of(collection: Collection, marks: Path) -> dict[str, Path]:
+    """Find the files of landmarks before anything is done, and what is wrong with them; one may be of the template."""
+    files = landmark_files(marks, collection, collection.template)
+    for name, path in files.items():
+        Landmarks.read(path, collection.paths[name])
+    return files
+
+
 def landmark_files(marks: Path, collection: Collection, template: str | None) -> dict[str, Path]:
     """Find the file of landmarks of each shape that has one, in the order of the shapes; `InputError` for none."""
     names = collection.names

@@ -23,7 +23,7 @@ from isomatch.cohort.ledger import Pair, PairAgreement, PairRow, Rows, ShapeRow,
 from isomatch.cohort.map_file import as_matched
 from isomatch.cohort.outliers import Outlier, outliers
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.workers import Attempt, Task, Workers, attempted, late_after, workers_of
+from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.visualization import write_report
@@ -170,7 +170,6 @@ def write_reports(
     """
     if not isinstance(which, str) and which < 0:
         raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")
-    late = late_after(time_limit)
     rows = collection.rows()
     chosen = _chosen([item for item in worst_first(rows) if item[1].state == "done"], which)
     due = [(pair, row) for pair, row in chosen if not has_report(collection.layout, pair, row)]
@@ -180,8 +179,8 @@ def write_reports(
     with writing(folder):
         folder.mkdir(exist_ok=True)
     tasks = [Task((each,), partial(attempted, partial(_written, collection.of(each[0])))) for each in due]
-    with workers_of(executor, jobs) as workers:
-        for (pair, _), attempt in workers.completed(tasks, late):
+    with workers_of(executor, jobs, time_limit) as workers:
+        for (pair, _), attempt in workers.completed(tasks):
             yield pair, attempt.error if isinstance(attempt, Attempt) else str(attempt)
 
 

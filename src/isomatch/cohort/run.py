@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,7 +19,7 @@ from isomatch.cohort.collection import Collection
 from isomatch.cohort.combine import Agreement, agreement_of
 from isomatch.cohort.finish import finish
 from isomatch.cohort.jobs import Event
-from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, landmark_files, write_tables
+from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, marks_of, write_tables
 from isomatch.cohort.ledger import PairRow, Rows, SurfaceRow
 from isomatch.cohort.map_file import KEPT, changed_files
 from isomatch.cohort.outliers import Outlier, mirror_images, outliers
@@ -28,7 +27,6 @@ from isomatch.cohort.plan import Layout
 from isomatch.cohort.report import write_reports, write_table
 from isomatch.cohort.subjects import Gap, finish_subjects, structures_of, subject_collections, subject_doubts
 from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
-from isomatch.landmarks import Landmarks
 from isomatch.settings import Config
 
 Reports = int | Literal["doubtful", "all", "none"]
@@ -148,47 +146,38 @@ def run(
     """
     if semilandmarks and landmarks is None:
         raise InputError("semilandmarks come with landmarks of a shape; give these (--landmarks)")
-    to = Listener.of(progress, warn)
-    settings: dict[str, Any] = {
-        "pairs": pairs,
-        "template": template,
-        "config": config or Config(),
-        "seed": seed,
-    }
+    to, subjects = Listener.of(progress, warn), structures_of(shapes)
+    settings: dict[str, Any] = {"pairs": pairs, "template": template, "config": config, "seed": seed}
     settings |= {"reflect": reflect, "units": units}
     marks: dict[str, Path] = {}
-    if subjects := structures_of(shapes):
-        if landmarks is not None:
-            raise InputError(
-                f"--landmarks: give those of a structure to isomatch collect landmarks {folder}/NAME"
-            )
+    if subjects and landmarks is not None:
+        raise InputError(
+            f"--landmarks: give those of a structure to isomatch collect landmarks {folder}/NAME"
+        )
+    if subjects:
         for doubt in subject_doubts(subjects, reflect, units or ()):
             to.warn(f"{' and '.join(doubt.names)} {doubt.reason}")
         structures = subject_collections(folder, subjects, **settings)
     else:
-        collection = Collection.create(folder, shapes, **settings)
-        structures = {"": collection}
-        marks = {} if landmarks is None else landmark_files(landmarks, collection, collection.template)
-        for name, path in marks.items():  # what is wrong with them is told before anything is done
-            Landmarks.read(path, collection.paths[name])
+        structures = {"": Collection.create(folder, shapes, **settings)}
+        if landmarks is not None:
+            marks = marks_of(structures[""], landmarks)
     carried, gaps = None, list[Gap]()
-    left = _seconds_left(time_limit)
-    with workers_of(executor, jobs) as workers:
+    with workers_of(executor, jobs, time_limit) as workers:
         for structure, collection in structures.items():
             to.tell(structure, 0.0)
             for where in collection.rows().damaged:
                 to.warn(f"{where} is no row of a collection, and is ignored")
-            follow(collection.run(workers, None, shard, left()), to)
+            follow(collection.run(workers, shard=shard), to)
             if shard[1] > 1:
                 continue
             if (pairs == "all" if agree is None else agree) and _is_matched(collection):
                 to.tell("comparing maps with compositions of others", 1.0)
                 try:
-                    for event in combine.agree(collection, workers, time_limit=left()):
-                        to.tell(*event.told)
+                    follow(combine.agree(collection, workers), to)
                 except MemoryBudgetError as error:  # the maps are there all the same
                     to.warn(f"maps were not compared: {error}")
-            write_results(collection, reports, workers, left, to)
+            write_results(collection, reports, workers, to)
             if marks:
                 carried = write_tables(collection, marks, collection.layout.landmarks, semilandmarks, to)
         if subjects and shard[1] == 1:
@@ -211,11 +200,10 @@ def reconcile(
 
     Arguments are those of `run`. `InputError` if no three shapes of the collection are all matched with one another.
     """
-    collection, to, left = Collection.open(folder), Listener.of(progress, warn), _seconds_left(time_limit)
-    with workers_of(executor, jobs) as workers:
-        for event in combine.agree(collection, workers, time_limit=time_limit):
-            to.tell(*event.told)
-        write_results(collection, reports, workers, left, to)
+    collection, to = Collection.open(folder), Listener.of(progress, warn)
+    with workers_of(executor, jobs, time_limit) as workers:
+        follow(combine.agree(collection, workers), to)
+        write_results(collection, reports, workers, to)
     if not combine.agreement_of(collection.rows()).compared and time_limit is None:
         raise InputError(
             f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
@@ -236,27 +224,16 @@ def follow(events: Iterable[Event], to: Listener) -> None:
         to.warn(f"{count} {what}{'s' * (count > 1)} done again, because {reason}")
 
 
-def write_results(
-    collection: Collection,
-    reports: Reports,
-    workers: Workers,
-    left: Callable[[], float | None],
-    to: Listener,
-) -> None:
-    """Write reports, and the shapes in the topology of the template, in the seconds that are left."""
+def write_results(collection: Collection, reports: Reports, workers: Workers, to: Listener) -> None:
+    """Write reports, and the shapes in the topology of the template."""
     if reports != "none":
-        for pair, error in write_reports(collection, reports, workers, time_limit=left()):
+        for pair, error in write_reports(collection, reports, workers):
             to.tell(f"report of {' and '.join(pair)}{f', failed: {error}' if error else ''}", 1.0)
-    for line in finish(collection, workers, time_limit=left()):
+    for line in finish(collection, workers):
         again = f"; again, because {line.again}" if line.again else ""
         to.tell(f"written in the topology of the template: {line.name}{again}", 1.0)
         if again:
             to.warn(f"the surface of {line.name} done again, because {line.again}")
-
-
-def _seconds_left(time_limit: float | None) -> Callable[[], float | None]:
-    end = None if time_limit is None else time.monotonic() + time_limit
-    return lambda: None if end is None else max(0.0, end - time.monotonic())
 
 
 def _is_matched(collection: Collection) -> bool:
