@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from isomatch._core.files import claimed
 from isomatch._core.stage_timer import Progress
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surfaces_written
-from isomatch.cohort.ledger import PairRow, Rows, ShapeRow
+from isomatch.cohort.ledger import Rows, ShapeRow
 from isomatch.cohort.outliers import OTHERS, checked_units, common_unit, scales_of, told_unit
 from isomatch.cohort.plan import Entry, Layout, entries_of
 from isomatch.cohort.run import Reports, follow, status_of, write_results
@@ -70,9 +71,8 @@ def add(
     collection, to = Collection.open(folder), Listener.of(progress, warn)
     file = model or Path(folder) / "statistics" / "model.npz"
     if not file.exists():
-        raise InputError(
-            f"{file}: no model; run isomatch statistics {folder} -o {file.parent}, or give it by --model"
-        )
+        remedy = f"run isomatch statistics {folder} -o {file.parent}, or give it by --model"
+        raise InputError(f"{file}: no model; {remedy}")
     prior = ShapeModel.load(file)
     # no run of the collection may clear up there meanwhile
     with claimed(collection.layout.ledger()), workers_of(executor, jobs) as workers:
@@ -82,9 +82,8 @@ def add(
         write_results(more, reports, workers, to)
         rows, written = more.rows(), surfaces_written(more)
         subjects = [name for name in more.names if name != more.template]
-        scored = {
-            name: prior.score_file(more.layout.corresponded(name)) for name in subjects if name in written
-        }
+        files_of = {name: more.layout.corresponded(name) for name in subjects if name in written}
+        scored = {name: prior.score_file(path) for name, path in files_of.items()}
         outcomes = {name: rows.pairs[more.template or "", name].there.outcome for name in scored}
         landmarks = _nearest_landmarks(collection, more, scored)
         own = {n: {"outcome": outcomes[n].name, "landmark": landmarks.get(n, "")} for n in scored}
@@ -94,9 +93,8 @@ def add(
             record = write_scored(inner, file, prior, scored, own, about)
     for name in subjects:
         if name not in scored:
-            to.warn(
-                f"{name} is not scored, as it is not in the topology of the template; see {more.layout.page}"
-            )
+            lack = "it is not in the topology of the template"
+            to.warn(f"{name} is not scored, as {lack}; see {more.layout.page}")
         elif outcomes[name].is_doubtful:
             to.warn(f"{name} may be matched wrongly ({outcomes[name].value}); see {more.layout.page}")
     return Results(more.folder, into.written, record)
@@ -137,7 +135,11 @@ def added(
     new = [Entry(entry.name, entry.path.resolve()) for entry in entries_of(files)]
     inner = Layout(collection.folder / "added")
     earlier = Collection.open(inner.folder) if inner.plan.exists() else None
-    before = _stay(earlier, {template, *(entry.name for entry in new)}) if earlier else []
+    failed = (
+        {name for name, row in earlier.rows().shapes.items() if row.state == "failed"} if earlier else set()
+    )
+    others = failed | {template, *(entry.name for entry in new)}
+    before = [entry for entry in earlier.shapes if entry.name not in others] if earlier else []
     areas, problems = _areas(new)
     problems += _taken(new, collection, earlier)
     known = {**(earlier.units if earlier else {}), **(units or {})}
@@ -153,17 +155,10 @@ def added(
     if problems:
         raise InputError(f"{collection.folder}: nothing is added; {'; '.join(problems)}")
     entries = [Entry(template, collection.paths[template]), *before, *new]
-    turned = _reflected(collection, rows, template, reflect, earlier)
+    turned = _reflected(reflect, collection, rows.reflected([template]), earlier)
     try:
-        return Collection.create(
-            inner.folder,
-            entries,
-            template=template,
-            config=collection.config,
-            seed=collection.seed,
-            reflect=turned,
-            units=known,
-        )
+        how: dict[str, Any] = {"template": template, "config": collection.config, "seed": collection.seed}
+        return Collection.create(inner.folder, entries, **how, reflect=turned, units=known)
     except SettingError as error:
         raise SettingError(f"{error}; to add all subjects anew, move {inner.folder} away") from None
 
@@ -171,9 +166,7 @@ def added(
 def _template_of(collection: Collection, rows: Rows) -> str:
     """Return the template of a finished collection."""
     template = collection.chosen_template(rows)
-    todo = sum(
-        rows.pairs.get(pair, PairRow(state="todo")).state == "todo" for pair in collection.wanted_pairs(rows)
-    )
+    todo = len(rows.untried(collection.wanted_pairs(rows)))
     untried = [name for name in collection.names if name not in rows.shapes]
     if template is None or template not in surfaces_written(collection) or todo or untried:
         why = f"{todo} pairs are not matched" if todo else "its template is not written in its own topology"
@@ -202,13 +195,6 @@ def _require_model_of(collection: Collection, template: str, model: ShapeModel) 
             raise InputError(
                 f"{model!r} was made of another surface of {template}, {off:.2g} of its size away; {remedy} as it is now"
             )
-
-
-def _stay(earlier: Collection, others: set[str]) -> list[Entry]:
-    """List what was added before, without subjects that could not be prepared."""
-    rows = earlier.rows().shapes
-    broken = {name for name, row in rows.items() if row.state == "failed"}
-    return [entry for entry in earlier.shapes if entry.name not in others | broken]
 
 
 def _areas(new: Iterable[Entry]) -> tuple[dict[str, float], list[str]]:
@@ -273,20 +259,14 @@ def _in_other_units(
 
 
 def _reflected(
-    collection: Collection,
-    rows: Rows,
-    template: str,
-    reflect: str | Iterable[str] | None,
-    earlier: Collection | None,
+    reflect: str | Iterable[str] | None, collection: Collection, turned: list[str], earlier: Collection | None
 ) -> str | list[str]:
     """Return which shapes are matched as mirror images: the template as in the collection, and new ones."""
-    turned = rows.reflected([template])
     if reflect is None and earlier:
         return earlier.reflect if earlier.reflect == "auto" else list(earlier.reflect)
     if reflect == "auto" and turned:
-        raise SettingError(
-            f"mirror images are those of the template, but {template} is itself matched as its own; name those to reflect"
-        )
+        why = f"{turned[0]} is itself matched as its own"
+        raise SettingError(f"mirror images are those of the template, but {why}; name those to reflect")
     if reflect == "auto" or (reflect is None and collection.reflect == "auto" and not turned):
         return "auto"
     named = [reflect] if isinstance(reflect, str) else list(reflect or ())

@@ -179,9 +179,8 @@ def _matched(
 def _onto(mesh: Mesh, images: FloatArray) -> Correspondence:
     """Map rows to the nearest points of a mesh; those that are nan are unmatched."""
     held = np.asarray(np.isfinite(images).all(axis=1))
-    there = Correspondence.of_points(
-        nearest_on_surface(mesh, np.where(held[:, None], images, 0.0)), mesh.n_vertices
-    )
+    points = nearest_on_surface(mesh, np.where(held[:, None], images, 0.0))
+    there = Correspondence.of_points(points, mesh.n_vertices)
     return replace(there, vertices=np.where(held, there.vertices, UNMATCHED))
 
 

@@ -173,10 +173,9 @@ class Collection(Plan):
             turned = plan.get("reflect", ())
             turned = turned if turned == "auto" else tuple(map(str, turned))
             units = checked_units(plan.get("units", {}), plan["shapes"])
+            pairs, template, seed = (plan[name] for name in ("pairs", "template", "seed"))
             leader = plan.get("leader") and cls.open(os.path.normpath(folder / plan["leader"]))
-            return cls(
-                folder, shapes, plan["pairs"], plan["template"], config, plan["seed"], turned, units, leader
-            )
+            return cls(folder, shapes, pairs, template, config, seed, turned, units, leader)
         except FileNotFoundError:
             raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
         except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:

@@ -379,9 +379,8 @@ def export(
         Whether files may move vertices by more than a thousandth of the mean edge; see `write_asset`.
     """
     if meshes and meshes.lower() == ".stl":
-        raise FormatError(
-            "STL files do not keep the order of vertices, by which shapes correspond; use another"
-        )
+        lack = "the order of vertices, by which shapes correspond"
+        raise FormatError(f"STL files do not keep {lack}; use another")
     rows, last = collection.rows(), Path(folder) / "pairs.csv"
     if last.parent.resolve() == collection.folder.resolve():
         raise InputError(f"{folder}: is the folder of the collection itself; give another one")
@@ -390,9 +389,8 @@ def export(
     names = surfaces_written(collection) if meshes else []
     pairs = [pair for pair in rows.pairs if rows.is_current(pair)] if maps else []
     if not names and not pairs:
-        raise InputError(
-            f"{collection.folder}: nothing to export; run isomatch collect to its end, or see shapes.csv"
-        )
+        remedy = "run isomatch collect to its end, or see shapes.csv"
+        raise InputError(f"{collection.folder}: nothing to export; {remedy}")
     earlier = [last, *(file for kind in ("meshes", "maps") for file in sorted(last.parent.glob(f"{kind}/*")))]
     with (
         made_folder(last.parent),

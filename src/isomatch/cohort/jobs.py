@@ -215,9 +215,8 @@ class Run:
                 result, Reflected
             ):  # the shape first: it says whether a pair is still to be matched
                 of_shape = rows.shapes[entry.name]
-                ledger.put_shape(
-                    entry.name, self._explained(result.shape, of_shape, (entry.name,), None, rows)
-                )
+                turned = self._explained(result.shape, of_shape, (entry.name,), None, rows)
+                ledger.put_shape(entry.name, turned)
                 row = self._explained(result.pair, old, plan.pair, None, rows)
             else:
                 row = replace(old, not_reflected={entry.name: result or error}, time=time.time())
@@ -278,8 +277,8 @@ class Run:
 
     def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
         source, target = (rows.shapes[name] for name in pair)
-        row = rows.pairs.get(pair, PairRow(state="todo"))
-        turned, led_by = tuple(rows.reflected(pair)), self._led_by(pair, tuple(rows.reflected(pair)))
+        row, turned = rows.pair(pair), tuple(rows.reflected(pair))
+        led_by = self._led_by(pair, turned)
         keys, hashes = (source.key, target.key), (source.hash, target.hash)
         surfaces = [identity_of(content, name in turned) for name, content in zip(pair, hashes)]
         key = self._key(*surfaces, *filter(None, [led_by]), attempt=row.attempt)
@@ -320,9 +319,8 @@ class Run:
     def _is_matched(self, plan: PlannedPair, row: PairRow | None, files: Container[str]) -> bool:
         if row is None or row.state == "todo" or row.key != plan.key:
             return False
-        return row.state == "failed" or (
-            bool(row.file) and self.collection.layout.maps(plan.pair).name in files
-        )
+        is_kept = self.collection.layout.maps(plan.pair).name in files
+        return row.state == "failed" or (bool(row.file) and is_kept)
 
 
 def _died(found: Any) -> Attempt[Any]:
@@ -467,10 +465,8 @@ class Job:
             config = replace(config, hypotheses="given", start="auto", part="none")
         matches = match_both(source, target, initial_map=lead, config=config, seed=self.seed + plan.attempt)
         there, back = map(MapSummary.of, matches)
-        seconds = time.perf_counter() - start
-        record = MapRecord(
-            key=plan.key, **plan.known, there=there, back=back, seconds=seconds, memory=peak_memory()
-        )
+        effort: dict[str, Any] = {"seconds": time.perf_counter() - start, "memory": peak_memory()}
+        record = MapRecord(key=plan.key, **plan.known, there=there, back=back, **effort)
         return PairMaps.of(*matches, record)
 
 
@@ -478,9 +474,8 @@ def _carried(leader: Plan, plan: PlannedPair, source: PreparedShape, target: Pre
     """Carry a surface along with the map of the leader; the vertices of its partner nearest there, (n,)."""
     maps, (a, b) = maps_of_pair(leader.layout, *plan.pair), plan.pair
     turned = a in plan.reflected, b in plan.reflected
-    image, here, there = as_matched(
-        maps.there, mesh_from(leader.paths[a]), mesh_from(leader.paths[b]), turned
-    )
+    surfaces = mesh_from(leader.paths[a]), mesh_from(leader.paths[b])
+    image, here, there = as_matched(maps.there, *surfaces, turned)
     images = image.pull_back(there.vertices)
     rows = np.flatnonzero(np.isfinite(images).all(axis=1))
     rows = generator(0).permutation(rows)[:CARRIERS]
@@ -516,9 +511,8 @@ def loaded_shape(file: Path, config: Config, room: int = LOADED) -> PreparedShap
     """Read a prepared shape, or take it from memory, from which the least recently used shapes are dropped."""
     with _taking:
         if not file.exists():
-            raise MissingFileError(
-                f"{file}: no such prepared shape; run isomatch collect again, which makes it"
-            )
+            remedy = "run isomatch collect again, which makes it"
+            raise MissingFileError(f"{file}: no such prepared shape; {remedy}")
         stat = file.stat()
         key = file, stat.st_mtime_ns, config
         held = _shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)

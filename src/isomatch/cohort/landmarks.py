@@ -388,9 +388,8 @@ class _Templates:
 
     def __init__(self, collection: Collection, files: Mapping[str, str | Path], n_points: int | None) -> None:
         if unknown := [name for name in files if name not in collection.paths]:
-            raise InputError(
-                f"{', '.join(unknown)}: no shapes of {collection.folder}; files are named like shapes"
-            )
+            where = f"{', '.join(unknown)}: no shapes of {collection.folder}"
+            raise InputError(f"{where}; files are named like shapes")
         if not files:
             raise InputError("no landmarks; give a file for one shape of the collection or more")
         require_unchanged(collection.layout, ["maps"])

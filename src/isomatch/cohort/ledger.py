@@ -350,6 +350,14 @@ class Rows:
         self.origins |= other.origins
         self.damaged += other.damaged
 
+    def pair(self, pair: Pair) -> PairRow:
+        """Return the row of a pair, also if it was not tried yet."""
+        return self.pairs.get(pair, PairRow(state="todo"))
+
+    def untried(self, pairs: Iterable[Pair]) -> list[Pair]:
+        """Return those of some pairs that were not tried yet, or are to be matched again."""
+        return [pair for pair in pairs if self.pair(pair).state == "todo"]
+
     def is_prepared(self, name: str) -> bool:
         """Whether a shape is prepared."""
         return name in self.shapes and self.shapes[name].state == "done"

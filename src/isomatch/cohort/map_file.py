@@ -104,9 +104,8 @@ class PairMaps:
             there = _map(arrays, "there", len(arrays["back_vertices"]), *hashes)
             back = _map(arrays, "back", len(arrays["there_vertices"]), *hashes[::-1])
         except (ValueError, KeyError, TypeError, MapError) as error:
-            raise FormatError(
-                f"{path}: not the maps of a pair ({error}); remove it and match again"
-            ) from None
+            problem = f"{path}: not the maps of a pair ({error})"
+            raise FormatError(f"{problem}; remove it and match again") from None
         stored = [arrays.get(f"{side}_expected_error") for side in SIDES]
         errors = [None if each is None else np.where(each < 0, np.nan, each) for each in stored]
         return cls(there, back, record, *errors)
@@ -169,9 +168,8 @@ def require_unchanged(layout: Layout, folders: Iterable[str]) -> None:
     if changed:
         named = [f"{path} {what}" for path, what in list(changed.items())[:MOST_NAMED]]
         more = f" and {len(changed) - MOST_NAMED} more" if len(changed) > MOST_NAMED else ""
-        raise FormatError(
-            f"{', '.join(named)}{more}; run isomatch collect again, which makes what is damaged again"
-        )
+        remedy = "run isomatch collect again, which makes what is damaged again"
+        raise FormatError(f"{', '.join(named)}{more}; {remedy}")
 
 
 # a file, the row that has its digest, and the pair whose maps it holds

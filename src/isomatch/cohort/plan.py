@@ -254,10 +254,8 @@ class Entry:
 def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry, ...]:
     """List the shapes of a collection, see `Collection.create`, in the order of their names, or of the list."""
     if not isinstance(shapes, str | Path):
-        entries = [
-            each if isinstance(each, Entry) else Entry(legible(Path(each).stem), Path(each))
-            for each in shapes
-        ]
+        given = (each if isinstance(each, Entry) else Path(each) for each in shapes)
+        entries = [each if isinstance(each, Entry) else Entry(legible(each.stem), each) for each in given]
     elif str(shapes).endswith(".csv"):
         entries = _in_table(Path(shapes))
     else:
@@ -265,9 +263,8 @@ def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry
         paths = folder.iterdir() if folder.is_dir() else map(Path, glob(str(shapes)))
         entries = [Entry(legible(path.stem), path) for path in meshes_among(paths)]
     if not entries:
-        raise InputError(
-            f"{shapes}: no shapes that can be read; give a folder, a quoted pattern or a list.csv"
-        )
+        remedy = "give a folder, a quoted pattern or a list.csv"
+        raise InputError(f"{shapes}: no shapes that can be read; {remedy}")
     names = [entry.name for entry in entries]
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise InputError(f"{shapes}: several shapes are named {', '.join(twice)}; {_NAMED}")
@@ -308,11 +305,9 @@ def require_files_of_their_own(names: Iterable[str], folder: Path) -> None:
     alike: dict[str, list[str]] = {}
     for name in names:
         alike.setdefault(normalize("NFC", name).lower(), []).append(name)
-    twice = [same for same in alike.values() if len(same) > 1]
+    twice = [" and ".join(same) for same in alike.values() if len(same) > 1]
     if twice and ignores_case(folder):
-        raise InputError(
-            f"{folder}: has one file for the shapes {' and '.join(twice[0])}, as it ignores case; {_NAMED}"
-        )
+        raise InputError(f"{folder}: has one file for the shapes {twice[0]}, as it ignores case; {_NAMED}")
 
 
 def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[Pair]:

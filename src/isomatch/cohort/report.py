@@ -217,9 +217,7 @@ def _written(collection: Collection, item: tuple[Pair, PairRow]) -> None:
         notes.append("a collection does not keep alternatives; isomatch match finds them again")
     if row.is_contradicted:
         notes.insert(0, f"other maps contradict it by {row.inconsistency:.2f} √area")
-    result = replace(
-        MatchResult.from_dict(dict(row.there.values), there, collection.config), notes=tuple(notes)
-    )
-    if maps.there_error is not None:
-        result = replace(result, expected_error=maps.there_error)
+    result = MatchResult.from_dict(dict(row.there.values), there, collection.config)
+    known: dict[str, Any] = {} if maps.there_error is None else {"expected_error": maps.there_error}
+    result = replace(result, notes=tuple(notes), **known)
     write_report(path, source, target, result, names=pair, command=command)

@@ -20,7 +20,7 @@ from isomatch.cohort.combine import Agreement, agreement_of
 from isomatch.cohort.finish import finish
 from isomatch.cohort.jobs import Event
 from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, marks_of, write_tables
-from isomatch.cohort.ledger import PairRow, Rows, SurfaceRow
+from isomatch.cohort.ledger import Rows, SurfaceRow
 from isomatch.cohort.map_file import KEPT, changed_files
 from isomatch.cohort.outliers import Outlier, mirror_images, outliers
 from isomatch.cohort.plan import Layout
@@ -56,10 +56,8 @@ class Cohort:
     def open(cls, folder: str | Path) -> Cohort:
         """Open what is in a folder, and write its tables of pairs; `FormatError` if it holds no collection."""
         plan = Layout(Path(folder)).plan
-        inner = {
-            path.parent.name: Collection.open(path.parent)
-            for path in sorted(plan.parent.glob(f"*/{plan.name}"))
-        }
+        plans = sorted(plan.parent.glob(f"*/{plan.name}"))
+        inner = {path.parent.name: Collection.open(path.parent) for path in plans}
         own = {} if inner and not plan.exists() else {"": Collection.open(folder)}
         for each in (own | inner).values():
             write_table(each.rows(), each.layout.table)
@@ -151,9 +149,8 @@ def run(
     settings |= {"reflect": reflect, "units": units}
     marks: dict[str, Path] = {}
     if subjects and landmarks is not None:
-        raise InputError(
-            f"--landmarks: give those of a structure to isomatch collect landmarks {folder}/NAME"
-        )
+        remedy = f"isomatch collect landmarks {folder}/NAME"
+        raise InputError(f"--landmarks: give those of a structure to {remedy}")
     if subjects:
         for doubt in subject_doubts(subjects, reflect, units or ()):
             to.warn(f"{' and '.join(doubt.names)} {doubt.reason}")
@@ -171,7 +168,9 @@ def run(
             follow(collection.run(workers, shard=shard), to)
             if shard[1] > 1:
                 continue
-            if (pairs == "all" if agree is None else agree) and _is_matched(collection):
+            rows = collection.rows()
+            is_matched = not rows.untried(collection.wanted_pairs(rows))
+            if is_matched and (pairs == "all" if agree is None else agree):
                 to.tell("comparing maps with compositions of others", 1.0)
                 try:
                     follow(combine.agree(collection, workers), to)
@@ -236,11 +235,6 @@ def write_results(collection: Collection, reports: Reports, workers: Workers, to
             to.warn(f"the surface of {line.name} done again, because {line.again}")
 
 
-def _is_matched(collection: Collection) -> bool:
-    rows, todo = collection.rows(), PairRow(state="todo")
-    return all(rows.pairs.get(pair, todo).state != "todo" for pair in collection.wanted_pairs(rows))
-
-
 @dataclass(frozen=True)
 class Status:
     """How far a collection is."""
@@ -251,9 +245,8 @@ class Status:
     pairs: dict[str, int]  # how many there are, ``all``, and of each `PairRow.verdict`
     outcomes: dict[str, int]  # how many pairs ended as each `Outcome`, by its name
     reflected: list[str]  # shapes that are matched as their mirror images
-    mirror_images: dict[
-        str, str | None
-    ]  # shapes that seem to be some, and why they are not reflected, if it was tried
+    # shapes that seem to be some, and why they are not reflected, if it was tried
+    mirror_images: dict[str, str | None]
     outliers: list[Outlier]
     agreement: Agreement
     loop: dict[str, Any] | None  # of a ring: its ``open`` legs, and the errors once around it, in √area
@@ -270,7 +263,7 @@ def status_of(collection: Collection, folders: Iterable[str] = ()) -> Status:
     """Sum up how far a collection is, from the ledgers of all shards, with the damaged files of some `KEPT` folders."""
     rows = collection.rows()
     pairs = collection.wanted_pairs(rows)
-    own = [rows.pairs.get(pair, PairRow(state="todo")) for pair in pairs]
+    own = [rows.pair(pair) for pair in pairs]
     changed = changed_files(collection.layout, rows, folders)
     damaged = {str(path.relative_to(collection.folder)): what for path, what in changed.items()}
     failures = {name: row.error for name, row in rows.shapes.items() if row.state == "failed"}

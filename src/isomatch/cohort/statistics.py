@@ -92,9 +92,8 @@ def statistics(
         shapes = shape_statistics.filled(shapes, share, scale)
         missing = _missing(shapes)
         if (hide or align == "structure") and (mirror is not None or not shapes.structures):
-            raise InputError(
-                "--hide and --align structure are for subjects of several surfaces, without --mirror"
-            )
+            use = "subjects of several surfaces, without --mirror"
+            raise InputError(f"--hide and --align structure are for {use}")
         hidden = shape_statistics.hidden_structures(shapes, hide.split(","), weights, scale) if hide else []
         poses = shape_statistics.aligned_structures(shapes, weights, scale) if shapes.structures else None
         shapes = poses.shapes if poses and align == "structure" else shapes
@@ -232,9 +231,8 @@ def _told_of(record: dict[str, Any]) -> list[str]:
     if tested := record["groups"]:
         first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
         share = tested["significant_share_of_area"]
-        differ = (
-            f"differ on {share:.1%} of the area" if share else "do not differ significantly at any vertex"
-        )
+        none = "do not differ significantly at any vertex"
+        differ = f"differ on {share:.1%} of the area" if share else none
         lines.append(f"{first} and {second} {differ}, at a false discovery rate of 5 %")
         lines.append(f"the groups describe {_told(tested)}")
     if record["allometry"]:

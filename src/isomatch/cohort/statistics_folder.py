@@ -74,9 +74,8 @@ class StatisticsFolder:
     ) -> None:
         """Write a mesh with values at its vertices, one of which gives the colours, from 0 or on both sides of it."""
         high = highest or float(np.nanquantile(np.abs(shown), 0.995)) or 1.0
-        paint = visualization.colour_scale(
-            *(("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)), high
-        )
+        name_of, low = ("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)
+        paint = visualization.colour_scale(name_of, low, high)
         rgb = np.nan_to_num(paint(shown[:, None]), nan=GREY)
         attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))

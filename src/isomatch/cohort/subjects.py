@@ -276,9 +276,8 @@ def _smoothing(mesh: Mesh, contact: _Contact) -> Callable[[FloatArray], FloatArr
     """Return what makes movements (n, 3) of all points of a structure of those of the points that touch."""
     # the minimum of Σ w |u − d|² + Σ |u_i − u_j|² + μ Σ |u|² solves (W + L + μ I) u = W d; along a line u″ = μ u beyond
     # the contact, in edges, and an edge is about as long as the root of the area of a vertex: μ = (edge / reach)²
-    links = coo_array(
-        (np.ones(len(mesh.edges)), mesh.edges.T), shape=(mesh.n_vertices, mesh.n_vertices)
-    ).tocsr()
+    ones, n = np.ones(len(mesh.edges)), mesh.n_vertices
+    links = coo_array((ones, mesh.edges.T), shape=(n, n)).tocsr()
     fading = np.clip(2 - contact.distances, 0, 1)
     weights = fading**2 * (3 - 2 * fading)
     stiffness = 1 / (mesh.n_vertices * REACH**2)

@@ -143,10 +143,8 @@ def asymmetry(
     with np.errstate(divide="ignore", invalid="ignore"):
         mean_squares = values / degrees
         ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # what each is compared with
-    columns = (
-        each.tolist() for each in (values, values / (values.sum() or 1.0), degrees, mean_squares, ratios)
-    )
-    rows = tuple(SumOfSquares(*row) for row in zip(SOURCES, *columns))
+    columns = values, values / (values.sum() or 1.0), degrees, mean_squares, ratios
+    rows = tuple(SumOfSquares(*row) for row in zip(SOURCES, *(each.tolist() for each in columns)))
     # a mirrored individual has the component −āᵢ, so that the share is |Σ ± rᵢ āᵢ|² / (m Σ |a|²) = ±ᵀ P ± / (m Σ |a|²)
     products = scalar_products(repeats[:, None, None] * means[1], share)
     total = m * float(squares(parts[1]).sum())
@@ -164,9 +162,8 @@ def asymmetry(
         p_value, drawn = float(test.pvalue), len(test.null_distribution)
     amounts, own = np.sqrt(squares(parts[1])), np.sqrt(squares(parts[1] - middles[1]))
     anova = rows if m > k else rows[:3]
-    return Asymmetry(
-        middles[0], middles[1], parts[1], amounts, own, anova, share_of_mean, p_value, drawn, seed
-    )
+    of_all = middles[0], middles[1], parts[1]
+    return Asymmetry(*of_all, amounts, own, anova, share_of_mean, p_value, drawn, seed)
 
 
 def align_sides(

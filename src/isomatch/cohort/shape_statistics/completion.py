@@ -100,14 +100,7 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
         result is the mean with the deviations of the model.
     pose : {"fitted", "given"}
         Whether the points may be anywhere and turned in any way, and of any size if the model was made without sizes;
-        or are where the model is.
-
-    Raises
-    ------
-    LandmarkError
-        If a pose is to be fitted to fewer than three points, or to points on a line.
-    NotConvergedError
-        If pose and shape still move after many steps.
+        or are where the model is. A pose is fitted to three points or more, which are not on a line.
 
     Notes
     -----
@@ -217,9 +210,8 @@ class _Motion:
         for points in (here, there):
             lengths = np.linalg.svd(points * np.sqrt(share)[:, None], compute_uv=False)
             if lengths[1] <= STRAIGHT * lengths[0]:
-                raise LandmarkError(
-                    "all points are on a line, around which any turn is possible; give others"
-                )
+                problem = "all points are on a line, around which any turn is possible"
+                raise LandmarkError(f"{problem}; give others")
         rotation = nearest_rotation(here.T @ (share[:, None] * there)).T
         along = share @ ((here @ rotation.T) * there).sum(axis=1)
         scale = float(along / (share @ (here**2).sum(axis=1))) if scaled else 1.0
@@ -328,9 +320,8 @@ class Observations:
                 "give one of each for each point"
             )
         if not np.isfinite(positions).all() or not np.isfinite(noise).all() or (noise < 0).any():
-            raise InputError(
-                "positions and noise must be finite, and noise not negative; leave out other points"
-            )
+            need = "positions and noise must be finite, and noise not negative"
+            raise InputError(f"{need}; leave out other points")
         vars(self).update(positions=positions, noise=np.broadcast_to(noise, len(positions)).copy())
 
     def __repr__(self) -> str:
@@ -357,9 +348,8 @@ class Observations:
         """Raise an `InputError` if the points are not on a surface with so many vertices."""
         corners = self.points.corners
         if corners.size and not 0 <= corners.min() <= corners.max() < n_vertices:
-            raise InputError(
-                f"points at vertices {corners.min()}…{corners.max()}; the model has 0…{n_vertices - 1}"
-            )
+            given = f"points at vertices {corners.min()}…{corners.max()}"
+            raise InputError(f"{given}; the model has 0…{n_vertices - 1}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -401,9 +391,8 @@ def observed_vertices(
     √area count as one.
     """
     if not np.array_equal(mesh.faces, model.faces) or mesh.n_vertices != len(model.mean):
-        raise MeshError(
-            f"{mesh!r} has other faces than the model ({len(model.mean)} vertices); match it: `observed_part`"
-        )
+        problem = f"{mesh!r} has other faces than the model ({len(model.mean)} vertices)"
+        raise MeshError(f"{problem}; match it: `observed_part`")
     seen, mean = np.isfinite(mesh.vertices).all(axis=1), model.mesh()
     if known is not None:
         seen &= known
@@ -506,9 +495,8 @@ def read_observations(
         own = Landmarks.read(landmarks, model.mesh())
         return observed_landmarks(model, own, Landmarks.read(path), noise)
     if landmarks is not None:
-        raise SettingError(
-            f"{landmarks}: landmarks of the mean are for a file of landmarks; {path} is a mesh"
-        )
+        use = "landmarks of the mean are for a file of landmarks"
+        raise SettingError(f"{landmarks}: {use}; {path} is a mesh")
     mesh, measured = read_corresponding(path, model.faces)
     if np.array_equal(mesh.faces, model.faces) and mesh.n_vertices == len(model.mean):
         return observed_vertices(model, mesh, measured, noise)
@@ -524,9 +512,8 @@ def _of_structures(folder: Path, model: ShapeModel, noise: float | None, **how: 
     """Take the structures of a subject that are in a folder; one in another topology is brought into that of the mean."""
     files = {legible(file.stem): file for file in meshes_among(folder.iterdir())}
     if not files or not set(files) <= set(model.structures):
-        raise InputError(
-            f"{folder}: has {[*files]}; give some of the structures of the model, {[*model.structures]}"
-        )
+        remedy = f"give some of the structures of the model, {[*model.structures]}"
+        raise InputError(f"{folder}: has {[*files]}; {remedy}")
     whole, known, notes = model.mean.copy(), np.zeros(len(model.mean), dtype=bool), list[str]()
     for name, file in files.items():
         part = slices_of(model.structures)[name]

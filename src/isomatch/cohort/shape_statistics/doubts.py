@@ -38,19 +38,16 @@ class Doubt(NamedTuple):
 def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
     """Find shapes that hardly belong to a sample as they are; look at them before a model is made.
 
-    Returns
-    -------
-    list of Doubt
-        - *units*: the size is so different from others that it may be a matter of units, see `size_factors`.
-        - *mirrored*: mirror images are nearer, in Procrustes distance without size, to most of the other shapes. They
-          are not found among bodies whose poses differ more than left and right.
-        - *twice*: two shapes are the same but for a motion and their size.
-        - *far*: of four shapes or more, the centroid lies more than ten median sizes from the middle of all, and is an
-          outlier of six standard deviations. Alignment removes it.
-        - *unlike*: of four shapes or more, the median distance from the others is an outlier of six standard deviations,
-          at least twice the usual one; or all vertices are at one position.
+    - *units*: the size is so different from others that it may be a matter of units, see `size_factors`.
+    - *mirrored*: mirror images are nearer, in Procrustes distance without size, to most of the other shapes. They are
+      not found among bodies whose poses differ more than left and right.
+    - *twice*: two shapes are the same but for a motion and their size.
+    - *far*: of four shapes or more, the centroid lies more than ten median sizes from the middle of all, and is an
+      outlier of six standard deviations. Alignment removes it.
+    - *unlike*: of four shapes or more, the median distance from the others is an outlier of six standard deviations,
+      at least twice the usual one; or all vertices are at one position.
 
-        All vertices count alike. O(m² n) time for m shapes.
+    All vertices count alike. O(m² n) time for m shapes.
 
     Examples
     --------

@@ -49,9 +49,8 @@ def write_statismo(path: str | Path, model: ShapeModel) -> None:
     weights, so they differ from those of a model with area weights; the distribution of shapes is the same.
     """
     if not model.n_modes:
-        raise InputError(
-            "the model has no mode of variation, which the format needs; give shapes that differ"
-        )
+        problem = "the model has no mode of variation, which the format needs"
+        raise InputError(f"{problem}; give shapes that differ")
     h5py = package("h5py", "statistics", "writing HDF5 files")
     spread = (model.modes * model.deviations[:, None, None]).reshape(model.n_modes, -1)
     _, values, modes = np.linalg.svd(spread, full_matrices=False)

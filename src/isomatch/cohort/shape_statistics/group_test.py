@@ -74,10 +74,8 @@ def group_test(
     method : {"permutation", "parametric"}
         Whether p-values come from random exchanges of the group labels, which assumes nothing about the distribution, or
         from Hotelling's F distribution, which assumes a normal one and the same covariance in both groups.
-    n_permutations : int
-        Number of random exchanges; no p-value is below 1 / (n_permutations + 1).
-    seed : int
-        Draws them.
+    n_permutations, seed : int
+        Number of random exchanges, and what draws them; no p-value is below 1 / (n_permutations + 1).
     measured : (m, n) array of bool, optional
         Which vertices were measured; by default all. A vertex that fewer than two shapes of a group measured is left
         out: its p- and q-values are 1. Of others, shapes that lack it stand on the mean of all, see `filled`, which
@@ -215,10 +213,8 @@ def shape_regression(
         Their values. Groups are columns of 0 and 1, of all groups but one.
     weights : (n,) array of float, optional
         Weight of each vertex, such as `CorrespondedShapes.area_weights`; by default all are equal.
-    n_permutations : int
-        Number of random exchanges of the values between shapes; no p-value is below 1 / (n_permutations + 1).
-    seed : int
-        Draws them.
+    n_permutations, seed : int
+        Number of random exchanges of the values between shapes, and what draws them; see `group_test`.
 
     Notes
     -----
@@ -237,9 +233,8 @@ def shape_regression(
     values = values[:, None] if values.ndim == 1 else values
     m = len(aligned)
     if values.ndim != 2 or len(values) != m or not np.isfinite(values).all():
-        raise InputError(
-            f"variables have shape {values.shape}; give a finite number for each of the {m} shapes"
-        )
+        remedy = f"give a finite number for each of the {m} shapes"
+        raise InputError(f"variables have shape {values.shape}; {remedy}")
     if m < FEWEST:
         raise InputError(f"{m} shapes are too few for a regression; give {FEWEST} or more")
     if n_permutations < 1:

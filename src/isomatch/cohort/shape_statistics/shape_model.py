@@ -158,15 +158,9 @@ class ShapeModel:
     ) -> ShapeModel:
         """Align shapes and find their modes.
 
-        Parameters
-        ----------
-        shapes : CorrespondedShapes
-            The m shapes. Vertices that were not measured are where the mean of the others is, see `filled`.
-        scale : {"keep", "remove"}
-            Whether size is part of the shape, see `generalised_procrustes`.
-        weights : {"area", "uniform"}
-            Whether a vertex counts by its share of the area, so that the model does not depend on how densely the
-            surface is sampled, or all count alike.
+        Vertices that were not measured are where the mean of the others is, see `filled`; whether size is part of the
+        shape, see `generalised_procrustes`. With ``weights="area"``, a vertex counts by its share of the area, so that
+        the model does not depend on how densely the surface is sampled; with "uniform" all count alike.
 
         Notes
         -----
@@ -230,9 +224,8 @@ class ShapeModel:
         """Return the shape (n, 3) with given scores along the first modes; further ones are 0."""
         leading = numbers_of(scores, "scores", SettingError)
         if leading.ndim != 1 or len(leading) > self.n_modes:
-            raise SettingError(
-                f"scores have shape {leading.shape}; give at most {self.n_modes}, one for each mode"
-            )
+            remedy = f"give at most {self.n_modes}, one for each mode"
+            raise SettingError(f"scores have shape {leading.shape}; {remedy}")
         return np.asarray(self.mean + np.tensordot(leading, self.modes[: len(leading)], 1))
 
     def mesh(self, scores: ArrayLike = ()) -> Mesh:
@@ -252,12 +245,8 @@ class ShapeModel:
     def score(self, mesh: Mesh, measured: BoolArray | None = None) -> ScoredShape:
         """Describe another shape in the same topology; the model stays as it is.
 
-        Parameters
-        ----------
-        mesh : Mesh
-        measured : (n,) array of bool, optional
-            Which of its vertices were measured; by default all. The others tell nothing: they are taken to be where the
-            mean is, and have no part in the error.
+        Vertices that were not ``measured``, (n,), tell nothing: they are taken to be where the mean is, and have no part
+        in the error. By default all were.
 
         Notes
         -----
@@ -271,9 +260,8 @@ class ShapeModel:
                 "isomatch collect add"
             )
         if not np.isfinite(mesh.vertices).all():
-            raise MeshError(
-                "some vertices have no position; only a shape that is matched completely can be scored"
-            )
+            remedy = "only a shape that is matched completely can be scored"
+            raise MeshError(f"some vertices have no position; {remedy}")
         seen = np.ones(len(self.mean), dtype=bool) if measured is None else np.asarray(measured, dtype=bool)
         if seen.shape != self.weights.shape or not self.weights[seen].any():
             raise MeshError(
@@ -323,9 +311,8 @@ class ShapeModel:
             names, structures = None, {}
         is_told = not structures or sum(structures.values()) == len(stored["mean"])
         if not isinstance(names, list) or len(names) != len(stored["scores"]) or not is_told:
-            raise FormatError(
-                f"{path}: not a shape model (its names); expected a file written by ShapeModel.save"
-            )
+            remedy = "expected a file written by ShapeModel.save"
+            raise FormatError(f"{path}: not a shape model (its names); {remedy}")
         size = float(stored.pop("size")) if "size" in stored else None
         return cls(names=tuple(map(str, names)), size=size, structures=structures, **stored)
 
@@ -363,10 +350,10 @@ def _without_each(
     m = len(model.names)
     chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
     number = {name: i for i, name in enumerate(model.names)}
-    other_side = [
-        name.removesuffix(MIRRORED) if name.endswith(MIRRORED) else name + MIRRORED for name in model.names
+    ends = [(name, "" if name.endswith(MIRRORED) else MIRRORED) for name in model.names]
+    both = [
+        sorted({i, number.get(name.removesuffix(MIRRORED) + end, i)}) for i, (name, end) in enumerate(ends)
     ]
-    both = [sorted({i, number.get(other, i)}) for i, other in enumerate(other_side)]
     with serial_blas():
         for left_out in chosen if m > 1 else ():
             others = np.delete(model.scores, both[left_out], axis=0)
@@ -380,20 +367,9 @@ def _without_each(
 def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OUT) -> ModelCurve:
     """Measure how well the model describes shapes that it was not made from, leaving out one at a time.
 
-    Parameters
-    ----------
-    model : ShapeModel
-        A model of m shapes, with all its modes.
-    seed : int
-        Draws the shapes that are left out, if there are more than the most.
-    most : int
-        How many shapes are left out in turn; the standard error of their mean is then small.
-
-    Returns
-    -------
-    ModelCurve
-        Root mean square distance between a shape left out and its nearest in the span of j modes of the others, for
-        j = 0…m − 2; it never increases with j. Empty for one shape.
+    The curve is the root mean square distance between a shape left out and its nearest in the span of j modes of the
+    others, for j = 0…m − 2; it never increases with j, and is empty for one shape. Of more than ``most`` shapes, that
+    many are drawn by the seed; the standard error of their mean is then small.
 
     Notes
     -----
@@ -414,11 +390,8 @@ def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OU
 class LeaveOneOut:
     """How unusual shapes of a model are to a model of the others; `leave_one_out` returns it.
 
-    Parameters
-    ----------
-    mahalanobis, errors : (c,) array of float
-        As in a `ScoredShape`, of each shape left out: its Mahalanobis distance, and what the modes of the others do not
-        describe, in the units of the shapes.
+    They are, (c,), as in a `ScoredShape`, of each shape left out: its Mahalanobis distance, and what the modes of the
+    others do not describe, in the units of the shapes.
     """
 
     mahalanobis: FloatArray
@@ -453,19 +426,8 @@ def leave_one_out(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OUT
 def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0) -> ModelCurve:
     """Measure how much random shapes of the model look like those that it was made from.
 
-    Parameters
-    ----------
-    model : ShapeModel
-        A model of m shapes, with all its k modes.
-    n_samples : int
-        Number of random shapes; their scores are independent and normally distributed.
-    seed : int
-        Draws them.
-
-    Returns
-    -------
-    ModelCurve
-        Root mean square distance of a random shape of j modes from the nearest of the m shapes, for j = 0…k.
+    The curve is the root mean square distance of a random shape of j modes from the nearest of the m shapes, for
+    j = 0…k. The seed draws ``n_samples`` shapes, whose scores are independent and normally distributed.
 
     Notes
     -----

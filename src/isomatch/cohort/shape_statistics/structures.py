@@ -56,9 +56,8 @@ def stacked(parts: Mapping[str, CorrespondedShapes]) -> CorrespondedShapes:
             other, weights = known[having[k]], shared[k].astype(float)
             placed = aligned_to(known[i], other, weights) if weights.any() else other
             vertices[i, where] = placed[where]
-    return CorrespondedShapes(
-        tuple(names), vertices, np.concatenate(faces), tuple(left_out), measured, structures
-    )
+    joined = tuple(names), vertices, np.concatenate(faces)
+    return CorrespondedShapes(*joined, tuple(left_out), measured, structures)
 
 
 class StructurePoses(NamedTuple):
@@ -129,9 +128,8 @@ def hidden_structures(
         names = tuple(shapes.names[j] for j in rest)
         others = replace(shapes, names=names, vertices=shapes.vertices[rest], measured=seen[rest])
         model = ShapeModel.fit(others, scale, weights)
-        mean = replace(
-            model, modes=model.modes[:0], variances=model.variances[:0], scores=model.scores[:, :0]
-        )
+        none, scores = slice(0), model.scores[:, :0]
+        mean = replace(model, modes=model.modes[none], variances=model.variances[none], scores=scores)
         told = observed_vertices(model, shapes.mesh(i), seen[i] & known)
         completed, of_mean = complete(model, told), complete(mean, told)
         for name, own in there.items():
