@@ -21,9 +21,9 @@ from isomatch._core import files as files_module
 from isomatch._core.errors import InputError, SettingError
 from isomatch.cli import main
 from isomatch.cohort import Collection, finish
-from isomatch.cohort.add import added
 from isomatch.cohort.ledger import PairRow, writing_ledger
 from isomatch.cohort.map_file import KEPT
+from isomatch.cohort.scoring import added
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.decimation import decimate
 from isomatch_lab.procedural import creature

@@ -1,5 +1,4 @@
 from isomatch.cohort import shape_statistics as shape_statistics
-from isomatch.cohort.add import add
 from isomatch.cohort.asymmetry import asymmetry
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.combine import Agreement, agree, agreement_of, inconsistency
@@ -27,7 +26,7 @@ from isomatch.cohort.outliers import Outlier, outliers
 from isomatch.cohort.plan import Entry, Layout
 from isomatch.cohort.report import write_reports
 from isomatch.cohort.run import Cohort, Reports, Status, reconcile, run
-from isomatch.cohort.scoring import complete_file, project
+from isomatch.cohort.scoring import add, complete_file, project
 from isomatch.cohort.statistics import series, statistics
 from isomatch.cohort.statistics_folder import Results
 from isomatch.cohort.subjects import Gap

@@ -153,14 +153,17 @@ class Run:
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
             ledger.put_origin(*made_with(*settings))
             yield from self._prepared_shapes(job, workers, ledger)
-            yield from self._outliers(ledger.rows)
+            odd = outliers(self.collection, Rows(ledger.rows.shapes))
+            odd = [each for each in odd if each.kind in OF_SHAPES]  # of those that are broken it was told
+            for count, outlier in enumerate(odd, 1):
+                yield Event("outlier", outlier.name, outlier, count, len(odd))
             tried: set[str] = set()
             while not workers.is_late():
                 yield from self._matched_pairs(job, workers, ledger)
                 reflections = [] if workers.is_late() else self._reflections(ledger.rows, tried)
                 if not reflections:
                     break
-                tried |= {reflection.entry.name for reflection in reflections}
+                tried |= {entry.name for entry, _ in reflections}
                 yield from self._reflected_shapes(job, workers, ledger, reflections)
 
     def _prepared_shapes(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
@@ -175,12 +178,6 @@ class Run:
             row = self._explained(new, old, (entry.name,), why, ledger.rows)
             ledger.put_shape(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
-
-    def _outliers(self, rows: Rows) -> Iterator[Event]:
-        """Tell what the shapes alone tell; of those that are broken it was told."""
-        odd = [each for each in outliers(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
-        for count, outlier in enumerate(odd, 1):
-            yield Event("outlier", outlier.name, outlier, count, len(odd))
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""
@@ -211,13 +208,11 @@ class Run:
         for count, ((entry, plan), attempt) in enumerate(workers.completed(tasks), 1):
             rows = ledger.rows
             old, (result, error, *_) = rows.pairs[plan.pair], _died(attempt)
-            if isinstance(
-                result, Reflected
-            ):  # the shape first: it says whether a pair is still to be matched
-                of_shape = rows.shapes[entry.name]
-                turned = self._explained(result.shape, of_shape, (entry.name,), None, rows)
+            if isinstance(result, tuple):
+                shape, pair = result  # the shape first: it says whether a pair is still to be matched
+                turned = self._explained(shape, rows.shapes[entry.name], (entry.name,), None, rows)
                 ledger.put_shape(entry.name, turned)
-                row = self._explained(result.pair, old, plan.pair, None, rows)
+                row = self._explained(pair, old, plan.pair, None, rows)
             else:
                 row = replace(old, not_reflected={entry.name: result or error}, time=time.time())
             ledger.put_pair(plan.pair, row)
@@ -239,7 +234,7 @@ class Run:
         key = self._key(identity_of(rows.shapes[name].hash, turned))
         as_if = Rows({each: rows.shapes[each] for each in pair}, {pair: rows.pairs[pair]})
         as_if.shapes[name] = replace(rows.shapes[name], reflected=turned, key=key)
-        return Reflection(Entry(name, self.collection.paths[name], turned), self._planned(pair, as_if))
+        return Entry(name, self.collection.paths[name], turned), self._planned(pair, as_if)
 
     def pairs_of_shard(self, rows: Rows) -> list[Pair]:
         """List the pairs of the shard: as many as of any other, and of few different shapes."""
@@ -364,18 +359,8 @@ class PlannedPair(NamedTuple):
         return PairRow(**values, file=file, more=record.more)
 
 
-class Reflection(NamedTuple):
-    """A shape to turn the other way round, as ``entry`` says, and the pair that is matched with it to see if it fits."""
-
-    entry: Entry
-    plan: PlannedPair
-
-
-class Reflected(NamedTuple):
-    """Rows of a shape that was turned, and of the pair that bears it out."""
-
-    shape: ShapeRow
-    pair: PairRow
+Reflection = tuple[Entry, PlannedPair]
+"""A shape to turn the other way round, as its entry says, and the pair that is matched with it to see if it fits."""
 
 
 @dataclass(frozen=True)
@@ -433,13 +418,14 @@ class Job:
         maps = self._new_maps(plan)
         if earlier and plan.attempt and not plan.contradicted:
             old, new = earlier.record, maps.record
-            if _surfaces_of(old) == _surfaces_of(new) and _unsureness(old) <= _unsureness(new):
+            is_same = (old.hashes, old.reflected) == (new.hashes, new.reflected)
+            if is_same and _unsureness(old) <= _unsureness(new):
                 maps = replace(earlier, record=replace(old, key=plan.key))
         maps.save(file)
         return maps.record, digest_of(file)
 
-    def reflect_shape(self, reflection: Reflection) -> Reflected | str:
-        """Turn a shape, if a match bears it out; or tell why not."""
+    def reflect_shape(self, reflection: Reflection) -> tuple[ShapeRow, PairRow] | str:
+        """Turn a shape, if a match bears it out, and return its row and that of the pair; or tell why not."""
         entry, plan = reflection
         shape = self.prepare_shape(entry)
         if shape.state == "failed":
@@ -454,7 +440,7 @@ class Job:
                 return f"the other way round, the match ends with {doubts.value}"
             maps.save(file)
         pair = plan.row(Attempt((maps.record, digest_of(file)), "", time.time()))
-        return Reflected(shape, replace(pair, order=OF_REFLECTION))
+        return shape, replace(pair, order=OF_REFLECTION)
 
     def _new_maps(self, plan: PlannedPair) -> PairMaps:
         start = time.perf_counter()
@@ -485,10 +471,6 @@ def _carried(leader: Plan, plan: PlannedPair, source: PreparedShape, target: Pre
     moved = carried_along(points, here.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
     # they end at other places of their leader: sheets are laid onto each other as a whole
     return np.asarray(cKDTree(own - own.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
-
-
-def _surfaces_of(record: MapRecord) -> tuple[object, ...]:
-    return *record.hashes, record.reflected
 
 
 def _unsureness(record: MapRecord) -> tuple[int, float]:

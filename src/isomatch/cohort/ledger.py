@@ -88,6 +88,7 @@ class Row:
 
     always: ClassVar[tuple[str, ...]] = ("state", "time")  # what is written also where it is the default
     of_done: ClassVar[tuple[str, ...]] = ()  # likewise, where the state is "done"
+    first: ClassVar[tuple[str, ...]] = ()  # names that are written before all others
     # of the object that they were read from: the order of its names, and values whose names are not known here
     order: tuple[str, ...] = field(default=(), compare=False, repr=False)
     more: Mapping[str, Any] = field(default_factory=dict, repr=False)
@@ -116,8 +117,9 @@ class Row:
     @classmethod
     def defaults(cls) -> dict[str, Any]:
         """Return the default of each value."""
-        own = [each for each in fields(cls) if each.name not in ("order", "more")]
-        return {x.name: x.default if x.default_factory is MISSING else x.default_factory() for x in own}
+        own = {each.name: each for each in fields(cls) if each.name not in ("order", "more")}
+        in_order = [own[name] for name in dict.fromkeys((*cls.first, *own))]
+        return {x.name: x.default if x.default_factory is MISSING else x.default_factory() for x in in_order}
 
 
 def _plain(value: Any) -> Any:
@@ -173,11 +175,21 @@ class PairAgreement(Row):
     refused: str = ""  # why there is none
 
 
-class _Matched(Row):
-    source_hash: str
-    target_hash: str
-    there: MapSummary
-    back: MapSummary
+@dataclass(frozen=True, kw_only=True)
+class MapRecord(Row):
+    """What the file of the maps of a pair says of them."""
+
+    always: ClassVar[tuple[str, ...]] = ("reflected", "memory")
+    key: str = ""  # identifies the match
+    source_hash: str = ""  # of the surfaces in their files
+    target_hash: str = ""
+    reflected: tuple[str, ...] = ()  # names of the shapes that were matched as their mirror images
+    led_by: str = ""  # identifies the map of the leader that it started from
+    there: MapSummary = MapSummary()
+    back: MapSummary = MapSummary()
+    seconds: float | None = None
+    memory: float | None = None  # largest of the process, in bytes
+    replaced_by: tuple[str, ...] = ()  # shapes of the composition that took its place
 
     @property
     def sides(self) -> tuple[MapSummary, MapSummary]:
@@ -191,42 +203,26 @@ class _Matched(Row):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapRecord(_Matched):
-    """What the file of the maps of a pair says of them."""
-
-    always = ("reflected", "memory")
-    key: str = ""  # identifies the match
-    source_hash: str = ""  # of the surfaces in their files
-    target_hash: str = ""
-    reflected: tuple[str, ...] = ()  # names of the shapes that were matched as their mirror images
-    led_by: str = ""  # identifies the map of the leader that it started from
-    there: MapSummary = MapSummary()
-    back: MapSummary = MapSummary()
-    seconds: float | None = None
-    memory: float | None = None  # largest of the process, in bytes
-    replaced_by: tuple[str, ...] = ()  # shapes of the composition that took its place
-
-
-@dataclass(frozen=True, kw_only=True)
-class PairRow(_Matched):
-    """What is known of a pair; names that `MapRecord` has too mean the same."""
+class PairRow(MapRecord):
+    """What is known of a pair, also of its maps."""
 
     always = ("state", "time", "reflected", "attempt")
     of_done = ("memory",)
-    source_hash: str = ""
-    target_hash: str = ""
-    reflected: tuple[str, ...] = ()
+    first = (
+        "source_hash",
+        "target_hash",
+        "reflected",
+        "attempt",
+        "led_by",
+        "state",
+        "time",
+        "error",
+        "seconds",
+    )
     attempt: int = 0  # added to the seed
-    led_by: str = ""
     state: State
     time: float = 0.0  # when the row was made, in seconds since the epoch
     error: str = ""
-    seconds: float | None = None
-    key: str = ""
-    there: MapSummary = MapSummary()
-    back: MapSummary = MapSummary()
-    memory: float | None = None
-    replaced_by: tuple[str, ...] = ()
     file: str = ""  # digest of the file of the maps
     contradicted: bool | None = None  # whether others contradict the map that is to be matched again
     made_with: str = ""  # name of the version and settings

@@ -29,21 +29,23 @@ from isomatch.cohort.shape_statistics.completion import (
     observed_vertices,
     read_observations,
 )
-from isomatch.cohort.shape_statistics.doubts import (
-    METRES,
-    Doubt,
-    doubtful_positions,
-    doubtful_shapes,
-    likely_units,
-    size_factors,
-    told_factor,
-)
-from isomatch.cohort.shape_statistics.exports import write_shapeworks, write_statismo
 from isomatch.cohort.shape_statistics.group_test import (
     GroupTest,
     ShapeRegression,
     group_test,
     shape_regression,
+)
+from isomatch.cohort.shape_statistics.likeness import (
+    METRES,
+    Doubt,
+    classical_scaling,
+    doubtful_positions,
+    doubtful_shapes,
+    geodesic_distortions,
+    likely_units,
+    shape_tree,
+    size_factors,
+    told_factor,
 )
 from isomatch.cohort.shape_statistics.motion import (
     face_motion,
@@ -57,11 +59,6 @@ from isomatch.cohort.shape_statistics.procrustes import (
     generalised_procrustes,
     procrustes_distances,
 )
-from isomatch.cohort.shape_statistics.shape_distances import (
-    classical_scaling,
-    geodesic_distortions,
-    shape_tree,
-)
 from isomatch.cohort.shape_statistics.shape_model import (
     LeaveOneOut,
     ModelCurve,
@@ -71,6 +68,8 @@ from isomatch.cohort.shape_statistics.shape_model import (
     generalisation,
     leave_one_out,
     specificity,
+    write_shapeworks,
+    write_statismo,
 )
 from isomatch.cohort.shape_statistics.shapes import (
     MEASURED,

@@ -12,7 +12,7 @@ from isomatch._core.arrays import BoolArray, FloatArray
 from isomatch._core.errors import SettingError
 from isomatch._core.files import replaced
 from isomatch.cohort.shape_statistics.group_test import ShapeRegression
-from isomatch.cohort.shape_statistics.shape_distances import shape_tree
+from isomatch.cohort.shape_statistics.likeness import shape_tree
 from isomatch.cohort.shape_statistics.shape_model import ModelCurve, ShapeModel
 from isomatch.surfaces import Mesh
 from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
