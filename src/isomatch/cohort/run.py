@@ -34,23 +34,13 @@ Reports = int | Literal["doubtful", "all", "none"]
 
 @dataclass(frozen=True)
 class Cohort:
-    """Shapes in correspondence in a folder, or subjects of several surfaces; `run` and ``open`` make one.
-
-    Parameters
-    ----------
-    folder : Path
-    collections : mapping of str to Collection
-        That of each structure; of shapes of one surface each, that of the name "", and what was added to it.
-    gaps : sequence of Gap
-        How structures lie on each other; none if that was not measured now.
-    landmarks : LandmarkTables, optional
-        What was written about landmarks.
-    """
+    """Shapes in correspondence in a folder, or subjects of several surfaces; `run` and ``open`` make one."""
 
     folder: Path
+    #: that of each structure; of shapes of one surface each, that of the name "", and what was added to it
     collections: Mapping[str, Collection]
-    gaps: Sequence[Gap] = ()
-    landmarks: LandmarkTables | None = None
+    gaps: Sequence[Gap] = ()  #: how structures lie on each other; none if that was not measured now
+    landmarks: LandmarkTables | None = None  #: what was written about landmarks
 
     @classmethod
     def open(cls, folder: str | Path) -> Cohort:

@@ -41,43 +41,23 @@ FACING = 0.5  # least cosine of the normals of points that are taken for one
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Completion:
-    """The shape of a model that some points of it tell of.
+    """The shape of a model that some points of it tell of."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The likeliest shape, with the n vertices of the model, where the given points are.
-    standard_deviation : (n,) array of float
-        How uncertain each vertex is: the root of the sum of the variances of its three coordinates, in the units of the
-        points, as far as the modes describe shapes.
-    residual : float
-        What they do not describe, see `model_noise`, in the units of the points.
-    scores, score_deviations : (k,) array of float
-        Coordinates of the shape along the modes, in the units of the model, and their standard deviations.
-    error : float
-        Root mean square distance of the given points from where the shape has them, each weighted by one over the square
-        of its noise; nan without points.
-    scale : float
-    rotation : (3, 3) array of float
-    translation : (3,) array of float
-        The motion from the model: ``x ↦ scale · rotation @ x + translation``.
-    n_points : int
-        How many points the shape rests on.
-    notes : tuple of str
-        What is in doubt.
-    """
-
-    mesh: Mesh
+    mesh: Mesh  #: the likeliest shape, with the n vertices of the model, where the given points are
+    #: (n,) how uncertain each vertex is, as far as the modes describe shapes: the root of the sum of the variances of its
+    #: three coordinates, in the units of the points
     standard_deviation: FloatArray
-    residual: float
-    scores: FloatArray
+    residual: float  #: what the modes do not describe, see `model_noise`, in the units of the points
+    scores: FloatArray  #: (k,) coordinates along the modes, in the units of the model, with their standard deviations
     score_deviations: FloatArray
+    #: root mean square distance of the given points from where the shape has them, each weighted by one over the square of
+    #: its noise; nan without points
     error: float
-    scale: float
-    rotation: FloatArray
-    translation: FloatArray
-    n_points: int
-    notes: tuple[str, ...] = ()
+    scale: float  #: the motion from the model: x ↦ scale · rotation @ x + translation
+    rotation: FloatArray  #: (3, 3)
+    translation: FloatArray  #: (3,)
+    n_points: int  #: on which the shape rests
+    notes: tuple[str, ...] = ()  #: what is in doubt
 
     def __repr__(self) -> str:
         return f"Completion({self.mesh!r}, error {self.error:.3g})"

@@ -25,27 +25,16 @@ LEAST_SHARE = 1e-9  # of the largest singular value of the variables: one with l
 
 @dataclass(frozen=True, eq=False)
 class GroupTest:
-    """Difference of the means of two groups at each of n vertices.
+    """Difference of the means of two groups at each of n vertices."""
 
-    Parameters
-    ----------
-    groups : (str, str)
-        Names of the groups, in alphabetical order.
-    counts : (int, int)
-        Numbers of shapes.
-    difference : (n, 3) array of float
-        Mean of the second group minus that of the first, in the units of the shapes.
-    t_squared : (n,) array of float
-        Hotelling's T²; ``inf`` if the groups are separated completely.
-    p_values, q_values : (n,) array of float
-        Probability of a T² at least as large if both groups have the same distribution, and the least false discovery
-        rate at which the vertex counts as different (Benjamini & Hochberg 1995).
-    """
-
-    groups: tuple[str, str]
-    counts: tuple[int, int]
-    difference: FloatArray
-    t_squared: FloatArray
+    groups: tuple[str, str]  #: their names, in alphabetical order
+    counts: tuple[int, int]  #: numbers of shapes
+    difference: (
+        FloatArray  #: (n, 3) mean of the second group minus that of the first, in the units of the shapes
+    )
+    t_squared: FloatArray  #: (n,) of Hotelling; ``inf`` if the groups are separated completely
+    #: (n,) probability of a T² at least as large if both groups have the same distribution, and the least false discovery
+    #: rate at which the vertex counts as different (Benjamini & Hochberg 1995)
     p_values: FloatArray
     q_values: FloatArray
 
@@ -169,29 +158,18 @@ def _parametric(q: FloatArray, rank: IntArray, m: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ShapeRegression:
-    """Regression of m aligned shapes on q variables: shape = mean + Σ (variable − its mean) · coefficient.
+    """Regression of m aligned shapes on q variables: shape = mean + Σ (variable − its mean) · coefficient."""
 
-    Parameters
-    ----------
-    r_squared, p_value : float
-        Share of the variance of shape that the variables describe, and the probability of as large a share if they tell
-        nothing about shape, from permutations.
-    n_permutations, seed : int
-        Their number, and what drew them.
-    mean : (n, 3) array of float
-    coefficients : (q, n, 3) array of float
-        Displacement for one unit of each variable.
-    scores : (m, q) array of float
-        The regression scores of Drake & Klingenberg (2008): how far each shape lies from the mean in the direction of
-        each coefficient, in the units of the shapes. Against the variable, they show what it describes.
-    """
-
+    #: share of the variance of shape that the variables describe, and the probability of as large a share if they tell
+    #: nothing about shape, from permutations
     r_squared: float
     p_value: float
     n_permutations: int
-    seed: int
-    mean: FloatArray
-    coefficients: FloatArray
+    seed: int  #: draws them
+    mean: FloatArray  #: (n, 3)
+    coefficients: FloatArray  #: (q, n, 3) displacement for one unit of each variable
+    #: (m, q) regression scores of Drake & Klingenberg (2008): how far each shape lies from the mean in the direction of
+    #: each coefficient, in the units of the shapes; against the variable, they show what it describes
     scores: FloatArray
 
 

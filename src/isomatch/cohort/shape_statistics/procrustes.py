@@ -22,28 +22,15 @@ MOST_ITERATIONS = 1000
 
 @dataclass(frozen=True, eq=False)
 class ProcrustesAlignment:
-    """Shapes after generalised Procrustes analysis.
+    """Shapes after generalised Procrustes analysis: ``scales[s] * vertices[s] @ rotations[s].T + translations[s]``."""
 
-    Parameters
-    ----------
-    aligned : (m, n, 3) array of float
-        The shapes: ``scales[s] * vertices[s] @ rotations[s].T + translations[s]``.
-    rotations : (m, 3, 3) array of float
-    translations : (m, 3) array of float
-    scales : (m,) array of float
-        All 1 if the scale is kept.
-    size : float or None
-        Root mean square distance from the centroid that every shape was given; None if the scale is kept.
-    n_iterations : int
-        How often all shapes were turned to their mean.
-    """
-
-    aligned: FloatArray
-    rotations: FloatArray
-    translations: FloatArray
-    scales: FloatArray
+    aligned: FloatArray  #: (m, n, 3)
+    rotations: FloatArray  #: (m, 3, 3)
+    translations: FloatArray  #: (m, 3)
+    scales: FloatArray  #: (m,), all 1 if the scale is kept
+    #: root mean square distance from the centroid that every shape was given; None if the scale is kept
     size: float | None
-    n_iterations: int
+    n_iterations: int  #: how often all shapes were turned to their mean
 
     @property
     def mean(self) -> FloatArray:

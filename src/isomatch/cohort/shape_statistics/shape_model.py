@@ -56,17 +56,6 @@ FORMAT = ArrayFormat(
 class ScoredShape:
     """A shape described by the modes of a model.
 
-    Parameters
-    ----------
-    scores, deviations : (k,) array of float
-        Its coordinates along the modes, in the units of the shapes and in standard deviations of the modes.
-    aligned, reconstructed : (n, 3) array of float
-        The shape moved onto the mean, and that of the model with these scores.
-    error : float
-        Root mean square distance of the two: what the modes do not describe, in the units of the shapes.
-    measured : (n,) array of bool, optional
-        Which vertices tell something; by default all.
-
     Examples
     --------
     >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
@@ -77,12 +66,12 @@ class ScoredShape:
     (3.0, 0.0027, True)
     """
 
-    scores: FloatArray
-    deviations: FloatArray
-    aligned: FloatArray
-    reconstructed: FloatArray
-    error: float
-    measured: BoolArray | None = None
+    scores: FloatArray  #: (k,) coordinates along the modes, in the units of the shapes
+    deviations: FloatArray  #: (k,) the same in standard deviations of the modes
+    aligned: FloatArray  #: (n, 3) the shape moved onto the mean
+    reconstructed: FloatArray  #: (n, 3) that of the model with these scores
+    error: float  #: root mean square distance of the two: what the modes do not describe
+    measured: BoolArray | None = None  #: (n,) which vertices tell something; by default all
 
     @property
     def vertex_errors(self) -> FloatArray:
@@ -109,26 +98,6 @@ class ScoredShape:
 class ShapeModel:
     """Mean and principal modes of m corresponding shapes: x = mean + Σ score · mode.
 
-    Parameters
-    ----------
-    names : tuple of str
-        The shapes.
-    mean : (n, 3) array of float
-    faces : (f, 3) array of int
-    weights : (n,) array of float
-        Weight of each vertex in all distances; the sum is 1.
-    modes : (k, n, 3) array of float
-        Displacements of the vertices, orthonormal in the weighted scalar product, in decreasing order of variance. There
-        are as many as needed to describe all shapes, at most m − 1.
-    variances : (k,) array of float
-        Variance of the scores of each mode, in squared units of the shapes, with m − 1 degrees of freedom.
-    scores : (m, k) array of float
-        Coordinates of the shapes along the modes.
-    size : float, optional
-        Root mean square distance from the centroid that every shape was given, if sizes were removed.
-    structures : mapping of str to int
-        Of subjects of several surfaces: the number of vertices of each structure, in their order.
-
     Examples
     --------
     >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
@@ -140,14 +109,20 @@ class ShapeModel:
     array([-1.,  0.,  1.])
     """
 
-    names: tuple[str, ...]
-    mean: FloatArray
-    faces: IntArray
-    weights: FloatArray
+    names: tuple[str, ...]  #: of the shapes
+    mean: FloatArray  #: (n, 3)
+    faces: IntArray  #: (f, 3)
+    weights: FloatArray  #: (n,) weight of each vertex in all distances; the sum is 1
+    #: (k, n, 3) displacements of the vertices, orthonormal in the weighted scalar product, in decreasing order of
+    #: variance; as many as are needed to describe all shapes, at most m − 1
     modes: FloatArray
-    variances: FloatArray
-    scores: FloatArray
+    variances: (
+        FloatArray  #: (k,) of the scores, in squared units of the shapes, with m − 1 degrees of freedom
+    )
+    scores: FloatArray  #: (m, k) coordinates of the shapes along the modes
+    #: root mean square distance from the centroid that every shape was given, if sizes were removed
     size: float | None = None
+    #: of subjects of several surfaces: the number of vertices of each structure, in their order
     structures: Mapping[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
