@@ -219,7 +219,7 @@ def unfinished(made, folder, new, steps):
         assert [event.what for event in events] == ["shape"] * 3 + ["pair"] * 2
     if steps == 1:
         with writing_ledger(collection.layout.ledger()) as ledger:
-            ledger.put_pair(("b0", "b2"), PairRow(state="todo"))
+            ledger.put(("b0", "b2"), PairRow(state="todo"))
     with pytest.raises(InputError) as caught:
         added(collection, [new])
     return str(caught.value)

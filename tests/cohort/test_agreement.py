@@ -126,7 +126,7 @@ def test_without_prepared_shapes_nothing_is_compared(tmp_path):
 @pytest.mark.long
 def test_a_shape_whose_row_was_forgotten_is_left_out(spoilt):
     with writing_ledger(spoilt.layout.ledger()) as ledger:
-        ledger.put_shape("y", ShapeRow(state="failed", error="gone"))
+        ledger.put("y", ShapeRow(state="failed", error="gone"))
         ledger.forget_failed_shapes()
     assert agreed(spoilt) == []
 
@@ -169,7 +169,7 @@ def test_killed_before_the_row_of_a_newer_version_was_written(spoilt):
     """The map file has another key than the row, which says that its map was replaced: no reason for an error."""
     agreed(spoilt)
     with writing_ledger(spoilt.layout.ledger()) as ledger:
-        ledger.put_pair(
+        ledger.put(
             WRONG,
             replace(ledger.rows.pairs[WRONG], key="of an older version", replaced_by=("w", "x", "y")),
         )
@@ -202,7 +202,7 @@ def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, m
     file = spoilt.layout.maps(WRONG)
     replace(mirrored, record=sure).save(file)
     with writing_ledger(spoilt.layout.ledger()) as ledger:
-        ledger.put_pair(WRONG, replace(ledger.rows.pairs[WRONG], file=digest_of(file)))
+        ledger.put(WRONG, replace(ledger.rows.pairs[WRONG], file=digest_of(file)))
     monkeypatch.setattr(combine_module, "MOST_PATHS", 0)
     agreed(spoilt)
     assert agreement_of(spoilt.rows()).contradicted == [WRONG]

@@ -46,7 +46,7 @@ def reported(collection, which="doubtful"):
 
 def changed(collection, pair, **values):
     with writing_ledger(collection.layout.ledger()) as ledger:
-        ledger.put_pair(pair, replace(ledger.rows.pairs[pair], **values))
+        ledger.put(pair, replace(ledger.rows.pairs[pair], **values))
 
 
 @pytest.fixture(scope="module")

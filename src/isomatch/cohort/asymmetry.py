@@ -18,7 +18,7 @@ from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surface_as_written
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import Asymmetry, CorrespondedShapes, draw_values
-from isomatch.cohort.statistics import Scale, read_specimens
+from isomatch.cohort.statistics import Scale, read_specimens, told_doubts
 from isomatch.cohort.statistics_folder import SCALES, VERSION, Results, StatisticsFolder, listed, tabulated
 from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import UNMATCHED, Correspondence
@@ -76,12 +76,10 @@ def asymmetry(
     into = StatisticsFolder(Path(output), last="asymmetry.json")
     with into.claimed(force) as new:
         to.tell("reading", 0.0)
-        specimens = read_specimens(source, individuals)
-        cohort, labels, doubts, notes = specimens
+        cohort, labels, doubts, notes = read_specimens(source, individuals)
         if len(cohort) == 1 and cohort.left_out:
             raise MeshError(f"{source}: no two meshes are in one topology; run isomatch collect first")
-        doubts = [doubt for doubt in doubts if not (pairs and doubt.kind == "mirrored")]
-        first = specimens._replace(doubts=doubts).warnings
+        first = told_doubts(doubt for doubt in doubts if not (pairs and doubt.kind == "mirrored"))
         for line in first:
             to.warn(line)
         maps, about, unsure = list[Correspondence](), [dict[str, Any]()] * len(cohort), ""

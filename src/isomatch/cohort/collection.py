@@ -38,17 +38,6 @@ STAYS = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair th
 class Collection(Plan):
     """Shapes in a folder with their maps; ``create`` and ``open`` make one.
 
-    Parameters
-    ----------
-    folder : path_like
-        The folder.
-    shapes : tuple of Entry
-        Names and files of the shapes.
-    template : str, optional
-        Name of the template; None for that in the middle of all, which is found once all are prepared.
-    pairs, config, seed, reflect, units, leader
-        See `Collection.create`.
-
     Examples
     --------
     >>> from tempfile import TemporaryDirectory
@@ -238,7 +227,7 @@ class Collection(Plan):
                 state="todo",
                 time=time.time(),
                 attempt=row.attempt + (which == "low"),
-                contradicted=row.was_contradicted,
+                contradicted=row.is_contradicted or bool(row.contradicted),
                 again=(f"it was asked for by retry {which}",),
                 order=(*STAYS, "state", "time"),
             )
@@ -247,10 +236,11 @@ class Collection(Plan):
         }
         for path in self.layout.ledgers():
             with writing_ledger(path) as ledger:
-                if which == "failed":
-                    ledger.forget_failed_shapes()
+                failed = [name for name, row in ledger.rows.shapes.items() if row.state == which]
+                for name in failed:
+                    ledger.forget("shapes", name)
                 for pair in again.keys() & ledger.rows.pairs.keys():
-                    ledger.put_pair(pair, again[pair])
+                    ledger.put(pair, again[pair])
         return list(again)
 
     def _require_same(self, old: Collection) -> None:

@@ -105,7 +105,7 @@ def agree(
             for count, (repair, attempt) in enumerate(workers.completed(tasks), 1):
                 row = _after(ledger.rows.pairs[repair.pair], attempt, len(job.prepared))
                 n_replaced += not isinstance(attempt, Exception) and isinstance(attempt.result, Replacement)
-                ledger.put_pair(repair.pair, row)
+                ledger.put(repair.pair, row)
                 yield Event("agreement", repair.pair, row, count, len(repairs))
             if not n_replaced:
                 return
@@ -161,7 +161,7 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers) -> FloatArray:
             if record.replaced_by in ((), row.replaced_by):
                 continue  # it was changed after it was written; the next run matches it again
             likewise = Attempt(attempt.result[1], "", time.time())
-            ledger.put_pair(pair, _after(row, likewise, len(names)))
+            ledger.put(pair, _after(row, likewise, len(names)))
         a, b = (number[name] for name in pair)
         images[a, b], images[b, a] = both
     readings = np.full((len(names),) * 3, np.nan)
@@ -211,7 +211,7 @@ def _write(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
         there, back = (side.with_outcome(lowered(x, poor)) for side, x in zip(row.sides, own))
         new = replace(row, agreement=agreement, there=there, back=back)
         if new != row:
-            ledger.put_pair(pair, replace(new, time=time.time()))
+            ledger.put(pair, replace(new, time=time.time()))
 
 
 def _as_matched(rows: Rows, a: str, b: str) -> Pair:

@@ -204,7 +204,7 @@ def _remove(collection: Collection, kept: set[str], lines: dict[str, SurfaceRow]
         landmarks = layout.landmarks / f"{name}.mrk.json"
         for file in (layout.corresponded(name), layout.thumbnail(name), landmarks):
             file.unlink(missing_ok=True)
-            ledger.forget_file(file.relative_to(layout.folder).as_posix())
+            ledger.forget("files", file.relative_to(layout.folder).as_posix())
         if lines.pop(name, None):  # the others are compared again, without it
             lines |= {other: replace(line, unlike="") for other, line in lines.items()}
     for pair in everything.pairs:

@@ -27,6 +27,7 @@ from isomatch.cohort.ledger import (
     Ledger,
     MapRecord,
     MapSummary,
+    OriginRow,
     Pair,
     PairRow,
     Rows,
@@ -151,7 +152,9 @@ class Run:
             layout.remove_unfinished(self.shard)
             own = layout.ledger(self.shard)
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
-            ledger.put_origin(*made_with(*settings))
+            name, origin = made_with(*settings)
+            if name not in ledger.rows.origins:
+                ledger.put(name, OriginRow(time=time.time(), made_with=origin))
             yield from self._prepared_shapes(job, workers, ledger)
             odd = outliers(self.collection, Rows(ledger.rows.shapes))
             odd = [each for each in odd if each.kind in OF_SHAPES]  # of those that are broken it was told
@@ -176,7 +179,7 @@ class Run:
             why = wrong.get(self.collection.layout.prepared(old.key)) if old else None
             new = found if isinstance(found, ShapeRow) else _failed_shape(_died(found))
             row = self._explained(new, old, (entry.name,), why, ledger.rows)
-            ledger.put_shape(entry.name, row)
+            ledger.put(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
@@ -197,7 +200,7 @@ class Run:
             new = found if isinstance(found, PairRow) else plan.row(_died(found))
             why = wrong.get(self.collection.layout.maps(plan.pair))
             row = self._explained(new, rows.pairs.get(plan.pair), plan.pair, why, rows)
-            ledger.put_pair(plan.pair, row)
+            ledger.put(plan.pair, row)
             yield Event("pair", plan.pair, row, count, len(missing))
 
     def _reflected_shapes(
@@ -211,11 +214,11 @@ class Run:
             if isinstance(result, tuple):
                 shape, pair = result  # the shape first: it says whether a pair is still to be matched
                 turned = self._explained(shape, rows.shapes[entry.name], (entry.name,), None, rows)
-                ledger.put_shape(entry.name, turned)
+                ledger.put(entry.name, turned)
                 row = self._explained(pair, old, plan.pair, None, rows)
             else:
                 row = replace(old, not_reflected={entry.name: result or error}, time=time.time())
-            ledger.put_pair(plan.pair, row)
+            ledger.put(plan.pair, row)
             yield Event("reflection", entry.name, row, count, len(reflections))
 
     def _reflections(self, rows: Rows, tried: Container[str]) -> list[Reflection]:

@@ -156,16 +156,8 @@ def write_landmark_tables(
     return write_tables(collection, files, Path(to), semilandmarks, listener, suffix, force)
 
 
-def marks_of(collection: Collection, marks: Path) -> dict[str, Path]:
-    """Find the files of landmarks before anything is done, and what is wrong with them; one may be of the template."""
-    files = landmark_files(marks, collection, collection.template)
-    for name, path in files.items():
-        Landmarks.read(path, collection.paths[name])
-    return files
-
-
 def landmark_files(marks: Path, collection: Collection, template: str | None) -> dict[str, Path]:
-    """Find the file of landmarks of each shape that has one, in the order of the shapes; `InputError` for none."""
+    """Find the file of landmarks of each shape that has one, in the order of the shapes, and what is wrong with them."""
     names = collection.names
     present = {legible(path.name): path for path in (marks.iterdir() if marks.is_dir() else [marks])}
     of = {name: [present[name + suffix] for suffix in SUFFIXES if name + suffix in present] for name in names}
@@ -175,11 +167,13 @@ def landmark_files(marks: Path, collection: Collection, template: str | None) ->
             raise InputError(
                 f"{marks}: it is not known of which shape; name it like one, or give the template (--template)"
             )
-        return {template: marks}
+        files = {template: marks}
     if not files:
         raise InputError(
             f"{marks}: no landmarks of a shape of the collection; give a folder of files such as {names[0]}.mrk.json"
         )
+    for name, path in files.items():  # what is wrong with them is told before anything is done
+        Landmarks.read(path, collection.paths[name])
     return files
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sqlite3
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import MISSING, dataclass, field, fields, replace
@@ -62,20 +61,11 @@ class MapSummary:
         return list(self.values["notes"])
 
     @property
-    def has_alternatives(self) -> bool:
-        """Whether the match found other maps."""
-        return bool(self.values["alternatives"])
-
-    @property
     def doubtful_area(self) -> float | None:
         """Share of the surface in the regions of doubt; None without a map, or if all of it may be wrong."""
         areas = [region["area"] for region in self.values.get("regions", [])]
         is_unclear = not self.values or (self.outcome.is_doubtful and not areas)
         return None if is_unclear else float(sum(areas))
-
-    def to_json(self) -> Mapping[str, Any]:
-        """Return plain values."""
-        return self.values
 
     def with_outcome(self, outcome: Outcome) -> MapSummary:
         """Return the same with another outcome."""
@@ -127,7 +117,9 @@ def _plain(value: Any) -> Any:
 
 
 def _written(value: Any) -> Any:
-    return value.to_json() if isinstance(value, Row | MapSummary) else value
+    if isinstance(value, MapSummary):
+        return value.values
+    return value.to_json() if isinstance(value, Row) else value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,11 +246,6 @@ class PairRow(MapRecord):
     def is_contradicted(self) -> bool:
         """Whether other maps contradict that of a pair, as far as they were compared."""
         return self.inconsistency > CONTRADICTED
-
-    @property
-    def was_contradicted(self) -> bool:
-        """Whether other maps contradict that of a pair, or did before it was to be matched again."""
-        return self.is_contradicted or bool(self.contradicted)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -489,39 +476,17 @@ class Ledger:
         self._connection, self._path = connection, path
         self.rows = _rows(connection, path)
 
-    def put_shape(self, name: str, row: ShapeRow) -> None:
-        """Write the row of a shape."""
-        self._put("shapes", name, row)
-
-    def put_pair(self, pair: Pair, row: PairRow) -> None:
-        """Write the row of a pair."""
-        self._put("pairs", pair, row)
-
-    def put_file(self, name: str, digest: str) -> None:
-        """Write the digest of a file, by its path in the folder."""
-        self._put("files", name, FileRow(time=time.time(), file=digest))
-
-    def forget_file(self, name: str) -> None:
-        """Remove the row of a file, if there is one."""
-        if self.rows.files.pop(name, None):
-            self._execute("DELETE FROM files WHERE name = ?", name)
-
-    def put_origin(self, name: str, made_with: Mapping[str, Any]) -> None:
-        """Write a version and settings, by the name that rows have for them."""
-        if name not in self.rows.origins:
-            self._put("origins", name, OriginRow(time=time.time(), made_with=made_with))
-
-    def forget_failed_shapes(self) -> None:
-        """Remove the rows of shapes that could not be prepared."""
-        for name in [name for name, row in self.rows.shapes.items() if row.state == "failed"]:
-            del self.rows.shapes[name]
-            self._execute("DELETE FROM shapes WHERE name = ?", name)
-
-    def _put(self, table: str, name: str | Pair, row: Row) -> None:
-        record = row.to_json()
+    def put(self, name: str | Pair, row: Row) -> None:
+        """Write the row of a shape, a pair, a file by its path in the folder, or of what rows were made with."""
+        record, table = row.to_json(), next(table for table, (kind, _) in TABLES.items() if type(row) is kind)
         getattr(self.rows, table)[name] = type(row).from_json(record)  # as it would be read
         values = *([name] if isinstance(name, str) else name), json.dumps(record)
         self._execute(f"INSERT OR REPLACE INTO {table} VALUES ({', '.join('?' * len(values))})", *values)
+
+    def forget(self, table: Literal["shapes", "files"], name: str) -> None:
+        """Remove a row, if it is there."""
+        if getattr(self.rows, table).pop(name, None):
+            self._execute(f"DELETE FROM {table} WHERE name = ?", name)
 
     def _execute(self, command: str, *values: Any) -> None:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -145,7 +146,7 @@ def digest_of(path: Path) -> str:
 def put_files(ledger: Ledger, layout: Layout, digests: dict[Path, str]) -> None:
     """Write rows of files in the folder of a collection."""
     for path, digest in digests.items():
-        ledger.put_file(path.relative_to(layout.folder).as_posix(), digest)
+        ledger.put(path.relative_to(layout.folder).as_posix(), FileRow(time=time.time(), file=digest))
 
 
 def keep_files(layout: Layout, paths: Iterable[Path]) -> None:

@@ -180,12 +180,14 @@ def medoid(features: FloatArray) -> int:
 
 @dataclass(frozen=True)
 class Plan:
-    """The shapes, pairs and settings of a `Collection`, whose parameters these are."""
+    """The shapes, pairs and settings of a `Collection`, see `Collection.create`."""
 
     folder: Path
-    shapes: tuple[Entry, ...]
+    shapes: tuple[Entry, ...]  #: names and files
     pairs: str
-    template: str | None
+    template: (
+        str | None
+    )  #: its name; None for the one in the middle of all, which is found once all are prepared
     config: Config
     seed: int
     reflect: Literal["auto"] | tuple[str, ...] = ()

@@ -213,7 +213,7 @@ def _written(collection: Collection, item: tuple[Pair, PairRow]) -> None:
     path = collection.layout.report(pair)
     # the result of a match, restored from its saved parts; notes say what is not in them
     notes = row.there.notes
-    if row.there.has_alternatives:
+    if row.there.values["alternatives"]:
         notes.append("a collection does not keep alternatives; isomatch match finds them again")
     if row.is_contradicted:
         notes.insert(0, f"other maps contradict it by {row.inconsistency:.2f} √area")

@@ -19,7 +19,7 @@ from isomatch.cohort.collection import Collection
 from isomatch.cohort.combine import Agreement, agreement_of
 from isomatch.cohort.finish import finish
 from isomatch.cohort.jobs import Event
-from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, marks_of, write_tables
+from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, landmark_files, write_tables
 from isomatch.cohort.ledger import Rows, SurfaceRow
 from isomatch.cohort.map_file import KEPT, changed_files
 from isomatch.cohort.outliers import Outlier, mirror_images, outliers
@@ -148,7 +148,7 @@ def run(
     else:
         structures = {"": Collection.create(folder, shapes, **settings)}
         if landmarks is not None:
-            marks = marks_of(structures[""], landmarks)
+            marks = landmark_files(landmarks, structures[""], structures[""].template)
     carried, gaps = None, list[Gap]()
     with workers_of(executor, jobs, time_limit) as workers:
         for structure, collection in structures.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 from unicodedata import normalize
 
 import numpy as np
@@ -80,9 +80,8 @@ def statistics(
     into = StatisticsFolder(Path(output), pictures)
     with into.claimed(force) as new:
         to.tell("reading", 0.0)
-        specimens = read_specimens(folder, groups)
-        shapes, labels, doubts, notes = specimens
-        for line in specimens.warnings:
+        shapes, labels, doubts, notes = read_specimens(folder, groups)
+        for line in told_doubts(doubts):
             to.warn(line)
         to.tell("model", 0.1)
         if mirror is not None:
@@ -240,18 +239,8 @@ def _told_of(record: dict[str, Any]) -> list[str]:
     return [*lines, *(f"note: {note}" for note in record["notes"])]
 
 
-class Specimens(NamedTuple):
-    """The shapes of a folder, and what is known of them."""
-
-    shapes: CorrespondedShapes
-    labels: dict[str, str]  # group of each shape that has one
-    doubts: list[Doubt]
-    notes: list[str]
-
-    @property
-    def warnings(self) -> list[str]:
-        """The doubts in words."""
-        return [f"{' and '.join(doubt.names)} {doubt.reason}" for doubt in self.doubts]
+Specimens = tuple[CorrespondedShapes, dict[str, str], list[Doubt], list[str]]
+"""Shapes of a folder, the groups of those that have one, doubts, and notes."""
 
 
 def read_specimens(folder: Path, groups: Path | None) -> Specimens:
@@ -264,7 +253,12 @@ def read_specimens(folder: Path, groups: Path | None) -> Specimens:
     for own in (folder / structure for structure in shapes.structures or ("",)):
         told = _doubts(own / "pairs.csv", shapes.names) + _reflected(own / "shapes.csv", shapes.names)
         notes += [f"{own.name}: {note}" if shapes.structures else note for note in told]
-    return Specimens(shapes, labels, list(doubts), notes)
+    return shapes, labels, list(doubts), notes
+
+
+def told_doubts(doubts: Iterable[Doubt]) -> list[str]:
+    """Put doubts in words."""
+    return [f"{' and '.join(doubt.names)} {doubt.reason}" for doubt in doubts]
 
 
 def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:

@@ -50,8 +50,8 @@ class Completion:
     residual: float  #: what the modes do not describe, see `model_noise`, in the units of the points
     scores: FloatArray  #: (k,) coordinates along the modes, in the units of the model, with their standard deviations
     score_deviations: FloatArray
-    #: root mean square distance of the given points from where the shape has them, each weighted by one over the square of
-    #: its noise; nan without points
+    #: root mean square distance of the given points from where the shape has them, each weighted by one over the square
+    #: of its noise; nan without points
     error: float
     scale: float  #: the motion from the model: x ↦ scale · rotation @ x + translation
     rotation: FloatArray  #: (3, 3)
