@@ -2,7 +2,6 @@
 
 import os
 import platform
-import re
 import signal
 from functools import partial
 
@@ -131,8 +130,7 @@ def prepared_once():
 @pytest.fixture
 def coarse_pictures(monkeypatch):
     """The pictures of statistics with a fifth of the dots in print: what is in them is tested in ``shape_statistics``."""
-    for name in filter(re.compile("draw_").match, shape_statistics.__all__):
-        monkeypatch.setattr(shape_statistics, name, partial(getattr(shape_statistics, name), dpi=60))
+    monkeypatch.setattr(shape_statistics.charts, "DPI", 60)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import isomatch
 from corresponded import ellipsoids, moved, random_shapes
 from isomatch.cli import main
 from isomatch.cohort.shape_statistics import ShapeModel, leave_one_out, read_shapes
-from isomatch.cohort.specimens import read_groups
+from isomatch.cohort.statistics import read_groups
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")

@@ -21,10 +21,9 @@ from isomatch._core import files as files_module
 from isomatch._core.errors import InputError, SettingError
 from isomatch.cli import main
 from isomatch.cohort import Collection, finish
-from isomatch.cohort.add import added
-from isomatch.cohort.ledger import writing_ledger
+from isomatch.cohort.ledger import PairRow, writing_ledger
 from isomatch.cohort.map_file import KEPT
-from isomatch.cohort.rows import PairRow
+from isomatch.cohort.scoring import added
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.decimation import decimate
 from isomatch_lab.procedural import creature
@@ -220,7 +219,7 @@ def unfinished(made, folder, new, steps):
         assert [event.what for event in events] == ["shape"] * 3 + ["pair"] * 2
     if steps == 1:
         with writing_ledger(collection.layout.ledger()) as ledger:
-            ledger.put_pair(("b0", "b2"), PairRow(state="todo"))
+            ledger.put(("b0", "b2"), PairRow(state="todo"))
     with pytest.raises(InputError) as caught:
         added(collection, [new])
     return str(caught.value)

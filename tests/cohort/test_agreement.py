@@ -16,9 +16,8 @@ from isomatch.cli.collect import collect
 from isomatch.cohort import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.cohort import combine as combine_module
 from isomatch.cohort.combine import CONTRADICTED, CycleJob
-from isomatch.cohort.ledger import writing_ledger
+from isomatch.cohort.ledger import MapSummary, PairAgreement, PairRow, ShapeRow, writing_ledger
 from isomatch.cohort.map_file import digest_of
-from isomatch.cohort.rows import MapSummary, PairAgreement, PairRow, ShapeRow
 from isomatch.datasets import ground_truth
 from isomatch.matching import match_both
 from isomatch.shapes import PreparedShape
@@ -127,7 +126,7 @@ def test_without_prepared_shapes_nothing_is_compared(tmp_path):
 @pytest.mark.long
 def test_a_shape_whose_row_was_forgotten_is_left_out(spoilt):
     with writing_ledger(spoilt.layout.ledger()) as ledger:
-        ledger.put_shape("y", ShapeRow(state="failed", error="gone"))
+        ledger.put("y", ShapeRow(state="failed", error="gone"))
         ledger.forget_failed_shapes()
     assert agreed(spoilt) == []
 
@@ -170,7 +169,7 @@ def test_killed_before_the_row_of_a_newer_version_was_written(spoilt):
     """The map file has another key than the row, which says that its map was replaced: no reason for an error."""
     agreed(spoilt)
     with writing_ledger(spoilt.layout.ledger()) as ledger:
-        ledger.put_pair(
+        ledger.put(
             WRONG,
             replace(ledger.rows.pairs[WRONG], key="of an older version", replaced_by=("w", "x", "y")),
         )
@@ -203,7 +202,7 @@ def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, m
     file = spoilt.layout.maps(WRONG)
     replace(mirrored, record=sure).save(file)
     with writing_ledger(spoilt.layout.ledger()) as ledger:
-        ledger.put_pair(WRONG, replace(ledger.rows.pairs[WRONG], file=digest_of(file)))
+        ledger.put(WRONG, replace(ledger.rows.pairs[WRONG], file=digest_of(file)))
     monkeypatch.setattr(combine_module, "MOST_PATHS", 0)
     agreed(spoilt)
     assert agreement_of(spoilt.rows()).contradicted == [WRONG]

@@ -8,7 +8,7 @@ import pytest
 import isomatch
 from isomatch._core.texts import natural_order
 from isomatch.cohort import Collection, finish
-from isomatch.cohort.rows import MapSummary, PairRow, Rows, ShapeRow
+from isomatch.cohort.ledger import MapSummary, PairRow, Rows, ShapeRow
 from small_collections import N
 
 

@@ -24,8 +24,7 @@ from isomatch import (
 from isomatch.cli import main
 from isomatch.cohort import Collection, export, finish, surfaces_written, write_reports
 from isomatch.cohort import report as report_module
-from isomatch.cohort.ledger import writing_ledger
-from isomatch.cohort.rows import MapSummary, PairAgreement
+from isomatch.cohort.ledger import MapSummary, PairAgreement, writing_ledger
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
 from small_collections import N, run
@@ -47,7 +46,7 @@ def reported(collection, which="doubtful"):
 
 def changed(collection, pair, **values):
     with writing_ledger(collection.layout.ledger()) as ledger:
-        ledger.put_pair(pair, replace(ledger.rows.pairs[pair], **values))
+        ledger.put(pair, replace(ledger.rows.pairs[pair], **values))
 
 
 @pytest.fixture(scope="module")

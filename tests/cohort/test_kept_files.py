@@ -19,9 +19,8 @@ from isomatch._core.files import claimed
 from isomatch.cohort import PairMaps
 from isomatch.cohort import ledger as ledger_module
 from isomatch.cohort.jobs import loaded_shape
-from isomatch.cohort.ledger import read_ledgers, writing_ledger
+from isomatch.cohort.ledger import MapRecord, PairRow, Rows, ShapeRow, read_ledgers, writing_ledger
 from isomatch.cohort.plan import OLD, Layout, key_of, medoid
-from isomatch.cohort.rows import MapRecord, PairRow, Rows, ShapeRow
 from isomatch.settings import Config
 
 RESULT = {"outcome": "CONVERGED", "quality": {"spectral_residual": 0.1, "orientation": 1.0, "mirrored": None}}
@@ -116,7 +115,7 @@ def test_a_ledger_is_read_while_it_is_written_and_one_file_when_it_is_not(one_ho
     path = tmp_path / "ledger.sqlite"
     for turn in range(2):
         with writing_ledger(path, one_host=one_host) as ledger:
-            ledger.put_pair(("a", str(turn)), PAIR)
+            ledger.put(("a", str(turn)), PAIR)
             assert len(read_ledgers([path]).pairs) == turn + 1
             with (
                 pytest.raises(UnwritableFileError, match="written"),
@@ -129,7 +128,7 @@ def test_a_ledger_is_read_while_it_is_written_and_one_file_when_it_is_not(one_ho
 def test_a_reader_does_not_keep_a_run_from_its_end(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with writing_ledger(path) as ledger:
-        ledger.put_pair(("a", "b"), PAIR)
+        ledger.put(("a", "b"), PAIR)
         reader = sqlite3.connect(path)
         assert len(reader.execute("SELECT * FROM pairs").fetchone()) == 3
     reader.close()
@@ -140,10 +139,10 @@ KILLED = """
 import os, sys
 from pathlib import Path
 from isomatch.cohort.ledger import writing_ledger
-from isomatch.cohort.rows import PairRow
+from isomatch.cohort.ledger import PairRow
 with writing_ledger(Path(sys.argv[1]), one_host=sys.argv[2] == "True") as ledger:
     for i in range(50):
-        ledger.put_pair((str(i), "x"), PairRow(state="todo", time=1.0))
+        ledger.put((str(i), "x"), PairRow(state="todo", time=1.0))
     if sys.argv[2] == "False":  # a transaction that has begun to change the file
         ledger._connection.execute("PRAGMA cache_size = 1")
         ledger._connection.execute("BEGIN")
@@ -183,7 +182,7 @@ def test_a_ledger_is_read_while_it_is_made(one_host, tmp_path):
         with ThreadPoolExecutor(1) as other:
             reading = other.submit(reads, path)
             with writing_ledger(path, one_host=one_host) as ledger:
-                ledger.put_shape("a", DONE)
+                ledger.put("a", DONE)
             ended.set()
             reading.result()
 
@@ -197,7 +196,7 @@ def test_a_ledger_that_is_just_begun_has_no_rows(tmp_path):
 def test_a_ledger_in_use_is_not_called_damaged(tmp_path, monkeypatch):
     path = tmp_path / "ledger.sqlite"
     with writing_ledger(path) as ledger:
-        ledger.put_shape("a", DONE)
+        ledger.put("a", DONE)
     monkeypatch.setattr(ledger_module, "PATIENCE", 0.0)
     with closing(sqlite3.connect(path)) as other:
         other.execute("BEGIN EXCLUSIVE")
@@ -212,7 +211,7 @@ def test_a_damaged_page_of_a_ledger_is_named(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with writing_ledger(path) as ledger:
         for i in range(200):
-            ledger.put_shape(str(i), DONE)
+            ledger.put(str(i), DONE)
     content = bytearray(path.read_bytes())
     content[4096:] = b"x" * (len(content) - 4096)
     path.write_bytes(content)
@@ -231,7 +230,7 @@ def test_what_is_no_ledger_is_refused(tmp_path):
         read_ledgers([path])
     path.unlink()
     with writing_ledger(path) as ledger:
-        ledger.put_shape("a", DONE)
+        ledger.put("a", DONE)
     with closing(sqlite3.connect(path, isolation_level=None)) as connection:
         connection.execute("UPDATE shapes SET record = '{'")
     assert read_ledgers([path]) == Rows(damaged=["the row of a in ledger.sqlite"])
@@ -240,10 +239,10 @@ def test_what_is_no_ledger_is_refused(tmp_path):
 def test_a_full_disk_is_named(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with writing_ledger(path) as ledger:
-        ledger.put_shape("a", DONE)
+        ledger.put("a", DONE)
         ledger._connection.execute("PRAGMA max_page_count = 1")
         with pytest.raises(UnwritableFileError, match="database"):
-            ledger.put_shape("b", replace(DONE, more={"text": "x" * 100_000}))
+            ledger.put("b", replace(DONE, more={"text": "x" * 100_000}))
     assert set(read_ledgers([path]).shapes) == {"a"}
 
 

@@ -78,7 +78,7 @@ def changed(collection, name, **values):
     with writing_ledger(collection.layout.ledger()) as ledger:
         for pair, row in list(ledger.rows.pairs.items()):
             if name in pair:
-                ledger.put_pair(pair, replace(row, **values))
+                ledger.put(pair, replace(row, **values))
 
 
 @pytest.mark.long
@@ -101,7 +101,7 @@ def test_doubtful_maps_and_those_of_earlier_files_are_not_used(copied, marks, tm
 @pytest.mark.long
 def test_reflected_shapes_are_reflected_in_the_tables(copied, marks, tmp_path, capsys):
     with writing_ledger(copied.layout.ledger()) as ledger:
-        ledger.put_shape("s0", replace(ledger.rows.shapes["s0"], reflected=True))
+        ledger.put("s0", replace(ledger.rows.shapes["s0"], reflected=True))
     changed(copied, "s0", reflected=("s0",))
     out = tmp_path / "out"
     argv = ["collect", "landmarks", str(copied.folder), str(marks), str(out), "--format", "csv"]
@@ -194,7 +194,7 @@ def test_maps_of_earlier_versions_have_no_expected_errors(copied, marks):
         file = copied.layout.maps(pair)
         replace(maps, there_error=None, back_error=None).save(file)
         with writing_ledger(copied.layout.ledger()) as ledger:
-            ledger.put_pair(pair, replace(ledger.rows.pairs[pair], file=digest_of(file)))
+            ledger.put(pair, replace(ledger.rows.pairs[pair], file=digest_of(file)))
     assert copied.maps("s0", "s1").there_error is None
     found = dict(collected_landmarks(copied, {"s0": marks / "s0.mrk.json"}))
     assert found["s1"].placed.all()

@@ -7,8 +7,8 @@ import pytest
 
 from isomatch import InputError
 from isomatch.cohort import Collection
-from isomatch.cohort.entries import entries_of, pairs_of, tiles_of
 from isomatch.cohort.jobs import Run
+from isomatch.cohort.plan import entries_of, pairs_of, tiles_of
 
 NAMES = [f"n{i:02}" for i in range(13)]
 

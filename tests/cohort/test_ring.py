@@ -14,8 +14,7 @@ from isomatch import Correspondence, Mesh, Outcome, read_mesh, write_mesh
 from isomatch._core.texts import read_csv
 from isomatch.cli import main
 from isomatch.cohort import Collection, PairMaps, finish
-from isomatch.cohort.ledger import writing_ledger
-from isomatch.cohort.rows import ShapeRow
+from isomatch.cohort.ledger import ShapeRow, writing_ledger
 from isomatch.correspondence import nearest_points
 from small_collections import lopsided_blob, run
 
@@ -40,7 +39,7 @@ def ring(small, tmp_path_factory):
     with writing_ledger(collection.layout.ledger()) as ledger:
         for i, (pair, row) in enumerate(ledger.rows.pairs.items()):
             there, back = (side.with_outcome(Outcome.CONVERGED) for side in row.sides)
-            ledger.put_pair(pair, replace(row, there=there, back=back))
+            ledger.put(pair, replace(row, there=there, back=back))
             record = collection.maps(*pair).record
             maps = slid(i, (i + 1) % M, DRIFT), slid((i + 1) % M, i, -DRIFT)
             PairMaps(*maps, record, *np.full((2, BLOB.n_vertices), 0.02)).save(collection.layout.maps(pair))
@@ -91,7 +90,7 @@ def test_both_ways_round_cancel_a_drift_that_one_way_adds_up(ring, copied, capsy
     last = NAMES[-1], NAMES[0]
     with writing_ledger(copied.layout.ledger()) as ledger:
         row = ledger.rows.pairs[last]
-        ledger.put_pair(last, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
+        ledger.put(last, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
     assert (errors_of(ring)[1:] < errors_of(finished(copied))[1:] / 2).all()
     assert status(copied, capsys)["loop"] == {"open": [list(last)]}
 
@@ -109,7 +108,7 @@ def test_a_wrong_map_does_not_draw_frames_between_two_places(copied):
 @pytest.mark.long
 def test_around_a_frame_that_failed_the_others_are_reached(copied, tmp_path, capsys):
     with writing_ledger(copied.layout.ledger()) as ledger:
-        ledger.put_shape("frame4", ShapeRow(state="failed", error="no faces", time=2e9))
+        ledger.put("frame4", ShapeRow(state="failed", error="no faces", time=2e9))
     loop = status(finished(copied), capsys)["loop"]
     assert loop == {"open": [["frame3", "frame4"], ["frame4", "frame5"]]}
     assert main(["statistics", "time", str(copied.folder), "-o", str(tmp_path / "time"), "--json"]) == 0

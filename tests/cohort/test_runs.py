@@ -15,9 +15,8 @@ from isomatch._core.errors import InputError
 from isomatch.cli import main
 from isomatch.cohort import Collection, plan
 from isomatch.cohort import jobs as jobs_module
-from isomatch.cohort.ledger import writing_ledger
+from isomatch.cohort.ledger import PairRow, Rows, ShapeRow, writing_ledger
 from isomatch.cohort.report import write_table
-from isomatch.cohort.rows import PairRow, Rows, ShapeRow
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
 from small_collections import N, arrays_of, run
@@ -182,7 +181,7 @@ def test_low_confidence_is_tried_with_another_seed_and_the_surer_map_is_kept(cop
     low = copied.maps(*pair)
     with writing_ledger(copied.layout.ledger()) as ledger:
         row = ledger.rows.pairs[pair]
-        ledger.put_pair(pair, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
+        ledger.put(pair, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
     before = arrays_of(copied.folder)
     assert copied.retry("low") == [pair]
     assert [event.name for event in run(copied)] == [pair]
@@ -203,7 +202,7 @@ def test_the_map_of_a_shape_as_it_was_is_not_kept(small, copied, tmp_path):
     collection = Collection.create(copied.folder, shapes, pairs="all", config=small.config)
     with writing_ledger(copied.layout.ledger()) as ledger:
         for pair, row in list(ledger.rows.pairs.items()):
-            ledger.put_pair(pair, replace(row, attempt=1, key="of the second attempt"))
+            ledger.put(pair, replace(row, attempt=1, key="of the second attempt"))
     isomatch.write_mesh(shapes[0], decimate(example_pair()[0].mesh, 150).mesh)
     run(collection)
     there = collection.maps("s0", "s1").there
@@ -269,7 +268,7 @@ def test_a_damaged_plan_is_refused(copied, name, value):
 
 def test_failed_pairs_are_not_said_to_be_done(copied, capsys):
     with writing_ledger(copied.layout.ledger()) as ledger:
-        ledger.put_pair(("s1", "s3"), replace(ledger.rows.pairs["s1", "s3"], state="failed", error="no luck"))
+        ledger.put(("s1", "s3"), replace(ledger.rows.pairs["s1", "s3"], state="failed", error="no luck"))
     assert main(["collect", "status", str(copied.folder)]) == 0
     assert f"{len(PAIRS) - 1} of {len(PAIRS)} pairs matched, 1 failed" in capsys.readouterr().out
 
@@ -332,7 +331,7 @@ def test_two_shards_at_once(small, finished, tmp_path, capsys):
 
 def test_the_table_has_a_line_for_each_pair_worst_first(copied):
     with writing_ledger(copied.layout.ledger()) as ledger:
-        ledger.put_pair(("s1", "s3"), replace(ledger.rows.pairs["s1", "s3"], state="failed", error="no luck"))
+        ledger.put(("s1", "s3"), replace(ledger.rows.pairs["s1", "s3"], state="failed", error="no luck"))
     write_table(copied.rows(), copied.layout.table)
     with copied.layout.table.open(newline="") as file:
         first, *others = csv.DictReader(file)

@@ -14,9 +14,8 @@ import isomatch
 from isomatch._core.errors import InputError
 from isomatch.cli import main
 from isomatch.cohort import Collection
-from isomatch.cohort.contacts import contacts_kept
 from isomatch.cohort.shape_statistics import CorrespondedShapes, read_shapes, stacked
-from isomatch.cohort.subjects import structures_of, subject_collections, subject_doubts
+from isomatch.cohort.subjects import contacts_kept, structures_of, subject_collections, subject_doubts
 from shapes import icosphere
 from small_collections import QUICK, lopsided_blob
 

@@ -31,7 +31,7 @@ def cohort(small, tmp_path_factory):
     with writing_ledger(collection.layout.ledger()) as ledger:
         for pair, row in ledger.rows.pairs.items():
             there, back = (side.with_outcome(Outcome.CONVERGED) for side in row.sides)
-            ledger.put_pair(pair, replace(row, there=there, back=back))
+            ledger.put(pair, replace(row, there=there, back=back))
             record = collection.maps(*pair).record
             maps = [slid(meshes[source], meshes[target], rng) for source, target in (pair, pair[::-1])]
             PairMaps(*maps, record).save(collection.layout.maps(pair))
@@ -142,6 +142,6 @@ def test_doubtful_maps_are_no_ways(copied):
     with writing_ledger(copied.layout.ledger()) as ledger:
         for pair in (("a", "b"), ("c", "d")):
             row = ledger.rows.pairs[pair]
-            ledger.put_pair(pair, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
+            ledger.put(pair, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
     finished(copied)
     assert ways(copied) == {"a": "1", "b": "4", "c": "3", "d": "3", "e": "4", "f": "4"}

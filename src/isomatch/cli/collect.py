@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
 from isomatch import cohort
-from isomatch._core.errors import InputError
-from isomatch.cli.cohort_words import say_cohort, say_landmarks
-from isomatch.cli.collect_add import add
-from isomatch.cli.collect_export import export
-from isomatch.cli.collect_landmarks import landmarks
-from isomatch.cli.collect_options import Executor, Jobs, Marked, Reports, TimeLimit, names_of, units_of
+from isomatch.cli.cohort_words import say_cohort
+from isomatch.cli.collect_finished import add, export, landmarks, say_landmarks
+from isomatch.cli.collect_options import (
+    Executor,
+    Jobs,
+    Marked,
+    Reports,
+    TimeLimit,
+    names_of,
+    shard_of,
+    units_of,
+)
 from isomatch.cli.collect_state import agree, retry, status
 from isomatch.cli.inputs import ConfigFile, Output, Seed, read_config
 from isomatch.cli.terminal import TALK, Talk, complain
@@ -73,31 +78,18 @@ def run(
             only if all pairs are. Maps of shards are compared by that command.
         keep_contacts: Of subjects, keep points together that lie on each other in the template; see contacts.csv.
     """
-    place = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", shard)
-    if not place or int(place[1]) > int(place[2]):
-        raise InputError(f"--shard {shard}: is not i/n with 1 ≤ i ≤ n, such as 2/8")
-    settings: dict[str, Any] = {
-        "config": read_config(config),
-        "reflect": names_of(reflect),
-        "units": units_of(units),
-    }
+    how: dict[str, Any] = {"config": read_config(config), "seed": seed, "reports": reports, "agree": agree}
+    how |= {"landmarks": landmarks, "semilandmarks": semilandmarks, "keep_contacts": keep_contacts}
+    how |= {"shard": shard_of(shard), "executor": executor, "jobs": jobs, "time_limit": time_limit}
     with talk.progress() as tell:
         found = cohort.run(
             output,
             shapes,
             pairs=pairs,
             template=None if template == "auto" else template,
-            seed=seed,
-            **settings,
-            landmarks=landmarks,
-            semilandmarks=semilandmarks,
-            agree=agree,
-            keep_contacts=keep_contacts,
-            reports=reports,
-            executor=executor,
-            jobs=jobs,
-            shard=(int(place[1]) - 1, int(place[2])),
-            time_limit=time_limit,
+            reflect=names_of(reflect),
+            units=units_of(units),
+            **how,
             progress=tell,
             warn=complain,
         )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from isomatch._core.errors import InputError
 from isomatch._core.texts import text_lines
 from isomatch.cohort import Semilandmarks
 
@@ -45,3 +47,11 @@ def units_of(units: str | None) -> dict[str, str] | None:
         return None if units is None else {}
     pairs = [each.strip().rpartition("=") for each in units.split(",")]
     return {name.strip() or "*": unit.strip() for name, _, unit in pairs}
+
+
+def shard_of(shard: str) -> tuple[int, int]:
+    """Read what ``--shard`` says: the index of a shard, from 0, and their number."""
+    place = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", shard)
+    if not place or int(place[1]) > int(place[2]):
+        raise InputError(f"--shard {shard}: is not i/n with 1 ≤ i ≤ n, such as 2/8")
+    return int(place[1]) - 1, int(place[2])

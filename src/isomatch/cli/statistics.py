@@ -1,7 +1,8 @@
-"""``isomatch statistics``: mean, modes, groups and distances of shapes in one topology."""
+"""``isomatch statistics``: mean, modes, groups and distances of shapes in one topology, and the motion of a series."""
 
 from __future__ import annotations
 
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Literal
 
@@ -9,16 +10,12 @@ from cyclopts import App, Parameter
 
 from isomatch import cohort
 from isomatch._core.errors import SettingError
-from isomatch.cli.cohort_words import say_statistics
 from isomatch.cli.inputs import Force, Output, Seed
-from isomatch.cli.statistics_complete import complete
-from isomatch.cli.statistics_project import project
-from isomatch.cli.statistics_time import over_time
-from isomatch.cli.terminal import TALK, Talk, complain
+from isomatch.cli.statistics_model import complete, project
+from isomatch.cli.terminal import TALK, Talk, complain, say, say_rows, say_table
 
 statistics = App(name="statistics", default_parameter=Parameter(negative=()))
 statistics.command(project)
-statistics.command(over_time, name="time")
 statistics.command(complete)
 
 
@@ -63,15 +60,64 @@ def run(
     """
     if modes < 0:
         raise SettingError(f"--modes {modes} is not a number of modes; give 0 or more")
-    how: dict[str, Any] = {
-        "scale": scale,
-        "weights": weights,
-        "modes": modes,
-        "groups": groups,
-        "test": test,
+    how: dict[str, Any] = {"scale": scale, "weights": weights, "modes": modes, "groups": groups, "test": test}
+    how |= {
         "mirror": mirror,
+        "align": align,
+        "hide": hide,
+        "pictures": pictures,
+        "seed": seed,
+        "force": force,
     }
-    how |= {"align": align, "hide": hide, "pictures": pictures, "seed": seed, "force": force}
     with talk.progress() as tell:
         found = cohort.statistics(folder, output, **how, progress=tell, warn=complain)
     talk.result(found.to_json(), lambda: say_statistics(found))
+
+
+@statistics.command(name="time")
+def over_time(
+    folder: Path,
+    /,
+    *,
+    output: Output,
+    regions: Path | None = None,
+    reference: str | None = None,
+    force: Force = False,
+    talk: Talk = TALK,
+) -> None:
+    """Tell how a series of shapes in one topology moves: area, volume, thickness and strain over time, by region.
+
+    Args:
+        folder: Folder of meshes with the same faces, frame2 before frame10; or folder of isomatch collect.
+        output: Folder for time.csv, time.png, and strain/NAME.vtp, each shape with the measures of its faces.
+        regions: Labels of the vertices: a table, .npy, .annot, .label.gii, or the template's file, if it has one label.
+        reference: Name of the shape that is not strained; by default the first one.
+    """
+    how: dict[str, Any] = {"regions": regions, "reference": reference, "force": force}
+    with talk.progress() as tell:
+        found = cohort.series(folder, output, **how, progress=tell, warn=complain)
+
+    def summary() -> None:
+        say(found.told[0], "bold")
+        say_rows([("note", note) for note in found.record["notes"]])
+        say(f"open first: {output / 'time.png'}; the table is time.csv")
+
+    talk.result(found.to_json(), summary)
+
+
+def say_statistics(found: cohort.Results) -> None:
+    """Print how shapes vary, and what else was found."""
+    model = found.model
+    if model is None:
+        return
+    size = f"{len(model.names)} shapes of {len(model.mean):,} vertices"
+    say(f"{size} vary in {model.n_modes} mode{'s' * (model.n_modes != 1)}", "bold")
+    shares = found.record["shares"]
+    modes = zip(shares[:10], accumulate(shares), model.deviations.tolist())
+    say_table(
+        (f"mode {i}", f"{share:.1%} of the variance, sd {deviation:.4g}", f"{total:.1%} so far")
+        for i, (share, total, deviation) in enumerate(modes, 1)
+    )
+    for line in found.told:
+        say(line)
+    say(f"open first: {found.folder / 'index.html'}; {len(found.files)} files are there")

@@ -1,20 +1,17 @@
 from isomatch.cohort import shape_statistics as shape_statistics
-from isomatch.cohort.add import add
 from isomatch.cohort.asymmetry import asymmetry
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.combine import Agreement, agree, agreement_of, inconsistency
-from isomatch.cohort.completion import complete_file
-from isomatch.cohort.contacts import Gap
-from isomatch.cohort.entries import Entry
 from isomatch.cohort.finish import export, finish, surfaces_written
 from isomatch.cohort.jobs import Event
-from isomatch.cohort.landmark_tables import LandmarkTables, Semilandmarks, write_landmark_tables
-from isomatch.cohort.landmarks import collected_landmarks, draw_landmarks
-from isomatch.cohort.map_file import PairMaps
-from isomatch.cohort.outliers import Outlier, outliers
-from isomatch.cohort.plan import Layout
-from isomatch.cohort.report import write_reports
-from isomatch.cohort.rows import (
+from isomatch.cohort.landmarks import (
+    LandmarkTables,
+    Semilandmarks,
+    collected_landmarks,
+    draw_landmarks,
+    write_landmark_tables,
+)
+from isomatch.cohort.ledger import (
     CONTRADICTED,
     MapRecord,
     MapSummary,
@@ -24,12 +21,15 @@ from isomatch.cohort.rows import (
     ShapeRow,
     SurfaceRow,
 )
-from isomatch.cohort.run import Cohort, Reports, reconcile, run
-from isomatch.cohort.scoring import project
-from isomatch.cohort.series import series
-from isomatch.cohort.statistics import statistics
+from isomatch.cohort.map_file import PairMaps
+from isomatch.cohort.outliers import Outlier, outliers
+from isomatch.cohort.plan import Entry, Layout
+from isomatch.cohort.report import write_reports
+from isomatch.cohort.run import Cohort, Reports, Status, reconcile, run
+from isomatch.cohort.scoring import add, complete_file, project
+from isomatch.cohort.statistics import series, statistics
 from isomatch.cohort.statistics_folder import Results
-from isomatch.cohort.status import Status
+from isomatch.cohort.subjects import Gap
 from isomatch.cohort.workers import Workers
 
 __all__ = [

@@ -16,12 +16,11 @@ from isomatch._core.texts import read_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surface_as_written
-from isomatch.cohort.listener import Listener, Warn
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import Asymmetry, CorrespondedShapes, draw_values
-from isomatch.cohort.specimens import read_specimens
-from isomatch.cohort.statistics import Scale
+from isomatch.cohort.statistics import Scale, read_specimens, told_doubts
 from isomatch.cohort.statistics_folder import SCALES, VERSION, Results, StatisticsFolder, listed, tabulated
+from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.landmarks import read_landmarks
 from isomatch.matching import Outcome
@@ -68,18 +67,8 @@ def asymmetry(
         Folder for tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and left_right/NAME.npz.
     pairs, left_right, landmarks, individuals, scale, config, seed, force
         As the options of ``isomatch asymmetry``.
-    progress, warn : callable, optional
-        Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
-
-    Returns
-    -------
-    Results
-        The record of all numbers, and which maps are not sure.
-
-    Raises
-    ------
-    FormatError, MeshError, SettingError
-        If files cannot be read, shapes are not in one topology, or both maps and landmarks are given.
+    progress, warn
+        As for `statistics`.
     """
     if left_right and landmarks:
         raise SettingError("--left-right gives the map, and --landmarks help to find it; give one of them")
@@ -87,12 +76,10 @@ def asymmetry(
     into = StatisticsFolder(Path(output), last="asymmetry.json")
     with into.claimed(force) as new:
         to.tell("reading", 0.0)
-        specimens = read_specimens(source, individuals)
-        cohort, labels, doubts, notes = specimens
+        cohort, labels, doubts, notes = read_specimens(source, individuals)
         if len(cohort) == 1 and cohort.left_out:
             raise MeshError(f"{source}: no two meshes are in one topology; run isomatch collect first")
-        doubts = [doubt for doubt in doubts if not (pairs and doubt.kind == "mirrored")]
-        first = specimens._replace(doubts=doubts).warnings
+        first = told_doubts(doubt for doubt in doubts if not (pairs and doubt.kind == "mirrored"))
         for line in first:
             to.warn(line)
         maps, about, unsure = list[Correspondence](), [dict[str, Any]()] * len(cohort), ""
@@ -190,9 +177,8 @@ def _matched(
 def _onto(mesh: Mesh, images: FloatArray) -> Correspondence:
     """Map rows to the nearest points of a mesh; those that are nan are unmatched."""
     held = np.asarray(np.isfinite(images).all(axis=1))
-    there = Correspondence.of_points(
-        nearest_on_surface(mesh, np.where(held[:, None], images, 0.0)), mesh.n_vertices
-    )
+    points = nearest_on_surface(mesh, np.where(held[:, None], images, 0.0))
+    there = Correspondence.of_points(points, mesh.n_vertices)
     return replace(there, vertices=np.where(held, there.vertices, UNMATCHED))
 
 

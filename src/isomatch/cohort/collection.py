@@ -14,21 +14,20 @@ from typing import Literal
 from isomatch._core.errors import FormatError, InputError, SettingError
 from isomatch._core.files import write_text
 from isomatch._core.settings import generator
-from isomatch.cohort.entries import (
+from isomatch.cohort.jobs import Event, Run
+from isomatch.cohort.ledger import Pair, PairRow, writing_ledger
+from isomatch.cohort.map_file import PairMaps, maps_of_pair
+from isomatch.cohort.outliers import OTHERS, checked_units
+from isomatch.cohort.plan import (
     PATTERNS,
     Entry,
-    Pair,
+    Layout,
+    Plan,
     entries_of,
     pairs_of,
     require_files_of_their_own,
     unusable_names,
 )
-from isomatch.cohort.jobs import Event, Run
-from isomatch.cohort.ledger import writing_ledger
-from isomatch.cohort.map_file import PairMaps, maps_of_pair
-from isomatch.cohort.outliers import OTHERS, checked_units
-from isomatch.cohort.plan import Layout, Plan
-from isomatch.cohort.rows import PairRow
 from isomatch.cohort.workers import Workers
 from isomatch.settings import Config
 
@@ -38,17 +37,6 @@ STAYS = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair th
 @dataclass(frozen=True)
 class Collection(Plan):
     """Shapes in a folder with their maps; ``create`` and ``open`` make one.
-
-    Parameters
-    ----------
-    folder : path_like
-        The folder.
-    shapes : tuple of Entry
-        Names and files of the shapes.
-    template : str, optional
-        Name of the template; None for that in the middle of all, which is found once all are prepared.
-    pairs, config, seed, reflect, units, leader
-        See `Collection.create`.
 
     Examples
     --------
@@ -174,10 +162,9 @@ class Collection(Plan):
             turned = plan.get("reflect", ())
             turned = turned if turned == "auto" else tuple(map(str, turned))
             units = checked_units(plan.get("units", {}), plan["shapes"])
+            pairs, template, seed = (plan[name] for name in ("pairs", "template", "seed"))
             leader = plan.get("leader") and cls.open(os.path.normpath(folder / plan["leader"]))
-            return cls(
-                folder, shapes, plan["pairs"], plan["template"], config, plan["seed"], turned, units, leader
-            )
+            return cls(folder, shapes, pairs, template, config, seed, turned, units, leader)
         except FileNotFoundError:
             raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
         except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:
@@ -221,8 +208,6 @@ class Collection(Plan):
 
         Raises
         ------
-        InputError
-            If the executor is not known, the cluster does not answer, or there is no such shard.
         UnwritableFileError
             If another run does the same shard, or the folder cannot be written.
         """
@@ -242,7 +227,7 @@ class Collection(Plan):
                 state="todo",
                 time=time.time(),
                 attempt=row.attempt + (which == "low"),
-                contradicted=row.was_contradicted,
+                contradicted=row.is_contradicted or bool(row.contradicted),
                 again=(f"it was asked for by retry {which}",),
                 order=(*STAYS, "state", "time"),
             )
@@ -251,10 +236,11 @@ class Collection(Plan):
         }
         for path in self.layout.ledgers():
             with writing_ledger(path) as ledger:
-                if which == "failed":
-                    ledger.forget_failed_shapes()
+                failed = [name for name, row in ledger.rows.shapes.items() if row.state == which]
+                for name in failed:
+                    ledger.forget("shapes", name)
                 for pair in again.keys() & ledger.rows.pairs.keys():
-                    ledger.put_pair(pair, again[pair])
+                    ledger.put(pair, again[pair])
         return list(again)
 
     def _require_same(self, old: Collection) -> None:

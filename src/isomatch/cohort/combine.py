@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -18,12 +18,22 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.files import claimed
 from isomatch._core.memory import peak_memory, require_memory
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.entries import Pair, tiles_of
 from isomatch.cohort.jobs import Event, loaded_shape
-from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import (
+    CONTRADICTED,
+    Ledger,
+    MapRecord,
+    MapSummary,
+    Pair,
+    PairAgreement,
+    PairRow,
+    Rows,
+    read_ledgers,
+    writing_ledger,
+)
 from isomatch.cohort.map_file import PairMaps, digest_of
-from isomatch.cohort.rows import CONTRADICTED, MapRecord, MapSummary, PairAgreement, PairRow, Rows
-from isomatch.cohort.workers import Attempt, Task, Workers, attempted, late_after, workers_of
+from isomatch.cohort.plan import tiles_of
+from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching import Evidence, Outcome, lowered, match_both, outcome_of
 from isomatch.settings import Config
@@ -67,21 +77,12 @@ def agree(
     compared each time; a replacement that was tried with as many shapes is not tried again.
 
     Pairs that are in no triangle of matched pairs stay as they are: all pairs make triangles, a star none. Of n shapes in
-    triangles, 3 n² maps are read up to four times, with O(n³) time and 48 n³ bytes of memory.
-
+    triangles, 3 n² maps are read up to four times, with O(n³) time and 48 n³ bytes of memory, or a `MemoryBudgetError`.
     Other arguments are those of `Collection.run`.
-
-    Raises
-    ------
-    UnwritableFileError
-        If a run of the collection or of a shard goes on, or the folder cannot be written.
-    MemoryBudgetError
-        If there are too many shapes to compare.
     """
-    late = late_after(time_limit)
     own = collection.layout.ledger()
     with ExitStack() as held:
-        workers = held.enter_context(workers_of(executor, jobs))
+        workers = held.enter_context(workers_of(executor, jobs, time_limit))
         others = [path for path in collection.layout.ledgers() if path != own]
         for path in others:
             held.enter_context(claimed(path))  # shards wait
@@ -94,22 +95,22 @@ def agree(
         require_memory(BYTES * len(names) ** 3, what, remedy)
         job = CycleJob(collection.of(names), {name: ledger.rows.shapes[name].key for name in names})
         for _ in range(MOST_ROUNDS):
-            inconsistencies = _measured(job, ledger, workers, late)
-            if late():
+            inconsistencies = _measured(job, ledger, workers)
+            if workers.is_late():
                 return
             _write(ledger, job, inconsistencies)
             repairs = _repairs(ledger.rows, job, inconsistencies)
             n_replaced = 0
             tasks = [Task((repair,), partial(attempted, job.repaired)) for repair in repairs]
-            for count, (repair, attempt) in enumerate(workers.completed(tasks, late), 1):
+            for count, (repair, attempt) in enumerate(workers.completed(tasks), 1):
                 row = _after(ledger.rows.pairs[repair.pair], attempt, len(job.prepared))
                 n_replaced += not isinstance(attempt, Exception) and isinstance(attempt.result, Replacement)
-                ledger.put_pair(repair.pair, row)
+                ledger.put(repair.pair, row)
                 yield Event("agreement", repair.pair, row, count, len(repairs))
             if not n_replaced:
                 return
-        inconsistencies = _measured(job, ledger, workers, late)
-        if not late():
+        inconsistencies = _measured(job, ledger, workers)
+        if not workers.is_late():
             _write(ledger, job, inconsistencies)
 
 
@@ -141,7 +142,7 @@ def _in_triangles(rows: Rows) -> list[str]:
     return [name for name in rows.shapes if name in in_triangles]
 
 
-def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[], bool]) -> FloatArray:
+def _measured(job: CycleJob, ledger: Ledger, workers: Workers) -> FloatArray:
     """Inconsistency (n, n) of all pairs of the prepared shapes."""
     rows, names = ledger.rows, list(job.prepared)
     number = {name: i for i, name in enumerate(names)}
@@ -149,7 +150,7 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
     images = np.full((len(names), len(names), N_SAMPLES), UNMATCHED)
     tiles = tiles_of(done, names, TILE, max(1, len(done) // workers.count()))
     tasks = [Task(tuple(tile), partial(attempted, job.images)) for tile in tiles]
-    for pair, attempt in workers.completed(tasks, late):
+    for pair, attempt in workers.completed(tasks):
         if isinstance(attempt, Exception) or attempt.result is None:
             continue  # the next run matches it again
         both, (record, file) = attempt.result
@@ -160,14 +161,14 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
             if record.replaced_by in ((), row.replaced_by):
                 continue  # it was changed after it was written; the next run matches it again
             likewise = Attempt(attempt.result[1], "", time.time())
-            ledger.put_pair(pair, _after(row, likewise, len(names)))
+            ledger.put(pair, _after(row, likewise, len(names)))
         a, b = (number[name] for name in pair)
         images[a, b], images[b, a] = both
     readings = np.full((len(names),) * 3, np.nan)
     side = max(1, -(-len(names) // workers.count()))  # the images travel with each task
     compared = partial(attempted, partial(job.readings, images))
     tasks = [Task(tuple(names[i : i + side]), compared) for i in range(0, len(names), side)]
-    for name, attempt in workers.completed(tasks, late):
+    for name, attempt in workers.completed(tasks):
         if not isinstance(attempt, Exception) and attempt.result is not None:
             readings[:, :, number[name]] = attempt.result
     prior = np.ones(readings.shape[:2])
@@ -210,7 +211,7 @@ def _write(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
         there, back = (side.with_outcome(lowered(x, poor)) for side, x in zip(row.sides, own))
         new = replace(row, agreement=agreement, there=there, back=back)
         if new != row:
-            ledger.put_pair(pair, replace(new, time=time.time()))
+            ledger.put(pair, replace(new, time=time.time()))
 
 
 def _as_matched(rows: Rows, a: str, b: str) -> Pair:

@@ -19,8 +19,16 @@ from matplotlib.image import imsave
 from isomatch._core.errors import FormatError, InputError, IsomatchError, UnwritableFileError
 from isomatch._core.files import claimed, is_of_one_file, made_folder, replaced, staged, writing
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.entries import BETWEEN, Entry, Pair
-from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import (
+    CONTRADICTED,
+    Ledger,
+    Pair,
+    Rows,
+    ShapeRow,
+    SurfaceRow,
+    read_ledgers,
+    writing_ledger,
+)
 from isomatch.cohort.map_file import (
     as_matched,
     changed_files,
@@ -30,11 +38,10 @@ from isomatch.cohort.map_file import (
     require_unchanged,
 )
 from isomatch.cohort.outliers import NOT_UNLIKE, mirror_images, scales_of
-from isomatch.cohort.plan import Layout, identity_of_map
+from isomatch.cohort.plan import BETWEEN, Entry, Layout, identity_of_map
 from isomatch.cohort.report import write_page, write_table
-from isomatch.cohort.rows import CONTRADICTED, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.shape_statistics import MEASURED, doubtful_positions
-from isomatch.cohort.workers import Task, Workers, late_after, workers_of
+from isomatch.cohort.workers import Task, Workers, workers_of
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
 from isomatch.io import Asset, Attribute, Frame, Polygons, mesh_from, read_asset, read_mesh, write_asset
 from isomatch.surfaces import Mesh, reflected
@@ -57,29 +64,16 @@ def finish(
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
     A shape is written if it is matched with the template, in either direction, and only if its maps are others than
-    before. Often it is also matched with shapes that are matched with the template, as in a collection of all pairs. Then
-    the images of the template's vertices by all these ways are combined: their median on the surface, see `median_map`.
+    before, or its file was changed. Often it is also matched with shapes that are matched with the template. Then the
+    images of the template's vertices by all these ways are combined: their median on the surface, see `median_map`.
     Doubtful maps are no such ways. Vertices for which it has nothing are placed by those around them; see
-    `isomatch.wrap`. A shape that is not matched with the template, as in a chain, gets the composition of the maps on the
-    shortest path of sure ones; in a ring that is closed by sure maps, both ways round are joined, unless they are far
-    apart. ``shapes.csv`` names those that none leads to, has the expected error of the shortest way, in √area, and that
-    of the template once around a ring. Files of shapes that were taken out, or are not matched any more, are removed. A
-    file that was changed after it was written is written again.
+    `isomatch.wrap`. A shape that is not matched with the template, as in a chain, gets the composition of the maps on
+    the shortest path of sure ones; in a ring that is closed by sure maps, both ways round are joined, unless they are
+    far apart. Files of shapes that were taken out, or are not matched any more, are removed.
 
-    Other arguments are those of `Collection.run`.
-
-    Raises
-    ------
-    UnwritableFileError
-        If another process does the same, or the folder cannot be written.
-
-    Yields
-    ------
-    SurfaceRow
-        For each surface that is written: its name, the key of the map, and the measures of `WrapQuality`; or the error
-        that prevented it. ``again``: what was wrong with the file that was there.
+    Yields the line in ``shapes.csv`` of each surface that is written; ``again`` is what was wrong with the file that was
+    there. Other arguments are those of `Collection.run`.
     """
-    late = late_after(time_limit)
     layout, rows = collection.layout, collection.rows()
     template = collection.chosen_template(rows)
     lines = SurfaceRow.read(layout.shapes_table)
@@ -97,8 +91,8 @@ def finish(
             todo = [plan for plan in plans if not _is_written(plan, lines, whole)]
             tasks = [Task(tuple(todo[i : i + AT_ONCE]), wrapped) for i in range(0, len(todo), AT_ONCE)]
             saved = time.monotonic()
-            with workers_of(executor, jobs) as workers:
-                for plan, found in workers.completed(tasks, late):
+            with workers_of(executor, jobs, time_limit) as workers:
+                for plan, found in workers.completed(tasks):
                     name, file = plan.entry.name, layout.corresponded(plan.entry.name)
                     died = SurfaceRow(name=name, error=str(found)), ""
                     lines[name], digest = died if isinstance(found, Exception) else found
@@ -210,7 +204,7 @@ def _remove(collection: Collection, kept: set[str], lines: dict[str, SurfaceRow]
         landmarks = layout.landmarks / f"{name}.mrk.json"
         for file in (layout.corresponded(name), layout.thumbnail(name), landmarks):
             file.unlink(missing_ok=True)
-            ledger.forget_file(file.relative_to(layout.folder).as_posix())
+            ledger.forget("files", file.relative_to(layout.folder).as_posix())
         if lines.pop(name, None):  # the others are compared again, without it
             lines |= {other: replace(line, unlike="") for other, line in lines.items()}
     for pair in everything.pairs:
@@ -373,7 +367,6 @@ def export(
     Parameters
     ----------
     collection : Collection
-        The collection.
     folder : path_like
         Folder for ``meshes/NAME``, in the units of the collection, with ``measured`` as far as the format has a place for
         it, for ``maps/SOURCE__TARGET``, a file for each direction, and for ``pairs.csv``, which is written last.
@@ -384,21 +377,10 @@ def export(
         is written.
     rounded : bool
         Whether files may move vertices by more than a thousandth of the mean edge; see `write_asset`.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to export, or the folder is that of the collection.
-    FormatError
-        If the format of the meshes is unknown, or does not keep the order of vertices; or if files of the collection
-        were changed after they were written.
-    UnwritableFileError
-        If a file cannot be written, or there are files of an earlier export.
     """
     if meshes and meshes.lower() == ".stl":
-        raise FormatError(
-            "STL files do not keep the order of vertices, by which shapes correspond; use another"
-        )
+        lack = "the order of vertices, by which shapes correspond"
+        raise FormatError(f"STL files do not keep {lack}; use another")
     rows, last = collection.rows(), Path(folder) / "pairs.csv"
     if last.parent.resolve() == collection.folder.resolve():
         raise InputError(f"{folder}: is the folder of the collection itself; give another one")
@@ -407,9 +389,8 @@ def export(
     names = surfaces_written(collection) if meshes else []
     pairs = [pair for pair in rows.pairs if rows.is_current(pair)] if maps else []
     if not names and not pairs:
-        raise InputError(
-            f"{collection.folder}: nothing to export; run isomatch collect to its end, or see shapes.csv"
-        )
+        remedy = "run isomatch collect to its end, or see shapes.csv"
+        raise InputError(f"{collection.folder}: nothing to export; {remedy}")
     earlier = [last, *(file for kind in ("meshes", "maps") for file in sorted(last.parent.glob(f"{kind}/*")))]
     with (
         made_folder(last.parent),

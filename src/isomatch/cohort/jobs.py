@@ -23,11 +23,24 @@ from isomatch._core.errors import FormatError, MissingFileError
 from isomatch._core.files import writing
 from isomatch._core.memory import peak_memory
 from isomatch._core.settings import generator
-from isomatch.cohort.entries import SIDE, Entry, Pair, pairs_of, tiles_of
-from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import (
+    Ledger,
+    MapRecord,
+    MapSummary,
+    OriginRow,
+    Pair,
+    PairRow,
+    Rows,
+    ShapeRow,
+    State,
+    read_ledgers,
+    writing_ledger,
+)
 from isomatch.cohort.map_file import PairMaps, as_matched, changed_files, digest_of, maps_of_pair
 from isomatch.cohort.outliers import OF_SHAPES, Outlier, holes_of, likeness_of, mirror_images, outliers
 from isomatch.cohort.plan import (
+    SIDE,
+    Entry,
     Layout,
     Plan,
     features_of,
@@ -35,9 +48,10 @@ from isomatch.cohort.plan import (
     identity_of_map,
     key_of,
     made_with,
+    pairs_of,
+    tiles_of,
     why_again,
 )
-from isomatch.cohort.rows import MapRecord, MapSummary, PairRow, Rows, ShapeRow, State
 from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.correspondence import carried_along
 from isomatch.io import mesh_from, surface_from
@@ -125,29 +139,34 @@ class Run:
         self, executor: str | Executor | Workers, jobs: int | None, time_limit: float | None
     ) -> Iterator[Event]:
         """Prepare and match all that is still open, and yield each step; see `Collection.run`."""
-        end = math.inf if time_limit is None else time.time() + time_limit
         layout = self.collection.layout
-        job = Job(layout, self.collection.config, self.collection.seed, end, self.collection.leader)
         for folder in ("prepared", "maps"):
             with writing(layout.folder / folder):
                 (layout.folder / folder).mkdir(parents=True, exist_ok=True)
         with (
-            workers_of(executor, jobs) as workers,
+            workers_of(executor, jobs, time_limit) as workers,
             writing_ledger(layout.ledger(self.shard), one_host=self.shard[1] == 1) as ledger,
         ):
+            settings = self.collection.config, self.collection.seed
+            job = Job(layout, *settings, workers.end, self.collection.leader)
             layout.remove_unfinished(self.shard)
             own = layout.ledger(self.shard)
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
-            ledger.put_origin(*made_with(self.collection.config, self.collection.seed))
+            name, origin = made_with(*settings)
+            if name not in ledger.rows.origins:
+                ledger.put(name, OriginRow(time=time.time(), made_with=origin))
             yield from self._prepared_shapes(job, workers, ledger)
-            yield from self._outliers(ledger.rows)
+            odd = outliers(self.collection, Rows(ledger.rows.shapes))
+            odd = [each for each in odd if each.kind in OF_SHAPES]  # of those that are broken it was told
+            for count, outlier in enumerate(odd, 1):
+                yield Event("outlier", outlier.name, outlier, count, len(odd))
             tried: set[str] = set()
-            while not job.is_late():
+            while not workers.is_late():
                 yield from self._matched_pairs(job, workers, ledger)
-                reflections = [] if job.is_late() else self._reflections(ledger.rows, tried)
+                reflections = [] if workers.is_late() else self._reflections(ledger.rows, tried)
                 if not reflections:
                     break
-                tried |= {reflection.entry.name for reflection in reflections}
+                tried |= {entry.name for entry, _ in reflections}
                 yield from self._reflected_shapes(job, workers, ledger, reflections)
 
     def _prepared_shapes(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
@@ -155,19 +174,13 @@ class Run:
         wrong = self._removed_if_changed("prepared", ledger.rows)
         todo = [entry for entry in self._entries(ledger.rows) if not self._is_prepared(entry, ledger.rows)]
         tasks = [Task((entry,), job.prepare_shape) for entry in todo]
-        for count, (entry, found) in enumerate(workers.completed(tasks, job.is_late), 1):
+        for count, (entry, found) in enumerate(workers.completed(tasks), 1):
             old = ledger.rows.shapes.get(entry.name)
             why = wrong.get(self.collection.layout.prepared(old.key)) if old else None
             new = found if isinstance(found, ShapeRow) else _failed_shape(_died(found))
             row = self._explained(new, old, (entry.name,), why, ledger.rows)
-            ledger.put_shape(entry.name, row)
+            ledger.put(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
-
-    def _outliers(self, rows: Rows) -> Iterator[Event]:
-        """Tell what the shapes alone tell; of those that are broken it was told."""
-        odd = [each for each in outliers(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
-        for count, outlier in enumerate(odd, 1):
-            yield Event("outlier", outlier.name, outlier, count, len(odd))
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""
@@ -183,11 +196,11 @@ class Run:
         most = min(max(1, len(missing) // (TILES_PER_WORKER * workers.count())), MOST_PAIRS)
         tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
         tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pair) for tile in tiles]
-        for count, (plan, found) in enumerate(workers.completed(tasks, job.is_late), 1):
+        for count, (plan, found) in enumerate(workers.completed(tasks), 1):
             new = found if isinstance(found, PairRow) else plan.row(_died(found))
             why = wrong.get(self.collection.layout.maps(plan.pair))
             row = self._explained(new, rows.pairs.get(plan.pair), plan.pair, why, rows)
-            ledger.put_pair(plan.pair, row)
+            ledger.put(plan.pair, row)
             yield Event("pair", plan.pair, row, count, len(missing))
 
     def _reflected_shapes(
@@ -195,20 +208,17 @@ class Run:
     ) -> Iterator[Event]:
         """Turn shapes the other way round, as far as the pair of each bears it out."""
         tasks = [Task((reflection,), partial(attempted, job.reflect_shape)) for reflection in reflections]
-        for count, ((entry, plan), attempt) in enumerate(workers.completed(tasks, job.is_late), 1):
+        for count, ((entry, plan), attempt) in enumerate(workers.completed(tasks), 1):
             rows = ledger.rows
             old, (result, error, *_) = rows.pairs[plan.pair], _died(attempt)
-            if isinstance(
-                result, Reflected
-            ):  # the shape first: it says whether a pair is still to be matched
-                of_shape = rows.shapes[entry.name]
-                ledger.put_shape(
-                    entry.name, self._explained(result.shape, of_shape, (entry.name,), None, rows)
-                )
-                row = self._explained(result.pair, old, plan.pair, None, rows)
+            if isinstance(result, tuple):
+                shape, pair = result  # the shape first: it says whether a pair is still to be matched
+                turned = self._explained(shape, rows.shapes[entry.name], (entry.name,), None, rows)
+                ledger.put(entry.name, turned)
+                row = self._explained(pair, old, plan.pair, None, rows)
             else:
                 row = replace(old, not_reflected={entry.name: result or error}, time=time.time())
-            ledger.put_pair(plan.pair, row)
+            ledger.put(plan.pair, row)
             yield Event("reflection", entry.name, row, count, len(reflections))
 
     def _reflections(self, rows: Rows, tried: Container[str]) -> list[Reflection]:
@@ -227,7 +237,7 @@ class Run:
         key = self._key(identity_of(rows.shapes[name].hash, turned))
         as_if = Rows({each: rows.shapes[each] for each in pair}, {pair: rows.pairs[pair]})
         as_if.shapes[name] = replace(rows.shapes[name], reflected=turned, key=key)
-        return Reflection(Entry(name, self.collection.paths[name], turned), self._planned(pair, as_if))
+        return Entry(name, self.collection.paths[name], turned), self._planned(pair, as_if)
 
     def pairs_of_shard(self, rows: Rows) -> list[Pair]:
         """List the pairs of the shard: as many as of any other, and of few different shapes."""
@@ -265,8 +275,8 @@ class Run:
 
     def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
         source, target = (rows.shapes[name] for name in pair)
-        row = rows.pairs.get(pair, PairRow(state="todo"))
-        turned, led_by = tuple(rows.reflected(pair)), self._led_by(pair, tuple(rows.reflected(pair)))
+        row, turned = rows.pair(pair), tuple(rows.reflected(pair))
+        led_by = self._led_by(pair, turned)
         keys, hashes = (source.key, target.key), (source.hash, target.hash)
         surfaces = [identity_of(content, name in turned) for name, content in zip(pair, hashes)]
         key = self._key(*surfaces, *filter(None, [led_by]), attempt=row.attempt)
@@ -307,9 +317,8 @@ class Run:
     def _is_matched(self, plan: PlannedPair, row: PairRow | None, files: Container[str]) -> bool:
         if row is None or row.state == "todo" or row.key != plan.key:
             return False
-        return row.state == "failed" or (
-            bool(row.file) and self.collection.layout.maps(plan.pair).name in files
-        )
+        is_kept = self.collection.layout.maps(plan.pair).name in files
+        return row.state == "failed" or (bool(row.file) and is_kept)
 
 
 def _died(found: Any) -> Attempt[Any]:
@@ -353,18 +362,8 @@ class PlannedPair(NamedTuple):
         return PairRow(**values, file=file, more=record.more)
 
 
-class Reflection(NamedTuple):
-    """A shape to turn the other way round, as ``entry`` says, and the pair that is matched with it to see if it fits."""
-
-    entry: Entry
-    plan: PlannedPair
-
-
-class Reflected(NamedTuple):
-    """Rows of a shape that was turned, and of the pair that bears it out."""
-
-    shape: ShapeRow
-    pair: PairRow
+Reflection = tuple[Entry, PlannedPair]
+"""A shape to turn the other way round, as its entry says, and the pair that is matched with it to see if it fits."""
 
 
 @dataclass(frozen=True)
@@ -377,13 +376,9 @@ class Job:
     end: float = math.inf  # time, in seconds since the epoch, after which nothing new is begun
     leader: Plan | None = None
 
-    def is_late(self) -> bool:
-        """Whether nothing new is to be begun."""
-        return time.time() > self.end
-
     def match_pair(self, plan: PlannedPair) -> PairRow | None:
         """Match a pair that is not matched yet, if it is not too late, and return its row."""
-        return None if self.is_late() else plan.row(attempted(self._matched, plan))
+        return None if time.time() > self.end else plan.row(attempted(self._matched, plan))
 
     def prepare_shape(self, entry: Entry) -> ShapeRow:
         """Read and prepare a shape that is not prepared yet, and return its row."""
@@ -426,13 +421,14 @@ class Job:
         maps = self._new_maps(plan)
         if earlier and plan.attempt and not plan.contradicted:
             old, new = earlier.record, maps.record
-            if _surfaces_of(old) == _surfaces_of(new) and _unsureness(old) <= _unsureness(new):
+            is_same = (old.hashes, old.reflected) == (new.hashes, new.reflected)
+            if is_same and _unsureness(old) <= _unsureness(new):
                 maps = replace(earlier, record=replace(old, key=plan.key))
         maps.save(file)
         return maps.record, digest_of(file)
 
-    def reflect_shape(self, reflection: Reflection) -> Reflected | str:
-        """Turn a shape, if a match bears it out; or tell why not."""
+    def reflect_shape(self, reflection: Reflection) -> tuple[ShapeRow, PairRow] | str:
+        """Turn a shape, if a match bears it out, and return its row and that of the pair; or tell why not."""
         entry, plan = reflection
         shape = self.prepare_shape(entry)
         if shape.state == "failed":
@@ -447,7 +443,7 @@ class Job:
                 return f"the other way round, the match ends with {doubts.value}"
             maps.save(file)
         pair = plan.row(Attempt((maps.record, digest_of(file)), "", time.time()))
-        return Reflected(shape, replace(pair, order=OF_REFLECTION))
+        return shape, replace(pair, order=OF_REFLECTION)
 
     def _new_maps(self, plan: PlannedPair) -> PairMaps:
         start = time.perf_counter()
@@ -458,10 +454,8 @@ class Job:
             config = replace(config, hypotheses="given", start="auto", part="none")
         matches = match_both(source, target, initial_map=lead, config=config, seed=self.seed + plan.attempt)
         there, back = map(MapSummary.of, matches)
-        seconds = time.perf_counter() - start
-        record = MapRecord(
-            key=plan.key, **plan.known, there=there, back=back, seconds=seconds, memory=peak_memory()
-        )
+        effort: dict[str, Any] = {"seconds": time.perf_counter() - start, "memory": peak_memory()}
+        record = MapRecord(key=plan.key, **plan.known, there=there, back=back, **effort)
         return PairMaps.of(*matches, record)
 
 
@@ -469,9 +463,8 @@ def _carried(leader: Plan, plan: PlannedPair, source: PreparedShape, target: Pre
     """Carry a surface along with the map of the leader; the vertices of its partner nearest there, (n,)."""
     maps, (a, b) = maps_of_pair(leader.layout, *plan.pair), plan.pair
     turned = a in plan.reflected, b in plan.reflected
-    image, here, there = as_matched(
-        maps.there, mesh_from(leader.paths[a]), mesh_from(leader.paths[b]), turned
-    )
+    surfaces = mesh_from(leader.paths[a]), mesh_from(leader.paths[b])
+    image, here, there = as_matched(maps.there, *surfaces, turned)
     images = image.pull_back(there.vertices)
     rows = np.flatnonzero(np.isfinite(images).all(axis=1))
     rows = generator(0).permutation(rows)[:CARRIERS]
@@ -481,10 +474,6 @@ def _carried(leader: Plan, plan: PlannedPair, source: PreparedShape, target: Pre
     moved = carried_along(points, here.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
     # they end at other places of their leader: sheets are laid onto each other as a whole
     return np.asarray(cKDTree(own - own.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
-
-
-def _surfaces_of(record: MapRecord) -> tuple[object, ...]:
-    return *record.hashes, record.reflected
 
 
 def _unsureness(record: MapRecord) -> tuple[int, float]:
@@ -507,9 +496,8 @@ def loaded_shape(file: Path, config: Config, room: int = LOADED) -> PreparedShap
     """Read a prepared shape, or take it from memory, from which the least recently used shapes are dropped."""
     with _taking:
         if not file.exists():
-            raise MissingFileError(
-                f"{file}: no such prepared shape; run isomatch collect again, which makes it"
-            )
+            remedy = "run isomatch collect again, which makes it"
+            raise MissingFileError(f"{file}: no such prepared shape; {remedy}")
         stat = file.stat()
         key = file, stat.st_mtime_ns, config
         held = _shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)

@@ -1,20 +1,27 @@
-"""The ledger of a collection: rows of shapes, pairs and files, in SQLite, written by the one process that runs it."""
+"""What is known of shapes, pairs and files: rows, written as JSON, and the ledger in SQLite that one process writes."""
 
 from __future__ import annotations
 
 import json
 import sqlite3
-import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
+from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, ClassVar, Literal, Self
 
 from isomatch._core.errors import FormatError, UnwritableFileError
 from isomatch._core.files import claimed
-from isomatch.cohort.entries import Pair
-from isomatch.cohort.rows import TABLES, FileRow, OriginRow, PairRow, Row, Rows, ShapeRow, row_of
+from isomatch._core.texts import read_csv, write_csv
+from isomatch.matching import MatchResult, Outcome
 
+State = Literal["todo", "failed", "done"]
+Pair = tuple[str, str]
+"""Names of two shapes; both directions are matched."""
+CONTRADICTED = 0.1  # √area: a mean error from which a map counts as a failure; right maps reach half of it
+N_EIGENVALUES, N_QUANTILES = 30, 20  # of the features by which a template is chosen
+N_RANKS = 64  # distances from the centroid by which shapes are compared
 PATIENCE = 60.0  # seconds that a ledger is waited for while another process reads or writes it
 _TABLES = """
 BEGIN IMMEDIATE;
@@ -26,6 +33,442 @@ COMMIT;
 """
 
 
+@dataclass(frozen=True)
+class MapSummary:
+    """The map of a pair in one direction: `MatchResult.to_dict` without the settings, and its outcome of now."""
+
+    values: Mapping[str, Any] = field(default_factory=dict)  # none where nothing is matched
+
+    @classmethod
+    def of(cls, result: MatchResult, *, settings: bool = False) -> MapSummary:
+        """Describe a result, by default without the settings, which are those of the collection."""
+        return cls({name: value for name, value in result.to_dict().items() if settings or name != "config"})
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the match ended, or what other maps have made of it."""
+        return Outcome[self.values["outcome"]]
+
+    @property
+    def measures(self) -> Mapping[str, float | None]:
+        """The measures of `Quality`, None where there is none."""
+        measures: Mapping[str, float | None] = self.values.get("quality", {})
+        return measures
+
+    @property
+    def notes(self) -> list[str]:
+        """What is to be known of the map."""
+        return list(self.values["notes"])
+
+    @property
+    def doubtful_area(self) -> float | None:
+        """Share of the surface in the regions of doubt; None without a map, or if all of it may be wrong."""
+        areas = [region["area"] for region in self.values.get("regions", [])]
+        is_unclear = not self.values or (self.outcome.is_doubtful and not areas)
+        return None if is_unclear else float(sum(areas))
+
+    def with_outcome(self, outcome: Outcome) -> MapSummary:
+        """Return the same with another outcome."""
+        return MapSummary({**self.values, "outcome": outcome.name, "advice": outcome.advice})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """Values that are written as one JSON object; their names are in the order in which a new one is written."""
+
+    always: ClassVar[tuple[str, ...]] = ("state", "time")  # what is written also where it is the default
+    of_done: ClassVar[tuple[str, ...]] = ()  # likewise, where the state is "done"
+    first: ClassVar[tuple[str, ...]] = ()  # names that are written before all others
+    # of the object that they were read from: the order of its names, and values whose names are not known here
+    order: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    more: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> Self:
+        """Take the values of an object."""
+        known = cls.defaults()
+        own = {name: _READ.get(name, _plain)(value) for name, value in record.items() if name in known}
+        more = {name: value for name, value in record.items() if name not in known}
+        return cls(order=tuple(record), more=more, **own)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object, with the values that are not the default, and those that it needs."""
+        values = {name: _written(value) for name, value in self.given().items()}
+        values |= self.more
+        return {name: values[name] for name in dict.fromkeys((*self.order, *values)) if name in values}
+
+    def given(self) -> dict[str, Any]:
+        """Return the values that are written, by the names of their fields."""
+        values = ((name, getattr(self, name), default) for name, default in self.defaults().items())
+        done = self.of_done if getattr(self, "state", "") == "done" else ()
+        needed = {*self.always, *done}
+        return {name: value for name, value, default in values if name in needed or value != default}
+
+    @classmethod
+    def defaults(cls) -> dict[str, Any]:
+        """Return the default of each value."""
+        own = {each.name: each for each in fields(cls) if each.name not in ("order", "more")}
+        in_order = [own[name] for name in dict.fromkeys((*cls.first, *own))]
+        return {x.name: x.default if x.default_factory is MISSING else x.default_factory() for x in in_order}
+
+
+def _plain(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _written(value: Any) -> Any:
+    if isinstance(value, MapSummary):
+        return value.values
+    return value.to_json() if isinstance(value, Row) else value
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeRow(Row):
+    """What is known of a shape."""
+
+    of_done = ("reflected", "bytes", "n_vertices", "area", "features", "holes", "notes")
+    size: int | None = None  # bytes and time of its file, in ns since the epoch
+    changed: int | None = None
+    state: State
+    time: float = 0.0  # when the row was made, in seconds since the epoch
+    error: str = ""
+    seconds: float | None = None
+    key: str = ""  # identifies the prepared shape
+    hash: str = ""  # of the surface in its file
+    reflected: bool = False  # whether it is matched as its mirror image
+    bytes: int = 0  # of the file of the prepared shape
+    file: str = ""  # digest of that
+    n_vertices: int = 0
+    area: float = 0.0
+    features: tuple[float, ...] = ()  # see `features_of`
+    n_points: int = 0  # this and the next three see `likeness_of`
+    spread: float = 0.0
+    ranks: tuple[float, ...] = ()
+    handedness: float | None = None
+    holes: tuple[int, float] | None = None  # number of boundaries, and their length in √area
+    notes: tuple[str, ...] = ()
+    made_with: str = ""  # name of the version and settings
+    again: tuple[str, ...] = ()  # why it was prepared again
+
+    @property
+    def hashes(self) -> tuple[str, ...]:
+        """Hash of what is in its file."""
+        return (self.hash,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairAgreement(Row):
+    """How the maps of a pair agree with the others of a collection, see `agree`."""
+
+    before: float | None = None  # inconsistency when it was measured first
+    inconsistency: float | None = None  # in √area
+    outcomes: tuple[str, ...] = ()  # of its own match, in both directions
+    tried_with: int | None = None  # number of the shapes with which a replacement was tried
+    refused: str = ""  # why there is none
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapRecord(Row):
+    """What the file of the maps of a pair says of them."""
+
+    always: ClassVar[tuple[str, ...]] = ("reflected", "memory")
+    key: str = ""  # identifies the match
+    source_hash: str = ""  # of the surfaces in their files
+    target_hash: str = ""
+    reflected: tuple[str, ...] = ()  # names of the shapes that were matched as their mirror images
+    led_by: str = ""  # identifies the map of the leader that it started from
+    there: MapSummary = MapSummary()
+    back: MapSummary = MapSummary()
+    seconds: float | None = None
+    memory: float | None = None  # largest of the process, in bytes
+    replaced_by: tuple[str, ...] = ()  # shapes of the composition that took its place
+
+    @property
+    def sides(self) -> tuple[MapSummary, MapSummary]:
+        """Both directions."""
+        return self.there, self.back
+
+    @property
+    def hashes(self) -> tuple[str, ...]:
+        """Hashes of what is in both files."""
+        return self.source_hash, self.target_hash
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairRow(MapRecord):
+    """What is known of a pair, also of its maps."""
+
+    always = ("state", "time", "reflected", "attempt")
+    of_done = ("memory",)
+    first = (
+        "source_hash",
+        "target_hash",
+        "reflected",
+        "attempt",
+        "led_by",
+        "state",
+        "time",
+        "error",
+        "seconds",
+    )
+    attempt: int = 0  # added to the seed
+    state: State
+    time: float = 0.0  # when the row was made, in seconds since the epoch
+    error: str = ""
+    file: str = ""  # digest of the file of the maps
+    contradicted: bool | None = None  # whether others contradict the map that is to be matched again
+    made_with: str = ""  # name of the version and settings
+    again: tuple[str, ...] = ()  # why it was matched again
+    not_reflected: Mapping[str, str] = field(default_factory=dict)  # shapes that are not reflected, and why
+    agreement: PairAgreement | None = None  # None where it was not compared
+
+    @property
+    def verdict(self) -> Literal["todo", "failed", "low", "done"]:
+        """Its state; "low" if it is matched with low confidence."""
+        return "low" if self.state == "done" and self.there.outcome.is_doubtful else self.state
+
+    @property
+    def ending(self) -> str:
+        """Name of the outcome; the state where there is no map."""
+        return self.there.outcome.name if self.there.values else self.state
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether the mirror image of one of its shapes fits clearly better than its map."""
+        return self.state == "done" and any(side.outcome is Outcome.MIRROR_IMAGE for side in self.sides)
+
+    @property
+    def inconsistency(self) -> float:
+        """How far other maps contradict its maps, in √area; 0 where they were not compared."""
+        return (self.agreement.inconsistency if self.agreement else None) or 0.0
+
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether other maps contradict that of a pair, as far as they were compared."""
+        return self.inconsistency > CONTRADICTED
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileRow(Row):
+    """The digest of a file."""
+
+    state: State = "done"
+    time: float
+    file: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class OriginRow(Row):
+    """Version and settings, which rows name by ``made_with``."""
+
+    state: State = "done"
+    time: float
+    made_with: Mapping[str, Any]
+
+
+Cell = str | float  # of a table; a text if it was read
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceRow:
+    """A line of ``shapes.csv``: a shape in the topology of the template; cells without a value are empty."""
+
+    name: str
+    key: str = ""  # identifies the map
+    turned: Cell = ""  # this and the next three as in `WrapQuality`
+    stretch: Cell = ""
+    distance: Cell = ""
+    extended: Cell = ""
+    error: str = ""
+    expected_error: Cell = ""  # of the map, in √area
+    ways: Cell = ""  # number of those whose median it is
+    scale: Cell = ""  # what positions were multiplied by
+    reflected: str = ""  # yes or empty
+    mirror_image: str = ""
+    unlike: str = ""  # why it is far from all others
+    loop_error: Cell = ""  # of the template, once around a ring, in √area
+    greatest_loop_error: Cell = ""
+    again: str = ""  # what was wrong with the file that was there; this is not written
+
+    @classmethod
+    def read(cls, path: Path) -> dict[str, SurfaceRow]:
+        """Read a table, if there is one; lines that were not written by us are left out."""
+        lines = read_csv(path) if path.exists() else []
+        own = [line for line in lines if set(OF_SURFACE) <= set(line)]
+        return {line["name"]: cls(**{name: line.get(name, "") for name in SURFACE_COLUMNS}) for line in own}
+
+    @staticmethod
+    def write(path: Path, lines: Iterable[SurfaceRow]) -> None:
+        """Write a table."""
+        write_csv(path, map(vars, lines), SURFACE_COLUMNS)
+
+
+SURFACE_COLUMNS = tuple(each.name for each in fields(SurfaceRow))[:-1]
+OF_SURFACE = SURFACE_COLUMNS[: SURFACE_COLUMNS.index("error") + 1]  # which every table has
+
+
+_READ: Mapping[str, Callable[[Any], Any]] = {
+    **dict.fromkeys(("there", "back"), lambda value: MapSummary(value or {})),
+    "agreement": PairAgreement.from_json,
+}
+
+
+@dataclass
+class Rows:
+    """The rows of a collection: those of shapes and of pairs, and of what else its folder holds."""
+
+    shapes: dict[str, ShapeRow] = field(default_factory=dict)
+    pairs: dict[Pair, PairRow] = field(default_factory=dict)
+    files: dict[str, FileRow] = field(default_factory=dict)  # by their path in the folder
+    origins: dict[str, OriginRow] = field(default_factory=dict)  # by "made_with" of rows
+    damaged: list[str] = field(default_factory=list)  # such as "the row of a and b in ledger.sqlite"
+
+    def merge(self, other: Rows) -> None:
+        """Add rows; of two keep the finished one; of both or neither, or if the file of a shape changed, the later."""
+        for table in ("shapes", "pairs", "files"):
+            mine = getattr(self, table)
+            for name, row in getattr(other, table).items():
+                if name not in mine or _counts_more(row, mine[name]):
+                    mine[name] = row
+        self.origins |= other.origins
+        self.damaged += other.damaged
+
+    def pair(self, pair: Pair) -> PairRow:
+        """Return the row of a pair, also if it was not tried yet."""
+        return self.pairs.get(pair, PairRow(state="todo"))
+
+    def untried(self, pairs: Iterable[Pair]) -> list[Pair]:
+        """Return those of some pairs that were not tried yet, or are to be matched again."""
+        return [pair for pair in pairs if self.pair(pair).state == "todo"]
+
+    def is_prepared(self, name: str) -> bool:
+        """Whether a shape is prepared."""
+        return name in self.shapes and self.shapes[name].state == "done"
+
+    def reflected(self, names: Iterable[str]) -> list[str]:
+        """Return those of some shapes that are matched as their mirror images."""
+        return [name for name in names if name in self.shapes and self.shapes[name].reflected]
+
+    def is_current(self, pair: Pair) -> bool:
+        """Whether a pair is matched, and its shapes are still those that were, reflected as then."""
+        row = self.pairs.get(pair)
+        if row is None or row.state != "done" or list(row.reflected) != self.reflected(pair):
+            return False
+        return row.hashes == tuple(self.shapes[name].hash if name in self.shapes else None for name in pair)
+
+    def is_doubtful(self, pair: Pair) -> bool:
+        """Whether a pair is current, and one of its maps may be wrong altogether."""
+        return self.is_current(pair) and any(side.outcome.is_doubtful for side in self.pairs[pair].sides)
+
+    def path(self, source: str, target: str) -> tuple[str, ...] | None:
+        """Return the shapes on the shortest way from one to another by maps that are not doubtful; None without any."""
+        linked: dict[str, list[str]] = {}
+        for pair in self.pairs:
+            if self.is_current(pair) and not self.is_doubtful(pair):
+                for one, other in (pair, pair[::-1]):
+                    linked.setdefault(one, []).append(other)
+        before, front = {source: source}, [source]
+        while front and target not in before:
+            found = {other: one for one in front for other in linked.get(one, ()) if other not in before}
+            before |= found
+            front = list(found)
+        if target not in before:
+            return None
+        path = [target]
+        while path[-1] != source:
+            path.append(before[path[-1]])
+        return tuple(reversed(path))
+
+    def of(self, names: Iterable[str]) -> Rows:
+        """Return the rows of some shapes, and of the pairs of these."""
+        kept = set(names)
+        shapes = {name: row for name, row in self.shapes.items() if name in kept}
+        pairs = {pair: row for pair, row in self.pairs.items() if kept.issuperset(pair)}
+        return replace(self, shapes=shapes, pairs=pairs)
+
+
+def _counts_more(one: ShapeRow | PairRow | FileRow, other: ShapeRow | PairRow | FileRow) -> bool:
+    of_file = [(row.size, row.changed) for row in (one, other) if isinstance(row, ShapeRow)]
+    if of_file and of_file[0] != of_file[1]:
+        return one.time > other.time
+    return (one.state == "done", one.time) > (other.state == "done", other.time)
+
+
+# What the values of a row must be, by its state and names, to be used: others were damaged, or are of another program
+Kind = type | UnionType | Callable[[Any], bool]
+Kinds = Mapping[str, Mapping[str, Kind]]
+NUMBER = int | float
+
+
+def _list_of(kind: Kind, count: int | None = None) -> Callable[[Any], bool]:
+    return lambda value: (
+        isinstance(value, list) and count in (None, len(value)) and all(_is(each, kind) for each in value)
+    )
+
+
+def _result(value: Any) -> bool:
+    quality = value.get("quality") if isinstance(value, dict) else None
+    return (
+        isinstance(quality, dict)
+        and value.get("outcome") in Outcome.__members__
+        and {"spectral_residual", "orientation", "mirrored"} <= quality.keys()
+        and all(isinstance(each, NUMBER | None) for each in quality.values())
+    )
+
+
+_FEATURES, _holes, _texts = _list_of(NUMBER, N_EIGENVALUES + N_QUANTILES), _list_of(NUMBER, 2), _list_of(str)
+_OF_SHAPES: Kinds = {
+    "done": {"key": str, "hash": str, "bytes": int, "area": NUMBER, "features": _FEATURES, "notes": _texts},
+    "failed": {"error": str},
+}
+_OF_MATCH: Mapping[str, Kind] = dict.fromkeys(("source_hash", "target_hash"), str) | {
+    "there": _result,
+    "back": _result,
+}
+_OF_PAIRS: Kinds = {
+    "done": {"key": str, "attempt": int, **_OF_MATCH},
+    "failed": {"key": str, "attempt": int, "error": str},
+    "todo": {"attempt": int},
+}
+TABLES: Mapping[str, tuple[type[Row], Kinds]] = {
+    "shapes": (ShapeRow, _OF_SHAPES),
+    "pairs": (PairRow, _OF_PAIRS),
+    "files": (FileRow, {"done": {"file": str}}),
+    "origins": (OriginRow, {"done": {"made_with": dict}}),
+}
+"""Kind of the rows of each table of `Rows`, and what they must have."""
+_OPTIONAL: Mapping[str, Kind] = {  # what other values must be, where a row has them
+    **dict.fromkeys(("file", "error", "source_hash", "target_hash", "led_by"), str),
+    **dict.fromkeys(("seconds", "spread", "handedness"), NUMBER),
+    **dict.fromkeys(("again", "replaced_by"), _texts),
+    "memory": NUMBER | None,
+    "reflected": lambda value: isinstance(value, bool) or _texts(value),
+    "made_with": str | dict,
+    "agreement": lambda value: isinstance(value, dict) and _is(value.get("inconsistency", 0.0), NUMBER),
+    "not_reflected": lambda value: isinstance(value, dict) and _texts(list(value.values())),
+    "n_points": int,
+    "ranks": _list_of(NUMBER, N_RANKS),
+    "holes": lambda value: value is None or _holes(value),
+}
+
+
+def row_of(table: str, text: Any) -> Row | None:
+    """Read a row of a table, which has a state and the time and what belongs to its state; None if it is no such row."""
+    kind, kinds = TABLES[table]
+    try:
+        record: dict[str, Any] = json.loads(text)
+        needed = {"time": NUMBER, **kinds[record["state"]]}
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
+    wanted = {name: kind for name, kind in _OPTIONAL.items() if name in record} | needed
+    is_whole = all(_is(record.get(name), kind) for name, kind in wanted.items())
+    return kind.from_json(record) if is_whole else None
+
+
+def _is(value: Any, kind: Kind) -> bool:
+    return isinstance(value, kind) if isinstance(kind, type | UnionType) else kind(value)
+
+
 class Ledger:
     """A ledger that is open for writing; `rows` are its contents."""
 
@@ -33,39 +476,17 @@ class Ledger:
         self._connection, self._path = connection, path
         self.rows = _rows(connection, path)
 
-    def put_shape(self, name: str, row: ShapeRow) -> None:
-        """Write the row of a shape."""
-        self._put("shapes", name, row)
-
-    def put_pair(self, pair: Pair, row: PairRow) -> None:
-        """Write the row of a pair."""
-        self._put("pairs", pair, row)
-
-    def put_file(self, name: str, digest: str) -> None:
-        """Write the digest of a file, by its path in the folder."""
-        self._put("files", name, FileRow(time=time.time(), file=digest))
-
-    def forget_file(self, name: str) -> None:
-        """Remove the row of a file, if there is one."""
-        if self.rows.files.pop(name, None):
-            self._execute("DELETE FROM files WHERE name = ?", name)
-
-    def put_origin(self, name: str, made_with: Mapping[str, Any]) -> None:
-        """Write a version and settings, by the name that rows have for them."""
-        if name not in self.rows.origins:
-            self._put("origins", name, OriginRow(time=time.time(), made_with=made_with))
-
-    def forget_failed_shapes(self) -> None:
-        """Remove the rows of shapes that could not be prepared."""
-        for name in [name for name, row in self.rows.shapes.items() if row.state == "failed"]:
-            del self.rows.shapes[name]
-            self._execute("DELETE FROM shapes WHERE name = ?", name)
-
-    def _put(self, table: str, name: str | Pair, row: Row) -> None:
-        record = row.to_json()
+    def put(self, name: str | Pair, row: Row) -> None:
+        """Write the row of a shape, a pair, a file by its path in the folder, or of what rows were made with."""
+        record, table = row.to_json(), next(table for table, (kind, _) in TABLES.items() if type(row) is kind)
         getattr(self.rows, table)[name] = type(row).from_json(record)  # as it would be read
         values = *([name] if isinstance(name, str) else name), json.dumps(record)
         self._execute(f"INSERT OR REPLACE INTO {table} VALUES ({', '.join('?' * len(values))})", *values)
+
+    def forget(self, table: Literal["shapes", "files"], name: str) -> None:
+        """Remove a row, if it is there."""
+        if getattr(self.rows, table).pop(name, None):
+            self._execute(f"DELETE FROM {table} WHERE name = ?", name)
 
     def _execute(self, command: str, *values: Any) -> None:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -20,10 +21,18 @@ from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, MapError
 from isomatch._core.files import opened
 from isomatch._core.threads import n_threads
-from isomatch.cohort.entries import Pair
-from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import (
+    FileRow,
+    Ledger,
+    MapRecord,
+    Pair,
+    PairRow,
+    Rows,
+    ShapeRow,
+    read_ledgers,
+    writing_ledger,
+)
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.rows import FileRow, MapRecord, PairRow, Rows, ShapeRow
 from isomatch.correspondence import Correspondence
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh, reflected
@@ -96,9 +105,8 @@ class PairMaps:
             there = _map(arrays, "there", len(arrays["back_vertices"]), *hashes)
             back = _map(arrays, "back", len(arrays["there_vertices"]), *hashes[::-1])
         except (ValueError, KeyError, TypeError, MapError) as error:
-            raise FormatError(
-                f"{path}: not the maps of a pair ({error}); remove it and match again"
-            ) from None
+            problem = f"{path}: not the maps of a pair ({error})"
+            raise FormatError(f"{problem}; remove it and match again") from None
         stored = [arrays.get(f"{side}_expected_error") for side in SIDES]
         errors = [None if each is None else np.where(each < 0, np.nan, each) for each in stored]
         return cls(there, back, record, *errors)
@@ -138,7 +146,7 @@ def digest_of(path: Path) -> str:
 def put_files(ledger: Ledger, layout: Layout, digests: dict[Path, str]) -> None:
     """Write rows of files in the folder of a collection."""
     for path, digest in digests.items():
-        ledger.put_file(path.relative_to(layout.folder).as_posix(), digest)
+        ledger.put(path.relative_to(layout.folder).as_posix(), FileRow(time=time.time(), file=digest))
 
 
 def keep_files(layout: Layout, paths: Iterable[Path]) -> None:
@@ -161,9 +169,8 @@ def require_unchanged(layout: Layout, folders: Iterable[str]) -> None:
     if changed:
         named = [f"{path} {what}" for path, what in list(changed.items())[:MOST_NAMED]]
         more = f" and {len(changed) - MOST_NAMED} more" if len(changed) > MOST_NAMED else ""
-        raise FormatError(
-            f"{', '.join(named)}{more}; run isomatch collect again, which makes what is damaged again"
-        )
+        remedy = "run isomatch collect again, which makes what is damaged again"
+        raise FormatError(f"{', '.join(named)}{more}; {remedy}")
 
 
 # a file, the row that has its digest, and the pair whose maps it holds

@@ -10,9 +10,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from isomatch._core.errors import InputError
-from isomatch.cohort.entries import Pair
+from isomatch.cohort.ledger import N_RANKS, Pair, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.plan import Plan
-from isomatch.cohort.rows import N_RANKS, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.shape_statistics import METRES, likely_units, size_factors, told_factor
 from isomatch.matching import Outcome
 from isomatch.repair import check, without_seams
@@ -46,24 +45,15 @@ def holes_of(surface: Mesh) -> tuple[int, float]:
 def outliers(collection: Plan, rows: Rows) -> list[Outlier]:
     """Find shapes that do not fit in a collection as they are; look at them before its statistics are believed.
 
-    Parameters
-    ----------
-    collection : Collection
-        The collection.
-    rows : Rows
-        What is known of its shapes. Those that are prepared suffice for all kinds but two.
+    - *broken*: it cannot be read or prepared.
+    - *units*: its size, the root of its area, is more than twice or less than half the median, and an outlier; see
+      `size_factors`. What was said of its unit is taken into account.
+    - *twice*: it is another one, but for a motion, its size, and the order of vertices and faces.
+    - *mirrored*: it is the mirror image of another one; or, once they are matched, seems to be one of all others.
+    - *holes*: it has a boundary, and most others have none.
+    - *unlike*: in the topology of the template it is far from all others, see `doubtful_shapes`.
 
-    Returns
-    -------
-    list of Outlier
-        - *broken*: it cannot be read or prepared.
-        - *units*: its size, the root of its area, is more than twice or less than half the median, and an outlier; see
-          `size_factors`. What was said of its unit is taken into account.
-        - *twice*: it is another one, but for a motion, its size, and the order of vertices and faces.
-        - *mirrored*: it is the mirror image of another one; or, once they are matched, seems to be one of all others.
-        - *holes*: it has a boundary, and most others have none.
-        - *unlike*: in the topology of the template it is far from all others, see
-          `doubtful_shapes`.
+    Rows of prepared shapes suffice for all kinds but two.
     """
     own = {name: rows.shapes[name] for name in collection.names if name in rows.shapes}
     done = {name: row for name, row in own.items() if row.state == "done"}

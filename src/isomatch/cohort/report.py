@@ -19,12 +19,11 @@ from isomatch._core.errors import SettingError
 from isomatch._core.files import replaced, write_text, writing
 from isomatch._core.texts import write_csv
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.entries import Pair
+from isomatch.cohort.ledger import Pair, PairAgreement, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.map_file import as_matched
 from isomatch.cohort.outliers import Outlier, outliers
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.rows import PairAgreement, PairRow, Rows, ShapeRow, SurfaceRow
-from isomatch.cohort.workers import Attempt, Task, Workers, attempted, late_after, workers_of
+from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.visualization import write_report
@@ -171,7 +170,6 @@ def write_reports(
     """
     if not isinstance(which, str) and which < 0:
         raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")
-    late = late_after(time_limit)
     rows = collection.rows()
     chosen = _chosen([item for item in worst_first(rows) if item[1].state == "done"], which)
     due = [(pair, row) for pair, row in chosen if not has_report(collection.layout, pair, row)]
@@ -181,8 +179,8 @@ def write_reports(
     with writing(folder):
         folder.mkdir(exist_ok=True)
     tasks = [Task((each,), partial(attempted, partial(_written, collection.of(each[0])))) for each in due]
-    with workers_of(executor, jobs) as workers:
-        for (pair, _), attempt in workers.completed(tasks, late):
+    with workers_of(executor, jobs, time_limit) as workers:
+        for (pair, _), attempt in workers.completed(tasks):
             yield pair, attempt.error if isinstance(attempt, Attempt) else str(attempt)
 
 
@@ -215,13 +213,11 @@ def _written(collection: Collection, item: tuple[Pair, PairRow]) -> None:
     path = collection.layout.report(pair)
     # the result of a match, restored from its saved parts; notes say what is not in them
     notes = row.there.notes
-    if row.there.has_alternatives:
+    if row.there.values["alternatives"]:
         notes.append("a collection does not keep alternatives; isomatch match finds them again")
     if row.is_contradicted:
         notes.insert(0, f"other maps contradict it by {row.inconsistency:.2f} √area")
-    result = replace(
-        MatchResult.from_dict(dict(row.there.values), there, collection.config), notes=tuple(notes)
-    )
-    if maps.there_error is not None:
-        result = replace(result, expected_error=maps.there_error)
+    result = MatchResult.from_dict(dict(row.there.values), there, collection.config)
+    known: dict[str, Any] = {} if maps.there_error is None else {"expected_error": maps.there_error}
+    result = replace(result, notes=tuple(notes), **known)
     write_report(path, source, target, result, names=pair, command=command)

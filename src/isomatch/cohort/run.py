@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,20 +16,17 @@ from isomatch._core.errors import InputError, MemoryBudgetError
 from isomatch._core.stage_timer import Progress
 from isomatch.cohort import combine
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.contacts import Gap
+from isomatch.cohort.combine import Agreement, agreement_of
 from isomatch.cohort.finish import finish
 from isomatch.cohort.jobs import Event
-from isomatch.cohort.landmark_tables import LandmarkTables, Semilandmarks, landmark_files, write_tables
-from isomatch.cohort.listener import Listener, Warn
-from isomatch.cohort.map_file import KEPT
-from isomatch.cohort.outliers import Outlier
+from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, landmark_files, write_tables
+from isomatch.cohort.ledger import Rows, SurfaceRow
+from isomatch.cohort.map_file import KEPT, changed_files
+from isomatch.cohort.outliers import Outlier, mirror_images, outliers
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.report import write_reports, write_table
-from isomatch.cohort.rows import PairRow
-from isomatch.cohort.status import Status, status_of
-from isomatch.cohort.subjects import finish_subjects, structures_of, subject_collections, subject_doubts
-from isomatch.cohort.workers import Workers, workers_of
-from isomatch.landmarks import Landmarks
+from isomatch.cohort.subjects import Gap, finish_subjects, structures_of, subject_collections, subject_doubts
+from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
 from isomatch.settings import Config
 
 Reports = int | Literal["doubtful", "all", "none"]
@@ -37,33 +34,20 @@ Reports = int | Literal["doubtful", "all", "none"]
 
 @dataclass(frozen=True)
 class Cohort:
-    """Shapes in correspondence in a folder, or subjects of several surfaces; `run` and ``open`` make one.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-    collections : mapping of str to Collection
-        That of each structure; of shapes of one surface each, that of the name "", and what was added to it.
-    gaps : sequence of Gap
-        How structures lie on each other; none if that was not measured now.
-    landmarks : LandmarkTables, optional
-        What was written about landmarks.
-    """
+    """Shapes in correspondence in a folder, or subjects of several surfaces; `run` and ``open`` make one."""
 
     folder: Path
+    #: that of each structure; of shapes of one surface each, that of the name "", and what was added to it
     collections: Mapping[str, Collection]
-    gaps: Sequence[Gap] = ()
-    landmarks: LandmarkTables | None = None
+    gaps: Sequence[Gap] = ()  #: how structures lie on each other; none if that was not measured now
+    landmarks: LandmarkTables | None = None  #: what was written about landmarks
 
     @classmethod
     def open(cls, folder: str | Path) -> Cohort:
         """Open what is in a folder, and write its tables of pairs; `FormatError` if it holds no collection."""
         plan = Layout(Path(folder)).plan
-        inner = {
-            path.parent.name: Collection.open(path.parent)
-            for path in sorted(plan.parent.glob(f"*/{plan.name}"))
-        }
+        plans = sorted(plan.parent.glob(f"*/{plan.name}"))
+        inner = {path.parent.name: Collection.open(path.parent) for path in plans}
         own = {} if inner and not plan.exists() else {"": Collection.open(folder)}
         for each in (own | inner).values():
             write_table(each.rows(), each.layout.table)
@@ -122,8 +106,8 @@ def run(
     """Match the shapes of a folder with a template, or with one another, and write all that follows from the maps.
 
     What was done before is not done again, also where the last run was killed. These are the steps of
-    `Collection.create`, `Collection.run`, `agree`, `write_reports` and `finish`, and then landmarks, or of subjects of
-    several surfaces their structures together.
+    `Collection.create`, `Collection.run`, `agree`, `write_reports` and `finish`, with their errors, and then landmarks,
+    or of subjects of several surfaces their structures together.
 
     Parameters
     ----------
@@ -147,62 +131,42 @@ def run(
     progress, warn : callable, optional
         Called with each step and the share that is done; and with what is wrong with shapes and maps, and what is done
         again, which by default is logged.
-
-    Returns
-    -------
-    Cohort
-        The collections, and what was found of contacts and landmarks.
-
-    Raises
-    ------
-    InputError
-        If shapes, pairs, names, units or landmarks are not usable.
-    SettingError
-        If the folder holds a collection with other settings.
     """
     if semilandmarks and landmarks is None:
         raise InputError("semilandmarks come with landmarks of a shape; give these (--landmarks)")
-    to = Listener.of(progress, warn)
-    settings: dict[str, Any] = {
-        "pairs": pairs,
-        "template": template,
-        "config": config or Config(),
-        "seed": seed,
-    }
+    to, subjects = Listener.of(progress, warn), structures_of(shapes)
+    settings: dict[str, Any] = {"pairs": pairs, "template": template, "config": config, "seed": seed}
     settings |= {"reflect": reflect, "units": units}
     marks: dict[str, Path] = {}
-    if subjects := structures_of(shapes):
-        if landmarks is not None:
-            raise InputError(
-                f"--landmarks: give those of a structure to isomatch collect landmarks {folder}/NAME"
-            )
+    if subjects and landmarks is not None:
+        remedy = f"isomatch collect landmarks {folder}/NAME"
+        raise InputError(f"--landmarks: give those of a structure to {remedy}")
+    if subjects:
         for doubt in subject_doubts(subjects, reflect, units or ()):
             to.warn(f"{' and '.join(doubt.names)} {doubt.reason}")
         structures = subject_collections(folder, subjects, **settings)
     else:
-        collection = Collection.create(folder, shapes, **settings)
-        structures = {"": collection}
-        marks = {} if landmarks is None else landmark_files(landmarks, collection, collection.template)
-        for name, path in marks.items():  # what is wrong with them is told before anything is done
-            Landmarks.read(path, collection.paths[name])
+        structures = {"": Collection.create(folder, shapes, **settings)}
+        if landmarks is not None:
+            marks = landmark_files(landmarks, structures[""], structures[""].template)
     carried, gaps = None, list[Gap]()
-    left = _seconds_left(time_limit)
-    with workers_of(executor, jobs) as workers:
+    with workers_of(executor, jobs, time_limit) as workers:
         for structure, collection in structures.items():
             to.tell(structure, 0.0)
             for where in collection.rows().damaged:
                 to.warn(f"{where} is no row of a collection, and is ignored")
-            follow(collection.run(workers, None, shard, left()), to)
+            follow(collection.run(workers, shard=shard), to)
             if shard[1] > 1:
                 continue
-            if (pairs == "all" if agree is None else agree) and _is_matched(collection):
+            rows = collection.rows()
+            is_matched = not rows.untried(collection.wanted_pairs(rows))
+            if is_matched and (pairs == "all" if agree is None else agree):
                 to.tell("comparing maps with compositions of others", 1.0)
                 try:
-                    for event in combine.agree(collection, workers, time_limit=left()):
-                        to.tell(*event.told)
+                    follow(combine.agree(collection, workers), to)
                 except MemoryBudgetError as error:  # the maps are there all the same
                     to.warn(f"maps were not compared: {error}")
-            write_results(collection, reports, workers, left, to)
+            write_results(collection, reports, workers, to)
             if marks:
                 carried = write_tables(collection, marks, collection.layout.landmarks, semilandmarks, to)
         if subjects and shard[1] == 1:
@@ -223,28 +187,12 @@ def reconcile(
 ) -> Cohort:
     """Replace maps of a collection that most others contradict, see `agree`, and write all that follows from the maps.
 
-    Parameters
-    ----------
-    folder : path_like
-        The folder of a collection whose pairs make triangles.
-    reports, executor, jobs, time_limit, progress, warn
-        See `run`.
-
-    Returns
-    -------
-    Cohort
-        The collection.
-
-    Raises
-    ------
-    InputError
-        If no three shapes are all matched with one another.
+    Arguments are those of `run`. `InputError` if no three shapes of the collection are all matched with one another.
     """
-    collection, to, left = Collection.open(folder), Listener.of(progress, warn), _seconds_left(time_limit)
-    with workers_of(executor, jobs) as workers:
-        for event in combine.agree(collection, workers, time_limit=time_limit):
-            to.tell(*event.told)
-        write_results(collection, reports, workers, left, to)
+    collection, to = Collection.open(folder), Listener.of(progress, warn)
+    with workers_of(executor, jobs, time_limit) as workers:
+        follow(combine.agree(collection, workers), to)
+        write_results(collection, reports, workers, to)
     if not combine.agreement_of(collection.rows()).compared and time_limit is None:
         raise InputError(
             f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
@@ -265,29 +213,74 @@ def follow(events: Iterable[Event], to: Listener) -> None:
         to.warn(f"{count} {what}{'s' * (count > 1)} done again, because {reason}")
 
 
-def write_results(
-    collection: Collection,
-    reports: Reports,
-    workers: Workers,
-    left: Callable[[], float | None],
-    to: Listener,
-) -> None:
-    """Write reports, and the shapes in the topology of the template, in the seconds that are left."""
+def write_results(collection: Collection, reports: Reports, workers: Workers, to: Listener) -> None:
+    """Write reports, and the shapes in the topology of the template."""
     if reports != "none":
-        for pair, error in write_reports(collection, reports, workers, time_limit=left()):
+        for pair, error in write_reports(collection, reports, workers):
             to.tell(f"report of {' and '.join(pair)}{f', failed: {error}' if error else ''}", 1.0)
-    for line in finish(collection, workers, time_limit=left()):
+    for line in finish(collection, workers):
         again = f"; again, because {line.again}" if line.again else ""
         to.tell(f"written in the topology of the template: {line.name}{again}", 1.0)
         if again:
             to.warn(f"the surface of {line.name} done again, because {line.again}")
 
 
-def _seconds_left(time_limit: float | None) -> Callable[[], float | None]:
-    end = None if time_limit is None else time.monotonic() + time_limit
-    return lambda: None if end is None else max(0.0, end - time.monotonic())
+@dataclass(frozen=True)
+class Status:
+    """How far a collection is."""
+
+    folder: Path
+    shapes: dict[str, int]  # how many there are, ``all``, and how many are ``prepared``
+    template: str | None
+    pairs: dict[str, int]  # how many there are, ``all``, and of each `PairRow.verdict`
+    outcomes: dict[str, int]  # how many pairs ended as each `Outcome`, by its name
+    reflected: list[str]  # shapes that are matched as their mirror images
+    # shapes that seem to be some, and why they are not reflected, if it was tried
+    mirror_images: dict[str, str | None]
+    outliers: list[Outlier]
+    agreement: Agreement
+    loop: dict[str, Any] | None  # of a ring: its ``open`` legs, and the errors once around it, in √area
+    damaged: dict[str, str]  # files and rows that are not as they were written, with what is wrong
+    failures: dict[str, str]  # shapes and pairs that failed, with the reasons
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values."""
+        odd, agreement = [outlier._asdict() for outlier in self.outliers], self.agreement._asdict()
+        return {**vars(self), "folder": str(self.folder), "outliers": odd, "agreement": agreement}
 
 
-def _is_matched(collection: Collection) -> bool:
-    rows, todo = collection.rows(), PairRow(state="todo")
-    return all(rows.pairs.get(pair, todo).state != "todo" for pair in collection.wanted_pairs(rows))
+def status_of(collection: Collection, folders: Iterable[str] = ()) -> Status:
+    """Sum up how far a collection is, from the ledgers of all shards, with the damaged files of some `KEPT` folders."""
+    rows = collection.rows()
+    pairs = collection.wanted_pairs(rows)
+    own = [rows.pair(pair) for pair in pairs]
+    changed = changed_files(collection.layout, rows, folders)
+    damaged = {str(path.relative_to(collection.folder)): what for path, what in changed.items()}
+    failures = {name: row.error for name, row in rows.shapes.items() if row.state == "failed"}
+    failures |= {" and ".join(pair): row.error for pair, row in rows.pairs.items() if row.state == "failed"}
+    turned = mirror_images(collection, rows)
+    return Status(
+        folder=collection.folder,
+        shapes={"all": len(collection.shapes), "prepared": sum(map(rows.is_prepared, rows.shapes))},
+        template=collection.chosen_template(rows),
+        pairs={"all": len(pairs), **Counter(row.verdict for row in own)},
+        outcomes=dict(Counter(row.ending for row in own if row.state == "done")),
+        reflected=rows.reflected(collection.names),
+        mirror_images={name: rows.pairs[pair].not_reflected.get(name) for name, pair in turned.items()},
+        outliers=outliers(collection, rows),
+        agreement=agreement_of(rows),
+        loop=_loop_of(collection, rows) if collection.pairs == "ring" else None,
+        damaged=damaged | dict.fromkeys(rows.damaged, "is no row of a collection, and was ignored"),
+        failures=failures,
+    )
+
+
+def _loop_of(collection: Collection, rows: Rows) -> dict[str, Any]:
+    """Tell how far the template is from itself once around a ring, and where the ring is open."""
+    legs = pairwise([*collection.names, collection.names[0]])
+    unsure = [list(leg) for leg in legs if not rows.is_current(leg) or rows.is_doubtful(leg)]
+    found: dict[str, Any] = {"open": unsure}
+    for line in SurfaceRow.read(collection.layout.shapes_table).values():
+        errors = {"loop_error": line.loop_error, "greatest_loop_error": line.greatest_loop_error}
+        found |= {name: float(error) for name, error in errors.items() if error}
+    return found

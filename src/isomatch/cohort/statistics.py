@@ -1,32 +1,43 @@
-"""The statistics of the shapes of a folder: mean, modes, groups, sizes and distances, and the files that tell of them."""
+"""The statistics of the shapes of a folder: mean, modes, groups, sizes, distances, and motion of a series."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
+from unicodedata import normalize
 
 import numpy as np
 
 from isomatch._core.arrays import FloatArray
-from isomatch._core.errors import InputError, IsomatchError
+from isomatch._core.errors import FormatError, InputError, IsomatchError
+from isomatch._core.files import opened
 from isomatch._core.stage_timer import Progress
+from isomatch._core.texts import decoded, read_csv, separated
 from isomatch.cohort import shape_statistics
-from isomatch.cohort.listener import Listener, Warn
+from isomatch.cohort.collection import Collection
+from isomatch.cohort.map_file import require_unchanged
+from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import (
+    MEASURED,
     CorrespondedShapes,
+    Doubt,
     GroupTest,
     PictureFormat,
     ShapeModel,
     ShapeRegression,
 )
-from isomatch.cohort.specimens import read_specimens
 from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
+from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import Correspondence
+from isomatch.io import FORMATS, Asset, Attribute, holds_values, read_asset, read_attributes, write_asset
+from isomatch.surfaces import Mesh
 
 Scale = Literal["keep", "remove"]
 Weights = Literal["area", "uniform"]
 Method = Literal["permutation", "parametric"]
+TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 
 
 def statistics(
@@ -60,11 +71,6 @@ def statistics(
     progress, warn : callable, optional
         Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
 
-    Returns
-    -------
-    Results
-        The model, and the record of all numbers.
-
     Raises
     ------
     FormatError, MeshError, InputError
@@ -74,9 +80,8 @@ def statistics(
     into = StatisticsFolder(Path(output), pictures)
     with into.claimed(force) as new:
         to.tell("reading", 0.0)
-        specimens = read_specimens(folder, groups)
-        shapes, labels, doubts, notes = specimens
-        for line in specimens.warnings:
+        shapes, labels, doubts, notes = read_specimens(folder, groups)
+        for line in told_doubts(doubts):
             to.warn(line)
         to.tell("model", 0.1)
         if mirror is not None:
@@ -86,9 +91,8 @@ def statistics(
         shapes = shape_statistics.filled(shapes, share, scale)
         missing = _missing(shapes)
         if (hide or align == "structure") and (mirror is not None or not shapes.structures):
-            raise InputError(
-                "--hide and --align structure are for subjects of several surfaces, without --mirror"
-            )
+            use = "subjects of several surfaces, without --mirror"
+            raise InputError(f"--hide and --align structure are for {use}")
         hidden = shape_statistics.hidden_structures(shapes, hide.split(","), weights, scale) if hide else []
         poses = shape_statistics.aligned_structures(shapes, weights, scale) if shapes.structures else None
         shapes = poses.shapes if poses and align == "structure" else shapes
@@ -226,11 +230,169 @@ def _told_of(record: dict[str, Any]) -> list[str]:
     if tested := record["groups"]:
         first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
         share = tested["significant_share_of_area"]
-        differ = (
-            f"differ on {share:.1%} of the area" if share else "do not differ significantly at any vertex"
-        )
+        none = "do not differ significantly at any vertex"
+        differ = f"differ on {share:.1%} of the area" if share else none
         lines.append(f"{first} and {second} {differ}, at a false discovery rate of 5 %")
         lines.append(f"the groups describe {_told(tested)}")
     if record["allometry"]:
         lines.append(f"size describes {_told(record['allometry'])}")
     return [*lines, *(f"note: {note}" for note in record["notes"])]
+
+
+Specimens = tuple[CorrespondedShapes, dict[str, str], list[Doubt], list[str]]
+"""Shapes of a folder, the groups of those that have one, doubts, and notes."""
+
+
+def read_specimens(folder: Path, groups: Path | None) -> Specimens:
+    """Read the shapes of a folder of meshes or of a collection, or one mesh, with their groups."""
+    require_unchanged(Layout(folder), ["corresponded"])
+    shapes = shape_statistics.read_shapes([folder] if folder.is_file() else folder)
+    labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
+    doubts = shape_statistics.doubtful_shapes(shapes)
+    notes = [f"left out: {reason}" for reason in shapes.left_out]
+    for own in (folder / structure for structure in shapes.structures or ("",)):
+        told = _doubts(own / "pairs.csv", shapes.names) + _reflected(own / "shapes.csv", shapes.names)
+        notes += [f"{own.name}: {note}" if shapes.structures else note for note in told]
+    return shapes, labels, list(doubts), notes
+
+
+def told_doubts(doubts: Iterable[Doubt]) -> list[str]:
+    """Put doubts in words."""
+    return [f"{' and '.join(doubt.names)} {doubt.reason}" for doubt in doubts]
+
+
+def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
+    """Say which shapes of a collection rest on a map that may be wrong."""
+    if not pairs.is_file():
+        return []
+    outcomes: dict[str, set[str]] = {name: set() for name in names}
+    for row in read_csv(pairs):
+        for end in ("source", "target"):
+            outcomes.get(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
+    doubtful = {name: ", ".join(sorted(own)) for name, own in outcomes.items() if own and not own & TRUSTED}
+    return [f"{name} may be matched wrongly: {doubts}" for name, doubts in doubtful.items()]
+
+
+def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
+    """Say which shapes of a collection are mirror images of those in their files."""
+    lines = read_csv(table) if table.is_file() else []
+    turned = [name for line in lines if line.get("reflected") and (name := line.get("name")) in names]
+    return [f"mirror images of the surfaces in their files: {', '.join(turned)}"] if turned else []
+
+
+def read_groups(path: Path, names: Iterable[str], left_out: Sequence[str] = ()) -> dict[str, str]:
+    """Read the group of each shape from a table, as spreadsheets write them; shapes whose cell is empty have none."""
+    # Columns name and group, among others, or these two without a header; names may be those of files. A line that begins
+    # with # is a comment, unless a shape has that name. Rows of shapes that were left out, with reasons, are passed over.
+    names_of = {normalize("NFC", name): name for name in names}
+    labels: dict[str, str] = {}
+    columns: tuple[int, int] | None = None
+    with opened(path) as file:
+        rows, _ = separated(decoded(file.read()), str(path))
+    for number, row in rows:
+        if not any(row):
+            continue
+        where, shown = f"{path}:{number}", ",".join(row)[:80]
+        if row[0].startswith("#") and normalize("NFC", row[0]) not in names_of:
+            continue
+        if columns is None:
+            lower = [cell.lower() for cell in row]
+            is_header = "name" in lower and "group" in lower
+            columns = (lower.index("name"), lower.index("group")) if is_header else (0, 1)
+            if is_header:
+                continue
+            if len(row) < 2 or any(row[2:]):
+                raise FormatError(
+                    f"{where}: {shown!r} is not a shape and its group; write name,group, or a header with these columns"
+                )
+        if len(row) <= max(columns):
+            raise FormatError(f"{where}: {shown!r} is not a shape and its group; write name,group")
+        name, group = (row[column] for column in columns)
+        shape = names_of.get(normalize("NFC", name)) or names_of.get(normalize("NFC", _stem(name)))
+        if shape is None:
+            if any(reason.startswith(f"{each}: ") for reason in left_out for each in (name, _stem(name))):
+                continue
+            raise FormatError(f"{where}: no shape is named {name!r}; shapes are named like their files")
+        if labels.setdefault(shape, group) != group:
+            raise FormatError(
+                f"{where}: {name!r} is in group {group!r} and in {labels[shape]!r}; give each shape one group"
+            )
+    return {name: group for name, group in labels.items() if group}
+
+
+def _stem(name: str) -> str:
+    """Name of a shape from that of its file."""
+    last = name.replace("\\", "/").rpartition("/")[2]
+    suffix = Path(last).suffix
+    return last.removesuffix(suffix) if suffix.lower() in FORMATS else last
+
+
+def series(
+    folder: str | Path,
+    output: str | Path,
+    *,
+    regions: Path | None = None,
+    reference: str | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+    warn: Warn | None = None,
+) -> Results:
+    """Tell how a series of shapes in one topology moves: area, volume, thickness and strain over time, by region.
+
+    Parameters
+    ----------
+    folder : path_like
+        Folder of meshes with the same faces, frame2 before frame10; or of a collection.
+    output : path_like
+        Folder for time.csv, time.png, and strain/NAME.vtp, each shape with the measures of its faces.
+    regions, reference, force
+        As the options of ``isomatch statistics time``.
+    progress, warn
+        As for `statistics`.
+    """
+    folder, to = Path(folder), Listener.of(progress, warn)
+    into = StatisticsFolder(Path(output), last="time.json")
+    with into.claimed(force) as new:
+        require_unchanged(Layout(folder), ["corresponded"])
+        shapes = shape_statistics.read_shapes(folder)
+        meshes = {name: shapes.mesh(i) for i, name in enumerate(shapes.names)}
+        is_collection = Layout(folder).plan.exists()
+        order = Collection.open(folder).names if is_collection else shapes.names
+        names = [name for name in order if name in meshes]
+        notes = [f"left out: {reason}" for reason in shapes.left_out]
+        notes += [f"missing: {name}; see shapes.csv" for name in order if name not in meshes]
+        for note in notes:
+            to.warn(note)
+        if len(names) < 2:
+            raise InputError(f"{folder}: a series has two shapes or more in one topology, not {len(names)}")
+        first = names[0] if reference is None else reference
+        if first not in meshes:
+            raise InputError(f"--reference {first}: no such shape; they are {', '.join(names)}")
+        labels = _labels(regions, meshes[first]) if regions else []
+        rows = []
+        for i, name in enumerate(names):
+            to.tell(f"measuring {name}", i / len(names))
+            motion = shape_statistics.face_motion(meshes[name], meshes[first])
+            values = [Attribute(key, "face", "scalar", of) for key, of in motion.items()]
+            write_asset(new.path(f"strain/{name}.vtp"), Asset.of_mesh(meshes[name], values))
+            by_region = shape_statistics.motion_by_region(meshes[name], meshes[first], motion, labels)
+            rows += [{"name": name, **row} for row in by_region]
+        if np.isnan(rows[0]["volume"]):
+            notes.append("no volume and thickness, as the surface is not closed")
+        new.table("time.csv", **{key: [row[key] for row in rows] for key in rows[0]})
+        shape_statistics.draw_motion(new.picture("time"), rows)
+        about = {"isomatch": VERSION, "folder": str(folder), "reference": first}
+        record = {**about, "shapes": names, "notes": notes}
+        new.finish(record)
+    told = f"{len(names)} shapes of {shapes.n_vertices:,} vertices; strain is relative to {first}"
+    return Results(into.folder, into.written, record, [told])
+
+
+def _labels(path: Path, mesh: Mesh) -> list[str]:
+    """Read the name of the region of each vertex, "" for none."""
+    found = read_attributes(path, Asset.of_mesh(mesh)) if holds_values(path) else read_asset(path).attributes
+    labels = [at for at in found if at.domain == "point" and at.name != MEASURED and at.seems_labels]
+    if len(labels) != 1 or len(labels[0]) != mesh.n_vertices:
+        raise InputError(f"{path}: give one label for each of the {mesh.n_vertices} vertices, and no others")
+    codes = np.nan_to_num(labels[0].plain, nan=-1).astype(int).tolist()
+    return ["" if code < 0 else labels[0].coded.names.get(code, str(code)) for code in codes]

@@ -74,9 +74,8 @@ class StatisticsFolder:
     ) -> None:
         """Write a mesh with values at its vertices, one of which gives the colours, from 0 or on both sides of it."""
         high = highest or float(np.nanquantile(np.abs(shown), 0.995)) or 1.0
-        paint = visualization.colour_scale(
-            *(("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)), high
-        )
+        name_of, low = ("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)
+        paint = visualization.colour_scale(name_of, low, high)
         rgb = np.nan_to_num(paint(shown[:, None]), nan=GREY)
         attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
@@ -279,29 +278,14 @@ class StatisticsFolder:
 
 @dataclass(frozen=True)
 class Results:
-    """What a study has written.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-    files : list of str
-        Names of its files.
-    record : mapping of str to Any
-        Settings and results in plain values, as in the file that is written last.
-    told : list of str
-        What was found, one sentence each.
-    model : ShapeModel, optional
-        Mean and modes of variation, of `statistics`.
-    unsure : str
-        Which maps from left to right are not sure, and what to do, of `asymmetry`; empty if all are.
-    """
+    """What a study has written."""
 
     folder: Path
-    files: list[str]
-    record: Mapping[str, Any]
-    told: list[str] = field(default_factory=list)
-    model: ShapeModel | None = None
+    files: list[str]  #: their names
+    record: Mapping[str, Any]  #: settings and results in plain values, as in the file that is written last
+    told: list[str] = field(default_factory=list)  #: what was found, one sentence each
+    model: ShapeModel | None = None  #: mean and modes of variation, of `statistics`
+    #: of `asymmetry`: which maps from left to right are not sure, and what to do; empty if all are
     unsure: str = ""
 
     def to_json(self) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""Workers: any executor of `concurrent.futures`; local processes and Dask's by name. One that dies is replaced."""
+"""Who does the steps of a study, any executor of `concurrent.futures` or one by name, and who is told of them."""
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import platform
@@ -13,12 +14,13 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import takewhile
-from typing import Any, Generic, Literal, NamedTuple, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 from isomatch._core.errors import InputError, UnwritableFileError
 from isomatch._core.files import is_of_one_file, legible
 from isomatch._core.first_use import package
 from isomatch._core.processes import begin_worker, worker_processes
+from isomatch._core.stage_timer import Progress, two_arguments
 from isomatch._core.threads import n_threads
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
@@ -26,6 +28,9 @@ ASKED = 2.0  # seconds until the number of workers of a cluster is asked for aga
 S = TypeVar("S")
 T = TypeVar("T")
 LOST = "the workers gave their tasks up, as when the scheduler of a cluster ends; run again to continue"
+Warn: TypeAlias = Callable[[str], Any]
+"""Called with a sentence about shapes or maps that a user should look at; by default they are logged."""
+logger = logging.getLogger("isomatch.cohort")
 
 
 @dataclass(frozen=True)
@@ -63,12 +68,6 @@ def attempted(work: Callable[[S], T], item: S) -> Attempt[T]:
         return Attempt(None, reason, time.time(), time.perf_counter() - start)
 
 
-def late_after(time_limit: float | None) -> Callable[[], bool]:
-    """Make a function that tells whether a time limit, in seconds from now, is over; without a limit it never is."""
-    end = math.inf if time_limit is None else time.monotonic() + time_limit
-    return lambda: time.monotonic() > end
-
-
 class Workers:
     """Workers that tasks are sent to, for a block."""
 
@@ -80,6 +79,11 @@ class Workers:
         self._open, self.count, self._threads = open, count, threads
         self._opened = ExitStack()
         self._executor: Executor | None = None
+        self.end = math.inf  # time, in seconds since the epoch, after which nothing new is begun
+
+    def is_late(self) -> bool:
+        """Whether nothing new is to be begun."""
+        return time.time() > self.end
 
     def __enter__(self) -> Workers:
         return self
@@ -87,19 +91,17 @@ class Workers:
     def __exit__(self, *error: Any) -> None:
         self._opened.__exit__(*error)
 
-    def completed(
-        self, tasks: Iterable[Task], late: Callable[[], bool] = lambda: False
-    ) -> Iterator[tuple[Any, Any]]:
+    def completed(self, tasks: Iterable[Task]) -> Iterator[tuple[Any, Any]]:
         """Yield each item with its row, or with the error that no worker survived; in the order of completion.
 
         A task whose worker dies is done again item by item. An item beside which a worker dies again is done when
         nothing else is running; if the worker dies then, it is the item's fault. No task is begun once it is late.
         """
         waiting, suspects = deque(tasks), deque[Task]()
-        while (waiting or suspects) and not late():
+        while (waiting or suspects) and not self.is_late():
             if self._executor is None:
                 self._executor = self._opened.enter_context(self._open())
-            for task, outcome in self._until_broken(self._executor, waiting, suspects, late):
+            for task, outcome in self._until_broken(self._executor, waiting, suspects):
                 if not isinstance(outcome, Exception):
                     yield from zip(task.items, outcome)
                     continue
@@ -123,14 +125,14 @@ class Workers:
             ) from None
 
     def _until_broken(
-        self, executor: Executor, waiting: deque[Task], suspects: deque[Task], late: Callable[[], bool]
+        self, executor: Executor, waiting: deque[Task], suspects: deque[Task]
     ) -> Iterator[tuple[Task, Any]]:
         """Yield tasks with their rows or the error of their worker, until all are done or the executor was replaced."""
         running = dict[Future[Any], Task]()
         broken = False
         while True:
             room = QUEUED * self.count()
-            while not broken and not late():
+            while not broken and not self.is_late():
                 queue = waiting if waiting and len(running) < room else suspects if not running else None
                 if not queue:
                     break
@@ -166,11 +168,22 @@ def _here() -> tuple[str, int]:
 
 
 @contextmanager
-def workers_of(executor: str | Executor | Workers = "local", jobs: int | None = None) -> Iterator[Workers]:
+def workers_of(
+    executor: str | Executor | Workers = "local", jobs: int | None = None, time_limit: float | None = None
+) -> Iterator[Workers]:
     """Find the workers that are asked for, see `Collection.run`, for a block; those of a block around it stay."""
-    if isinstance(executor, Workers):
-        yield executor
-        return
+    opened = nullcontext(executor) if isinstance(executor, Workers) else _opened(executor, jobs)
+    with opened as workers:
+        before, limit = workers.end, math.inf if time_limit is None else time.time() + time_limit
+        workers.end = min(before, limit)
+        try:
+            yield workers
+        finally:
+            workers.end = before
+
+
+@contextmanager
+def _opened(executor: str | Executor, jobs: int | None) -> Iterator[Workers]:
     if jobs is not None and jobs < 1:
         raise InputError(f"{jobs} jobs cannot run at once; give a number from 1")
     count = jobs or n_threads()
@@ -222,3 +235,20 @@ def _dask_executor(client: Any) -> Iterator[Executor]:
         yield executor
     finally:
         executor.shutdown(wait=False)
+
+
+@dataclass(frozen=True)
+class Listener:
+    """The two functions that a long step calls."""
+
+    tell: Callable[[str, float], Any]  # with a step, and the share that is done
+    warn: Warn
+
+    @classmethod
+    def of(cls, progress: Progress | None, warn: Warn | None) -> Listener:
+        """Take what a user gave; steps that nobody wants to know are not told."""
+        return cls(two_arguments(progress) if progress else lambda step, share: None, warn or logger.warning)
+
+    def part(self, first: float, last: float) -> Listener:
+        """Make the steps of a part of the work go from one share of it to another."""
+        return replace(self, tell=lambda step, share: self.tell(step, first + (last - first) * share))

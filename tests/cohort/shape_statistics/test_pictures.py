@@ -65,8 +65,10 @@ def test_the_others_are_drawn_for_few_shapes_and_many(tmp_path):
     assert len(list(tmp_path.iterdir())) == 13
 
 
-def test_pictures_are_for_print(tmp_path):
+def test_pictures_are_for_print(tmp_path, monkeypatch):
     """300 dots per inch, 6.5 inches wide; and a label that is wider than its bar is not cut off."""
+    monkeypatch.undo()  # dots as coarse as in other tests
+    assert shape_statistics.charts.DPI == 300
     flat = random_shapes(1).mesh(0)
     flat = flat.moved(flat.vertices * [5.0, 0.3, 0.3])
     shape_statistics.draw_values(
@@ -74,7 +76,6 @@ def test_pictures_are_for_print(tmp_path):
         flat,
         np.arange(42.0),
         "a label that is much longer than the bar above it: " + "x" * 40,
-        dpi=300,
     )
     seen = (imread(tmp_path / "values.png")[..., :3] < 0.9).any(axis=2)
     assert 1700 < seen.shape[1] < 2100

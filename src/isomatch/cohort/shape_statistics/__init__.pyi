@@ -19,43 +19,45 @@ from isomatch.cohort.shape_statistics.charts import (
     draw_tree,
     draw_values,
 )
-from isomatch.cohort.shape_statistics.completion import Completion, complete
-from isomatch.cohort.shape_statistics.doubts import (
-    METRES,
-    Doubt,
-    doubtful_positions,
-    doubtful_shapes,
-    likely_units,
-    size_factors,
-    told_factor,
-)
-from isomatch.cohort.shape_statistics.exports import write_shapeworks, write_statismo
-from isomatch.cohort.shape_statistics.group_test import GroupTest, group_test
-from isomatch.cohort.shape_statistics.motion import (
-    face_motion,
-    motion_by_region,
-    surface_strain,
-    wall_thickness,
-)
-from isomatch.cohort.shape_statistics.observations import (
+from isomatch.cohort.shape_statistics.completion import (
+    Completion,
     Observations,
+    complete,
     model_noise,
     observed_landmarks,
     observed_part,
     observed_vertices,
     read_observations,
 )
+from isomatch.cohort.shape_statistics.group_test import (
+    GroupTest,
+    ShapeRegression,
+    group_test,
+    shape_regression,
+)
+from isomatch.cohort.shape_statistics.likeness import (
+    METRES,
+    Doubt,
+    classical_scaling,
+    doubtful_positions,
+    doubtful_shapes,
+    geodesic_distortions,
+    likely_units,
+    shape_tree,
+    size_factors,
+    told_factor,
+)
+from isomatch.cohort.shape_statistics.motion import (
+    face_motion,
+    motion_by_region,
+    surface_strain,
+    wall_thickness,
+)
 from isomatch.cohort.shape_statistics.procrustes import (
     ProcrustesAlignment,
     centroid_sizes,
     generalised_procrustes,
     procrustes_distances,
-)
-from isomatch.cohort.shape_statistics.regression import ShapeRegression, shape_regression
-from isomatch.cohort.shape_statistics.shape_distances import (
-    classical_scaling,
-    geodesic_distortions,
-    shape_tree,
 )
 from isomatch.cohort.shape_statistics.shape_model import (
     LeaveOneOut,
@@ -66,6 +68,8 @@ from isomatch.cohort.shape_statistics.shape_model import (
     generalisation,
     leave_one_out,
     specificity,
+    write_shapeworks,
+    write_statismo,
 )
 from isomatch.cohort.shape_statistics.shapes import (
     MEASURED,

@@ -44,38 +44,22 @@ class SumOfSquares(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Asymmetry:
-    """Asymmetric components of m shapes of n vertices: half of the difference of each shape from its mirror image.
+    """Asymmetric components of m shapes: half of the difference of each shape from its mirror image."""
 
-    Parameters
-    ----------
-    symmetric : (n, 3) array of float
-        Mean of all shapes and their mirror images.
-    directional : (n, 3) array of float
-        Mean of the components: what is asymmetric in all shapes alike.
-    components : (m, n, 3) array of float
-    amounts, fluctuating : (m,) array of float
-        Root mean square of each component, and of its difference from the mean one, in the units of the shapes.
-    anova : tuple of SumOfSquares
-        Individuals (symmetric variation), sides (directional asymmetry), individuals × sides (fluctuating asymmetry),
-        and error, if individuals were measured repeatedly.
-    share : float
-        Share of the asymmetry that is directional: squares of the mean component, over those of all.
-    p_value : float
-        Probability of as large a share if left and right are exchangeable, from mirrored individuals; nan of one.
-    n_permutations, seed : int
-        How often some individuals were mirrored, and what drew them.
-    """
-
-    symmetric: FloatArray
-    directional: FloatArray
-    components: FloatArray
+    symmetric: FloatArray  #: (n, 3) mean of all shapes and their mirror images
+    directional: FloatArray  #: (n, 3) mean of the components: what is asymmetric in all shapes alike
+    components: FloatArray  #: (m, n, 3)
+    #: (m,) root mean square of each component, and of its difference from the mean one, in the units of the shapes
     amounts: FloatArray
     fluctuating: FloatArray
+    #: individuals (symmetric variation), sides (directional asymmetry), individuals × sides (fluctuating asymmetry), and
+    #: error, if individuals were measured repeatedly
     anova: tuple[SumOfSquares, ...]
-    share: float
+    share: float  #: of the asymmetry that is directional: squares of the mean component, over those of all
+    #: probability of as large a share if left and right are exchangeable, from mirrored individuals; nan of one
     p_value: float
-    n_permutations: int
-    seed: int
+    n_permutations: int  #: how often some individuals were mirrored
+    seed: int  #: draws them
 
 
 def asymmetry(
@@ -143,10 +127,8 @@ def asymmetry(
     with np.errstate(divide="ignore", invalid="ignore"):
         mean_squares = values / degrees
         ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # what each is compared with
-    columns = (
-        each.tolist() for each in (values, values / (values.sum() or 1.0), degrees, mean_squares, ratios)
-    )
-    rows = tuple(SumOfSquares(*row) for row in zip(SOURCES, *columns))
+    columns = values, values / (values.sum() or 1.0), degrees, mean_squares, ratios
+    rows = tuple(SumOfSquares(*row) for row in zip(SOURCES, *(each.tolist() for each in columns)))
     # a mirrored individual has the component −āᵢ, so that the share is |Σ ± rᵢ āᵢ|² / (m Σ |a|²) = ±ᵀ P ± / (m Σ |a|²)
     products = scalar_products(repeats[:, None, None] * means[1], share)
     total = m * float(squares(parts[1]).sum())
@@ -164,9 +146,8 @@ def asymmetry(
         p_value, drawn = float(test.pvalue), len(test.null_distribution)
     amounts, own = np.sqrt(squares(parts[1])), np.sqrt(squares(parts[1] - middles[1]))
     anova = rows if m > k else rows[:3]
-    return Asymmetry(
-        middles[0], middles[1], parts[1], amounts, own, anova, share_of_mean, p_value, drawn, seed
-    )
+    of_all = middles[0], middles[1], parts[1]
+    return Asymmetry(*of_all, amounts, own, anova, share_of_mean, p_value, drawn, seed)
 
 
 def align_sides(

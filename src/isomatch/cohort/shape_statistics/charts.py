@@ -11,8 +11,8 @@ import numpy as np
 from isomatch._core.arrays import BoolArray, FloatArray
 from isomatch._core.errors import SettingError
 from isomatch._core.files import replaced
-from isomatch.cohort.shape_statistics.regression import ShapeRegression
-from isomatch.cohort.shape_statistics.shape_distances import shape_tree
+from isomatch.cohort.shape_statistics.group_test import ShapeRegression
+from isomatch.cohort.shape_statistics.likeness import shape_tree
 from isomatch.cohort.shape_statistics.shape_model import ModelCurve, ShapeModel
 from isomatch.surfaces import Mesh
 from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
@@ -43,23 +43,11 @@ def draw_scores(
     model: ShapeModel,
     groups: Sequence[str] | None = None,
     modes: tuple[int, int] = (0, 1),
-    *,
-    dpi: int = DPI,
 ) -> None:
     """Draw the shapes of a model as points, by their scores along two modes, with the convex hulls of groups.
 
-    Parameters
-    ----------
-    path : path_like
-        PNG file, or ``.pdf`` or ``.svg``; an existing one is replaced.
-    model : ShapeModel
-        Of one with a single mode, that is drawn alone.
-    groups : sequence of str, optional
-        A group of each shape, which gives it its colour; without a group where it is empty.
-    modes : (int, int)
-        Which modes, counted from 0.
-    dpi : int
-        Dots per inch.
+    The file is PNG, or ``.pdf`` or ``.svg``; an existing one is replaced. Modes are counted from 0; a single one is drawn
+    alone. The group of a shape gives it its colour; it has none where that is empty.
     """
     across, up = modes if model.n_modes > 1 else (modes[0], None)
     if not all(0 <= mode < model.n_modes for mode in (across, up) if mode is not None):
@@ -77,7 +65,7 @@ def draw_scores(
     else:
         axes.set_ylabel(_of_mode(model, up))
         axes.set_aspect("equal", adjustable="datalim")
-    _save_scatter(figure, path, dpi)
+    _save_scatter(figure, path)
 
 
 def _of_mode(model: ShapeModel, mode: int) -> str:
@@ -91,8 +79,6 @@ def draw_regression(
     names: Sequence[str],
     label: str,
     groups: Sequence[str] | None = None,
-    *,
-    dpi: int = DPI,
 ) -> None:
     """Draw the scores of a regression on one variable (m,) against the variable, with its line, as `draw_scores`."""
     figure, (axes,) = _chart()
@@ -108,12 +94,10 @@ def draw_regression(
         f"({regression.n_permutations} permutations, seed {regression.seed})",
         fontsize="medium",
     )
-    _save_scatter(figure, path, dpi)
+    _save_scatter(figure, path)
 
 
-def draw_quality(
-    path: str | Path, compact: FloatArray, general: ModelCurve, specific: ModelCurve, *, dpi: int = DPI
-) -> None:
+def draw_quality(path: str | Path, compact: FloatArray, general: ModelCurve, specific: ModelCurve) -> None:
     """Draw `compactness`, `generalisation` and `specificity` against the number of modes, as `draw_scores`."""
     figure, panels = _chart(3, 6.6)
     panels[0].plot(np.arange(len(compact)), compact, color=BLUE, marker=".")
@@ -130,12 +114,10 @@ def draw_quality(
         axes.set_xlabel("modes")
         axes.locator_params(axis="x", integer=True)
         axes.title.set_fontsize("small")
-    save_figure(figure, path, dpi)
+    save_figure(figure, path)
 
 
-def draw_tree(
-    path: str | Path, distances: FloatArray, names: Sequence[str], label: str, *, dpi: int = DPI
-) -> None:
+def draw_tree(path: str | Path, distances: FloatArray, names: Sequence[str], label: str) -> None:
     """Draw the tree of named shapes, see `shape_tree`, as `draw_scores`; the label says what the distances are."""
     from scipy.cluster.hierarchy import dendrogram
 
@@ -148,7 +130,7 @@ def draw_tree(
     axes.set_xlabel(label)
     axes.set_xlim(left=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
-    save_figure(figure, path, dpi)
+    save_figure(figure, path)
 
 
 def draw_embedding(
@@ -157,8 +139,6 @@ def draw_embedding(
     names: Sequence[str],
     label: str,
     groups: Sequence[str] | None = None,
-    *,
-    dpi: int = DPI,
 ) -> None:
     """Draw shapes as points (m, 2) with their names, as `draw_scores`; the label says what distances are."""
     figure, (axes,) = _chart()
@@ -166,10 +146,10 @@ def draw_embedding(
     axes.set_aspect("equal", adjustable="datalim")
     axes.locator_params(axis="x", nbins=MOST_TICKS)
     axes.set_title(label, fontsize="medium")
-    _save_scatter(figure, path, dpi)
+    _save_scatter(figure, path)
 
 
-def draw_motion(path: str | Path, rows: Sequence[Mapping[str, Any]], *, dpi: int = DPI) -> None:
+def draw_motion(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw how the regions of a series change, a panel for each measure that is known, as `draw_scores`.
 
     The rows are those of `motion_by_region`, of one shape after the other, with its ``name``.
@@ -187,7 +167,7 @@ def draw_motion(path: str | Path, rows: Sequence[Mapping[str, Any]], *, dpi: int
     legend = figure.legend(lines, regions, loc="outside lower center", ncols=5, fontsize=NAMES)
     for text in legend.get_texts():
         text.set_parse_math(False)
-    save_figure(figure, path, dpi)
+    save_figure(figure, path)
 
 
 def _chart(n_panels: int = 1, height: float = SIZE[1]) -> tuple[Figure, list[Axes]]:
@@ -198,7 +178,7 @@ def _chart(n_panels: int = 1, height: float = SIZE[1]) -> tuple[Figure, list[Axe
     return figure, list(figure.subplots(n_panels, 1, squeeze=False)[:, 0])
 
 
-def save_figure(figure: Figure, path: str | Path, dpi: int) -> None:
+def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure as PNG, PDF or SVG, by the suffix, with nothing cut off and no date."""
     kind = Path(path).suffix.lower().removeprefix(".")
     if kind not in get_args(PictureFormat):
@@ -207,7 +187,7 @@ def save_figure(figure: Figure, path: str | Path, dpi: int) -> None:
 
     undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
     with replaced(Path(path)) as file, rc_context({"svg.hashsalt": "isomatch"}):
-        figure.savefig(file, format=kind, dpi=dpi, bbox_inches="tight", pad_inches=0.08, metadata=undated)
+        figure.savefig(file, format=kind, dpi=DPI, bbox_inches="tight", pad_inches=0.08, metadata=undated)
 
 
 def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Sequence[str] | None) -> None:
@@ -222,7 +202,7 @@ def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Seque
         axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=NAMES, parse_math=False)
 
 
-def _save_scatter(figure: Figure, path: str | Path, dpi: int) -> None:
+def _save_scatter(figure: Figure, path: str | Path) -> None:
     """Write a scatter plot; a name that would cover one before it is left out."""
     figure.draw_without_rendering()
     taken: list[Bbox] = []
@@ -232,7 +212,7 @@ def _save_scatter(figure: Figure, path: str | Path, dpi: int) -> None:
             label.remove()
         else:
             taken.append(box)
-    save_figure(figure, path, dpi)
+    save_figure(figure, path)
 
 
 def _draw_hulls(axes: Axes, points: FloatArray, groups: Sequence[str] | None) -> None:
@@ -260,21 +240,11 @@ def _chosen(groups: Sequence[str] | None, m: int) -> list[tuple[str, str, BoolAr
     return [*((group, colour, of == group) for group, colour in colours.items()), *rest]
 
 
-def draw_modes(
-    path: str | Path, model: ShapeModel, n_modes: int = 3, deviations: float = 2.0, *, dpi: int = DPI
-) -> None:
+def draw_modes(path: str | Path, model: ShapeModel, n_modes: int = 3, deviations: float = 2.0) -> None:
     """Draw the mean, and each mode as the mean moved along it in both directions.
 
-    All shapes are seen from one side and at one scale. The colour is the displacement along the normal of the mean.
-
-    Parameters
-    ----------
-    path, model, dpi
-        As for `draw_scores`.
-    n_modes : int
-        Number of modes, as far as there are.
-    deviations : float
-        How far, in standard deviations.
+    All shapes are seen from one side and at one scale. The colour is the displacement along the normal of the mean. Modes
+    are drawn as far as there are, moved by a number of standard deviations.
     """
     mean = model.mesh()
     camera = camera_of(mean)
@@ -285,7 +255,7 @@ def draw_modes(
     largest = max((float(np.quantile(np.abs(each), 0.995)) for each in outward.values()), default=0.0) or 1.0
     paint = colour_scale(DIVERGING, -largest, largest)
 
-    density = _density([mean, *moved.values()], camera, dpi, per_row=3)
+    density = _density([mean, *moved.values()], camera, per_row=3)
 
     def image(mesh: Mesh, values: FloatArray) -> FloatArray:
         return surface_image(mesh, values, paint, camera, density * np.sqrt(mesh.area))
@@ -302,7 +272,7 @@ def draw_modes(
     figure, axes = arranged_panels(images, titles, min(len(images), 3), WIDTH, TEXT)
     if shown:
         _add_bar(figure, axes, DIVERGING, -largest, largest, "displacement along the normal of the mean")
-    save_figure(figure, path, dpi)
+    save_figure(figure, path)
 
 
 def draw_values(
@@ -312,21 +282,12 @@ def draw_values(
     label: str,
     *,
     views: Mapping[str, FloatArray] | None = None,
-    dpi: int = DPI,
 ) -> None:
     """Draw a surface from two sides, coloured by a value at each vertex.
 
-    Parameters
-    ----------
-    path, dpi
-        As for `draw_scores`.
-    mesh : Mesh
-    values : (n,) array of float
-        Nan is drawn grey. If any is below 0, the colours tell signs.
-    label : str
-        What they are, with their unit; without any value, it is all that is said.
-    views : mapping of str to (3,) array of float, optional
-        Directions from which it is seen, by their titles.
+    Values (n,) that are nan are drawn grey; if any is below 0, the colours tell signs. The label says what they are, with
+    their unit; without any value, it is all that is said. Views are directions (3,) from which the surface is seen, by
+    their titles.
     """
     has_value = np.isfinite(values)
     high = (float(np.quantile(np.abs(values[has_value]), 0.995)) if has_value.any() else 0.0) or 1.0
@@ -335,7 +296,7 @@ def draw_values(
     seen = {title: _seen_from(front, direction) for title, direction in (views or {}).items()}
     cameras = seen or {"": front, " ": front * [[-1], [1], [-1]]}
     paint = colour_scale(name, low, high)
-    density = min(_density([mesh], each, dpi, per_row=2) for each in cameras.values()) * np.sqrt(mesh.area)
+    density = min(_density([mesh], each, per_row=2) for each in cameras.values()) * np.sqrt(mesh.area)
 
     def paint_known(seen: FloatArray) -> FloatArray:
         share = np.where(seen[:, 1:] < LEAST_SHARE, np.nan, seen[:, 1:])
@@ -348,7 +309,7 @@ def draw_values(
         _add_bar(figure, axes, name, low, high, label)
     else:
         figure.supxlabel(label, size=TEXT)
-    save_figure(figure, path, dpi)
+    save_figure(figure, path)
 
 
 def _seen_from(front: FloatArray, to: FloatArray) -> FloatArray:
@@ -358,10 +319,10 @@ def _seen_from(front: FloatArray, to: FloatArray) -> FloatArray:
     return np.array([right, np.cross(to, right), to])
 
 
-def _density(meshes: Sequence[Mesh], camera: FloatArray, dpi: int, per_row: int) -> float:
+def _density(meshes: Sequence[Mesh], camera: FloatArray, per_row: int) -> float:
     """Pixels per unit of length, with which the widest surface fills a panel, as seen by the camera."""
     widest = max(float(np.ptp(mesh.vertices[np.unique(mesh.faces)] @ camera[0])) for mesh in meshes)
-    return dpi * FILLED * WIDTH / per_row / (widest or 1.0)
+    return DPI * FILLED * WIDTH / per_row / (widest or 1.0)
 
 
 def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: float, label: str) -> None:
@@ -374,8 +335,7 @@ def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: floa
     figure.set_figheight(figure.get_figheight() + BAR)
     beyond = "both" if low else "max"
     ticks = MaxNLocator(MOST_TICKS)
-    bar = figure.colorbar(
-        scale, ax=axes, location="bottom", shrink=0.6, aspect=40, extend=beyond, ticks=ticks
-    )
+    placed: Any = {"location": "bottom", "shrink": 0.6, "aspect": 40}
+    bar = figure.colorbar(scale, ax=axes, **placed, extend=beyond, ticks=ticks)
     bar.set_label(label, size=TEXT)
     bar.ax.tick_params(labelsize=TEXT)

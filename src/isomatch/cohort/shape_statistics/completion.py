@@ -1,73 +1,63 @@
-"""Shape completion: the shape of a model, and how uncertain it is, given some of its points."""
+"""Shape completion: what is known of a shape of a model, which is the likeliest, and how uncertain it is."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 from scipy.spatial.transform import Rotation
 
-from isomatch._core.arrays import FloatArray
-from isomatch._core.errors import LandmarkError, NotConvergedError
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch._core.errors import InputError, LandmarkError, MeshError, NotConvergedError, SettingError
+from isomatch._core.files import legible
 from isomatch._core.memory import require_memory
 from isomatch._core.settings import require_one_of
+from isomatch._core.stage_timer import Progress
 from isomatch._core.threads import serial_blas
-from isomatch.cohort.shape_statistics.observations import Observations, SeenSurface, model_noise
-from isomatch.cohort.shape_statistics.shape_model import ShapeModel
-from isomatch.correspondence import nearest_rotation
-from isomatch.surfaces import Mesh
+from isomatch.cohort.shape_statistics.shape_model import ShapeModel, generalisation
+from isomatch.cohort.shape_statistics.shapes import read_corresponding, slices_of, structure_of
+from isomatch.correspondence import Correspondence, nearest_rotation, wrap
+from isomatch.io import FORMATS, SurfaceLike, mesh_from, meshes_among
+from isomatch.landmarks import Landmarks
+from isomatch.matching import Outcome, match
+from isomatch.settings import Config
+from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface
 
 Pose = Literal["fitted", "given"]
-
 LEAST_NOISE = 1e-6  # of the size of the mean: less would leave nothing of double precision
 TOLERANCE = 1e-9  # largest movement of the shape in the last step, over its size
 MOST_STEPS = 200
 MOST_ROUNDS = 30  # of nearest points; about 10 suffice
 SETTLED = 1e-3  # of the size: movement in the last round
 STRAIGHT = 1e-3  # width over length of points that are taken for a line, around which any turn is possible
+PATCH = 0.2  # √area: errors of points nearer than this are about the same; docs/statistics.md, completion
+ALONG = 0.1  # how much is known of where on the surface a nearest point is, over how far it is from it
+FACING = 0.5  # least cosine of the normals of points that are taken for one
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Completion:
-    """The shape of a model that some points of it tell of.
+    """The shape of a model that some points of it tell of."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The likeliest shape, with the n vertices of the model, where the given points are.
-    standard_deviation : (n,) array of float
-        How uncertain each vertex is: the root of the sum of the variances of its three coordinates, in the units of the
-        points, as far as the modes describe shapes.
-    residual : float
-        What they do not describe, see `model_noise`, in the units of the points.
-    scores, score_deviations : (k,) array of float
-        Coordinates of the shape along the modes, in the units of the model, and their standard deviations.
-    error : float
-        Root mean square distance of the given points from where the shape has them, each weighted by one over the square
-        of its noise; nan without points.
-    scale : float
-    rotation : (3, 3) array of float
-    translation : (3,) array of float
-        The motion from the model: ``x ↦ scale · rotation @ x + translation``.
-    n_points : int
-        How many points the shape rests on.
-    notes : tuple of str
-        What is in doubt.
-    """
-
-    mesh: Mesh
+    mesh: Mesh  #: the likeliest shape, with the n vertices of the model, where the given points are
+    #: (n,) how uncertain each vertex is, as far as the modes describe shapes: the root of the sum of the variances of its
+    #: three coordinates, in the units of the points
     standard_deviation: FloatArray
-    residual: float
-    scores: FloatArray
+    residual: float  #: what the modes do not describe, see `model_noise`, in the units of the points
+    scores: FloatArray  #: (k,) coordinates along the modes, in the units of the model, with their standard deviations
     score_deviations: FloatArray
+    #: root mean square distance of the given points from where the shape has them, each weighted by one over the square
+    #: of its noise; nan without points
     error: float
-    scale: float
-    rotation: FloatArray
-    translation: FloatArray
-    n_points: int
-    notes: tuple[str, ...] = ()
+    scale: float  #: the motion from the model: x ↦ scale · rotation @ x + translation
+    rotation: FloatArray  #: (3, 3)
+    translation: FloatArray  #: (3,)
+    n_points: int  #: on which the shape rests
+    notes: tuple[str, ...] = ()  #: what is in doubt
 
     def __repr__(self) -> str:
         return f"Completion({self.mesh!r}, error {self.error:.3g})"
@@ -90,14 +80,7 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
         result is the mean with the deviations of the model.
     pose : {"fitted", "given"}
         Whether the points may be anywhere and turned in any way, and of any size if the model was made without sizes;
-        or are where the model is.
-
-    Raises
-    ------
-    LandmarkError
-        If a pose is to be fitted to fewer than three points, or to points on a line.
-    NotConvergedError
-        If pose and shape still move after many steps.
+        or are where the model is. A pose is fitted to three points or more, which are not on a line.
 
     Notes
     -----
@@ -207,9 +190,8 @@ class _Motion:
         for points in (here, there):
             lengths = np.linalg.svd(points * np.sqrt(share)[:, None], compute_uv=False)
             if lengths[1] <= STRAIGHT * lengths[0]:
-                raise LandmarkError(
-                    "all points are on a line, around which any turn is possible; give others"
-                )
+                problem = "all points are on a line, around which any turn is possible"
+                raise LandmarkError(f"{problem}; give others")
         rotation = nearest_rotation(here.T @ (share[:, None] * there)).T
         along = share @ ((here @ rotation.T) * there).sum(axis=1)
         scale = float(along / (share @ (here**2).sum(axis=1))) if scaled else 1.0
@@ -274,3 +256,277 @@ def _deviations(columns: FloatArray, root: FloatArray) -> FloatArray:
     with serial_blas():
         spread = root.T @ columns.reshape(len(columns), -1)
     return np.asarray(np.sqrt((spread**2).reshape(len(columns), -1, 3).sum(axis=(0, 2))))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Observations:
+    """Points of a surface that were seen, in any coordinates.
+
+    Parameters
+    ----------
+    points : PrecisePoints
+        The q points, on the triangles of the model.
+    positions : (q, 3) array_like of float
+        Where they were seen.
+    noise : float or (q,) array_like of float
+        Root mean square distance between where a point was seen and where the modes of the model can have it, in the
+        units of the positions. Errors are taken as independent: points that err together need more noise.
+    normals : (q, 3) array of float, optional
+        Unit normals, where only the distance across the surface is known: along it, noise is ten times as large.
+    surface : SeenSurface, optional
+        What the points are of: where the shape is about known, its nearest points take their place.
+    notes : tuple of str
+        What was left out, or is in doubt.
+
+    Examples
+    --------
+    >>> Observations.at_vertices([3, 5], [[0, 0, 0], [1, 0, 0]], noise=0.1)
+    Observations(2 points)
+    """
+
+    points: PrecisePoints
+    positions: FloatArray
+    noise: FloatArray
+    normals: FloatArray | None = None
+    surface: SeenSurface | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        positions = numbers_of(self.positions, "positions", InputError).reshape(-1, 3)
+        noise = numbers_of(self.noise, "noise", InputError)
+        if len(self.points.corners) != len(positions) or noise.shape not in ((), (len(positions),)):
+            raise InputError(
+                f"{len(self.points.corners)} points with {len(positions)} positions and noise of shape {noise.shape}; "
+                "give one of each for each point"
+            )
+        if not np.isfinite(positions).all() or not np.isfinite(noise).all() or (noise < 0).any():
+            need = "positions and noise must be finite, and noise not negative"
+            raise InputError(f"{need}; leave out other points")
+        vars(self).update(positions=positions, noise=np.broadcast_to(noise, len(positions)).copy())
+
+    def __repr__(self) -> str:
+        return f"Observations({len(self)} points)"
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @classmethod
+    def at_vertices(cls, vertices: ArrayLike, positions: ArrayLike, noise: ArrayLike) -> Observations:
+        """Make observations of vertices (q,) of the model."""
+        rows: IntArray = array_of(vertices, "vertices", InputError).astype(np.int64)
+        return cls(PrecisePoints.at_vertices(rows), np.asarray(positions), np.asarray(noise))
+
+    def weighed(self, columns: FloatArray, rotation: FloatArray) -> FloatArray:
+        """Weigh displacements (c, q, 3) by what is known of them; a rotation carries their coordinates to those seen."""
+        if self.normals is None:
+            return columns
+        normals = self.normals @ rotation
+        across = np.einsum("cqd,qd->cq", columns, normals)[:, :, None] * normals
+        return np.asarray(across + ALONG * (columns - across))
+
+    def check_fits(self, n_vertices: int) -> None:
+        """Raise an `InputError` if the points are not on a surface with so many vertices."""
+        corners = self.points.corners
+        if corners.size and not 0 <= corners.min() <= corners.max() < n_vertices:
+            given = f"points at vertices {corners.min()}…{corners.max()}"
+            raise InputError(f"{given}; the model has 0…{n_vertices - 1}")
+
+
+@dataclass(frozen=True, eq=False)
+class SeenSurface:
+    """A surface that was seen, without names for its n points; noise (n,) as for `Observations`."""
+
+    mesh: Mesh
+    noise: FloatArray  # (n,)
+
+    def nearest(self, shape: Mesh) -> Observations:
+        """Find the points of a shape of the model near it that are nearest to the vertices, and face as they do."""
+        points = nearest_on_surface(shape, self.mesh.vertices)
+        normals = points.interpolated(shape.vertex_normals)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+        cosines = (normals * self.mesh.vertex_normals).sum(axis=1)
+        if np.median(cosines) < 0:  # the surface is wound inside out
+            cosines = -cosines
+        rows = np.flatnonzero((cosines > FACING) & np.isfinite(self.noise))
+        if not len(rows):
+            raise InputError(
+                "no vertex of the part faces as the shape does where it is nearest; check the pose, and the part itself"
+            )
+        there = PrecisePoints(points.corners[rows], points.barycentric[rows])
+        return Observations(there, self.mesh.vertices[rows], self.noise[rows], normals[rows])
+
+
+def model_noise(model: ShapeModel) -> float:
+    """Estimate how far points of further shapes are from what the modes describe: the error of a shape left out."""
+    return float(generalisation(model).mean[-1]) if len(model.names) > 1 else 0.0
+
+
+def observed_vertices(
+    model: ShapeModel, mesh: Mesh, known: BoolArray | None = None, noise: float | None = None
+) -> Observations:
+    """Take the vertices that a mesh in the topology of a model has, without those that have no finite position.
+
+    Of the others, all (n,) were measured by default. The noise is the root mean square distance of a vertex from what
+    the modes describe, by default `model_noise`. As errors of neighbours are alike, all vertices within a square of 0.2
+    √area count as one.
+    """
+    if not np.array_equal(mesh.faces, model.faces) or mesh.n_vertices != len(model.mean):
+        problem = f"{mesh!r} has other faces than the model ({len(model.mean)} vertices)"
+        raise MeshError(f"{problem}; match it: `observed_part`")
+    seen, mean = np.isfinite(mesh.vertices).all(axis=1), model.mesh()
+    if known is not None:
+        seen &= known
+    rows = np.flatnonzero(seen & (mean.vertex_areas > 0))
+    points, positions = PrecisePoints.at_vertices(rows), mesh.vertices[rows]
+    noise = _noise(noise, model, points, positions)
+    notes = (f"{len(rows)} of {len(mesh.vertices)} vertices have a position",)
+    return Observations(points, positions, noise / _counted(mean.vertex_areas[rows] / mean.area), notes=notes)
+
+
+def observed_landmarks(
+    model: ShapeModel, own: Landmarks, found: Landmarks, noise: float | None = None
+) -> Observations:
+    """Take landmarks of a shape, joined by name with the model's own, which are in the coordinates of its mean.
+
+    Their expected errors add to the noise, which is that of `observed_vertices`.
+    """
+    # of the mean, and of the shape
+    names = [[name for name, is_there in zip(x.names, x.placed) if is_there and name] for x in (own, found)]
+    shared = [name for name in names[0] if name in set(names[1])]
+    if not shared:
+        raise LandmarkError(
+            f"no landmark of the shape is named like one of the mean: {', '.join(names[1])[:80]} and "
+            f"{', '.join(names[0])[:80]}"
+        )
+    twice = [name for name in shared if names[0].count(name) + names[1].count(name) > 2]
+    if twice:
+        raise LandmarkError(f"several landmarks are named {', '.join(twice)}; give each a name of its own")
+    row_of = [{x.names[i]: i for i in np.flatnonzero(x.placed)} for x in (own, found)]
+    rows, rows_found = ([of[name] for name in shared] for of in row_of)
+    points = nearest_on_surface(model.mesh(), own.positions[rows])
+    positions, errors = found.positions[rows_found], np.nan_to_num(found.expected_error[rows_found])
+    unknown = [name for name in names[1] if name not in shared]
+    notes = (f"landmarks that the mean does not have: {', '.join(unknown)}",) if unknown else ()
+    total = np.hypot(_noise(noise, model, points, positions), errors)
+    return Observations(points, positions, total, notes=notes)
+
+
+def observed_part(
+    model: ShapeModel,
+    part: SurfaceLike,
+    found: Correspondence,
+    expected_error: ArrayLike = 0.0,
+    noise: float | None = None,
+) -> Observations:
+    """Take the m vertices of a surface, all of a shape or a part, of which a map to the mean of a model was found.
+
+    That is such as of ``match(part, model.mesh())``. Expected errors (m,) of its images, in √area, as a `MatchResult`
+    has them, add to the noise, which is that of `observed_vertices`, until nearest points take their place.
+    """
+    part, mean = mesh_from(part), model.mesh()
+    found.check_fits(part, mean)
+    rows = np.flatnonzero(found.matched & (part.vertex_areas > 0))
+    points = PrecisePoints(found.faces[rows], np.array(found.barycentric[rows]))
+    positions = part.vertices[rows]
+    area = _scale(model, points, positions) ** 2 * mean.area
+    with np.errstate(divide="ignore"):
+        alone = _noise(noise, model, points, positions) / _counted(part.vertex_areas / area)
+    errors = np.broadcast_to(np.asarray(expected_error, dtype=np.float64), part.n_vertices)[rows]
+    finite = errors[np.isfinite(errors)]
+    errors = np.where(np.isfinite(errors), errors, np.median(finite) if len(finite) else 0.0)
+    mapped = np.sqrt(area) * errors / _counted(part.vertex_areas[rows] / area)
+    notes = (f"{len(rows)} of {part.n_vertices} vertices were matched to the mean",)
+    surface = SeenSurface(part, alone)
+    return Observations(points, positions, np.hypot(alone[rows], mapped), surface=surface, notes=notes)
+
+
+def read_observations(
+    path: str | Path,
+    model: ShapeModel,
+    landmarks: str | Path | None = None,
+    *,
+    noise: float | None = None,
+    config: Config | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Observations:
+    """Read what is known of a shape: a mesh in the topology of a model without some vertices, any mesh, or landmarks.
+
+    Parameters
+    ----------
+    path : path_like
+        A mesh, whose vertices are taken if it has the faces of the model, without those with ``measured`` = 0; others
+        are matched to the mean. Or landmarks, see `Landmarks.read`. Or a folder of such meshes, named like structures of
+        the model, in the coordinates of one subject.
+    model : ShapeModel
+    landmarks : path_like, optional
+        Landmarks of its mean, for those of the shape.
+    noise : float, optional
+        See `observed_vertices`.
+    config, seed, progress
+        As for `match`.
+    """
+    path = Path(path)
+    if path.is_dir():
+        return _of_structures(path, model, noise, config=config, seed=seed, progress=progress)
+    if path.suffix.lower() not in FORMATS:
+        if landmarks is None:
+            raise LandmarkError(f"{path}: give the landmarks of the mean too, with the same names")
+        own = Landmarks.read(landmarks, model.mesh())
+        return observed_landmarks(model, own, Landmarks.read(path), noise)
+    if landmarks is not None:
+        use = "landmarks of the mean are for a file of landmarks"
+        raise SettingError(f"{landmarks}: {use}; {path} is a mesh")
+    mesh, measured = read_corresponding(path, model.faces)
+    if np.array_equal(mesh.faces, model.faces) and mesh.n_vertices == len(model.mean):
+        return observed_vertices(model, mesh, measured, noise)
+    result = match(mesh, model.mesh(), config=config, seed=seed, progress=progress)
+    seen = observed_part(model, mesh, result.map, result.expected_error, noise)
+    if result.outcome in (Outcome.CONVERGED, Outcome.PARTIAL):
+        return seen
+    doubt = f"the match is in doubt: {result.outcome.value}; {result.outcome.advice}"
+    return replace(seen, notes=(*seen.notes, doubt))
+
+
+def _of_structures(folder: Path, model: ShapeModel, noise: float | None, **how: Any) -> Observations:
+    """Take the structures of a subject that are in a folder; one in another topology is brought into that of the mean."""
+    files = {legible(file.stem): file for file in meshes_among(folder.iterdir())}
+    if not files or not set(files) <= set(model.structures):
+        remedy = f"give some of the structures of the model, {[*model.structures]}"
+        raise InputError(f"{folder}: has {[*files]}; {remedy}")
+    whole, known, notes = model.mean.copy(), np.zeros(len(model.mean), dtype=bool), list[str]()
+    for name, file in files.items():
+        part = slices_of(model.structures)[name]
+        mean = structure_of(model.mesh(), part)
+        mesh, measured = read_corresponding(file, mean.faces)
+        if not np.array_equal(mesh.faces, mean.faces) or mesh.n_vertices != mean.n_vertices:
+            result = match(mean, mesh, **how)
+            notes += [f"{name}: {result.outcome.value}"] * (result.outcome is not Outcome.CONVERGED)
+            wrapped = wrap(result.map, mean, mesh)
+            mesh, measured = wrapped.mesh, ~wrapped.extended
+        known[part] = True if measured is None else measured
+        whole[part] = mesh.vertices
+    seen = observed_vertices(model, Mesh(whole, model.faces), known, noise)
+    return replace(seen, notes=(*seen.notes, *notes))
+
+
+def _counted(shares: FloatArray) -> FloatArray:
+    """Root of the number of independent observations that a vertex with a share of the area stands for, at most 1."""
+    return np.minimum(np.sqrt(shares) / PATCH, 1.0)
+
+
+def _noise(noise: float | None, model: ShapeModel, points: PrecisePoints, positions: FloatArray) -> float:
+    """Noise of one point, in the units of the positions."""
+    if noise is None:
+        return model_noise(model) * _scale(model, points, positions)
+    if not 0 <= noise < np.inf:
+        raise SettingError(f"noise = {noise!r} is not a distance; give 0 or more, in the units of the shape")
+    return noise
+
+
+def _scale(model: ShapeModel, points: PrecisePoints, positions: FloatArray) -> float:
+    """About how many times as large as the model a shape is, if sizes were removed."""
+    if model.size is None:
+        return 1.0
+    there, here = (x - x.mean(axis=0) for x in (positions, points.interpolated(model.mean)))
+    return float(np.linalg.norm(there) / max(np.linalg.norm(here), np.finfo(float).tiny)) or 1.0

@@ -22,28 +22,15 @@ MOST_ITERATIONS = 1000
 
 @dataclass(frozen=True, eq=False)
 class ProcrustesAlignment:
-    """Shapes after generalised Procrustes analysis.
+    """Shapes after generalised Procrustes analysis: ``scales[s] * vertices[s] @ rotations[s].T + translations[s]``."""
 
-    Parameters
-    ----------
-    aligned : (m, n, 3) array of float
-        The shapes: ``scales[s] * vertices[s] @ rotations[s].T + translations[s]``.
-    rotations : (m, 3, 3) array of float
-    translations : (m, 3) array of float
-    scales : (m,) array of float
-        All 1 if the scale is kept.
-    size : float or None
-        Root mean square distance from the centroid that every shape was given; None if the scale is kept.
-    n_iterations : int
-        How often all shapes were turned to their mean.
-    """
-
-    aligned: FloatArray
-    rotations: FloatArray
-    translations: FloatArray
-    scales: FloatArray
+    aligned: FloatArray  #: (m, n, 3)
+    rotations: FloatArray  #: (m, 3, 3)
+    translations: FloatArray  #: (m, 3)
+    scales: FloatArray  #: (m,), all 1 if the scale is kept
+    #: root mean square distance from the centroid that every shape was given; None if the scale is kept
     size: float | None
-    n_iterations: int
+    n_iterations: int  #: how often all shapes were turned to their mean
 
     @property
     def mean(self) -> FloatArray:
@@ -60,6 +47,10 @@ def generalised_procrustes(
 ) -> ProcrustesAlignment:
     """Move shapes so that the sum of squared distances from their mean is least.
 
+    The shapes lie about where they were on average: their mean centroid is kept, and the rotations are as near as
+    possible to the identity. Up to this common motion, the result does not depend on the order, the places or the
+    orientations of the shapes, nor on their sizes if those are removed.
+
     Parameters
     ----------
     vertices : (m, n, 3) array of float
@@ -71,13 +62,6 @@ def generalised_procrustes(
         centroid becomes the geometric mean of those of all shapes.
     most_iterations : int
         After so many, shapes that still move end in a `NotConvergedError`.
-
-    Returns
-    -------
-    ProcrustesAlignment
-        The shapes lie about where they were on average: their mean centroid is kept, and the rotations are as near as
-        possible to the identity. Up to this common motion, the result does not depend on the order, the places or the
-        orientations of the shapes, nor on their sizes if those are removed.
 
     Notes
     -----
@@ -109,19 +93,10 @@ def generalised_procrustes(
 def procrustes_distances(
     vertices: FloatArray, weights: FloatArray | None = None, scale: Scale = "keep", *, mirrored: bool = False
 ) -> FloatArray:
-    """Compute the distance of each pair of shapes, (m, m), after the best motion of one onto the other.
+    """Compute the root mean square distance of each pair of shapes, (m, m), after the best motion of one onto the other.
 
-    Parameters
-    ----------
-    vertices, weights, scale
-        As for `generalised_procrustes`.
-    mirrored : bool
-        Whether one shape of each pair is replaced by its mirror image first.
-
-    Returns
-    -------
-    (m, m) array of float
-        Root mean square distances of corresponding vertices, in the units of the shapes; symmetric.
+    Arguments are those of `generalised_procrustes`. If ``mirrored``, one shape of each pair is replaced by its mirror
+    image first.
 
     Examples
     --------
@@ -155,9 +130,8 @@ def shares_of(vertices: FloatArray, weights: FloatArray | None) -> FloatArray:
     if weights is None:
         return np.full(n, 1 / n)
     if weights.shape != (n,) or not (weights >= 0).all() or not 0 < weights.sum() < np.inf:
-        raise SettingError(
-            f"weights have shape {weights.shape}; give {n} finite ones of at least 0, not all 0"
-        )
+        remedy = f"give {n} finite ones of at least 0, not all 0"
+        raise SettingError(f"weights have shape {weights.shape}; {remedy}")
     return np.asarray(weights / weights.sum())
 
 
@@ -175,9 +149,8 @@ def _positive_sizes(centred: FloatArray, share: FloatArray) -> FloatArray:
     """Root mean square distance from the centroid of each shape, (m,)."""
     sizes = np.asarray(np.sqrt(np.einsum("i,sij,sij->s", share, centred, centred)))
     if not (sizes > 0).all():
-        raise MeshError(
-            f"shape {sizes.argmin()} is a single point, whose size cannot be removed; leave it out"
-        )
+        problem = f"shape {sizes.argmin()} is a single point, whose size cannot be removed"
+        raise MeshError(f"{problem}; leave it out")
     return sizes
 
 
@@ -239,19 +212,11 @@ def _converged(products: FloatArray, most: int) -> tuple[FloatArray, int]:
 
 
 def centroid_sizes(vertices: FloatArray, weights: FloatArray | None = None) -> FloatArray:
-    """Compute the centroid sizes of shapes: roots of the sums of squared distances of vertices from their centroid.
+    """Compute the centroid sizes (m,) of shapes: roots of the sums of squared distances of vertices from their centroid.
 
-    Parameters
-    ----------
-    vertices : (m, n, 3) array of float
-    weights : (n,) array of float, optional
-        Weight of each vertex, such as `CorrespondedShapes.area_weights`, so that the size does not depend on where
-        vertices are dense: a vertex counts n times its share of the sum. By default all count once.
-
-    Returns
-    -------
-    (m,) array of float
-        In the units of the shapes. It grows with √n, and compares shapes of one topology only.
+    Of weights, such as `CorrespondedShapes.area_weights`, a vertex counts n times its share of the sum, so that the size
+    does not depend on where vertices are dense; by default all count once. Sizes, in the units of the shapes, grow with
+    √n, and compare shapes of one topology only.
 
     Examples
     --------

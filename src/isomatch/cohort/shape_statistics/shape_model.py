@@ -1,4 +1,4 @@
-"""The statistical shape model, a mean shape and its principal modes of variation, and how good it is."""
+"""The statistical shape model, a mean shape and its principal modes, how good it is, and files of other tools."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from scipy.stats import chi2
 from isomatch._core.array_file import ArrayFormat, Stored, save_arrays
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch._core.cached import cached_property
-from isomatch._core.errors import FormatError, MeshError, SettingError
+from isomatch._core.errors import FormatError, InputError, MeshError, SettingError
+from isomatch._core.files import replaced, write_text
+from isomatch._core.first_use import package
 from isomatch._core.settings import generator, require_one_of
 from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.procrustes import Scale, aligned_to, generalised_procrustes
@@ -26,10 +28,10 @@ from isomatch.cohort.shape_statistics.shapes import (
     read_corresponding,
     slices_of,
 )
+from isomatch.io import write_mesh
 from isomatch.surfaces import Mesh
 
 Weighting = Literal["area", "uniform"]
-
 LEAST_DEVIATION = 1e-10  # of a mode, over the size of the mean; below is rounding
 FORMAT = ArrayFormat(
     what="a shape model",
@@ -54,17 +56,6 @@ FORMAT = ArrayFormat(
 class ScoredShape:
     """A shape described by the modes of a model.
 
-    Parameters
-    ----------
-    scores, deviations : (k,) array of float
-        Its coordinates along the modes, in the units of the shapes and in standard deviations of the modes.
-    aligned, reconstructed : (n, 3) array of float
-        The shape moved onto the mean, and that of the model with these scores.
-    error : float
-        Root mean square distance of the two: what the modes do not describe, in the units of the shapes.
-    measured : (n,) array of bool, optional
-        Which vertices tell something; by default all.
-
     Examples
     --------
     >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
@@ -75,12 +66,12 @@ class ScoredShape:
     (3.0, 0.0027, True)
     """
 
-    scores: FloatArray
-    deviations: FloatArray
-    aligned: FloatArray
-    reconstructed: FloatArray
-    error: float
-    measured: BoolArray | None = None
+    scores: FloatArray  #: (k,) coordinates along the modes, in the units of the shapes
+    deviations: FloatArray  #: (k,) the same in standard deviations of the modes
+    aligned: FloatArray  #: (n, 3) the shape moved onto the mean
+    reconstructed: FloatArray  #: (n, 3) that of the model with these scores
+    error: float  #: root mean square distance of the two: what the modes do not describe
+    measured: BoolArray | None = None  #: (n,) which vertices tell something; by default all
 
     @property
     def vertex_errors(self) -> FloatArray:
@@ -107,26 +98,6 @@ class ScoredShape:
 class ShapeModel:
     """Mean and principal modes of m corresponding shapes: x = mean + Σ score · mode.
 
-    Parameters
-    ----------
-    names : tuple of str
-        The shapes.
-    mean : (n, 3) array of float
-    faces : (f, 3) array of int
-    weights : (n,) array of float
-        Weight of each vertex in all distances; the sum is 1.
-    modes : (k, n, 3) array of float
-        Displacements of the vertices, orthonormal in the weighted scalar product, in decreasing order of variance. There
-        are as many as needed to describe all shapes, at most m − 1.
-    variances : (k,) array of float
-        Variance of the scores of each mode, in squared units of the shapes, with m − 1 degrees of freedom.
-    scores : (m, k) array of float
-        Coordinates of the shapes along the modes.
-    size : float, optional
-        Root mean square distance from the centroid that every shape was given, if sizes were removed.
-    structures : mapping of str to int
-        Of subjects of several surfaces: the number of vertices of each structure, in their order.
-
     Examples
     --------
     >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
@@ -138,14 +109,20 @@ class ShapeModel:
     array([-1.,  0.,  1.])
     """
 
-    names: tuple[str, ...]
-    mean: FloatArray
-    faces: IntArray
-    weights: FloatArray
+    names: tuple[str, ...]  #: of the shapes
+    mean: FloatArray  #: (n, 3)
+    faces: IntArray  #: (f, 3)
+    weights: FloatArray  #: (n,) weight of each vertex in all distances; the sum is 1
+    #: (k, n, 3) displacements of the vertices, orthonormal in the weighted scalar product, in decreasing order of
+    #: variance; as many as are needed to describe all shapes, at most m − 1
     modes: FloatArray
-    variances: FloatArray
-    scores: FloatArray
+    variances: (
+        FloatArray  #: (k,) of the scores, in squared units of the shapes, with m − 1 degrees of freedom
+    )
+    scores: FloatArray  #: (m, k) coordinates of the shapes along the modes
+    #: root mean square distance from the centroid that every shape was given, if sizes were removed
     size: float | None = None
+    #: of subjects of several surfaces: the number of vertices of each structure, in their order
     structures: Mapping[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -158,15 +135,9 @@ class ShapeModel:
     ) -> ShapeModel:
         """Align shapes and find their modes.
 
-        Parameters
-        ----------
-        shapes : CorrespondedShapes
-            The m shapes. Vertices that were not measured are where the mean of the others is, see `filled`.
-        scale : {"keep", "remove"}
-            Whether size is part of the shape, see `generalised_procrustes`.
-        weights : {"area", "uniform"}
-            Whether a vertex counts by its share of the area, so that the model does not depend on how densely the
-            surface is sampled, or all count alike.
+        Vertices that were not measured are where the mean of the others is, see `filled`; whether size is part of the
+        shape, see `generalised_procrustes`. With ``weights="area"``, a vertex counts by its share of the area, so that
+        the model does not depend on how densely the surface is sampled; with "uniform" all count alike.
 
         Notes
         -----
@@ -230,9 +201,8 @@ class ShapeModel:
         """Return the shape (n, 3) with given scores along the first modes; further ones are 0."""
         leading = numbers_of(scores, "scores", SettingError)
         if leading.ndim != 1 or len(leading) > self.n_modes:
-            raise SettingError(
-                f"scores have shape {leading.shape}; give at most {self.n_modes}, one for each mode"
-            )
+            remedy = f"give at most {self.n_modes}, one for each mode"
+            raise SettingError(f"scores have shape {leading.shape}; {remedy}")
         return np.asarray(self.mean + np.tensordot(leading, self.modes[: len(leading)], 1))
 
     def mesh(self, scores: ArrayLike = ()) -> Mesh:
@@ -252,12 +222,8 @@ class ShapeModel:
     def score(self, mesh: Mesh, measured: BoolArray | None = None) -> ScoredShape:
         """Describe another shape in the same topology; the model stays as it is.
 
-        Parameters
-        ----------
-        mesh : Mesh
-        measured : (n,) array of bool, optional
-            Which of its vertices were measured; by default all. The others tell nothing: they are taken to be where the
-            mean is, and have no part in the error.
+        Vertices that were not ``measured``, (n,), tell nothing: they are taken to be where the mean is, and have no part
+        in the error. By default all were.
 
         Notes
         -----
@@ -271,9 +237,8 @@ class ShapeModel:
                 "isomatch collect add"
             )
         if not np.isfinite(mesh.vertices).all():
-            raise MeshError(
-                "some vertices have no position; only a shape that is matched completely can be scored"
-            )
+            remedy = "only a shape that is matched completely can be scored"
+            raise MeshError(f"some vertices have no position; {remedy}")
         seen = np.ones(len(self.mean), dtype=bool) if measured is None else np.asarray(measured, dtype=bool)
         if seen.shape != self.weights.shape or not self.weights[seen].any():
             raise MeshError(
@@ -323,9 +288,8 @@ class ShapeModel:
             names, structures = None, {}
         is_told = not structures or sum(structures.values()) == len(stored["mean"])
         if not isinstance(names, list) or len(names) != len(stored["scores"]) or not is_told:
-            raise FormatError(
-                f"{path}: not a shape model (its names); expected a file written by ShapeModel.save"
-            )
+            remedy = "expected a file written by ShapeModel.save"
+            raise FormatError(f"{path}: not a shape model (its names); {remedy}")
         size = float(stored.pop("size")) if "size" in stored else None
         return cls(names=tuple(map(str, names)), size=size, structures=structures, **stored)
 
@@ -363,10 +327,10 @@ def _without_each(
     m = len(model.names)
     chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
     number = {name: i for i, name in enumerate(model.names)}
-    other_side = [
-        name.removesuffix(MIRRORED) if name.endswith(MIRRORED) else name + MIRRORED for name in model.names
+    ends = [(name, "" if name.endswith(MIRRORED) else MIRRORED) for name in model.names]
+    both = [
+        sorted({i, number.get(name.removesuffix(MIRRORED) + end, i)}) for i, (name, end) in enumerate(ends)
     ]
-    both = [sorted({i, number.get(other, i)}) for i, other in enumerate(other_side)]
     with serial_blas():
         for left_out in chosen if m > 1 else ():
             others = np.delete(model.scores, both[left_out], axis=0)
@@ -380,20 +344,9 @@ def _without_each(
 def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OUT) -> ModelCurve:
     """Measure how well the model describes shapes that it was not made from, leaving out one at a time.
 
-    Parameters
-    ----------
-    model : ShapeModel
-        A model of m shapes, with all its modes.
-    seed : int
-        Draws the shapes that are left out, if there are more than the most.
-    most : int
-        How many shapes are left out in turn; the standard error of their mean is then small.
-
-    Returns
-    -------
-    ModelCurve
-        Root mean square distance between a shape left out and its nearest in the span of j modes of the others, for
-        j = 0…m − 2; it never increases with j. Empty for one shape.
+    The curve is the root mean square distance between a shape left out and its nearest in the span of j modes of the
+    others, for j = 0…m − 2; it never increases with j, and is empty for one shape. Of more than ``most`` shapes, that
+    many are drawn by the seed; the standard error of their mean is then small.
 
     Notes
     -----
@@ -414,11 +367,8 @@ def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OU
 class LeaveOneOut:
     """How unusual shapes of a model are to a model of the others; `leave_one_out` returns it.
 
-    Parameters
-    ----------
-    mahalanobis, errors : (c,) array of float
-        As in a `ScoredShape`, of each shape left out: its Mahalanobis distance, and what the modes of the others do not
-        describe, in the units of the shapes.
+    They are, (c,), as in a `ScoredShape`, of each shape left out: its Mahalanobis distance, and what the modes of the
+    others do not describe, in the units of the shapes.
     """
 
     mahalanobis: FloatArray
@@ -453,19 +403,8 @@ def leave_one_out(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OUT
 def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0) -> ModelCurve:
     """Measure how much random shapes of the model look like those that it was made from.
 
-    Parameters
-    ----------
-    model : ShapeModel
-        A model of m shapes, with all its k modes.
-    n_samples : int
-        Number of random shapes; their scores are independent and normally distributed.
-    seed : int
-        Draws them.
-
-    Returns
-    -------
-    ModelCurve
-        Root mean square distance of a random shape of j modes from the nearest of the m shapes, for j = 0…k.
+    The curve is the root mean square distance of a random shape of j modes from the nearest of the m shapes, for
+    j = 0…k. The seed draws ``n_samples`` shapes, whose scores are independent and normally distributed.
 
     Notes
     -----
@@ -479,3 +418,64 @@ def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0)
         squares += drawn[:, None] * (drawn[:, None] - 2 * scores)  # (z − b)² instead of b²
         rows.append(np.sqrt(np.maximum(squares.min(axis=1), 0.0)))
     return ModelCurve.of_rows(np.array(rows).T)
+
+
+def write_shapeworks(folder: str | Path, shapes: CorrespondedShapes, aligned: FloatArray) -> None:
+    """Write a project of ShapeWorks, whose particles are the vertices, local as they are and world as aligned, (m, n, 3).
+
+    An existing folder gets ``project.swproj``, which ShapeWorks Studio opens, and a mesh and two ``.particles`` files of
+    each shape: text with x y z on each line.
+    """
+    folder = Path(folder)
+    subjects = []
+    for i, name in enumerate(shapes.names):
+        files = {
+            "shape_1": f"{name}.ply",
+            "groomed_1": f"{name}.ply",
+            "local_particles_1": f"{name}_local.particles",
+            "world_particles_1": f"{name}_world.particles",
+        }
+        write_mesh(folder / files["shape_1"], shapes.mesh(i))
+        write_text(folder / files["local_particles_1"], _lines(shapes.vertices[i]))
+        write_text(folder / files["world_particles_1"], _lines(aligned[i]))
+        subjects.append({"name": name, **files})
+    write_text(folder / "project.swproj", json.dumps({"data": subjects}, indent=4) + "\n")
+
+
+def _lines(points: FloatArray) -> str:
+    return "".join(f"{x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in points.tolist())
+
+
+def write_statismo(path: str | Path, model: ShapeModel) -> None:
+    """Write a model as the HDF5 file, ``.h5``, that Scalismo and Statismo read; needs the extra ``statistics``.
+
+    The model must have a mode. Version 0.9 of the format, in single precision. Its modes are orthonormal without
+    weights, so they differ from those of a model with area weights; the distribution of shapes is the same.
+    """
+    if not model.n_modes:
+        problem = "the model has no mode of variation, which the format needs"
+        raise InputError(f"{problem}; give shapes that differ")
+    h5py = package("h5py", "statistics", "writing HDF5 files")
+    spread = (model.modes * model.deviations[:, None, None]).reshape(model.n_modes, -1)
+    _, values, modes = np.linalg.svd(spread, full_matrices=False)
+    points = model.mean.astype(np.float32)
+    with replaced(Path(path)) as stream, h5py.File(stream, "w") as file:
+        for name, values_of in {
+            "model/mean": points.ravel(),
+            "model/pcaBasis": modes.T.astype(np.float32),
+            "model/pcaVariance": (values**2).astype(np.float32),
+            "model/noiseVariance": np.zeros(1, np.float32),
+            "representer/points": points.T,
+            "representer/cells": model.faces.T.astype(np.int32),
+            "version/majorVersion": np.array(0, np.int32),
+            "version/minorVersion": np.array(9, np.int32),
+        }.items():
+            file[name] = values_of
+        file.create_group("modelinfo")
+        for name, text in {
+            "name": "itkStandardMeshRepresenter",
+            "datasetType": "POLYGON_MESH",
+            "version/majorVersion": "0",
+            "version/minorVersion": "9",
+        }.items():
+            file["representer"].attrs[name] = text

@@ -28,9 +28,8 @@ T = TypeVar("T")
 MEASURED = "measured"  # attribute of the points of a file: 1 where the surface is that of the shape, else 0
 LEAST_MEASURED = 0.5  # share of its vertices: a shape with less is left out
 CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
-STRUCTURES = (
-    "structures.csv"  # beside subjects of several surfaces: how many vertices each structure has, in order
-)
+# beside subjects of several surfaces: how many vertices each structure has, in order
+STRUCTURES = "structures.csv"
 
 
 def slices_of(structures: Mapping[str, int]) -> dict[str, slice]:
@@ -104,14 +103,12 @@ class CorrespondedShapes:
         vertices.flags.writeable = False
         measured = None if self.measured is None else np.asarray(self.measured, dtype=bool)
         if measured is not None and measured.shape != vertices.shape[:2]:
-            raise MeshError(
-                f"measured has shape {measured.shape}, expected {vertices.shape[:2]}: a row for each shape"
-            )
+            expected = f"expected {vertices.shape[:2]}: a row for each shape"
+            raise MeshError(f"measured has shape {measured.shape}, {expected}")
         measured = None if measured is None or measured.all() else measured
         if self.structures and sum(self.structures.values()) != vertices.shape[1]:
-            raise MeshError(
-                f"{self.structures} are not {vertices.shape[1]} vertices; give those of each structure"
-            )
+            remedy = "give those of each structure"
+            raise MeshError(f"{self.structures} are not {vertices.shape[1]} vertices; {remedy}")
         vars(self).update(names=tuple(self.names), vertices=vertices, faces=mesh.sound_faces)
         vars(self).update(left_out=tuple(self.left_out), measured=measured)
 
@@ -246,19 +243,11 @@ def _most_common(values: Iterable[T]) -> T:
 
 
 def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes:
-    """Read meshes in one topology.
+    """Read meshes in one topology: of a folder, of one that ``isomatch collect`` wrote, or the files themselves.
 
-    Parameters
-    ----------
-    source : path_like, or iterable of path_like
-        Folder of meshes, folder that ``isomatch collect`` wrote, or the files themselves. A shape has the name of its
-        file without the suffix.
-
-    Returns
-    -------
-    CorrespondedShapes
-        ``left_out`` names files that are not in correspondence with the others. The attribute ``measured`` of PLY files
-        tells which vertices were measured; a table ``structures.csv`` beside them, of which surfaces subjects are made.
+    A shape has the name of its file without the suffix; ``left_out`` names files that are not in correspondence with the
+    others. The attribute ``measured`` of PLY files tells which vertices were measured; a table ``structures.csv`` beside
+    them, of which surfaces subjects are made.
     """
     files = _files_of(Path(source)) if isinstance(source, str | Path) else [Path(path) for path in source]
     twice = [name for name, count in Counter(legible(file.stem) for file in files).items() if count > 1]
@@ -278,9 +267,8 @@ def _structures_in(table: Path) -> dict[str, int]:
     try:
         return {line["structure"]: int(line["vertices"]) for line in read_csv(table)}
     except (KeyError, ValueError):
-        raise FormatError(
-            f"{table}: not the structures of subjects; its columns are structure, vertices"
-        ) from None
+        lack = "not the structures of subjects; its columns are structure, vertices"
+        raise FormatError(f"{table}: {lack}") from None
 
 
 def read_corresponding(path: str | Path, faces: IntArray) -> tuple[Mesh, BoolArray | None]:
@@ -332,18 +320,8 @@ def filled(
 ) -> CorrespondedShapes:
     """Move the vertices that were not measured to where the mean of those that were is, seen from each shape.
 
-    Parameters
-    ----------
-    shapes : CorrespondedShapes
-        The m shapes. They are returned as they are if everything was measured.
-    weights, scale
-        As for `generalised_procrustes`.
-
-    Returns
-    -------
-    CorrespondedShapes
-        So aligned, a missing vertex lies on the mean: it adds no variance, and does not turn or shift its shape. One
-        that no shape measured stays where the surfaces around it were continued.
+    So aligned, as by `generalised_procrustes` with these weights, a missing vertex lies on the mean: it adds no variance,
+    and does not turn or shift its shape. One that no shape measured stays where the surfaces around it were continued.
 
     Notes
     -----

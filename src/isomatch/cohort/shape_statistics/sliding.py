@@ -39,6 +39,8 @@ def slid_semilandmarks(
 ) -> SlidSemilandmarks:
     """Slide semilandmarks along curves and surfaces so that thin-plate splines from the mean shape bend least.
 
+    The result does not depend on the order, places, orientations and sizes of the specimens.
+
     Parameters
     ----------
     positions : (s, m, 3) array of float
@@ -49,11 +51,6 @@ def slid_semilandmarks(
         Their points slide, but for the ends of an open curve and the first point of a closed one.
     patch : sequence of int
         Points that slide on the surface. All others are fixed.
-
-    Returns
-    -------
-    SlidSemilandmarks
-        Whatever the order, places, orientations and sizes of the specimens are.
 
     Notes
     -----

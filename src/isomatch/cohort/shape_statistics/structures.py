@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import InputError
 from isomatch._core.texts import natural_order
-from isomatch.cohort.shape_statistics.completion import complete
-from isomatch.cohort.shape_statistics.observations import observed_vertices
+from isomatch.cohort.shape_statistics.completion import complete, observed_vertices
 from isomatch.cohort.shape_statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.cohort.shape_statistics.shape_model import ShapeModel, Weighting
 from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes, filled, slices_of, structure_of
@@ -57,9 +56,8 @@ def stacked(parts: Mapping[str, CorrespondedShapes]) -> CorrespondedShapes:
             other, weights = known[having[k]], shared[k].astype(float)
             placed = aligned_to(known[i], other, weights) if weights.any() else other
             vertices[i, where] = placed[where]
-    return CorrespondedShapes(
-        tuple(names), vertices, np.concatenate(faces), tuple(left_out), measured, structures
-    )
+    joined = tuple(names), vertices, np.concatenate(faces)
+    return CorrespondedShapes(*joined, tuple(left_out), measured, structures)
 
 
 class StructurePoses(NamedTuple):
@@ -130,9 +128,8 @@ def hidden_structures(
         names = tuple(shapes.names[j] for j in rest)
         others = replace(shapes, names=names, vertices=shapes.vertices[rest], measured=seen[rest])
         model = ShapeModel.fit(others, scale, weights)
-        mean = replace(
-            model, modes=model.modes[:0], variances=model.variances[:0], scores=model.scores[:, :0]
-        )
+        none, scores = slice(0), model.scores[:, :0]
+        mean = replace(model, modes=model.modes[none], variances=model.variances[none], scores=scores)
         told = observed_vertices(model, shapes.mesh(i), seen[i] & known)
         completed, of_mean = complete(model, told), complete(mean, told)
         for name, own in there.items():

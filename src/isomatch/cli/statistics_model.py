@@ -1,7 +1,8 @@
-"""``isomatch statistics complete``: a shape of which a part or landmarks are known, completed by a model."""
+"""``isomatch statistics project`` and ``complete``: what an old model says of new shapes, and of parts of shapes."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,6 +12,25 @@ from isomatch import cohort
 from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import require_writable, say_left_out
 from isomatch.cli.terminal import INDENT, TALK, Talk, say, say_rows
+
+LABEL = 16  # columns of a label
+
+
+def project(model: Path, /, *shapes: Path, output: Output, force: Force = False, talk: Talk = TALK) -> None:
+    """Score new shapes in an old model: how far each is from the mean, how well the modes describe it, and where not.
+
+    The model stays as it is. Shapes in another topology are brought into that of the model by isomatch collect add.
+
+    Args:
+        model: model.npz of isomatch statistics.
+        shapes: Meshes in the topology of the model.
+        output: Folder for scored.csv, scored.json, and scored/NAME.ply: each shape moved onto the mean, with residual,
+            how far each vertex is from what the modes describe, and distance_from_mean.
+    """
+    with talk.progress() as tell:
+        found = cohort.project(model, shapes, output, force=force, progress=tell)
+    record = {**found.record, "files": found.files, "output": str(output)}
+    talk.result(record, lambda: say_scored(found.record, output))
 
 
 def complete(
@@ -46,14 +66,9 @@ def complete(
     """
     if not shape.is_dir():
         require_writable(output)
-    how: dict[str, Any] = {
-        "landmarks": landmarks,
-        "noise": noise,
-        "pose": pose,
-        "config": read_config(config),
-    }
+    how: dict[str, Any] = {"landmarks": landmarks, "noise": noise, "pose": pose, "seed": seed, "force": force}
     with talk.progress() as tell:
-        record = cohort.complete_file(model, shape, output, **how, seed=seed, force=force, progress=tell)
+        record = cohort.complete_file(model, shape, output, config=read_config(config), **how, progress=tell)
     talk.result(record, lambda: _say_completed(record, output.with_suffix(".json")))
 
 
@@ -67,3 +82,25 @@ def _say_completed(record: dict[str, Any], about: Path) -> None:
     say_rows([("how sure", sure), *(("note", note) for note in record["notes"])])
     say(f"{'  wrote':<{INDENT}}{record['file']}, {about}")
     say_left_out(record["left_out"], record["file"])
+
+
+def say_scored(record: Mapping[str, Any], folder: Path) -> None:
+    """Print how unusual new shapes are."""
+    usual, m, k = record["usual"], record["n_left_out"], record["n_modes"]
+    for line in record["shapes"]:
+        say(line["name"], "bold")
+        far = f"{line['mahalanobis']:.3g} standard deviations from the mean, p = {line['p_value']:.2g} (χ², {k} modes)"
+        off = f"{line['error']:.4g} from what the modes describe (root mean square)"
+        where = f"at most {line['farthest_error']:.4g}, at vertex {line['farthest_vertex']}"
+        if m:
+            far += f"; {line['as_far']} of {m} shapes, each left out, are as far, their median is "
+            far += f"{usual['mahalanobis']:.3g}"
+            off += f"; {line['as_badly_described']} of {m} are as badly described, their median is {usual['errors']:.4g}"
+        if line.get("landmark"):
+            where += f", nearest to the landmark {line['landmark']}"
+        say_rows([("in the model", far), ("off the model", off), ("where", where)], LABEL)
+        if line["measured"] < 1:
+            say_rows(
+                [("measured", f"{line['measured']:.0%} of its vertices; the others tell nothing")], LABEL
+            )
+    say(f"the table is {folder / 'scored.csv'}; where: {folder / 'scored'}, residual of each vertex")
