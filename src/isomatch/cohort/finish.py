@@ -362,21 +362,19 @@ def export(
 ) -> Iterator[tuple[Path, tuple[str, ...]]]:
     """Write the surfaces of `surfaces_written`, and the maps of all pairs as they are now.
 
-    Yields each file, and what its format has no place for.
+    Yields each file, and what its format has no place for. All files of an earlier export are replaced once the last one,
+    ``pairs.csv``, is written; others in the folder stay.
 
     Parameters
     ----------
     collection : Collection
     folder : path_like
         Folder for ``meshes/NAME``, in the units of the collection, with ``measured`` as far as the format has a place for
-        it, for ``maps/SOURCE__TARGET``, a file for each direction, and for ``pairs.csv``, which is written last.
+        it, and for ``maps/SOURCE__TARGET``, a file for each direction.
     meshes, maps : str, optional
         Suffixes, see `FORMATS` and `Correspondence.save`; None for none.
-    force : bool
-        Whether to write over files of an earlier export; others in the folder stay. All are replaced once the last one
-        is written.
-    rounded : bool
-        Whether files may move vertices by more than a thousandth of the mean edge; see `write_asset`.
+    force, rounded
+        As the options of ``isomatch collect export``.
     """
     if meshes and meshes.lower() == ".stl":
         lack = "the order of vertices, by which shapes correspond"

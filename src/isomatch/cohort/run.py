@@ -118,14 +118,8 @@ def run(
         named like the structures, or a table with the columns ``subject``, ``structure`` and ``file``.
     pairs, template, config, seed, reflect, units
         See `Collection.create`.
-    landmarks, semilandmarks
-        Landmarks of the template, or a folder of those of several shapes, see `write_landmark_tables`.
-    agree : bool, optional
-        Whether maps that the others contradict are replaced, once all pairs are matched; by default if all pairs are.
-    keep_contacts : bool
-        Of subjects, whether points are kept together that lie on each other in the template.
-    reports : int, "doubtful", "all" or "none"
-        See `write_reports`.
+    landmarks, semilandmarks, agree, keep_contacts, reports
+        As the options of ``isomatch collect``.
     executor, jobs, shard, time_limit
         See `Collection.run`; of a shard, only maps are made.
     progress, warn : callable, optional

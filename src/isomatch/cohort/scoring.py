@@ -49,6 +49,7 @@ def add(
 
     All files that are there stay as they are: new ones are in the folder ``added``, and nothing is fitted again. What was
     done before is not done again, and more can be added. ``record["shapes"]`` has a line for each subject that is scored.
+    An `InputError` names all that is wrong with the collection, the model and the subjects, before anything is written.
 
     Parameters
     ----------
@@ -56,21 +57,10 @@ def add(
         The folder of the collection.
     files : sequence of path_like
         Meshes, or one folder or list of them.
-    model : Path, optional
-        File of its `ShapeModel`; by default that of `statistics` in its folder ``statistics``.
-    reflect : "auto", str or iterable of str, optional
-        New subjects to match as mirror images; by default "auto" if the collection has it, and otherwise none.
-    units : mapping of str to str, optional
-        Units of new subjects, by name; where those of the collection are not known, ``"*"`` is their unit. The size of a
-        subject whose unit is given is not questioned.
+    model, reflect, units
+        As the options of ``isomatch collect add``; the unit of the collection is that of ``"*"``.
     reports, executor, jobs, progress, warn
         See `run`.
-
-    Raises
-    ------
-    InputError
-        If the collection is not finished; the model is missing, or of another template; or, naming all of them, if new
-        subjects have names of old ones, are no meshes, or have sizes that suggest other units.
     """
     collection, to = Collection.open(folder), Listener.of(progress, warn)
     file = model or Path(folder) / "statistics" / "model.npz"
