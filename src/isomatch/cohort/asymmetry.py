@@ -121,14 +121,13 @@ def asymmetry(
             if table:
                 new.table(file, **{key: [row[key] for row in table] for key in table[0]})
         columns = [name for name in lines[0] if not name.startswith("plane")]
+        cells = [[line[name] for name in columns] for line in lines]
         sections = {
             "To look at first": listed(record["doubts"]),
             "What was measured": f"<p>{MEASURED}</p>",
             "What was found": listed(told),
             "Where the variation lies": tabulated(HEADS, (row.values() for row in rows)) if rows else "",
-            "How asymmetric each is": tabulated(
-                columns, ([line[name] for name in columns] for line in lines)
-            ),
+            "How asymmetric each is": tabulated(columns, cells),
         }
         title = f"Asymmetry of {lines[0]['name'] if len(of) == 1 else f'{len(of)} shapes'}"
         used = f"{SCALES[scale]}. Lengths are in the units of the files. Seed {seed}, isomatch {VERSION}."

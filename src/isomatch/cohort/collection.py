@@ -235,9 +235,9 @@ class Collection(Plan):
         plain = ("pairs", "template", "seed")
         different += [name for name in plain if getattr(self, name) != getattr(old, name)]
         if different:
+            remedy = "continue it with the same, or give another folder"
             raise SettingError(
-                f"{self.folder}: holds a collection with other {', '.join(different)}; continue it with the same, or "
-                "give another folder"
+                f"{self.folder}: holds a collection with other {', '.join(different)}; {remedy}"
             )
 
 

@@ -188,10 +188,8 @@ def reconcile(
         follow(combine.agree(collection, workers), to)
         write_results(collection, reports, workers, to)
     if not combine.agreement_of(collection.rows()).compared and time_limit is None:
-        raise InputError(
-            f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
-            "match with --pairs all"
-        )
+        problem = "no three shapes are all matched with one another, so there is nothing to compare maps with"
+        raise InputError(f"{folder}: {problem}; match with --pairs all")
     return Cohort(Path(folder), {"": collection})
 
 

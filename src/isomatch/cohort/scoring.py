@@ -29,6 +29,13 @@ from isomatch.landmarks import Landmarks
 from isomatch.settings import Config
 
 SAME_SURFACE = 1e-4  # of the size: how far the template may be from where the model has it; files are of single precision
+PLACED = (
+    "scores",
+    "score_deviations",
+    "scale",
+    "rotation",
+    "translation",
+)  # of a completed shape, in its file
 LAST = "scored.json"  # of the files about new shapes
 
 
@@ -231,10 +238,8 @@ def _of_others(
         new = {name: ShapeRow(state="todo", area=area) for name, area in areas.items()}
         common = common_unit(known, Rows({**rows.shapes, **new}))
         if common is None:
-            raise InputError(
-                f"{', '.join(known)}: in units that fit no unit of the collection by their sizes; give that too, such as "
-                "mm,scan7=cm"
-            )
+            problem = "in units that fit no unit of the collection by their sizes"
+            raise InputError(f"{', '.join(known)}: {problem}; give that too, such as mm,scan7=cm")
     return {OTHERS: common} | {name: unit for name, unit in collection.units.items() if name == template}
 
 
@@ -338,16 +343,12 @@ def write_scored(
         "model": str(file),
         "n_left_out": len(usual.errors),
         "n_modes": model.n_modes,
-        "usual": {name: _median(getattr(usual, name)) for name in ("mahalanobis", "errors")},
+        "usual": {name: float(np.median(of)) if len(of) else None for name, of in vars(usual).items()},
         **(about or {}),
         "shapes": [{**line, **dict(zip(("scores", "deviations"), numbers[line["name"]]))} for line in lines],
     }
     into.finish(record)
     return record
-
-
-def _median(values: np.ndarray[Any, Any]) -> float | None:
-    return float(np.median(values)) if len(values) else None
 
 
 def complete_file(
@@ -405,16 +406,10 @@ def complete_file(
             "model": str(model),
             "part": str(shape),
             "file": str(output),
-            "n_points": completed.n_points,
-            "error": completed.error,
-            "residual": completed.residual,
+            **{name: getattr(completed, name) for name in ("n_points", "error", "residual")},
             "mean_standard_deviation": float(completed.standard_deviation @ prior.weights),
             "largest_standard_deviation": float(completed.standard_deviation.max()),
-            "scores": completed.scores.tolist(),
-            "score_deviations": completed.score_deviations.tolist(),
-            "scale": completed.scale,
-            "rotation": completed.rotation.tolist(),
-            "translation": completed.translation.tolist(),
+            **{name: np.asarray(getattr(completed, name)).tolist() for name in PLACED},
             "left_out": [attribute.name for attribute in left],
             "notes": [*observed.notes, *completed.notes],
         }

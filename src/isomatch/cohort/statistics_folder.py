@@ -154,11 +154,8 @@ class StatisticsFolder:
         """Write the shares, poses and errors of the structures of subjects; return a line for each structure."""
         lines = []
         for (name, shares), pose_share in zip(model.structure_shares.items(), poses.shares.tolist()):
-            line = {
-                "structure": name,
-                "share": float(shares @ model.variance_ratios),
-                "pose_share": pose_share,
-            }
+            share = float(shares @ model.variance_ratios)
+            line = {"structure": name, "share": share, "pose_share": pose_share}
             own = [[each["error"], each["mean_error"]] for each in hidden if each["structure"] == name]
             errors = np.mean(own, axis=0).tolist() if own else (None, None)
             lines.append({**line, **dict(zip(("hidden_error", "hidden_mean_error"), errors))})
@@ -336,9 +333,6 @@ def listed(lines: Sequence[str]) -> str:
 def tabulated(columns: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
     """Format rows as a table in HTML, numbers with four digits, nan as nothing."""
     head = "".join(f"<th scope=col>{escape(name.replace('_', ' '))}</th>" for name in columns)
-    texts = (
-        [f"{cell:.4g}".replace("nan", "") if isinstance(cell, float) else str(cell) for cell in row]
-        for row in rows
-    )
-    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in texts)
+    cells = ([f"{x:.4g}".replace("nan", "") if isinstance(x, float) else str(x) for x in row] for row in rows)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in cells)
     return f"<div class=wide><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"

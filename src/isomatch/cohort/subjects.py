@@ -110,11 +110,10 @@ def finish_subjects(
     Its structures are stacked, see `stacked`, and their contacts kept, see `contacts_kept`, which
     ``contacts.csv`` tells. ``structures.csv`` has the structures. `InputError` if none is in one topology.
     """
-    parts = {
-        name: shape_statistics.read_shapes(map(own.layout.corresponded, written))
-        for name, own in collections.items()
-        if (written := surfaces_written(own))
-    }
+    parts = {}
+    for name, own in collections.items():
+        if written := surfaces_written(own):
+            parts[name] = shape_statistics.read_shapes(map(own.layout.corresponded, written))
     if not parts:
         raise InputError(f"{folder}: no structure is in one topology; see their pages")
     templates = [own.chosen_template(own.rows()) for own in collections.values()]
@@ -224,18 +223,12 @@ def contacts_kept(
     # counts as touching, and μ so that u falls off within 0.1 √area. Gaps are of two structures that touch by a fifth of
     # the area of the smaller one: of its points that touch in the template, the largest distances outside and inside the
     # larger one, and the mean distance of its nearest point from the corresponding one.
-    parts, vertices, measured = (
-        shape_statistics.slices_of(shapes.structures),
-        shapes.vertices.copy(),
-        shapes.seen.copy(),
-    )
+    parts = shape_statistics.slices_of(shapes.structures)
+    vertices, measured = shapes.vertices.copy(), shapes.seen.copy()
     has = {name: np.asarray(measured[:, part].any(axis=1)) for name, part in parts.items()}
     at = int(np.sum([*has.values()], axis=0).argmax()) if of not in shapes.names else shapes.names.index(of)
-    meshes = {
-        name: shape_statistics.structure_of(shapes.mesh(at), part)
-        for name, part in parts.items()
-        if has[name][at]
-    }
+    whole, own_parts = shapes.mesh(at), {name: part for name, part in parts.items() if has[name][at]}
+    meshes = {name: shape_statistics.structure_of(whole, part) for name, part in own_parts.items()}
     gaps = list[Gap]()
 
     def mesh_of(places: FloatArray, i: int, name: str) -> Mesh:

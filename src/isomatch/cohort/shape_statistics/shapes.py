@@ -82,10 +82,8 @@ class CorrespondedShapes:
     def __post_init__(self) -> None:
         vertices = numbers_of(self.vertices, "vertices", MeshError)
         if vertices.ndim != 3 or vertices.shape[2:] != (3,) or len(vertices) != len(self.names):
-            raise MeshError(
-                f"vertices have shape {vertices.shape}, expected ({len(self.names)}, n, 3): "
-                "a row x, y, z for each vertex of each named shape"
-            )
+            expected = f"({len(self.names)}, n, 3): a row x, y, z for each vertex of each named shape"
+            raise MeshError(f"vertices have shape {vertices.shape}, expected {expected}")
         if not len(vertices):
             raise MeshError("no shapes; give at least one")
         twice = [name for name, count in Counter(self.names).items() if count > 1]
@@ -93,10 +91,8 @@ class CorrespondedShapes:
             raise MeshError(f"several shapes are named {', '.join(twice)}; give each its own name")
         bad = np.flatnonzero(~np.isfinite(vertices).all(axis=(1, 2)))
         if len(bad):
-            raise MeshError(
-                f"shape {self.names[bad[0]]} has vertices without a position ({len(bad)} such shapes); leave it out, "
-                "as CorrespondedShapes.of_meshes does"
-            )
+            problem = f"shape {self.names[bad[0]]} has vertices without a position ({len(bad)} such shapes)"
+            raise MeshError(f"{problem}; leave it out, as CorrespondedShapes.of_meshes does")
         mesh = Mesh(vertices[0], self.faces)
         if not mesh.n_faces:
             raise MeshError("the shapes have no faces; give meshes")
@@ -342,10 +338,8 @@ def filled(
         vertices = np.where(stays[:, :, None], vertices, back)
         if apart.max() <= TOLERANCE * np.sqrt(((mean - mean.mean(axis=0)) ** 2).sum(axis=1).mean()):
             return replace(shapes, vertices=vertices)
-    raise NotConvergedError(
-        f"the mean of shapes of which parts are missing still moves after {MOST_ROUNDS} rounds; leave out those of which "
-        "little was measured"
-    )
+    problem = f"the mean of shapes of which parts are missing still moves after {MOST_ROUNDS} rounds"
+    raise NotConvergedError(f"{problem}; leave out those of which little was measured")
 
 
 def measured_variances(aligned: FloatArray, shapes: CorrespondedShapes) -> FloatArray:
