@@ -99,7 +99,7 @@ def asymmetry(
         both = both if pairs else cohort.mirrored(maps)
         to.tell("comparing", 0.8)
         of = [labels.get(name, name) for name in both.names[: len(both) // 2]]
-        found, lines, words = _measured(new, both, maps, scale, of, seed)
+        found, lines, words = _measured(new, both, maps, scale, individuals=of, seed=seed)
         record = {
             "isomatch": VERSION,
             "of": str(source),
@@ -182,19 +182,14 @@ def _onto(mesh: Mesh, images: FloatArray) -> Correspondence:
 
 
 def _measured(
-    new: StatisticsFolder,
-    both: CorrespondedShapes,
-    maps: list[Correspondence],
-    scale: Scale,
-    individuals: list[str],
-    seed: int,
+    new: StatisticsFolder, both: CorrespondedShapes, maps: list[Correspondence], scale: Scale, **of: Any
 ) -> tuple[Asymmetry, list[dict[str, Any]], dict[str, str]]:
     """Measure and draw asymmetry: all of it, values of each shape, and the words beside each picture."""
     m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
     known = both.seen[:m] & both.seen[m:]
     share = both.area_weights * known.mean(axis=0) / (both.area_weights @ known.mean(axis=0))
     aligned = shape_statistics.align_sides(both, share, scale, maps)
-    found = shape_statistics.asymmetry(*aligned, share, individuals=individuals, seed=seed)
+    found = shape_statistics.asymmetry(*aligned, share, **of)
     mean = both.mesh(0).moved(found.symmetric)
     size = float(shape_statistics.centroid_sizes(mean.vertices[None], share)[0]) / np.sqrt(len(share))
     normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # smoother than those of a shape
@@ -238,7 +233,6 @@ def _measured(
 
 
 def _told(record: dict[str, Any]) -> list[str]:
-    """Say what was found, one sentence each."""
     rows, n, told = record["anova"], record["n_individuals"], list[str]()
     if rows:
         between, common, own = (f"{row['share']:.1%}" for row in rows[:3])

@@ -112,7 +112,6 @@ _DONE |= {"reflection": "reflected", "agreement": "compared"}
 
 
 def _ending(row: ShapeRow | PairRow | Outlier) -> str:
-    """Say how a step ended."""
     if isinstance(row, Outlier):
         return row.reason
     if row.state == "failed":

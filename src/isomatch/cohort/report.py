@@ -75,7 +75,6 @@ def _first(odd: Sequence[Outlier]) -> str:
 
 
 def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, SurfaceRow]) -> str:
-    """Show one shape: its picture and its problems."""
     line, row = lines.get(name, SurfaceRow(name=name)), rows.shapes.get(name, ShapeRow(state="todo"))
     problems = [each.error for each in (row, line) if each.error]
     if line.mirror_image:

@@ -136,10 +136,9 @@ def added(
     new = [Entry(entry.name, entry.path.resolve()) for entry in entries_of(files)]
     inner = Layout(collection.folder / "added")
     earlier = Collection.open(inner.folder) if inner.plan.exists() else None
-    failed = (
-        {name for name, row in earlier.rows().shapes.items() if row.state == "failed"} if earlier else set()
-    )
-    others = failed | {template, *(entry.name for entry in new)}
+    known_before = earlier.rows().shapes if earlier else {}
+    others = {template, *(entry.name for entry in new)}
+    others |= {name for name, row in known_before.items() if row.state == "failed"}
     before = [entry for entry in earlier.shapes if entry.name not in others] if earlier else []
     areas, problems = _areas(new)
     problems += _taken(new, collection, earlier)
@@ -165,7 +164,6 @@ def added(
 
 
 def _template_of(collection: Collection, rows: Rows) -> str:
-    """Return the template of a finished collection."""
     template = collection.chosen_template(rows)
     todo = len(rows.untried(collection.wanted_pairs(rows)))
     untried = [name for name in collection.names if name not in rows.shapes]

@@ -212,7 +212,6 @@ def _told(test: dict[str, Any]) -> str:
 
 
 def _told_of(record: dict[str, Any]) -> list[str]:
-    """Say what was found, one sentence each."""
     lines = list[str]()
     for own in record["structures"]:
         line = f"{own['structure']} has {own['share']:.1%} of the variance; of its own {own['pose_share']:.1%} is pose"

@@ -260,34 +260,22 @@ def _deviations(columns: FloatArray, root: FloatArray) -> FloatArray:
 class Observations:
     """Points of a surface that were seen, in any coordinates.
 
-    Parameters
-    ----------
-    points : PrecisePoints
-        The q points, on the triangles of the model.
-    positions : (q, 3) array_like of float
-        Where they were seen.
-    noise : float or (q,) array_like of float
-        Root mean square distance between where a point was seen and where the modes of the model can have it, in the
-        units of the positions. Errors are taken as independent: points that err together need more noise.
-    normals : (q, 3) array of float, optional
-        Unit normals, where only the distance across the surface is known: along it, noise is ten times as large.
-    surface : SeenSurface, optional
-        What the points are of: where the shape is about known, its nearest points take their place.
-    notes : tuple of str
-        What was left out, or is in doubt.
-
     Examples
     --------
     >>> Observations.at_vertices([3, 5], [[0, 0, 0], [1, 0, 0]], noise=0.1)
     Observations(2 points)
     """
 
-    points: PrecisePoints
-    positions: FloatArray
+    points: PrecisePoints  #: q points, on the triangles of the model
+    positions: FloatArray  #: (q, 3) where they were seen
+    #: of all, or (q,): root mean square distance between where a point was seen and where the modes of the model can have
+    #: it, in the units of the positions. Errors are taken as independent: points that err together need more noise.
     noise: FloatArray
+    #: (q, 3) unit normals, where only the distance across the surface is known: along it, noise is ten times as large
     normals: FloatArray | None = None
+    #: what the points are of: where the shape is about known, its nearest points take their place
     surface: SeenSurface | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: what was left out, or is in doubt
 
     def __post_init__(self) -> None:
         positions = numbers_of(self.positions, "positions", InputError).reshape(-1, 3)

@@ -48,23 +48,6 @@ def structure_of(mesh: Mesh, part: slice) -> Mesh:
 class CorrespondedShapes:
     """Shapes in one topology: vertex i of one corresponds to vertex i of every other.
 
-    Parameters
-    ----------
-    names : sequence of str
-        A name for each of the m shapes; no two are the same.
-    vertices : (m, n, 3) array_like of float
-        Positions of their vertices, in one unit, all finite.
-    faces : (f, 3) array_like of int
-        0-based vertex indices of the triangles that they share.
-    left_out : tuple of str
-        Which shapes were left out, each with the reason.
-    measured : (m, n) array_like of bool, optional
-        Which vertices have a counterpart on the shape, rather than a place that continues those around them; by default
-        all.
-    structures : mapping of str to int
-        Of subjects of several surfaces, see `stacked`: the number of vertices of each structure, in their order. By
-        default a shape is one surface.
-
     Examples
     --------
     >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
@@ -72,11 +55,14 @@ class CorrespondedShapes:
     CorrespondedShapes(2 shapes of 3 vertices)
     """
 
-    names: tuple[str, ...]
-    vertices: FloatArray
-    faces: IntArray
-    left_out: tuple[str, ...] = ()
+    names: tuple[str, ...]  #: one for each of the m shapes; no two are the same
+    vertices: FloatArray  #: (m, n, 3) positions of their vertices, in one unit, all finite
+    faces: IntArray  #: (f, 3) 0-based vertex indices of the triangles that they share
+    left_out: tuple[str, ...] = ()  #: which shapes were left out, each with the reason
+    #: (m, n) which vertices have a counterpart on the shape, rather than a place that continues those around them; by
+    #: default all
     measured: BoolArray | None = None
+    #: of subjects of several surfaces, see `stacked`: the number of vertices of each structure, in their order
     structures: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
