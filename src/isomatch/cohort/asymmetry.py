@@ -99,7 +99,7 @@ def asymmetry(
         both = both if pairs else cohort.mirrored(maps)
         to.tell("comparing", 0.8)
         of = [labels.get(name, name) for name in both.names[: len(both) // 2]]
-        found, lines, words = _measured(new, both, maps, scale, of, seed)
+        found, lines, words = _measured(new, both, maps, scale, individuals=of, seed=seed)
         record = {
             "isomatch": VERSION,
             "of": str(source),
@@ -121,14 +121,13 @@ def asymmetry(
             if table:
                 new.table(file, **{key: [row[key] for row in table] for key in table[0]})
         columns = [name for name in lines[0] if not name.startswith("plane")]
+        cells = [[line[name] for name in columns] for line in lines]
         sections = {
             "To look at first": listed(record["doubts"]),
             "What was measured": f"<p>{MEASURED}</p>",
             "What was found": listed(told),
             "Where the variation lies": tabulated(HEADS, (row.values() for row in rows)) if rows else "",
-            "How asymmetric each is": tabulated(
-                columns, ([line[name] for name in columns] for line in lines)
-            ),
+            "How asymmetric each is": tabulated(columns, cells),
         }
         title = f"Asymmetry of {lines[0]['name'] if len(of) == 1 else f'{len(of)} shapes'}"
         used = f"{SCALES[scale]}. Lengths are in the units of the files. Seed {seed}, isomatch {VERSION}."
@@ -183,19 +182,14 @@ def _onto(mesh: Mesh, images: FloatArray) -> Correspondence:
 
 
 def _measured(
-    new: StatisticsFolder,
-    both: CorrespondedShapes,
-    maps: list[Correspondence],
-    scale: Scale,
-    individuals: list[str],
-    seed: int,
+    new: StatisticsFolder, both: CorrespondedShapes, maps: list[Correspondence], scale: Scale, **of: Any
 ) -> tuple[Asymmetry, list[dict[str, Any]], dict[str, str]]:
     """Measure and draw asymmetry: all of it, values of each shape, and the words beside each picture."""
     m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
     known = both.seen[:m] & both.seen[m:]
     share = both.area_weights * known.mean(axis=0) / (both.area_weights @ known.mean(axis=0))
     aligned = shape_statistics.align_sides(both, share, scale, maps)
-    found = shape_statistics.asymmetry(*aligned, share, individuals=individuals, seed=seed)
+    found = shape_statistics.asymmetry(*aligned, share, **of)
     mean = both.mesh(0).moved(found.symmetric)
     size = float(shape_statistics.centroid_sizes(mean.vertices[None], share)[0]) / np.sqrt(len(share))
     normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # smoother than those of a shape
@@ -239,7 +233,6 @@ def _measured(
 
 
 def _told(record: dict[str, Any]) -> list[str]:
-    """Say what was found, one sentence each."""
     rows, n, told = record["anova"], record["n_individuals"], list[str]()
     if rows:
         between, common, own = (f"{row['share']:.1%}" for row in rows[:3])

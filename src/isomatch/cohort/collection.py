@@ -70,7 +70,8 @@ class Collection(Plan):
         """Make a collection, or continue one with the same settings.
 
         Shapes may be added and taken out, and ``reflect``, ``units`` and ``leader`` may change; by default they are as
-        before.
+        before. `SettingError` if the folder holds a collection with other settings, or either orientation is allowed,
+        which does not tell mirror images.
 
         Parameters
         ----------
@@ -79,32 +80,16 @@ class Collection(Plan):
         shapes : path_like or iterable of path_like or Entry
             A folder, all files of which that can be read are taken; a pattern such as ``'scans/*.vtp'``; a CSV file
             with a column ``path``, relative to its folder, and perhaps ``name``; or the files, an `Entry` with a name.
-        pairs : str
-            "star": the template with each other shape; "all"; "chain", each with the next; "ring", also the last with
-            the first; or a CSV file with columns ``source`` and ``target``. Each pair is matched in both directions.
-        template : str, optional
-            Name of a shape, or its file; by default the one in the middle of all, by spectra and distances.
-        config, seed : Config, int
-            Settings of the matches, and their seed.
-        reflect : "auto", str or iterable of str, optional
-            Names of shapes that are matched as their mirror images, such as left ones among right ones. "auto": those of
-            which the pairs end as ``MIRROR_IMAGE``, if then they end without doubt; of a star, the mirror images of the
-            template, and otherwise the smaller of two groups.
+        pairs, template, config, seed, reflect
+            As the options of ``isomatch collect``. Each pair is matched in both directions. With ``reflect="auto"``,
+            mirror images are, of a star, those of the template, and otherwise the smaller of two groups.
         units : mapping of str to str, optional
-            Units of shapes whose files are in others than most, by name: "um", "mm", "cm", "m" or "in". In the topology
-            of the template they are in the unit of all others; that is found by their sizes, or given for ``"*"``.
+            Units of shapes whose files are in others than most, by name; that of the others is found by their sizes, or
+            given for ``"*"``.
         leader : Collection, optional
             A collection of surfaces beside these, with the same names, such as the bones of cartilages, which is run
             first. By default its template is that of this one. A map starts from that of its pair there, carried along
             (`isomatch.correspondence.carried_along`), unless that is doubtful; nothing else is searched.
-
-        Raises
-        ------
-        InputError
-            If the shapes, pairs, template, names or units are not usable.
-        SettingError
-            If the folder holds a collection with other settings, or either orientation is allowed, which does not tell
-            mirror images.
         """
         # workers may be in another folder
         entries = tuple(Entry(entry.name, entry.path.resolve()) for entry in entries_of(shapes))
@@ -250,9 +235,9 @@ class Collection(Plan):
         plain = ("pairs", "template", "seed")
         different += [name for name in plain if getattr(self, name) != getattr(old, name)]
         if different:
+            remedy = "continue it with the same, or give another folder"
             raise SettingError(
-                f"{self.folder}: holds a collection with other {', '.join(different)}; continue it with the same, or "
-                "give another folder"
+                f"{self.folder}: holds a collection with other {', '.join(different)}; {remedy}"
             )
 
 

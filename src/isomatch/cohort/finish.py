@@ -77,6 +77,7 @@ def finish(
     layout, rows = collection.layout, collection.rows()
     template = collection.chosen_template(rows)
     lines = SurfaceRow.read(layout.shapes_table)
+    mirrored = mirror_images(collection, rows)
     plans = [] if template is None else _planned(collection, rows, template)
     kept = collection.names if template is None else [plan.entry.name for plan in plans]
     with claimed(layout.shapes_table), writing_ledger(layout.ledger()) as ledger:
@@ -104,7 +105,7 @@ def finish(
                         saved = time.monotonic()
                     again = f"its file {changed[file]}" if file in changed else ""
                     yield replace(lines[name], again=again)
-            _tell_sides(collection, rows, lines)
+            _tell_sides(collection.names, rows.reflected(collection.names), mirrored, lines)
             _tell_unreached(collection, rows, template, set(kept), lines)
             written = [plan.entry.name for plan in plans if _is_written(plan, lines, whole)]
             _tell_unlike(layout, written, lines)
@@ -239,10 +240,11 @@ def _tell_unreached(
             lines[name] = replace(lines.get(name, SurfaceRow(name=name)), error=reason)
 
 
-def _tell_sides(collection: Collection, rows: Rows, lines: dict[str, SurfaceRow]) -> None:
+def _tell_sides(
+    names: list[str], turned: list[str], mirrored: Container[str], lines: dict[str, SurfaceRow]
+) -> None:
     """Add to the lines of shapes whether they were reflected, and whether they seem to be mirror images."""
-    turned, mirrored = rows.reflected(collection.names), mirror_images(collection, rows)
-    for name in collection.names:
+    for name in names:
         if name in lines or name in turned or name in mirrored:
             told = {"reflected": "yes" * (name in turned), "mirror_image": "yes" * (name in mirrored)}
             lines[name] = replace(lines.get(name, SurfaceRow(name=name)), **told)
@@ -362,21 +364,19 @@ def export(
 ) -> Iterator[tuple[Path, tuple[str, ...]]]:
     """Write the surfaces of `surfaces_written`, and the maps of all pairs as they are now.
 
-    Yields each file, and what its format has no place for.
+    Yields each file, and what its format has no place for. All files of an earlier export are replaced once the last one,
+    ``pairs.csv``, is written; others in the folder stay.
 
     Parameters
     ----------
     collection : Collection
     folder : path_like
         Folder for ``meshes/NAME``, in the units of the collection, with ``measured`` as far as the format has a place for
-        it, for ``maps/SOURCE__TARGET``, a file for each direction, and for ``pairs.csv``, which is written last.
+        it, and for ``maps/SOURCE__TARGET``, a file for each direction.
     meshes, maps : str, optional
         Suffixes, see `FORMATS` and `Correspondence.save`; None for none.
-    force : bool
-        Whether to write over files of an earlier export; others in the folder stay. All are replaced once the last one
-        is written.
-    rounded : bool
-        Whether files may move vertices by more than a thousandth of the mean edge; see `write_asset`.
+    force, rounded
+        As the options of ``isomatch collect export``.
     """
     if meshes and meshes.lower() == ".stl":
         lack = "the order of vertices, by which shapes correspond"

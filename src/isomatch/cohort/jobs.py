@@ -112,7 +112,6 @@ _DONE |= {"reflection": "reflected", "agreement": "compared"}
 
 
 def _ending(row: ShapeRow | PairRow | Outlier) -> str:
-    """Say how a step ended."""
     if isinstance(row, Outlier):
         return row.reason
     if row.state == "failed":
@@ -225,19 +224,17 @@ class Run:
         """Plan which shapes to turn the other way round; shards know enough for it only of a star."""
         if self.collection.reflect != "auto" or (self.collection.pairs != "star" and self.shard[1] > 1):
             return []
-        own = set(self.pairs_of_shard(rows))
-        return [
-            self._reflection(name, pair, rows)
-            for name, pair in mirror_images(self.collection, rows).items()
-            if pair in own and name not in tried and name not in rows.pairs[pair].not_reflected
-        ]
-
-    def _reflection(self, name: str, pair: Pair, rows: Rows) -> Reflection:
-        turned = not rows.reflected([name])
-        key = self._key(identity_of(rows.shapes[name].hash, turned))
-        as_if = Rows({each: rows.shapes[each] for each in pair}, {pair: rows.pairs[pair]})
-        as_if.shapes[name] = replace(rows.shapes[name], reflected=turned, key=key)
-        return Entry(name, self.collection.paths[name], turned), self._planned(pair, as_if)
+        own, reflections = set(self.pairs_of_shard(rows)), list[Reflection]()
+        for name, pair in mirror_images(self.collection, rows).items():
+            if pair in own and name not in tried and name not in rows.pairs[pair].not_reflected:
+                turned = not rows.reflected([name])
+                as_if = Rows({each: rows.shapes[each] for each in pair}, {pair: rows.pairs[pair]})
+                row = rows.shapes[name]
+                key = self._key(identity_of(row.hash, turned))
+                as_if.shapes[name] = replace(row, reflected=turned, key=key)
+                entry = Entry(name, self.collection.paths[name], turned)
+                reflections.append((entry, self._planned(pair, as_if)))
+        return reflections
 
     def pairs_of_shard(self, rows: Rows) -> list[Pair]:
         """List the pairs of the shard: as many as of any other, and of few different shapes."""

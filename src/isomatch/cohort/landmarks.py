@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice
@@ -202,25 +202,25 @@ def write_tables(
         for name, carried in found:
             points[name] = carried
             listener.tell(f"landmarks of {name}", len(points) / len(collection.names))
-        turned = rows.reflected(points)
+        turned, scales = rows.reflected(points), scales_of(collection.units, rows)
         slid = _slid(collection, points, turned) if more.slide else []
+        left_out = {x.name: x for x in landmarks_left_out(collection, *given)}
+        first = next(iter(points.values()))
+        axes = next((each.axes for each in points.values() if each.axes), None)
+        alike = {}  # in the unit of the collection, and as they were matched
+        for name, each in points.items():
+            if (each.names, each.curves) == (first.names, first.curves):
+                factors = scales.get(name, 1.0) * _side_of(name, turned)
+                own = each.turned(axes)
+                alike[name] = replace(own, positions=own.positions * factors)
+        for name, each in points.items():
+            lost |= {*write_landmarks(to / f"{name}{suffix}", each)}
         if more.slide:
             write_csv(to / "landmarks_slid.csv", (each._asdict() for each in slid), Slid._fields)
-        for name, carried in points.items():
-            lost |= {*write_landmarks(to / f"{name}{suffix}", carried)}
-        left_out = {x.name: x for x in landmarks_left_out(collection, *given)}
         write_csv(to / "landmarks_errors.csv", _errors(points, left_out), ERRORS)
-        first = next(iter(points.values()))
-        scales = scales_of(collection.units, rows)
-        axes = next((each.axes for each in points.values() if each.axes), None)
-        alike = {
-            name: _in_table(each.turned(axes), scales.get(name, 1.0), name in turned)
-            for name, each in points.items()
-            if (each.names, each.curves) == (first.names, first.curves)
-        }
-        draw_landmarks(to / "landmarks.png", collection, points)
         for table in tables:
             write_specimens(table, alike)
+        draw_landmarks(to / "landmarks.png", collection, points)
         if to.resolve() == collection.layout.landmarks.resolve():
             keep_files(collection.layout, (path for path in earlier if path.exists()))
     spread = {name: each.spread for name, each in points.items() if np.isfinite(each.spread).any()}
@@ -263,7 +263,7 @@ def _slid(collection: Collection, points: dict[str, Landmarks], turned: list[str
     first = next(iter(points.values()))
     marks = {name: each for name, each in points.items() if each.placed.mean() >= LEAST_PLACED}
     names = [n for n in marks if (marks[n].names, marks[n].curves) == (first.names, first.curves)]
-    signs = np.array([[[-1.0 if name in turned else 1.0, 1.0, 1.0]] for name in names])
+    signs = np.array([[_side_of(name, turned)] for name in names])
     meshes = (read_mesh(collection.paths[name]) for name in names)
     surfaces = [reflected(mesh) if name in turned else mesh for name, mesh in zip(names, meshes)]
     positions = signs * [marks[name].positions for name in names]
@@ -274,10 +274,9 @@ def _slid(collection: Collection, points: dict[str, Landmarks], turned: list[str
     return [Slid(*each) for each in zip(names, *(column.tolist() for column in columns))]
 
 
-def _in_table(landmarks: Landmarks, scale: float, reflected: bool) -> Landmarks:
-    """Return landmarks in the unit of the collection, and as they were matched."""
-    factors = scale * np.array([-1.0 if reflected else 1.0, 1.0, 1.0])
-    return replace(landmarks, positions=landmarks.positions * factors)
+def _side_of(name: str, turned: Container[str]) -> FloatArray:
+    """Return the factors (3,) that reflect positions of a shape that was matched as its mirror image."""
+    return np.array([-1.0 if name in turned else 1.0, 1.0, 1.0])
 
 
 def _errors(points: dict[str, Landmarks], left_out: dict[str, LeftOut]) -> Iterator[dict[str, object]]:

@@ -201,15 +201,8 @@ class PairRow(MapRecord):
     always = ("state", "time", "reflected", "attempt")
     of_done = ("memory",)
     first = (
-        "source_hash",
-        "target_hash",
-        "reflected",
-        "attempt",
-        "led_by",
-        "state",
-        "time",
-        "error",
-        "seconds",
+        *("source_hash", "target_hash", "reflected", "attempt", "led_by"),
+        *("state", "time", "error", "seconds"),
     )
     attempt: int = 0  # added to the seed
     state: State
@@ -421,10 +414,7 @@ _OF_SHAPES: Kinds = {
     "done": {"key": str, "hash": str, "bytes": int, "area": NUMBER, "features": _FEATURES, "notes": _texts},
     "failed": {"error": str},
 }
-_OF_MATCH: Mapping[str, Kind] = dict.fromkeys(("source_hash", "target_hash"), str) | {
-    "there": _result,
-    "back": _result,
-}
+_OF_MATCH: Mapping[str, Kind] = {"source_hash": str, "target_hash": str, "there": _result, "back": _result}
 _OF_PAIRS: Kinds = {
     "done": {"key": str, "attempt": int, **_OF_MATCH},
     "failed": {"key": str, "attempt": int, "error": str},

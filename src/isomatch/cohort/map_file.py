@@ -192,15 +192,15 @@ def _wrong(kept: _Kept) -> str:
     # all bytes are read, since neither time nor size of a file tells that a disk lost some
     path, row, _ = kept
     with suppress(FormatError, OSError):  # the second: the disk does not give it
-        if digest_of(path) == row.file or (isinstance(row, PairRow) and _was_just_replaced(path, row)):
+        if digest_of(path) == row.file:
             return ""
+        if isinstance(
+            row, PairRow
+        ):  # a comparison may have replaced its maps, and was killed before it wrote the row
+            record = PairMaps.load(path).record
+            if record.key == row.key and record.replaced_by not in ((), row.replaced_by):
+                return ""
     return CHANGED if path.exists() else MISSING
-
-
-def _was_just_replaced(path: Path, row: PairRow) -> bool:
-    """Whether a comparison of maps replaced those of a pair, and was killed before it wrote the row."""
-    record = PairMaps.load(path).record
-    return record.key == row.key and record.replaced_by not in ((), row.replaced_by)
 
 
 def maps_along(

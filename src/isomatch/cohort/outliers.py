@@ -60,7 +60,11 @@ def outliers(collection: Plan, rows: Rows) -> list[Outlier]:
     failed = {name: row.error for name, row in own.items() if row.state == "failed"}
     odd = [Outlier("broken", name, f"cannot be used: {error}") for name, error in failed.items()]
     odd += _in_other_units(collection, Rows(done))
-    mirrored = dict(_mirrored(collection, rows))
+    mirrored = dict[str, str]()
+    for name, pair in mirror_images(collection, rows).items():
+        why_not = rows.pairs[pair].not_reflected.get(name)
+        remedy = f"but is not reflected: {why_not}" if why_not else "run again with --reflect auto"
+        mirrored[name] = f"is mirrored against the others, by its maps; {remedy}"
     for alike in alike_shapes(done):
         if alike.kind == "mirror image":
             mirrored[alike.name] = f"is the mirror image of {alike.other}, the same shape reflected"
@@ -70,8 +74,9 @@ def outliers(collection: Plan, rows: Rows) -> list[Outlier]:
         odd.append(Outlier("twice", alike.name, f"is {how} {alike.other}{larger}; take one of them out"))
     odd += [Outlier("mirrored", name, reason) for name, reason in mirrored.items()]
     odd += _with_holes(Rows(done))
-    unlike = {name: reason for name, reason in _unlike(collection) if name in done.keys() - mirrored}
-    return odd + [Outlier("unlike", name, reason) for name, reason in unlike.items()]
+    lines = SurfaceRow.read(collection.layout.shapes_table).values()
+    unlike = [line for line in lines if line.unlike not in ("", NOT_UNLIKE)]
+    return odd + [Outlier("unlike", x.name, x.unlike) for x in unlike if x.name in done.keys() - mirrored]
 
 
 def _in_other_units(collection: Plan, rows: Rows) -> Iterator[Outlier]:
@@ -96,13 +101,6 @@ def told_unit(name: str, factor: float) -> str:
     return f"{told_factor(factor)} (--units {name}={units[0] if units else 'UNIT'})"
 
 
-def _mirrored(collection: Plan, rows: Rows) -> Iterator[tuple[str, str]]:
-    for name, pair in mirror_images(collection, rows).items():
-        why_not = rows.pairs[pair].not_reflected.get(name)
-        remedy = f"but is not reflected: {why_not}" if why_not else "run again with --reflect auto"
-        yield name, f"is mirrored against the others, by its maps; {remedy}"
-
-
 def _with_holes(rows: Rows) -> Iterator[Outlier]:
     holes = {name: row.holes for name, row in rows.shapes.items() if row.holes}
     is_open = {name: length > WIDEST_SEAM for name, (_, length) in holes.items()}
@@ -112,12 +110,6 @@ def _with_holes(rows: Rows) -> Iterator[Outlier]:
         if is_open[name]:
             what = "a hole" if count == 1 else f"{count} holes"
             yield Outlier("holes", name, f"has {what}, {length:.3g} √area around, and most others are closed")
-
-
-def _unlike(collection: Plan) -> Iterator[tuple[str, str]]:
-    for name, line in SurfaceRow.read(collection.layout.shapes_table).items():
-        if name and line.unlike not in ("", NOT_UNLIKE):
-            yield name, line.unlike
 
 
 def mirror_images(collection: Plan, rows: Rows) -> dict[str, Pair]:

@@ -271,15 +271,11 @@ def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise InputError(f"{shapes}: several shapes are named {', '.join(twice)}; {_NAMED}")
     if bad := unusable_names(names):
-        raise InputError(
-            f"{shapes}: {', '.join(bad)} cannot be names of shapes: they are parts of file names, joined by {BETWEEN!r}; "
-            f"{_NAMED}"
-        )
+        why = f"they are parts of file names, joined by {BETWEEN!r}"
+        raise InputError(f"{shapes}: {', '.join(bad)} cannot be names of shapes: {why}; {_NAMED}")
     if devices := [name for name in names if _OF_DEVICES.fullmatch(name)]:
-        raise InputError(
-            f"{shapes}: {', '.join(devices)} cannot be names of shapes: files of such names are devices on Windows; "
-            f"{_NAMED}"
-        )
+        why = "files of such names are devices on Windows"
+        raise InputError(f"{shapes}: {', '.join(devices)} cannot be names of shapes: {why}; {_NAMED}")
     return tuple(entries)
 
 

@@ -28,15 +28,9 @@ from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.visualization import write_report
 
-SHOWN = {  # columns of the table of pairs on the page, and how their numbers are written
-    "in doubt": "{:.1%}",
-    "distortion_mean": "{:.1%}",
-    "coverage": "{:.0%}",
-    "matched": "{:.0%}",
-    "spectral_residual": "{:.2f}",
-    "runner_up": "{:.2f}",
-    "seconds": "{:.1f}",
-}
+# columns of the table of pairs on the page, and how their numbers are written
+SHOWN = dict.fromkeys(("in doubt", "distortion_mean"), "{:.1%}") | {"coverage": "{:.0%}", "matched": "{:.0%}"}
+SHOWN |= {"spectral_residual": "{:.2f}", "runner_up": "{:.2f}", "seconds": "{:.1f}"}
 # where they say more than in pairs.csv
 HEADS = {"runner_up": "best alternative", "distortion_mean": "distortion"}
 MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a word
@@ -81,7 +75,6 @@ def _first(odd: Sequence[Outlier]) -> str:
 
 
 def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, SurfaceRow]) -> str:
-    """Show one shape: its picture and its problems."""
     line, row = lines.get(name, SurfaceRow(name=name)), rows.shapes.get(name, ShapeRow(state="todo"))
     problems = [each.error for each in (row, line) if each.error]
     if line.mirror_image:

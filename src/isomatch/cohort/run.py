@@ -118,14 +118,8 @@ def run(
         named like the structures, or a table with the columns ``subject``, ``structure`` and ``file``.
     pairs, template, config, seed, reflect, units
         See `Collection.create`.
-    landmarks, semilandmarks
-        Landmarks of the template, or a folder of those of several shapes, see `write_landmark_tables`.
-    agree : bool, optional
-        Whether maps that the others contradict are replaced, once all pairs are matched; by default if all pairs are.
-    keep_contacts : bool
-        Of subjects, whether points are kept together that lie on each other in the template.
-    reports : int, "doubtful", "all" or "none"
-        See `write_reports`.
+    landmarks, semilandmarks, agree, keep_contacts, reports
+        As the options of ``isomatch collect``.
     executor, jobs, shard, time_limit
         See `Collection.run`; of a shard, only maps are made.
     progress, warn : callable, optional
@@ -194,10 +188,8 @@ def reconcile(
         follow(combine.agree(collection, workers), to)
         write_results(collection, reports, workers, to)
     if not combine.agreement_of(collection.rows()).compared and time_limit is None:
-        raise InputError(
-            f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
-            "match with --pairs all"
-        )
+        problem = "no three shapes are all matched with one another, so there is nothing to compare maps with"
+        raise InputError(f"{folder}: {problem}; match with --pairs all")
     return Cohort(Path(folder), {"": collection})
 
 

@@ -29,6 +29,13 @@ from isomatch.landmarks import Landmarks
 from isomatch.settings import Config
 
 SAME_SURFACE = 1e-4  # of the size: how far the template may be from where the model has it; files are of single precision
+PLACED = (
+    "scores",
+    "score_deviations",
+    "scale",
+    "rotation",
+    "translation",
+)  # of a completed shape, in its file
 LAST = "scored.json"  # of the files about new shapes
 
 
@@ -49,6 +56,7 @@ def add(
 
     All files that are there stay as they are: new ones are in the folder ``added``, and nothing is fitted again. What was
     done before is not done again, and more can be added. ``record["shapes"]`` has a line for each subject that is scored.
+    An `InputError` names all that is wrong with the collection, the model and the subjects, before anything is written.
 
     Parameters
     ----------
@@ -56,21 +64,10 @@ def add(
         The folder of the collection.
     files : sequence of path_like
         Meshes, or one folder or list of them.
-    model : Path, optional
-        File of its `ShapeModel`; by default that of `statistics` in its folder ``statistics``.
-    reflect : "auto", str or iterable of str, optional
-        New subjects to match as mirror images; by default "auto" if the collection has it, and otherwise none.
-    units : mapping of str to str, optional
-        Units of new subjects, by name; where those of the collection are not known, ``"*"`` is their unit. The size of a
-        subject whose unit is given is not questioned.
+    model, reflect, units
+        As the options of ``isomatch collect add``; the unit of the collection is that of ``"*"``.
     reports, executor, jobs, progress, warn
         See `run`.
-
-    Raises
-    ------
-    InputError
-        If the collection is not finished; the model is missing, or of another template; or, naming all of them, if new
-        subjects have names of old ones, are no meshes, or have sizes that suggest other units.
     """
     collection, to = Collection.open(folder), Listener.of(progress, warn)
     file = model or Path(folder) / "statistics" / "model.npz"
@@ -139,10 +136,9 @@ def added(
     new = [Entry(entry.name, entry.path.resolve()) for entry in entries_of(files)]
     inner = Layout(collection.folder / "added")
     earlier = Collection.open(inner.folder) if inner.plan.exists() else None
-    failed = (
-        {name for name, row in earlier.rows().shapes.items() if row.state == "failed"} if earlier else set()
-    )
-    others = failed | {template, *(entry.name for entry in new)}
+    known_before = earlier.rows().shapes if earlier else {}
+    others = {template, *(entry.name for entry in new)}
+    others |= {name for name, row in known_before.items() if row.state == "failed"}
     before = [entry for entry in earlier.shapes if entry.name not in others] if earlier else []
     areas, problems = _areas(new)
     problems += _taken(new, collection, earlier)
@@ -168,7 +164,6 @@ def added(
 
 
 def _template_of(collection: Collection, rows: Rows) -> str:
-    """Return the template of a finished collection."""
     template = collection.chosen_template(rows)
     todo = len(rows.untried(collection.wanted_pairs(rows)))
     untried = [name for name in collection.names if name not in rows.shapes]
@@ -241,10 +236,8 @@ def _of_others(
         new = {name: ShapeRow(state="todo", area=area) for name, area in areas.items()}
         common = common_unit(known, Rows({**rows.shapes, **new}))
         if common is None:
-            raise InputError(
-                f"{', '.join(known)}: in units that fit no unit of the collection by their sizes; give that too, such as "
-                "mm,scan7=cm"
-            )
+            problem = "in units that fit no unit of the collection by their sizes"
+            raise InputError(f"{', '.join(known)}: {problem}; give that too, such as mm,scan7=cm")
     return {OTHERS: common} | {name: unit for name, unit in collection.units.items() if name == template}
 
 
@@ -348,16 +341,12 @@ def write_scored(
         "model": str(file),
         "n_left_out": len(usual.errors),
         "n_modes": model.n_modes,
-        "usual": {name: _median(getattr(usual, name)) for name in ("mahalanobis", "errors")},
+        "usual": {name: float(np.median(of)) if len(of) else None for name, of in vars(usual).items()},
         **(about or {}),
         "shapes": [{**line, **dict(zip(("scores", "deviations"), numbers[line["name"]]))} for line in lines],
     }
     into.finish(record)
     return record
-
-
-def _median(values: np.ndarray[Any, Any]) -> float | None:
-    return float(np.median(values)) if len(values) else None
 
 
 def complete_file(
@@ -415,16 +404,10 @@ def complete_file(
             "model": str(model),
             "part": str(shape),
             "file": str(output),
-            "n_points": completed.n_points,
-            "error": completed.error,
-            "residual": completed.residual,
+            **{name: getattr(completed, name) for name in ("n_points", "error", "residual")},
             "mean_standard_deviation": float(completed.standard_deviation @ prior.weights),
             "largest_standard_deviation": float(completed.standard_deviation.max()),
-            "scores": completed.scores.tolist(),
-            "score_deviations": completed.score_deviations.tolist(),
-            "scale": completed.scale,
-            "rotation": completed.rotation.tolist(),
-            "translation": completed.translation.tolist(),
+            **{name: np.asarray(getattr(completed, name)).tolist() for name in PLACED},
             "left_out": [attribute.name for attribute in left],
             "notes": [*observed.notes, *completed.notes],
         }

@@ -19,15 +19,7 @@ from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.map_file import require_unchanged
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.shape_statistics import (
-    MEASURED,
-    CorrespondedShapes,
-    Doubt,
-    GroupTest,
-    PictureFormat,
-    ShapeModel,
-    ShapeRegression,
-)
+from isomatch.cohort.shape_statistics import MEASURED, CorrespondedShapes, Doubt, ShapeModel
 from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
 from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import Correspondence
@@ -52,7 +44,7 @@ def statistics(
     mirror: str | None = None,
     align: Literal["subject", "structure"] = "subject",
     hide: str | None = None,
-    pictures: PictureFormat = "png",
+    pictures: shape_statistics.PictureFormat = "png",
     seed: int = 0,
     force: bool = False,
     progress: Progress | None = None,
@@ -165,7 +157,7 @@ def _mirrored(
 
 def _tested(
     model: ShapeModel, shapes: CorrespondedShapes, labels: dict[str, str], method: Method, seed: int
-) -> tuple[GroupTest, dict[str, Any]]:
+) -> tuple[shape_statistics.GroupTest, dict[str, Any]]:
     """Test where two groups differ, and whether they do as a whole; with plain values about it."""
     rows = [i for i, name in enumerate(model.names) if name in labels]
     listed = [labels[model.names[i]] for i in rows]
@@ -193,7 +185,7 @@ def _first_half(shapes: CorrespondedShapes) -> CorrespondedShapes:
 
 def _allometry(
     shapes: CorrespondedShapes, sizes: FloatArray, weights: FloatArray | None, seed: int
-) -> tuple[ShapeRegression | None, list[str]]:
+) -> tuple[shape_statistics.ShapeRegression | None, list[str]]:
     """Regress shape, without size, on the logarithm of size; or say why not."""
     try:
         aligned = shape_statistics.generalised_procrustes(shapes.vertices, weights, "remove").aligned
@@ -202,7 +194,7 @@ def _allometry(
         return None, [f"shape was not regressed on size: {error}"]
 
 
-def _of_test(test: ShapeRegression) -> dict[str, Any]:
+def _of_test(test: shape_statistics.ShapeRegression) -> dict[str, Any]:
     return {name: getattr(test, name) for name in ("r_squared", "p_value", "n_permutations", "seed")}
 
 
@@ -220,7 +212,6 @@ def _told(test: dict[str, Any]) -> str:
 
 
 def _told_of(record: dict[str, Any]) -> list[str]:
-    """Say what was found, one sentence each."""
     lines = list[str]()
     for own in record["structures"]:
         line = f"{own['structure']} has {own['share']:.1%} of the variance; of its own {own['pose_share']:.1%} is pose"

@@ -23,12 +23,19 @@ from isomatch._core.errors import MissingDependencyError
 from isomatch._core.files import claimed, made_folder, staged, write_text
 from isomatch._core.texts import json_text, write_csv
 from isomatch.cohort import shape_statistics
-from isomatch.cohort.shape_statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
+from isomatch.cohort.shape_statistics import (
+    CorrespondedShapes,
+    GroupTest,
+    ScoredShape,
+    ShapeModel,
+    ShapeRegression,
+)
 from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.surfaces import Mesh
 
 VERSION = version("isomatch")
 DEVIATIONS = 2
+Groups = list[str] | None  # the group of each shape
 GREY = 0.6  # of vertices without a value
 GEODESIC = "difference of geodesic distances, in √area"
 
@@ -81,9 +88,7 @@ class StatisticsFolder:
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
         write_asset(self.path(name), Asset.of_mesh(mesh, [*attributes, colours]), binary=True)
 
-    def model(
-        self, model: ShapeModel, shapes: CorrespondedShapes, n_modes: int, groups: list[str] | None
-    ) -> None:
+    def model(self, model: ShapeModel, shapes: CorrespondedShapes, n_modes: int, groups: Groups) -> None:
         """Write the model: meshes, scores, variances and the picture of the modes."""
         model.save(self.path("model.npz"))
         write_mesh(self.path("mean.ply"), model.mesh(), binary=True)
@@ -122,11 +127,7 @@ class StatisticsFolder:
         shape_statistics.draw_quality(self.picture("quality"), compact, general, specific)
 
     def sizes(
-        self,
-        shapes: CorrespondedShapes,
-        sizes: FloatArray,
-        allometry: ShapeRegression | None,
-        groups: list[str] | None,
+        self, shapes: CorrespondedShapes, sizes: FloatArray, allometry: ShapeRegression | None, groups: Groups
     ) -> None:
         """Write the sizes of the shapes, and how shape depends on them."""
         logarithms = np.log(sizes)
@@ -153,11 +154,8 @@ class StatisticsFolder:
         """Write the shares, poses and errors of the structures of subjects; return a line for each structure."""
         lines = []
         for (name, shares), pose_share in zip(model.structure_shares.items(), poses.shares.tolist()):
-            line = {
-                "structure": name,
-                "share": float(shares @ model.variance_ratios),
-                "pose_share": pose_share,
-            }
+            share = float(shares @ model.variance_ratios)
+            line = {"structure": name, "share": share, "pose_share": pose_share}
             own = [[each["error"], each["mean_error"]] for each in hidden if each["structure"] == name]
             errors = np.mean(own, axis=0).tolist() if own else (None, None)
             lines.append({**line, **dict(zip(("hidden_error", "hidden_mean_error"), errors))})
@@ -172,11 +170,7 @@ class StatisticsFolder:
         return lines
 
     def distances(
-        self,
-        shapes: CorrespondedShapes,
-        geodesic: FloatArray,
-        procrustes: FloatArray,
-        groups: list[str] | None,
+        self, shapes: CorrespondedShapes, geodesic: FloatArray, procrustes: FloatArray, groups: Groups
     ) -> None:
         """Write the distances between shapes, their tree and their places."""
         for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
@@ -204,10 +198,7 @@ class StatisticsFolder:
         self.table("groups.csv", vertex=range(len(length)), **dict(zip(names, columns)))
 
     def scored(
-        self,
-        model: ShapeModel,
-        scored: Mapping[str, shape_statistics.ScoredShape],
-        lines: Sequence[Mapping[str, Any]],
+        self, model: ShapeModel, scored: Mapping[str, ScoredShape], lines: Sequence[Mapping[str, Any]]
     ) -> None:
         """Write how shapes that are no part of the model differ from it, a line for each, and where."""
         columns = {column: [line[column] for line in lines] for column in lines[0]} if lines else {}
@@ -342,9 +333,6 @@ def listed(lines: Sequence[str]) -> str:
 def tabulated(columns: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
     """Format rows as a table in HTML, numbers with four digits, nan as nothing."""
     head = "".join(f"<th scope=col>{escape(name.replace('_', ' '))}</th>" for name in columns)
-    texts = (
-        [f"{cell:.4g}".replace("nan", "") if isinstance(cell, float) else str(cell) for cell in row]
-        for row in rows
-    )
-    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in texts)
+    cells = ([f"{x:.4g}".replace("nan", "") if isinstance(x, float) else str(x) for x in row] for row in rows)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in cells)
     return f"<div class=wide><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"

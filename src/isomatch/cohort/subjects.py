@@ -17,21 +17,12 @@ from isomatch._core.arrays import BoolArray, FloatArray
 from isomatch._core.errors import InputError, IsomatchError
 from isomatch._core.files import legible, made_folder, staged
 from isomatch._core.texts import natural_order, read_csv, write_csv
+from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surfaces_written
 from isomatch.cohort.outliers import OTHERS
 from isomatch.cohort.plan import Entry
-from isomatch.cohort.shape_statistics import (
-    MEASURED,
-    STRUCTURES,
-    CorrespondedShapes,
-    Doubt,
-    doubtful_positions,
-    read_shapes,
-    slices_of,
-    stacked,
-    structure_of,
-)
+from isomatch.cohort.shape_statistics import MEASURED, STRUCTURES, CorrespondedShapes, Doubt
 from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
 from isomatch.spectral import factorised_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected
@@ -119,15 +110,16 @@ def finish_subjects(
     Its structures are stacked, see `stacked`, and their contacts kept, see `contacts_kept`, which
     ``contacts.csv`` tells. ``structures.csv`` has the structures. `InputError` if none is in one topology.
     """
-    parts = {
-        name: read_shapes(map(own.layout.corresponded, written))
-        for name, own in collections.items()
-        if (written := surfaces_written(own))
-    }
+    parts = {}
+    for name, own in collections.items():
+        if written := surfaces_written(own):
+            parts[name] = shape_statistics.read_shapes(map(own.layout.corresponded, written))
     if not parts:
         raise InputError(f"{folder}: no structure is in one topology; see their pages")
     templates = [own.chosen_template(own.rows()) for own in collections.values()]
-    shapes, gaps = contacts_kept(stacked(parts), max(templates, key=templates.count), move=keep_contacts)
+    shapes, gaps = contacts_kept(
+        shape_statistics.stacked(parts), max(templates, key=templates.count), move=keep_contacts
+    )
     to = Path(folder) / "corresponded"
     gone = {file.name for file in to.glob("*.ply")} - {f"{name}.ply" for name in shapes.names}
     with made_folder(to), staged(to, STRUCTURES, gone) as new:
@@ -158,8 +150,8 @@ def subject_doubts(
             marks[structure] = CorrespondedShapes(tuple(own), np.array([*own.values()]), faces)
     if not marks:
         return []
-    shapes = stacked(marks)
-    doubts = doubtful_positions(shapes.names, shapes.vertices)
+    shapes = shape_statistics.stacked(marks)
+    doubts = shape_statistics.doubtful_positions(shapes.names, shapes.vertices)
     known = {"units": units, "twice": (), "mirrored": ()}
     return [each for each in doubts if each.names[0] not in known.get(each.kind, each.names)]
 
@@ -231,10 +223,12 @@ def contacts_kept(
     # counts as touching, and μ so that u falls off within 0.1 √area. Gaps are of two structures that touch by a fifth of
     # the area of the smaller one: of its points that touch in the template, the largest distances outside and inside the
     # larger one, and the mean distance of its nearest point from the corresponding one.
-    parts, vertices, measured = slices_of(shapes.structures), shapes.vertices.copy(), shapes.seen.copy()
+    parts = shape_statistics.slices_of(shapes.structures)
+    vertices, measured = shapes.vertices.copy(), shapes.seen.copy()
     has = {name: np.asarray(measured[:, part].any(axis=1)) for name, part in parts.items()}
     at = int(np.sum([*has.values()], axis=0).argmax()) if of not in shapes.names else shapes.names.index(of)
-    meshes = {name: structure_of(shapes.mesh(at), part) for name, part in parts.items() if has[name][at]}
+    whole, own_parts = shapes.mesh(at), {name: part for name, part in parts.items() if has[name][at]}
+    meshes = {name: shape_statistics.structure_of(whole, part) for name, part in own_parts.items()}
     gaps = list[Gap]()
 
     def mesh_of(places: FloatArray, i: int, name: str) -> Mesh:

@@ -113,7 +113,6 @@ class Workers:
                         (suspects if task.lost else waiting).append(part)
 
     def _renew(self) -> None:
-        """Replace an executor that has broken."""
         self._opened.close()
         self._executor = self._opened.enter_context(self._open())
         try:

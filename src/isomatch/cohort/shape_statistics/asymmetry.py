@@ -195,10 +195,8 @@ def paired_sides(shapes: CorrespondedShapes, pairs: Sequence[tuple[str, str]]) -
     left, right = ([shapes.names.index(pair[side]) for pair in pairs] for side in (0, 1))
     m, rows = len(pairs), right + left
     vertices, names = shapes.vertices[rows], [shapes.names[i] for i in rows]
-    as_they_are, turned = (
-        procrustes_distances(vertices, scale="remove", mirrored=turn)[:m, m:].trace()
-        for turn in (False, True)
-    )
+    apart = [procrustes_distances(vertices, scale="remove", mirrored=turn) for turn in (False, True)]
+    as_they_are, turned = (distances[:m, m:].trace() for distances in apart)
     if turned < as_they_are:
         vertices[m:] *= [-1.0, 1.0, 1.0]
         names[m:] = [name + MIRRORED for name in names[m:]]

@@ -326,7 +326,6 @@ def _density(meshes: Sequence[Mesh], camera: FloatArray, per_row: int) -> float:
 
 
 def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: float, label: str) -> None:
-    """Add a colour bar below all panels."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.ticker import MaxNLocator

@@ -165,10 +165,8 @@ class _Fit:
             moved = max(np.abs(shape - before).max(initial=0.0), size * np.abs(step).max(initial=0.0))
             if not is_free or moved <= TOLERANCE * size:
                 return cls(scores, motion, root, centre, size)
-        raise NotConvergedError(
-            f"shape completion: shape and pose still move after {most} steps; the points may be wrong, or "
-            "their noise too small"
-        )
+        why = "the points may be wrong, or their noise too small"
+        raise NotConvergedError(f"shape completion: shape and pose still move after {most} steps; {why}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,43 +260,29 @@ def _deviations(columns: FloatArray, root: FloatArray) -> FloatArray:
 class Observations:
     """Points of a surface that were seen, in any coordinates.
 
-    Parameters
-    ----------
-    points : PrecisePoints
-        The q points, on the triangles of the model.
-    positions : (q, 3) array_like of float
-        Where they were seen.
-    noise : float or (q,) array_like of float
-        Root mean square distance between where a point was seen and where the modes of the model can have it, in the
-        units of the positions. Errors are taken as independent: points that err together need more noise.
-    normals : (q, 3) array of float, optional
-        Unit normals, where only the distance across the surface is known: along it, noise is ten times as large.
-    surface : SeenSurface, optional
-        What the points are of: where the shape is about known, its nearest points take their place.
-    notes : tuple of str
-        What was left out, or is in doubt.
-
     Examples
     --------
     >>> Observations.at_vertices([3, 5], [[0, 0, 0], [1, 0, 0]], noise=0.1)
     Observations(2 points)
     """
 
-    points: PrecisePoints
-    positions: FloatArray
+    points: PrecisePoints  #: q points, on the triangles of the model
+    positions: FloatArray  #: (q, 3) where they were seen
+    #: of all, or (q,): root mean square distance between where a point was seen and where the modes of the model can have
+    #: it, in the units of the positions. Errors are taken as independent: points that err together need more noise.
     noise: FloatArray
+    #: (q, 3) unit normals, where only the distance across the surface is known: along it, noise is ten times as large
     normals: FloatArray | None = None
+    #: what the points are of: where the shape is about known, its nearest points take their place
     surface: SeenSurface | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: what was left out, or is in doubt
 
     def __post_init__(self) -> None:
         positions = numbers_of(self.positions, "positions", InputError).reshape(-1, 3)
         noise = numbers_of(self.noise, "noise", InputError)
         if len(self.points.corners) != len(positions) or noise.shape not in ((), (len(positions),)):
-            raise InputError(
-                f"{len(self.points.corners)} points with {len(positions)} positions and noise of shape {noise.shape}; "
-                "give one of each for each point"
-            )
+            given = f"{len(self.points.corners)} points with {len(positions)} positions"
+            raise InputError(f"{given} and noise of shape {noise.shape}; give one of each for each point")
         if not np.isfinite(positions).all() or not np.isfinite(noise).all() or (noise < 0).any():
             need = "positions and noise must be finite, and noise not negative"
             raise InputError(f"{need}; leave out other points")
@@ -394,10 +378,8 @@ def observed_landmarks(
     names = [[name for name, is_there in zip(x.names, x.placed) if is_there and name] for x in (own, found)]
     shared = [name for name in names[0] if name in set(names[1])]
     if not shared:
-        raise LandmarkError(
-            f"no landmark of the shape is named like one of the mean: {', '.join(names[1])[:80]} and "
-            f"{', '.join(names[0])[:80]}"
-        )
+        of_both = f"{', '.join(names[1])[:80]} and {', '.join(names[0])[:80]}"
+        raise LandmarkError(f"no landmark of the shape is named like one of the mean: {of_both}")
     twice = [name for name in shared if names[0].count(name) + names[1].count(name) > 2]
     if twice:
         raise LandmarkError(f"several landmarks are named {', '.join(twice)}; give each a name of its own")

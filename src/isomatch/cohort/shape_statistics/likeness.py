@@ -86,9 +86,9 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
     opposite = mirrored[:, None] != mirrored
     reasons: dict[Kind, dict[int, str]] = {
         "units": {i: told_factor(factors[i]) for i in np.flatnonzero(factors != 1).tolist()},
-        "mirrored": {
-            i: "fits the others better as its mirror image" for i in np.flatnonzero(mirrored).tolist()
-        },
+        "mirrored": dict.fromkeys(
+            np.flatnonzero(mirrored).tolist(), "fits the others better as its mirror image"
+        ),
         "far": _far(vertices.mean(axis=1), sizes, factors),
         "unlike": _unlike(np.where(opposite, reflected, distances)),
     }

@@ -232,19 +232,15 @@ class ShapeModel:
         is brought to the size of the same part of the mean.
         """
         if not np.array_equal(mesh.faces, self.faces) or mesh.n_vertices != len(self.mean):
-            raise MeshError(
-                f"{mesh!r} has other faces than the model ({len(self.mean)} vertices); bring it into correspondence with "
-                "isomatch collect add"
-            )
+            remedy = "bring it into correspondence with isomatch collect add"
+            raise MeshError(f"{mesh!r} has other faces than the model ({len(self.mean)} vertices); {remedy}")
         if not np.isfinite(mesh.vertices).all():
             remedy = "only a shape that is matched completely can be scored"
             raise MeshError(f"some vertices have no position; {remedy}")
         seen = np.ones(len(self.mean), dtype=bool) if measured is None else np.asarray(measured, dtype=bool)
         if seen.shape != self.weights.shape or not self.weights[seen].any():
-            raise MeshError(
-                f"measured has shape {seen.shape} and {int(seen.sum())} true values; give one for each of the "
-                f"{len(self.mean)} vertices, some of them true"
-            )
+            remedy = f"give one for each of the {len(self.mean)} vertices, some of them true"
+            raise MeshError(f"measured has shape {seen.shape} and {int(seen.sum())} true values; {remedy}")
         weights = np.where(seen, self.weights, 0.0)
         size = None if self.size is None else self.size * self._spread(weights) / self._spread(self.weights)
         aligned = aligned_to(self.mean, mesh.vertices, weights, size)
@@ -429,12 +425,8 @@ def write_shapeworks(folder: str | Path, shapes: CorrespondedShapes, aligned: Fl
     folder = Path(folder)
     subjects = []
     for i, name in enumerate(shapes.names):
-        files = {
-            "shape_1": f"{name}.ply",
-            "groomed_1": f"{name}.ply",
-            "local_particles_1": f"{name}_local.particles",
-            "world_particles_1": f"{name}_world.particles",
-        }
+        files = dict.fromkeys(("shape_1", "groomed_1"), f"{name}.ply")
+        files |= {f"{of}_particles_1": f"{name}_{of}.particles" for of in ("local", "world")}
         write_mesh(folder / files["shape_1"], shapes.mesh(i))
         write_text(folder / files["local_particles_1"], _lines(shapes.vertices[i]))
         write_text(folder / files["world_particles_1"], _lines(aligned[i]))

@@ -48,23 +48,6 @@ def structure_of(mesh: Mesh, part: slice) -> Mesh:
 class CorrespondedShapes:
     """Shapes in one topology: vertex i of one corresponds to vertex i of every other.
 
-    Parameters
-    ----------
-    names : sequence of str
-        A name for each of the m shapes; no two are the same.
-    vertices : (m, n, 3) array_like of float
-        Positions of their vertices, in one unit, all finite.
-    faces : (f, 3) array_like of int
-        0-based vertex indices of the triangles that they share.
-    left_out : tuple of str
-        Which shapes were left out, each with the reason.
-    measured : (m, n) array_like of bool, optional
-        Which vertices have a counterpart on the shape, rather than a place that continues those around them; by default
-        all.
-    structures : mapping of str to int
-        Of subjects of several surfaces, see `stacked`: the number of vertices of each structure, in their order. By
-        default a shape is one surface.
-
     Examples
     --------
     >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
@@ -72,20 +55,21 @@ class CorrespondedShapes:
     CorrespondedShapes(2 shapes of 3 vertices)
     """
 
-    names: tuple[str, ...]
-    vertices: FloatArray
-    faces: IntArray
-    left_out: tuple[str, ...] = ()
+    names: tuple[str, ...]  #: one for each of the m shapes; no two are the same
+    vertices: FloatArray  #: (m, n, 3) positions of their vertices, in one unit, all finite
+    faces: IntArray  #: (f, 3) 0-based vertex indices of the triangles that they share
+    left_out: tuple[str, ...] = ()  #: which shapes were left out, each with the reason
+    #: (m, n) which vertices have a counterpart on the shape, rather than a place that continues those around them; by
+    #: default all
     measured: BoolArray | None = None
+    #: of subjects of several surfaces, see `stacked`: the number of vertices of each structure, in their order
     structures: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         vertices = numbers_of(self.vertices, "vertices", MeshError)
         if vertices.ndim != 3 or vertices.shape[2:] != (3,) or len(vertices) != len(self.names):
-            raise MeshError(
-                f"vertices have shape {vertices.shape}, expected ({len(self.names)}, n, 3): "
-                "a row x, y, z for each vertex of each named shape"
-            )
+            expected = f"({len(self.names)}, n, 3): a row x, y, z for each vertex of each named shape"
+            raise MeshError(f"vertices have shape {vertices.shape}, expected {expected}")
         if not len(vertices):
             raise MeshError("no shapes; give at least one")
         twice = [name for name, count in Counter(self.names).items() if count > 1]
@@ -93,10 +77,8 @@ class CorrespondedShapes:
             raise MeshError(f"several shapes are named {', '.join(twice)}; give each its own name")
         bad = np.flatnonzero(~np.isfinite(vertices).all(axis=(1, 2)))
         if len(bad):
-            raise MeshError(
-                f"shape {self.names[bad[0]]} has vertices without a position ({len(bad)} such shapes); leave it out, "
-                "as CorrespondedShapes.of_meshes does"
-            )
+            problem = f"shape {self.names[bad[0]]} has vertices without a position ({len(bad)} such shapes)"
+            raise MeshError(f"{problem}; leave it out, as CorrespondedShapes.of_meshes does")
         mesh = Mesh(vertices[0], self.faces)
         if not mesh.n_faces:
             raise MeshError("the shapes have no faces; give meshes")
@@ -342,10 +324,8 @@ def filled(
         vertices = np.where(stays[:, :, None], vertices, back)
         if apart.max() <= TOLERANCE * np.sqrt(((mean - mean.mean(axis=0)) ** 2).sum(axis=1).mean()):
             return replace(shapes, vertices=vertices)
-    raise NotConvergedError(
-        f"the mean of shapes of which parts are missing still moves after {MOST_ROUNDS} rounds; leave out those of which "
-        "little was measured"
-    )
+    problem = f"the mean of shapes of which parts are missing still moves after {MOST_ROUNDS} rounds"
+    raise NotConvergedError(f"{problem}; leave out those of which little was measured")
 
 
 def measured_variances(aligned: FloatArray, shapes: CorrespondedShapes) -> FloatArray:
