@@ -142,16 +142,11 @@ class Isometry(RefiningModel[Fit, Embedding]):
         self, maps: list[Fit], rivals: list[Fit], proposals: Proposals[Fit], timer: StageTimer
     ) -> Ranking[Fit]:
         """Select by score and descriptors; those that tie by what they cost on the shapes as they are."""
-        ranking = self._best_verified(self.select(maps, proposals, rivals))
-        return self._against_mirror_image(ranking, proposals.eligible)
-
-    def select(
-        self, maps: Sequence[Fit], proposals: Proposals[Fit], rivals: Sequence[Fit] = ()
-    ) -> Ranking[Fit]:
-        """Select by score and descriptors; what was given up on the way to a winner that is not sure contends, too."""
         may_win = [True] * len(maps) + [False] * len(rivals)
         ranking = self._selected([*maps, *rivals], may_win, proposals.n_tried)
-        return self._with_those_given_up(ranking, proposals.eligible) if self._is_automatic else ranking
+        if self._is_automatic:
+            ranking = self._with_those_given_up(ranking, proposals.eligible)
+        return self._against_mirror_image(self._best_verified(ranking), proposals.eligible)
 
     @property
     def _is_automatic(self) -> bool:
@@ -326,8 +321,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _from_target(self, side: float) -> list[Fit]:
         """Search from the target to the source; the maps that tie there, inverted and refined locally."""
         turned = type(self)(self.pair.turned)
-        proposals = turned.propose(StageTimer())
-        tied = turned._tied(turned.select(turned.refine(proposals.begun), proposals))
+        maps = turned.refine(turned.propose(StageTimer()).begun)
+        tied = turned._tied(turned._selected(maps, [True] * len(maps)))
         found = []
         for fit in tied[: EXCHANGE.most_from_target]:
             known = BodyVertices(np.full(self.target.body.n_vertices, UNMATCHED))
