@@ -10,7 +10,7 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match, prepare, questions, verify
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching import Part, Problem, prepare_pair, search_under
+from isomatch.matching import REFINEMENTS, Part, Problem, prepare_pair, search_under
 from isomatch.matching.assessment.quality import covered_share
 from isomatch.matching.strategies import part_of
 from isomatch.settings import PartSettings
@@ -297,8 +297,8 @@ def test_a_part_of_another_animal_is_no_sure_match(prepared):
 
 
 def roles(source, target, **options):
-    pair = prepare_pair(source, target, Config(**options))
-    return part_of(pair)
+    problem = prepare_pair(source, target, Config(**options))
+    return part_of(replace(problem, refinement=REFINEMENTS[problem.config.refinement]))
 
 
 @pytest.mark.long

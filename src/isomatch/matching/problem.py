@@ -279,7 +279,8 @@ def prepare_pair(
 ) -> Problem:
     """Prepare what is not yet prepared, both at once; by default with the settings of what is. Errors as of `match`.
 
-    Of the map nothing is known: `dataclasses.replace` sets priors, refinement, starts and relation.
+    Nothing is known of the map, and the refinement is joint, whatever the settings name: `dataclasses.replace` sets
+    priors, refinement (one of `REFINEMENTS`, or your own), starts and relation.
     """
     sides = [("source", source), ("target", target)]
     ready = [shape.requested for _, shape in sides if isinstance(shape, PreparedShape)]
