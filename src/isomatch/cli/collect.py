@@ -8,7 +8,6 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from isomatch import cohort
-from isomatch.cli.cohort_words import say_cohort
 from isomatch.cli.collect_finished import add, export, landmarks, say_landmarks
 from isomatch.cli.collect_options import (
     Executor,
@@ -20,7 +19,7 @@ from isomatch.cli.collect_options import (
     shard_of,
     units_of,
 )
-from isomatch.cli.collect_state import agree, retry, status
+from isomatch.cli.collect_state import agree, retry, say_cohort, status
 from isomatch.cli.inputs import ConfigFile, Output, Seed, read_config
 from isomatch.cli.terminal import TALK, Talk, complain
 

@@ -177,6 +177,7 @@ class Collection(Plan):
         """Prepare the shapes and match the pairs that are not done, and yield each as soon as it is.
 
         What was done before is not done again, also where the last run was killed. A failure is a row with its reason.
+        `UnwritableFileError` if another run does the same shard, or the folder cannot be written.
 
         Parameters
         ----------
@@ -190,11 +191,6 @@ class Collection(Plan):
             the same folder, each do one. Each prepares the shapes it needs.
         time_limit : float, optional
             Seconds after which nothing new is begun.
-
-        Raises
-        ------
-        UnwritableFileError
-            If another run does the same shard, or the folder cannot be written.
         """
         if not 0 <= shard[0] < shard[1]:
             raise InputError(f"shard {shard} is not its index, from 0, and the number of all, such as (0, 8)")

@@ -315,30 +315,24 @@ def collected_landmarks(
     patches: Mapping[str, str | Path] | None = None,
     surface_points: int = 0,
 ) -> Iterator[tuple[str, Landmarks]]:
-    """Carry the landmarks of some shapes, the templates, to all others.
+    """Carry the landmarks of some shapes, the templates, to all others; yield each shape with its landmarks.
 
-    Used are the maps of a template with a shape or, where they are not matched with each other, those on the shortest
-    path between them, one after the other. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no other map
-    leads to is left out; so is one that fails, with a warning.
+    Those of a template are its own, with the points of curves equally spaced; those of another shape the medians over
+    templates, with their ``spread`` and ``expected_error``. Used are the maps of a template with a shape or, where they
+    are not matched with each other, those on the shortest path between them, one after the other, whose error is the
+    root of the sum of squares. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no other map leads to
+    is left out; so is one that fails, with a warning.
 
     Parameters
     ----------
     collection : Collection
-    files : mapping of str to path_like
-        File of the landmarks of each template, by its name.
+    files, patches : mapping of str to path_like
+        File of the landmarks of each template, by its name, and of its surface semilandmarks, in one order; they are
+        named surface-1, surface-2, ….
     curve_points : int, optional
         Number of points on each curve; by default as many as it was drawn with.
-    patches : mapping of str to path_like, optional
-        File of the surface semilandmarks of each template, in one order; they are named surface-1, surface-2, ….
     surface_points : int
         How many more are spread over the first template, and carried to the others.
-
-    Yields
-    ------
-    str, Landmarks
-        Each shape of the collection, and its landmarks: of a template its own, with the points of curves equally spaced;
-        of another the medians over templates, with their ``spread`` and ``expected_error``. Of maps one after the
-        other, this is the root of the sum of squares.
     """
     templates = _Templates(collection, files, curve_points)
     templates.add_patches(patches or {}, surface_points)

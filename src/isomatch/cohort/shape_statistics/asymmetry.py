@@ -158,16 +158,13 @@ def align_sides(
 ) -> tuple[FloatArray, FloatArray]:
     """Move shapes and their mirror images, (m, n, 3) each, onto their common mean, for `asymmetry`.
 
-    Parameters
-    ----------
-    both : CorrespondedShapes
-        Shapes followed by as many mirror images, as `CorrespondedShapes.mirrored` and `paired_sides` return. A vertex
-        that was not measured on both sides of a shape lies on the mean in both: it adds no asymmetry.
-    weights, scale
-        As for `generalised_procrustes`. With ``"remove"``, as in the source of `asymmetry`, sides differ in shape alone.
-    left_right : sequence of Correspondence
-        The map by which each shape was mirrored. What components have alike on both sides, where an asymmetry has
-        opposite signs, is then left out: it comes from the corners of triangles, which stand out of their faces.
+    Both are shapes followed by as many mirror images, as `CorrespondedShapes.mirrored` and `paired_sides` return. A
+    vertex that was not measured on both sides of a shape lies on the mean in both: it adds no asymmetry. Weights and
+    scale are those of `generalised_procrustes`; with ``"remove"``, as in the source of `asymmetry`, sides differ in
+    shape alone.
+
+    Of the left–right maps by which each shape was mirrored, what components have alike on both sides, where an asymmetry
+    has opposite signs, is left out: it comes from the corners of triangles, which stand out of their faces.
     """
     m = len(both) // 2
     if both.measured is not None:

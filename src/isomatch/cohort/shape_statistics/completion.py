@@ -434,19 +434,10 @@ def read_observations(
 ) -> Observations:
     """Read what is known of a shape: a mesh in the topology of a model without some vertices, any mesh, or landmarks.
 
-    Parameters
-    ----------
-    path : path_like
-        A mesh, whose vertices are taken if it has the faces of the model, without those with ``measured`` = 0; others
-        are matched to the mean. Or landmarks, see `Landmarks.read`. Or a folder of such meshes, named like structures of
-        the model, in the coordinates of one subject.
-    model : ShapeModel
-    landmarks : path_like, optional
-        Landmarks of its mean, for those of the shape.
-    noise : float, optional
-        See `observed_vertices`.
-    config, seed, progress
-        As for `match`.
+    A mesh with the faces of the model has its vertices, without those with ``measured`` = 0; others are matched to the
+    mean, as by `match`. Landmarks, see `Landmarks.read`, need those of the mean, in another file. A folder of such
+    meshes, named like structures of the model, is in the coordinates of one subject. Noise is that of
+    `observed_vertices`.
     """
     path = Path(path)
     if path.is_dir():
