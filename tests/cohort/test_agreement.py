@@ -12,7 +12,7 @@ import pytest
 from isomatch import write_mesh
 from isomatch._core.errors import InputError, MemoryBudgetError, UnwritableFileError
 from isomatch._core.processes import worker_processes
-from isomatch.cli.collect import collect
+from isomatch.cli.collect_command import collect
 from isomatch.cohort import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.cohort import combine as combine_module
 from isomatch.cohort.combine import CONTRADICTED, CycleJob

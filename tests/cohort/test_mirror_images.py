@@ -17,7 +17,7 @@ from isomatch.cli import main
 from isomatch.cohort import Collection, export, finish, write_reports
 from isomatch.cohort import jobs as jobs_module
 from isomatch.cohort.ledger import Ledger, MapSummary, PairRow, Rows, ShapeRow
-from isomatch.cohort.outliers import mirror_images, two_groups
+from isomatch.cohort.unusual_shapes import mirror_images, two_groups
 from isomatch.matching import match_both
 from isomatch.surfaces import Graph, PointCloud, reflected
 from isomatch_lab.procedural import creature

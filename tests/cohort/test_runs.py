@@ -16,7 +16,7 @@ from isomatch.cli import main
 from isomatch.cohort import Collection, plan
 from isomatch.cohort import jobs as jobs_module
 from isomatch.cohort.ledger import PairRow, Rows, ShapeRow, writing_ledger
-from isomatch.cohort.report import write_table
+from isomatch.cohort.study_page import write_table
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
 from small_collections import N, arrays_of, run

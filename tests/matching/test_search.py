@@ -9,8 +9,8 @@ from isomatch.matching import Candidate, default_starts, prepare_pair
 from isomatch.matching.isometric.search import search
 from isomatch.matching.problem import search_pairs
 from isomatch.matching.proposals.flips import flips
+from isomatch.matching.proposals.from_priors import start_from_pairs
 from isomatch.matching.proposals.pose import starts_from_poses
-from isomatch.matching.proposals.priors import start_from_pairs
 from isomatch.matching.proposals.starts import starts_from_extremities
 from isomatch_lab.procedural import creature
 

@@ -22,14 +22,14 @@ from isomatch.cohort.ledger import (
     SurfaceRow,
 )
 from isomatch.cohort.map_file import PairMaps
-from isomatch.cohort.outliers import Outlier, outliers
 from isomatch.cohort.plan import Entry, Layout
-from isomatch.cohort.report import write_reports
 from isomatch.cohort.run import Cohort, Reports, Status, reconcile, run
 from isomatch.cohort.scoring import add, complete_file, project
 from isomatch.cohort.statistics import series, statistics
 from isomatch.cohort.statistics_folder import Results
+from isomatch.cohort.study_page import write_reports
 from isomatch.cohort.subjects import Gap
+from isomatch.cohort.unusual_shapes import Outlier, outliers
 from isomatch.cohort.workers import Workers
 
 __all__ = [

@@ -17,7 +17,6 @@ from isomatch._core.settings import generator
 from isomatch.cohort.jobs import Event, Run
 from isomatch.cohort.ledger import Pair, PairRow, writing_ledger
 from isomatch.cohort.map_file import PairMaps, maps_of_pair
-from isomatch.cohort.outliers import OTHERS, checked_units
 from isomatch.cohort.plan import (
     PATTERNS,
     Entry,
@@ -28,6 +27,7 @@ from isomatch.cohort.plan import (
     require_files_of_their_own,
     unusable_names,
 )
+from isomatch.cohort.unusual_shapes import OTHERS, checked_units
 from isomatch.cohort.workers import Workers
 from isomatch.settings import Config
 

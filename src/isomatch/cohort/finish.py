@@ -37,10 +37,10 @@ from isomatch.cohort.map_file import (
     put_files,
     require_unchanged,
 )
-from isomatch.cohort.outliers import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.cohort.plan import BETWEEN, Entry, Layout, identity_of_map
-from isomatch.cohort.report import write_page, write_table
 from isomatch.cohort.shape_statistics import MEASURED, doubtful_positions
+from isomatch.cohort.study_page import write_page, write_table
+from isomatch.cohort.unusual_shapes import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.cohort.workers import Task, Workers, workers_of
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
 from isomatch.io import Asset, Attribute, Frame, Polygons, mesh_from, read_asset, read_mesh, write_asset

@@ -37,7 +37,6 @@ from isomatch.cohort.ledger import (
     writing_ledger,
 )
 from isomatch.cohort.map_file import PairMaps, as_matched, changed_files, digest_of, maps_of_pair
-from isomatch.cohort.outliers import OF_SHAPES, Outlier, holes_of, likeness_of, mirror_images, outliers
 from isomatch.cohort.plan import (
     SIDE,
     Entry,
@@ -52,6 +51,7 @@ from isomatch.cohort.plan import (
     tiles_of,
     why_again,
 )
+from isomatch.cohort.unusual_shapes import OF_SHAPES, Outlier, holes_of, likeness_of, mirror_images, outliers
 from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.correspondence import carried_along
 from isomatch.io import mesh_from, surface_from

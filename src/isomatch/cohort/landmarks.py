@@ -23,8 +23,8 @@ from isomatch._core.stage_timer import Progress
 from isomatch._core.texts import write_csv
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.map_file import keep_files, maps_along, require_unchanged
-from isomatch.cohort.outliers import scales_of
 from isomatch.cohort.shape_statistics import slid_semilandmarks
+from isomatch.cohort.unusual_shapes import scales_of
 from isomatch.cohort.workers import Listener
 from isomatch.correspondence import Correspondence
 from isomatch.io import Asset, read_asset, read_mesh

@@ -22,10 +22,10 @@ from isomatch.cohort.jobs import Event
 from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, landmark_files, write_tables
 from isomatch.cohort.ledger import Rows, SurfaceRow
 from isomatch.cohort.map_file import KEPT, changed_files
-from isomatch.cohort.outliers import Outlier, mirror_images, outliers
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.report import write_reports, write_table
+from isomatch.cohort.study_page import write_reports, write_table
 from isomatch.cohort.subjects import Gap, finish_subjects, structures_of, subject_collections, subject_doubts
+from isomatch.cohort.unusual_shapes import Outlier, mirror_images, outliers
 from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
 from isomatch.settings import Config
 

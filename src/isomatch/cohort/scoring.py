@@ -18,11 +18,11 @@ from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surfaces_written
 from isomatch.cohort.ledger import Rows, ShapeRow
-from isomatch.cohort.outliers import OTHERS, checked_units, common_unit, scales_of, told_unit
 from isomatch.cohort.plan import Entry, Layout, entries_of
 from isomatch.cohort.run import Reports, follow, status_of, write_results
 from isomatch.cohort.shape_statistics import ScoredShape, ShapeModel, leave_one_out, size_factors
 from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
+from isomatch.cohort.unusual_shapes import OTHERS, checked_units, common_unit, scales_of, told_unit
 from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
 from isomatch.io import Asset, Attribute, mesh_from, read_mesh, write_asset
 from isomatch.landmarks import Landmarks

@@ -20,9 +20,9 @@ from isomatch._core.texts import natural_order, read_csv, write_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surfaces_written
-from isomatch.cohort.outliers import OTHERS
 from isomatch.cohort.plan import Entry
 from isomatch.cohort.shape_statistics import MEASURED, STRUCTURES, CorrespondedShapes, Doubt
+from isomatch.cohort.unusual_shapes import OTHERS
 from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
 from isomatch.spectral import factorised_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected

@@ -36,7 +36,7 @@ from isomatch.matching.maps import Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel
 from isomatch.matching.parameters import ELASTIC_FIT, ELASTIC_SEARCH, SAME_MAP, TIES
 from isomatch.matching.problem import Problem, search_pairs
-from isomatch.matching.proposals.priors import starts_from_priors
+from isomatch.matching.proposals.from_priors import starts_from_priors
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import Ranking, Rules, distances_between, distinct, select
 

@@ -16,8 +16,8 @@ from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import MatchingModel, RefiningModel
 from isomatch.matching.parameters import SCREENING
 from isomatch.matching.problem import Problem
+from isomatch.matching.proposals.from_priors import start_from_pairs
 from isomatch.matching.proposals.pose import starts_from_pose
-from isomatch.matching.proposals.priors import start_from_pairs
 from isomatch.matching.selection import Ranking, ranked
 from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of

@@ -42,8 +42,8 @@ from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.parameters import EXCHANGE, SAME_MAP, SCREENING, TIES
 from isomatch.matching.problem import Problem
+from isomatch.matching.proposals.composed import near_symmetric_variants, symmetric_variants
 from isomatch.matching.proposals.flips import distinct_maps
-from isomatch.matching.proposals.symmetries import near_symmetric_variants, symmetric_variants
 from isomatch.matching.result import Alternative, Outcome
 from isomatch.matching.selection import (
     Ranking,

@@ -10,7 +10,7 @@ from isomatch.matching.parameters import SCREENING
 from isomatch.matching.problem import Problem, Start, name_of
 from isomatch.matching.proposals.anchors import starts_from_anchors
 from isomatch.matching.proposals.flips import Pool, flips
-from isomatch.matching.proposals.priors import start_from_pairs, starts_from_priors
+from isomatch.matching.proposals.from_priors import start_from_pairs, starts_from_priors
 from isomatch.matching.proposals.starts import default_starts, first_maps_of
 
 

@@ -10,8 +10,8 @@ from isomatch._core.arrays import BodyVertices, Int
 from isomatch._core.errors import SettingError
 from isomatch.matching.problem import Problem, Start, name_of, search_pairs
 from isomatch.matching.proposals.anchors import starts_from_anchors
+from isomatch.matching.proposals.from_priors import first_maps_from_points
 from isomatch.matching.proposals.pose import starts_from_poses
-from isomatch.matching.proposals.priors import first_maps_from_points
 
 
 def starts_from_extremities(pair: Problem) -> Iterator[Int[BodyVertices, "m_s 2"]]:

@@ -21,8 +21,8 @@ from isomatch._core.texts import write_csv
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.ledger import Pair, PairAgreement, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.map_file import as_matched
-from isomatch.cohort.outliers import Outlier, outliers
 from isomatch.cohort.plan import Layout
+from isomatch.cohort.unusual_shapes import Outlier, outliers
 from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
