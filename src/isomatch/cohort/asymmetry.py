@@ -59,16 +59,7 @@ def asymmetry(
 ) -> Results:
     """Measure how far shapes are from their mirror images, where, and what of it all shapes have in common.
 
-    Parameters
-    ----------
-    shapes : path_like
-        A mesh; or a folder of meshes in one topology, or that of a collection.
-    output : path_like
-        Folder for tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and left_right/NAME.npz.
-    pairs, left_right, landmarks, individuals, scale, config, seed, force
-        As the options of ``isomatch asymmetry``.
-    progress, warn
-        As for `statistics`.
+    Arguments are those of ``isomatch asymmetry``, and those of `statistics`.
     """
     if left_right and landmarks:
         raise SettingError("--left-right gives the map, and --landmarks help to find it; give one of them")
