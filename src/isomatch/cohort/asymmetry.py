@@ -131,10 +131,7 @@ def asymmetry(
 def _matched(
     cohort: CorrespondedShapes, scans: Collection | None, how: dict[str, Any], notes: list[str], to: Listener
 ) -> tuple[list[Correspondence], list[dict[str, Any]], str]:
-    """Match each shape with its mirror image: maps, what is known of them, and which are not sure, with the remedy.
-
-    The surface in its file is matched, where there is one: in one topology, maps go wrong alike in all.
-    """
+    """Match each shape, or the surface in its file, with its mirror image: maps, and what is known of them."""
     maps, about, unsure = list[Correspondence](), list[dict[str, Any]](), list[str]()
     whole, rows = shape_statistics.filled(cohort, cohort.area_weights, "remove"), scans and scans.rows()
     for i, name in enumerate(cohort.names):
