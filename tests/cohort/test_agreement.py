@@ -127,7 +127,7 @@ def test_without_prepared_shapes_nothing_is_compared(tmp_path):
 def test_a_shape_whose_row_was_forgotten_is_left_out(spoilt):
     with writing_ledger(spoilt.layout.ledger()) as ledger:
         ledger.put("y", ShapeRow(state="failed", error="gone"))
-        ledger.forget_failed_shapes()
+        ledger.forget("shapes", "y")
     assert agreed(spoilt) == []
 
 

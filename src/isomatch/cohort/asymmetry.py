@@ -59,16 +59,7 @@ def asymmetry(
 ) -> Results:
     """Measure how far shapes are from their mirror images, where, and what of it all shapes have in common.
 
-    Parameters
-    ----------
-    shapes : path_like
-        A mesh; or a folder of meshes in one topology, or that of a collection.
-    output : path_like
-        Folder for tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and left_right/NAME.npz.
-    pairs, left_right, landmarks, individuals, scale, config, seed, force
-        As the options of ``isomatch asymmetry``.
-    progress, warn
-        As for `statistics`.
+    Arguments are those of ``isomatch asymmetry``, and those of `statistics`.
     """
     if left_right and landmarks:
         raise SettingError("--left-right gives the map, and --landmarks help to find it; give one of them")
@@ -140,10 +131,7 @@ def asymmetry(
 def _matched(
     cohort: CorrespondedShapes, scans: Collection | None, how: dict[str, Any], notes: list[str], to: Listener
 ) -> tuple[list[Correspondence], list[dict[str, Any]], str]:
-    """Match each shape with its mirror image: maps, what is known of them, and which are not sure, with the remedy.
-
-    The surface in its file is matched, where there is one: in one topology, maps go wrong alike in all.
-    """
+    """Match each shape, or the surface in its file, with its mirror image: maps, and what is known of them."""
     maps, about, unsure = list[Correspondence](), list[dict[str, Any]](), list[str]()
     whole, rows = shape_statistics.filled(cohort, cohort.area_weights, "remove"), scans and scans.rows()
     for i, name in enumerate(cohort.names):

@@ -135,19 +135,7 @@ def write_landmark_tables(
 ) -> LandmarkTables:
     """Carry the landmarks of some shapes of a collection to all others, see `collected_landmarks`, and write tables.
 
-    Parameters
-    ----------
-    folder : path_like
-        The folder of the collection.
-    landmarks : path_like
-        Folder of the landmarks of some of its shapes, named like them, or one such file; another name is that of the
-        template.
-    to : path_like
-        Folder for a file of each shape, landmarks.csv, landmarks.tps, tables of errors, and landmarks.png.
-    semilandmarks, format, force
-        As the options of ``isomatch collect landmarks``.
-    progress
-        As for `run`.
+    Arguments are those of ``isomatch collect landmarks``; ``progress`` is called as by `run`.
     """
     suffix = f".{format.removeprefix('.')}"
     writer_of(Path(f"landmarks{suffix}"))

@@ -489,10 +489,7 @@ class Ledger:
 
 @contextmanager
 def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
-    """Open a ledger for writing; it is made if it does not exist, and no other process may write it.
-
-    Where only processes of ``one_host`` read it meanwhile, they need not wait (SQLite's write-ahead log).
-    """
+    """Open a ledger for writing, or make it; readers of ``one_host`` need not wait (the write-ahead log of SQLite)."""
     with claimed(path), closing(_connected(path, one_host)) as connection:
         with _named(path, "not a ledger"):
             ledger = Ledger(connection, path)

@@ -206,10 +206,7 @@ def _wrong(kept: _Kept) -> str:
 def maps_along(
     layout: Layout, path: Sequence[str], mesh_of: Callable[[str], Mesh]
 ) -> tuple[Correspondence, FloatArray]:
-    """Compose the maps from each shape of a path to the next; give also the expected error of each vertex, or nan.
-
-    Errors are taken for independent: theirs is the root of the sum of squares.
-    """
+    """Compose the maps from each shape of a path to the next; give also the expected error of each vertex, or nan."""
     composed: Correspondence | None = None
     errors: FloatArray = np.zeros(0)
     for here, to in pairwise(path):
@@ -218,7 +215,7 @@ def maps_along(
         if composed is None:
             composed, errors = maps.there, own
         else:
-            errors = np.asarray(np.hypot(errors, composed.pull_back(own)))
+            errors = np.asarray(np.hypot(errors, composed.pull_back(own)))  # as if they were independent
             composed = composed.then(maps.there, mesh_of(here), mesh_of(to))
     if composed is None:
         raise ValueError("a path has at least two shapes")

@@ -219,17 +219,14 @@ class Plan:
         return read_ledgers(self.layout.ledgers()).of(self.names)
 
     def chosen_template(self, rows: Rows) -> str | None:
-        """Return the template asked for, that of the leader, or the medoid; None as long as not all are prepared.
-
-        The medoid stays the template of a star that has been begun, also where shapes are added.
-        """
+        """Return the template asked for, that of the leader, or the medoid; None as long as not all are prepared."""
         if self.template is not None:
             return self.template
         tried = [name for name in self.names if name in rows.shapes]
         usable = [name for name in tried if rows.is_prepared(name)]
         possible = set(usable)
         centres = Counter(source for source, _ in rows.pairs if source in possible)
-        if self.pairs == "star" and centres:
+        if self.pairs == "star" and centres:  # once begun, a star keeps it, also where shapes are added
             return centres.most_common(1)[0][0]
         led = self.leader and self.leader.chosen_template(self.leader.rows())
         if led in usable:

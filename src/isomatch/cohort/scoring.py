@@ -58,16 +58,8 @@ def add(
     done before is not done again, and more can be added. ``record["shapes"]`` has a line for each subject that is scored.
     An `InputError` names all that is wrong with the collection, the model and the subjects, before anything is written.
 
-    Parameters
-    ----------
-    folder : path_like
-        The folder of the collection.
-    files : sequence of path_like
-        Meshes, or one folder or list of them.
-    model, reflect, units
-        As the options of ``isomatch collect add``; the unit of the collection is that of ``"*"``.
-    reports, executor, jobs, progress, warn
-        See `run`.
+    Arguments are those of ``isomatch collect add``, where the unit of the collection is that of ``"*"``, and those of
+    `run`.
     """
     collection, to = Collection.open(folder), Listener.of(progress, warn)
     file = model or Path(folder) / "statistics" / "model.npz"
@@ -280,18 +272,8 @@ def project(
 ) -> Results:
     """Score new shapes in an old model: how far each is from the mean, how well the modes describe it, and where not.
 
-    ``record["shapes"]`` has a line for each shape.
-
-    Parameters
-    ----------
-    model : path_like
-        File of a `ShapeModel`, which stays as it is.
-    shapes : sequence of path_like
-        Meshes in its topology, or one folder or list of them.
-    output : path_like
-        Folder for ``scored.csv``, ``scored.json``, and ``scored/NAME.ply``.
-    force, progress
-        As for `statistics`.
+    Arguments are those of ``isomatch statistics project``, and those of `statistics`; one folder or list of meshes may
+    take their place. ``record["shapes"]`` has a line for each shape.
     """
     into, listener = StatisticsFolder(Path(output), last=LAST), Listener.of(progress, None)
     with into.claimed(force) as new:
@@ -364,20 +346,8 @@ def complete_file(
 ) -> dict[str, Any]:
     """Write the likeliest shape of a model, given a part or landmarks, with how uncertain each vertex is.
 
+    Arguments are those of ``isomatch statistics complete``, see also `read_observations`, and those of `statistics`.
     Returns the values of NAME.json, which is beside the shape: scores, errors, pose, and notes.
-
-    Parameters
-    ----------
-    model : path_like
-        File of a `ShapeModel`.
-    shape : path_like
-        What is known, see `read_observations`.
-    output : path_like
-        Surface file for the completed shape; of subjects, a folder for a file of each structure.
-    landmarks, noise, pose, config, seed, force
-        As the options of ``isomatch statistics complete``.
-    progress
-        As for `statistics`.
     """
     shape, output, to = Path(shape), Path(output), Listener.of(progress, None)
     about = output.with_suffix(".json")

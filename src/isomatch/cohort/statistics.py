@@ -52,21 +52,9 @@ def statistics(
 ) -> Results:
     """Compute the mean, the modes of variation and the distances of shapes in one topology, and write them to a folder.
 
-    Parameters
-    ----------
-    folder : path_like
-        Folder of meshes with the same faces, or of a collection.
-    output : path_like
-        Folder for mean, modes, model.npz, scores, variances, distances, pictures, and files for other tools.
-    scale, weights, modes, groups, test, mirror, align, hide, pictures, seed, force
-        As the options of ``isomatch statistics``.
-    progress, warn : callable, optional
-        Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
-
-    Raises
-    ------
-    FormatError, MeshError, InputError
-        If shapes or groups cannot be read, do not correspond, or are too few.
+    Arguments are those of ``isomatch statistics``. ``progress`` is called with each step and the share that is done,
+    ``warn`` with shapes to look at first, which by default are logged. `FormatError`, `MeshError` or `InputError` if
+    shapes or groups cannot be read, do not correspond, or are too few.
     """
     folder, to = Path(folder), Listener.of(progress, warn)
     into = StatisticsFolder(Path(output), pictures)
@@ -330,16 +318,7 @@ def series(
 ) -> Results:
     """Tell how a series of shapes in one topology moves: area, volume, thickness and strain over time, by region.
 
-    Parameters
-    ----------
-    folder : path_like
-        Folder of meshes with the same faces, frame2 before frame10; or of a collection.
-    output : path_like
-        Folder for time.csv, time.png, and strain/NAME.vtp, each shape with the measures of its faces.
-    regions, reference, force
-        As the options of ``isomatch statistics time``.
-    progress, warn
-        As for `statistics`.
+    Arguments are those of ``isomatch statistics time``, and those of `statistics`.
     """
     folder, to = Path(folder), Listener.of(progress, warn)
     into = StatisticsFolder(Path(output), last="time.json")

@@ -105,11 +105,7 @@ def subject_collections(
 def finish_subjects(
     folder: str | Path, collections: Mapping[str, Collection], *, keep_contacts: bool = True
 ) -> list[Gap]:
-    """Write each subject as one surface, in the topology of all templates, to ``corresponded`` in a folder.
-
-    Its structures are stacked, see `stacked`, and their contacts kept, see `contacts_kept`, which
-    ``contacts.csv`` tells. ``structures.csv`` has the structures. `InputError` if none is in one topology.
-    """
+    """Write each subject as one surface, see `stacked` and `contacts_kept`, to ``corresponded``, with tables."""
     parts = {}
     for name, own in collections.items():
         if written := surfaces_written(own):
@@ -203,10 +199,7 @@ class _Contact(NamedTuple):
 
 
 def beneath(meshes: Mapping[str, Mesh]) -> dict[str, str]:
-    """Find the larger structure on which each lies that touches one by 0.6 of its area, as cartilage does its bone.
-
-    The largest of those that lie on another come first.
-    """
+    """Find the larger structure on which each lies by 0.6 of its area, as cartilage on its bone; largest first."""
     contacts = _contacts_of(meshes, LEAST_HELD)
     return {name: max(own, key=lambda each: each.area).other for name, own in contacts.items() if own}
 

@@ -68,7 +68,7 @@ def attempted(work: Callable[[S], T], item: S) -> Attempt[T]:
         return Attempt(None, reason, time.time(), time.perf_counter() - start)
 
 
-class Workers:
+class Workers(ExitStack):
     """Workers that tasks are sent to, for a block."""
 
     def __init__(
@@ -76,20 +76,14 @@ class Workers:
     ) -> None:
         # an executor is opened again where one has broken; workers come and go, each with so many threads if it is a
         # process of its own
+        super().__init__()
         self._open, self.count, self._threads = open, count, threads
-        self._opened = ExitStack()
         self._executor: Executor | None = None
         self.end = math.inf  # time, in seconds since the epoch, after which nothing new is begun
 
     def is_late(self) -> bool:
         """Whether nothing new is to be begun."""
         return time.time() > self.end
-
-    def __enter__(self) -> Workers:
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._opened.__exit__(*error)
 
     def completed(self, tasks: Iterable[Task]) -> Iterator[tuple[Any, Any]]:
         """Yield each item with its row, or with the error that no worker survived; in the order of completion.
@@ -100,7 +94,7 @@ class Workers:
         waiting, suspects = deque(tasks), deque[Task]()
         while (waiting or suspects) and not self.is_late():
             if self._executor is None:
-                self._executor = self._opened.enter_context(self._open())
+                self._executor = self.enter_context(self._open())
             for task, outcome in self._until_broken(self._executor, waiting, suspects):
                 if not isinstance(outcome, Exception):
                     yield from zip(task.items, outcome)
@@ -113,8 +107,8 @@ class Workers:
                         (suspects if task.lost else waiting).append(part)
 
     def _renew(self) -> None:
-        self._opened.close()
-        self._executor = self._opened.enter_context(self._open())
+        self.close()
+        self._executor = self.enter_context(self._open())
         try:
             self._executor.submit(_here).result()
         except BrokenExecutor as error:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Bbox
 
 PictureFormat = Literal["png", "pdf", "svg"]
+Groups = Sequence[str] | None  # of named shapes
 
 BLUE, GREY = "#3f90da", "#717581"  # of Petroff 2021
 COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
@@ -39,10 +40,7 @@ DIVERGING, RISING = "RdBu_r", "viridis"  # of displacements, of values from 0
 
 
 def draw_scores(
-    path: str | Path,
-    model: ShapeModel,
-    groups: Sequence[str] | None = None,
-    modes: tuple[int, int] = (0, 1),
+    path: str | Path, model: ShapeModel, groups: Groups = None, modes: tuple[int, int] = (0, 1)
 ) -> None:
     """Draw the shapes of a model as points, by their scores along two modes, with the convex hulls of groups.
 
@@ -78,7 +76,7 @@ def draw_regression(
     variable: FloatArray,
     names: Sequence[str],
     label: str,
-    groups: Sequence[str] | None = None,
+    groups: Groups = None,
 ) -> None:
     """Draw the scores of a regression on one variable (m,) against the variable, with its line, as `draw_scores`."""
     figure, (axes,) = _chart()
@@ -134,11 +132,7 @@ def draw_tree(path: str | Path, distances: FloatArray, names: Sequence[str], lab
 
 
 def draw_embedding(
-    path: str | Path,
-    points: FloatArray,
-    names: Sequence[str],
-    label: str,
-    groups: Sequence[str] | None = None,
+    path: str | Path, points: FloatArray, names: Sequence[str], label: str, groups: Groups = None
 ) -> None:
     """Draw shapes as points (m, 2) with their names, as `draw_scores`; the label says what distances are."""
     figure, (axes,) = _chart()
@@ -190,7 +184,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         figure.savefig(file, format=kind, dpi=DPI, bbox_inches="tight", pad_inches=0.08, metadata=undated)
 
 
-def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Sequence[str] | None) -> None:
+def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Groups) -> None:
     """Draw named points (m, 2) in the colours of their groups."""
     for group, colour, chosen in _chosen(groups, len(names)):
         axes.scatter(points[chosen, 0], points[chosen, 1], 18, color=colour, label=group or "no group")
@@ -215,7 +209,7 @@ def _save_scatter(figure: Figure, path: str | Path) -> None:
     save_figure(figure, path)
 
 
-def _draw_hulls(axes: Axes, points: FloatArray, groups: Sequence[str] | None) -> None:
+def _draw_hulls(axes: Axes, points: FloatArray, groups: Groups) -> None:
     """Draw the convex hull of each group of three points or more that are not on a line."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -231,7 +225,7 @@ def _draw_hulls(axes: Axes, points: FloatArray, groups: Sequence[str] | None) ->
         axes.fill(*corners, fill=False, edgecolor=colour, linewidth=0.8, zorder=0)
 
 
-def _chosen(groups: Sequence[str] | None, m: int) -> list[tuple[str, str, BoolArray]]:
+def _chosen(groups: Groups, m: int) -> list[tuple[str, str, BoolArray]]:
     """Name, colour and members (m,) of each group; of none, all are one without a name."""
     of = np.array(groups or [""] * m, dtype=str)
     named = [group for group in sorted(set(of.tolist())) if group]

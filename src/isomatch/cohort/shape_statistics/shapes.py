@@ -254,10 +254,7 @@ def _structures_in(table: Path) -> dict[str, int]:
 
 
 def read_corresponding(path: str | Path, faces: IntArray) -> tuple[Mesh, BoolArray | None]:
-    """Read a mesh and, of a PLY file, which of its vertices were measured.
-
-    If its polygons are those that triangles (m, 3) were cut from, they are cut as these.
-    """
+    """Read a mesh, cut like triangles (m, 3) if it has their polygons, and which vertices were measured (PLY)."""
     asset = read_as_far(path)
     triangles = faces if _cut_as(asset.polygons, faces) else asset.polygons.triangles
     return Mesh(asset.placed_points, triangles), _measured(path, asset)
