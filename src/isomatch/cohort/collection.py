@@ -179,18 +179,11 @@ class Collection(Plan):
         What was done before is not done again, also where the last run was killed. A failure is a row with its reason.
         `UnwritableFileError` if another run does the same shard, or the folder cannot be written.
 
-        Parameters
-        ----------
-        executor : str, Executor or Workers
-            "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same files; any
-            executor of ``concurrent.futures``; or the workers of a block, see `workers_of`.
-        jobs : int, optional
-            How many run at once; by default one for each processor.
-        shard : (int, int)
-            Which part of the pairs: index from 0, and their number. Several runs, on one machine or on many that see
-            the same folder, each do one. Each prepares the shapes it needs.
-        time_limit : float, optional
-            Seconds after which nothing new is begun.
+        The executor is "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same
+        files; any executor of ``concurrent.futures``; or the workers of a block, see `workers_of`. So many jobs run at
+        once, by default one for each processor; after so many seconds, the time limit, nothing new is begun. A shard,
+        its index from 0 and their number, is a part of the pairs: several runs, on one machine or on many that see the
+        same folder, each do one, and prepare the shapes it needs.
         """
         if not 0 <= shard[0] < shard[1]:
             raise InputError(f"shard {shard} is not its index, from 0, and the number of all, such as (0, 8)")

@@ -311,16 +311,9 @@ def collected_landmarks(
     root of the sum of squares. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no other map leads to
     is left out; so is one that fails, with a warning.
 
-    Parameters
-    ----------
-    collection : Collection
-    files, patches : mapping of str to path_like
-        File of the landmarks of each template, by its name, and of its surface semilandmarks, in one order; they are
-        named surface-1, surface-2, ….
-    curve_points : int, optional
-        Number of points on each curve; by default as many as it was drawn with.
-    surface_points : int
-        How many more are spread over the first template, and carried to the others.
+    Files of the landmarks of each template are given by its name, and patches, of its surface semilandmarks, in one
+    order; they are named surface-1, surface-2, …. Each curve has as many points as asked for, or as it was drawn with;
+    so many more surface points are spread over the first template, and carried to the others.
     """
     templates = _Templates(collection, files, curve_points)
     templates.add_patches(patches or {}, surface_points)

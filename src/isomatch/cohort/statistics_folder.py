@@ -276,8 +276,7 @@ class Results:
     record: Mapping[str, Any]  #: settings and results in plain values, as in the file that is written last
     told: list[str] = field(default_factory=list)  #: what was found, one sentence each
     model: ShapeModel | None = None  #: mean and modes of variation, of `statistics`
-    #: of `asymmetry`: which maps from left to right are not sure, and what to do; empty if all are
-    unsure: str = ""
+    unsure: str = ""  #: of `asymmetry`: which maps from left to right are not sure, and what to do
 
     def to_json(self) -> dict[str, Any]:
         """Return the record with where it is."""

@@ -113,18 +113,14 @@ def _with_holes(rows: Rows) -> Iterator[Outlier]:
 
 
 def mirror_images(collection: Plan, rows: Rows) -> dict[str, Pair]:
-    """Find the shapes that seem to be mirror images of the others, each with the pair that shows it best.
-
-    In a star, these are the mirror images of the template. Other pairs divide the shapes in two groups; then it is that
-    without the template, if one was named, or of which fewer are reflected already, or the smaller one.
-    """
+    """Find the shapes that seem to be mirror images of the others, each with the pair that shows it best."""
     pairs = [pair for pair in collection.wanted_pairs(rows) if rows.is_current(pair)]
     shown = [pair for pair in pairs if rows.pairs[pair].is_mirrored]
     if not shown:
         return {}
-    if collection.pairs == "star":
+    if collection.pairs == "star":  # mirror images of the template
         turned = {name for pair in shown for name in pair} - {collection.chosen_template(rows)}
-    else:
+    else:  # two groups; turned is that without the template, or with fewer reflected already, or the smaller one
         turned = set(_turned(collection, rows, pairs))
     clearest: dict[str, Pair] = {}
     scores = {pair: rows.pairs[pair].there.measures["mirrored"] for pair in shown}  # lower is clearer

@@ -248,7 +248,6 @@ def draw_modes(path: str | Path, model: ShapeModel, n_modes: int = 3, deviations
     outward = {at: np.einsum("ij,ij->i", m.vertices - mean.vertices, normals) for at, m in moved.items()}
     largest = max((float(np.quantile(np.abs(each), 0.995)) for each in outward.values()), default=0.0) or 1.0
     paint = colour_scale(DIVERGING, -largest, largest)
-
     density = _density([mean, *moved.values()], camera, per_row=3)
 
     def image(mesh: Mesh, values: FloatArray) -> FloatArray:

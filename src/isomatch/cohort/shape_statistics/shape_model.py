@@ -315,11 +315,9 @@ def compactness(model: ShapeModel) -> FloatArray:
 def _without_each(
     model: ShapeModel, seed: int, most: int
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Yield for each shape left out: its difference from the mean of the others, their axes, and the variances along.
-
-    They are those of the scores: the scores of all shapes span the same space as the shapes, with the same distances, as
-    the modes are orthonormal. The mirror image of a shape is left out with it.
-    """
+    """Yield for each shape left out: its difference from the mean of the others, their axes, and the variances along."""
+    # of the scores, which span the same space as the shapes, with the same distances, as the modes are orthonormal; the
+    # mirror image of a shape is left out with it
     m = len(model.names)
     chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
     number = {name: i for i, name in enumerate(model.names)}

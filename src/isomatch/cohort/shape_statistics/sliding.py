@@ -41,16 +41,9 @@ def slid_semilandmarks(
 
     The result does not depend on the order, places, orientations and sizes of the specimens.
 
-    Parameters
-    ----------
-    positions : (s, m, 3) array of float
-        Corresponding points of s ≥ 2 specimens; nan where one has no place.
-    surfaces : sequence of Mesh
-        That of each specimen.
-    curves : sequence of Curve
-        Their points slide, but for the ends of an open curve and the first point of a closed one.
-    patch : sequence of int
-        Points that slide on the surface. All others are fixed.
+    Positions (s, m, 3) are corresponding points of s ≥ 2 specimens, each on its surface, nan where one has no place.
+    Points of curves slide along them, without the ends of an open curve and the first point of a closed one; those of
+    the patch slide on the surface. All others are fixed.
 
     Notes
     -----
