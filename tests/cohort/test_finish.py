@@ -23,7 +23,7 @@ from isomatch import (
 )
 from isomatch.cli import main
 from isomatch.cohort import Collection, export, finish, surfaces_written, write_reports
-from isomatch.cohort import report as report_module
+from isomatch.cohort import study_page as report_module
 from isomatch.cohort.ledger import MapSummary, PairAgreement, writing_ledger
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
