@@ -42,6 +42,7 @@ def error_and_overlap(image, parts):
     return error, areas[both].sum() / areas[has | matched].sum()
 
 
+@pytest.mark.long
 def test_what_both_show_is_mapped_and_the_rest_is_not(parts, found):
     error, overlap = error_and_overlap(found.map.vertices, parts)
     assert error < 0.06

@@ -99,6 +99,7 @@ def test_neither_names_nor_places_make_handles(fused, seed):
     assert handles(disguised(torus(12, 8), seed).mesh) == 1
 
 
+@pytest.mark.long
 def test_a_fused_hand_comes_off_its_thigh(fused):
     assert handles(fused) == 1
     cut = cut_self_contacts(fused, 1)

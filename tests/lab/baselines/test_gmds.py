@@ -81,6 +81,7 @@ def test_points_stay_on_triangles_of_the_target(poses, scattered):
     assert (points.corners[:, 0] != scattered.corners[:, 0]).any()
 
 
+@pytest.mark.long
 def test_held_points_do_not_move(poses, scattered):
     points, _ = descended(prepare_pair(*poses[:2]), scattered, 7, 3)
     np.testing.assert_array_equal(points.corners[:7], scattered.corners[:7])
