@@ -53,6 +53,7 @@ def test_what_both_show_is_mapped_and_the_rest_is_not(parts, found):
     assert any("as parts of one body" in note for note in found.notes)
 
 
+@pytest.mark.long
 def test_overlap_is_the_share_of_both_in_common(parts, found):
     source, target, truth = parts
     common = source.vertex_areas[truth >= 0].sum()
