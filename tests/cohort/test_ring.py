@@ -80,6 +80,7 @@ def copied(ring, tmp_path):
     return Collection.open(shutil.copytree(ring.folder, tmp_path / "copy"))
 
 
+@pytest.mark.long
 def test_both_ways_round_cancel_a_drift_that_one_way_adds_up(ring, copied, capsys):
     assert told(ring, "ways") == ["1"] + ["2"] * (M - 1)
     turn = Rotation.from_euler("z", M * DRIFT, degrees=True).as_matrix()

@@ -115,6 +115,7 @@ def test_a_broken_file_is_left_to_its_collection(folder):
     assert made.keys() == {"bone", "cap"}
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("in_threads", "coarse_pictures")
 def test_from_files_to_shapes(folder, capsys):
     (folder / "s3" / "cap.ply").unlink()

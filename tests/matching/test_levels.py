@@ -103,6 +103,7 @@ def assert_valid(found, source, target, off=()):
         assert {tuple(face) for face in corners[proper].tolist()} <= faces
 
 
+@pytest.mark.long
 def test_three_levels(made, shapes):
     for each, shape in zip(made, shapes):
         n = each.mesh.n_vertices

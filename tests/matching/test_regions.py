@@ -230,6 +230,7 @@ def saved(result, tmp_path):
     return tmp_path / "result.npz", mixed
 
 
+@pytest.mark.long
 def test_regions_in_files(saved, result):
     path, mixed = saved
     assert_same(MatchResult.load(path).regions, mixed.regions)

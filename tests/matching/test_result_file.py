@@ -58,6 +58,7 @@ def test_a_result_is_read_as_it_was_written(tmp_path, result):
     assert_same_map(Correspondence.load(tmp_path / "result.npz"), result.map)
 
 
+@pytest.mark.long
 def test_a_result_without_alternatives_and_of_other_settings(tmp_path, result):
     odd = replace(result, alternatives=(), config=Config(rank=30), notes=("source: a → b",))
     odd.save(tmp_path / "result.npz")

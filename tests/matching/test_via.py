@@ -94,6 +94,7 @@ def test_a_tuple_of_vertices_and_faces_is_a_shape():
         chains_of([])
 
 
+@pytest.mark.long
 def test_priors_say_nothing_of_the_shapes_between(fragments, whole):
     with pytest.raises(SettingError, match="no priors"):
         match(*fragments[:2], via=whole, landmarks=[[0, 0], [1, 1], [2, 2]])
