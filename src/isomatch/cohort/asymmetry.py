@@ -59,7 +59,26 @@ def asymmetry(
 ) -> Results:
     """Measure how far shapes are from their mirror images, where, and what of it all shapes have in common.
 
-    Arguments are those of ``isomatch asymmetry``, and those of `statistics`.
+    Parameters
+    ----------
+    shapes : path_like
+        A mesh; or a folder of meshes in one topology, or that of a collection.
+    output : path_like
+        Folder for tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and left_right/NAME.npz.
+    pairs, left_right, landmarks, individuals, scale, config, seed, force
+        As the options of ``isomatch asymmetry``.
+    progress, warn : callable, optional
+        Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
+
+    Returns
+    -------
+    Results
+        The record of all numbers, and which maps are not sure.
+
+    Raises
+    ------
+    FormatError, MeshError, SettingError
+        If files cannot be read, shapes are not in one topology, or both maps and landmarks are given.
     """
     if left_right and landmarks:
         raise SettingError("--left-right gives the map, and --landmarks help to find it; give one of them")

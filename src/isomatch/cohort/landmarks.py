@@ -135,7 +135,31 @@ def write_landmark_tables(
 ) -> LandmarkTables:
     """Carry the landmarks of some shapes of a collection to all others, see `collected_landmarks`, and write tables.
 
-    Arguments are those of ``isomatch collect landmarks``; ``progress`` is called as by `run`.
+    Parameters
+    ----------
+    folder : path_like
+        The folder of the collection.
+    landmarks : path_like
+        Folder of the landmarks of some of its shapes, named like them, or one such file; another name is that of the
+        template.
+    to : path_like
+        Folder for a file of each shape, landmarks.csv, landmarks.tps, tables of errors, and landmarks.png.
+    semilandmarks, format, force
+        As the options of ``isomatch collect landmarks``.
+    progress : callable, optional
+        Called with each step, and the share that is done.
+
+    Returns
+    -------
+    LandmarkTables
+        What was written.
+
+    Raises
+    ------
+    InputError
+        If there are no landmarks of a shape of the collection.
+    FormatError, LandmarkError
+        If a file cannot be read or written, or its landmarks are not on the shape.
     """
     suffix = f".{format.removeprefix('.')}"
     writer_of(Path(f"landmarks{suffix}"))

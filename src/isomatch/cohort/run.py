@@ -106,8 +106,8 @@ def run(
     """Match the shapes of a folder with a template, or with one another, and write all that follows from the maps.
 
     What was done before is not done again, also where the last run was killed. These are the steps of
-    `Collection.create`, `Collection.run`, `agree`, `write_reports` and `finish`, with their errors, and then landmarks,
-    or of subjects of several surfaces their structures together.
+    `Collection.create`, `Collection.run`, `agree`, `write_reports` and `finish`, and then landmarks, or of subjects of
+    several surfaces their structures together.
 
     Parameters
     ----------
@@ -118,13 +118,31 @@ def run(
         named like the structures, or a table with the columns ``subject``, ``structure`` and ``file``.
     pairs, template, config, seed, reflect, units
         See `Collection.create`.
-    landmarks, semilandmarks, agree, keep_contacts, reports
-        As the options of ``isomatch collect``.
+    landmarks, semilandmarks
+        Landmarks of the template, or a folder of those of several shapes, see `write_landmark_tables`.
+    agree : bool, optional
+        Whether maps that the others contradict are replaced, once all pairs are matched; by default if all pairs are.
+    keep_contacts : bool
+        Of subjects, whether points are kept together that lie on each other in the template.
+    reports : int, "doubtful", "all" or "none"
+        See `write_reports`.
     executor, jobs, shard, time_limit
         See `Collection.run`; of a shard, only maps are made.
     progress, warn : callable, optional
         Called with each step and the share that is done; and with what is wrong with shapes and maps, and what is done
         again, which by default is logged.
+
+    Returns
+    -------
+    Cohort
+        The collections, and what was found of contacts and landmarks.
+
+    Raises
+    ------
+    InputError
+        If shapes, pairs, names, units or landmarks are not usable.
+    SettingError
+        If the folder holds a collection with other settings.
     """
     if semilandmarks and landmarks is None:
         raise InputError("semilandmarks come with landmarks of a shape; give these (--landmarks)")
@@ -181,7 +199,22 @@ def reconcile(
 ) -> Cohort:
     """Replace maps of a collection that most others contradict, see `agree`, and write all that follows from the maps.
 
-    Arguments are those of `run`. `InputError` if no three shapes of the collection are all matched with one another.
+    Parameters
+    ----------
+    folder : path_like
+        The folder of a collection whose pairs make triangles.
+    reports, executor, jobs, time_limit, progress, warn
+        See `run`.
+
+    Returns
+    -------
+    Cohort
+        The collection.
+
+    Raises
+    ------
+    InputError
+        If no three shapes are all matched with one another.
     """
     collection, to = Collection.open(folder), Listener.of(progress, warn)
     with workers_of(executor, jobs, time_limit) as workers:

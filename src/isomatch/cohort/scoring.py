@@ -55,11 +55,34 @@ def add(
     """Match new subjects with the template of a finished collection, and score them in its shape model.
 
     All files that are there stay as they are: new ones are in the folder ``added``, and nothing is fitted again. What was
-    done before is not done again, and more can be added. ``record["shapes"]`` has a line for each subject that is scored.
-    An `InputError` names all that is wrong with the collection, the model and the subjects, before anything is written.
+    done before is not done again, and more can be added.
 
-    Arguments are those of ``isomatch collect add``, where the unit of the collection is that of ``"*"``, and those of
-    `run`.
+    Parameters
+    ----------
+    folder : path_like
+        The folder of the collection.
+    files : sequence of path_like
+        Meshes, or one folder or list of them.
+    model : Path, optional
+        File of its `ShapeModel`; by default that of `statistics` in its folder ``statistics``.
+    reflect : "auto", str or iterable of str, optional
+        New subjects to match as mirror images; by default "auto" if the collection has it, and otherwise none.
+    units : mapping of str to str, optional
+        Units of new subjects, by name; where those of the collection are not known, ``"*"`` is their unit. The size of a
+        subject whose unit is given is not questioned.
+    reports, executor, jobs, progress, warn
+        See `run`.
+
+    Returns
+    -------
+    Results
+        A line for each subject that is scored in ``record["shapes"]``.
+
+    Raises
+    ------
+    InputError
+        If the collection is not finished; the model is missing, or of another template; or, naming all of them, if new
+        subjects have names of old ones, are no meshes, or have sizes that suggest other units.
     """
     collection, to = Collection.open(folder), Listener.of(progress, warn)
     file = model or Path(folder) / "statistics" / "model.npz"
@@ -272,8 +295,28 @@ def project(
 ) -> Results:
     """Score new shapes in an old model: how far each is from the mean, how well the modes describe it, and where not.
 
-    Arguments are those of ``isomatch statistics project``, and those of `statistics`; one folder or list of meshes may
-    take their place. ``record["shapes"]`` has a line for each shape.
+    Parameters
+    ----------
+    model : path_like
+        File of a `ShapeModel`, which stays as it is.
+    shapes : sequence of path_like
+        Meshes in its topology, or one folder or list of them.
+    output : path_like
+        Folder for ``scored.csv``, ``scored.json``, and ``scored/NAME.ply``.
+    force : bool
+        Whether to replace an earlier result.
+    progress : callable, optional
+        Called with each step, and the share that is done.
+
+    Returns
+    -------
+    Results
+        A line for each shape in ``record["shapes"]``.
+
+    Raises
+    ------
+    FormatError, MeshError
+        If a file cannot be read, or has another topology.
     """
     into, listener = StatisticsFolder(Path(output), last=LAST), Listener.of(progress, None)
     with into.claimed(force) as new:
@@ -346,8 +389,28 @@ def complete_file(
 ) -> dict[str, Any]:
     """Write the likeliest shape of a model, given a part or landmarks, with how uncertain each vertex is.
 
-    Arguments are those of ``isomatch statistics complete``, see also `read_observations`, and those of `statistics`.
-    Returns the values of NAME.json, which is beside the shape: scores, errors, pose, and notes.
+    Parameters
+    ----------
+    model : path_like
+        File of a `ShapeModel`.
+    shape : path_like
+        What is known, see `read_observations`.
+    output : path_like
+        Surface file for the completed shape; of subjects, a folder for a file of each structure. NAME.json is beside it.
+    landmarks, noise, pose, config, seed, force
+        As the options of ``isomatch statistics complete``.
+    progress : callable, optional
+        Called with each step, and the share that is done.
+
+    Returns
+    -------
+    dict of str to Any
+        The values of NAME.json: scores, errors, pose, and notes.
+
+    Raises
+    ------
+    FormatError, MeshError, LandmarkError
+        If a file cannot be read, or has nothing that the model knows.
     """
     shape, output, to = Path(shape), Path(output), Listener.of(progress, None)
     about = output.with_suffix(".json")

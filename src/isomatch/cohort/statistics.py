@@ -52,9 +52,26 @@ def statistics(
 ) -> Results:
     """Compute the mean, the modes of variation and the distances of shapes in one topology, and write them to a folder.
 
-    Arguments are those of ``isomatch statistics``. ``progress`` is called with each step and the share that is done,
-    ``warn`` with shapes to look at first, which by default are logged. `FormatError`, `MeshError` or `InputError` if
-    shapes or groups cannot be read, do not correspond, or are too few.
+    Parameters
+    ----------
+    folder : path_like
+        Folder of meshes with the same faces, or of a collection.
+    output : path_like
+        Folder for mean, modes, model.npz, scores, variances, distances, pictures, and files for other tools.
+    scale, weights, modes, groups, test, mirror, align, hide, pictures, seed, force
+        As the options of ``isomatch statistics``.
+    progress, warn : callable, optional
+        Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
+
+    Returns
+    -------
+    Results
+        The model, and the record of all numbers.
+
+    Raises
+    ------
+    FormatError, MeshError, InputError
+        If shapes or groups cannot be read, do not correspond, or are too few.
     """
     folder, to = Path(folder), Listener.of(progress, warn)
     into = StatisticsFolder(Path(output), pictures)
@@ -318,7 +335,26 @@ def series(
 ) -> Results:
     """Tell how a series of shapes in one topology moves: area, volume, thickness and strain over time, by region.
 
-    Arguments are those of ``isomatch statistics time``, and those of `statistics`.
+    Parameters
+    ----------
+    folder : path_like
+        Folder of meshes with the same faces, frame2 before frame10; or of a collection.
+    output : path_like
+        Folder for time.csv, time.png, and strain/NAME.vtp, each shape with the measures of its faces.
+    regions, reference, force
+        As the options of ``isomatch statistics time``.
+    progress, warn : callable, optional
+        Called with each step and the share that is done; and with shapes that are left out, which by default are logged.
+
+    Returns
+    -------
+    Results
+        The names of the shapes, the reference, and notes.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two shapes in one topology, or the reference is none of them.
     """
     folder, to = Path(folder), Listener.of(progress, warn)
     into = StatisticsFolder(Path(output), last="time.json")
