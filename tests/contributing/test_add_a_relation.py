@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isomatch import Outcome, SettingError, match
+from isomatch import Config, Outcome, SettingError, match
 from isomatch.matching import Isometry, Refinement, prepare_pair
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -49,6 +49,34 @@ def test_the_hook_scores_every_map(animals):
         fits = model.refine(model.begun(candidates[:3]))
         assert len(fits) == 3
         assert [fit.score == fit.spectral_residual for fit in fits] == 3 * [relation is BySpectralResidual]
+
+
+class Weighted(Isometry):
+    """One that is not built from a problem alone."""
+
+    def __init__(self, problem, exponent):
+        super().__init__(problem)
+        self.exponent = exponent
+
+    def cost(self, fit):
+        return super().cost(fit) ** self.exponent
+
+
+def test_a_function_builds_the_relation_of_both_directions(animals, example_truth):
+    """A map that is not sure is also searched from the target, under the relation that was handed in."""
+    source, target = animals
+    config = Config()
+    unsure = replace(config, outcome=replace(config.outcome, poor_spectral_residual=1e-3))
+    directions = []
+
+    def weighted(problem):
+        directions.append(problem.source.surface.n_vertices)
+        return Weighted(problem, 0.5)
+
+    found = match(source, target, config=unsure, relation=weighted)
+    assert set(directions) == {source.n_vertices, target.n_vertices}
+    off = np.linalg.norm(target.vertices[found.map.vertices] - target.vertices[example_truth], axis=1)
+    assert off.mean() < 0.02 * np.sqrt(target.area)
 
 
 def test_an_object_is_refused_and_so_is_what_builds_no_model(animals):

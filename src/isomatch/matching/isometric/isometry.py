@@ -320,7 +320,10 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _from_target(self, side: float) -> list[Fit]:
         """Search from the target to the source; the maps that tie there, inverted and refined locally."""
-        turned = type(self)(self.pair.turned)
+        build = self.problem.relation or type(self)
+        turned = build(self.pair.turned)
+        if not isinstance(turned, Isometry):  # a relation that was handed in may stand for several models
+            return []
         maps = turned.refine(turned.propose(StageTimer()).begun)
         tied = turned._tied(turned._selected(maps, [True] * len(maps)))
         found = []
