@@ -1,4 +1,4 @@
-"""From two surfaces to a map: each relation that fits them is solved, and the evidence for its map is verified."""
+"""From two surfaces to a map: strategies are tried, each under its model, and the map that verifies best is taken."""
 
 from isomatch._core.first_use import names_at_first_use
 

@@ -17,12 +17,10 @@ def exchange_regions(
     pair: Problem, image: Int[BodyVertices, "n_s"], cost: float, others: Sequence[Int[BodyVertices, "n_s"]]
 ) -> Int[BodyVertices, "n_s"] | None:
     """Exchange regions of a map of a known cost with other maps while its cost falls; None if it never does."""
-    exchange = _Exchange(pair)
+    exchange = _Exchange(pair, others)
     best = image
     for _ in range(EXCHANGE.most_exchanges if np.isfinite(cost) else 0):
-        tried = [
-            (exchange.verifier(moved).cost, i, moved) for i, moved in enumerate(exchange.moves(best, others))
-        ]
+        tried = [(exchange.verifier(moved).cost, i, moved) for i, moved in enumerate(exchange.moves(best))]
         least, _, moved = min(tried, default=(np.inf, 0, best))
         if not least <= EXCHANGE.gain * cost:
             break
@@ -31,20 +29,18 @@ def exchange_regions(
 
 
 class _Exchange:
-    """What exchanges between two shapes share."""
+    """What the exchanges of one map with others share."""
 
-    def __init__(self, pair: Problem) -> None:
+    def __init__(self, pair: Problem, others: Sequence[Int[BodyVertices, "n_s"]]) -> None:
         self.pair, self.verifier = pair, verifier_of(pair)
+        self.others = [(other, self.verifier.unlikeness(other)) for other in others]
         self.coarse = Verifier(pair, EXCHANGE.n_coarse)
         self.mesh, self.areas = pair.source.mesh_body, pair.source.body.vertex_areas / pair.source.body.area
 
-    def moves(
-        self, image: BodyVertices, others: Sequence[Int[BodyVertices, "n_s"]]
-    ) -> Iterator[BodyVertices]:
+    def moves(self, image: BodyVertices) -> Iterator[BodyVertices]:
         """Take regions from other maps, unless they are unlike their images or cost more at a low resolution."""
         cost, unlike = self.coarse(image).cost, self.verifier.unlikeness(image)
-        for other in others:
-            others_unlike = self.verifier.unlikeness(other)
+        for other, others_unlike in self.others:
             for region in self._regions(image, other):
                 weights = self.areas[region]
                 here, there = (np.nansum(x[region] * weights) for x in (unlike, others_unlike))
