@@ -408,6 +408,20 @@ class ExchangeParameters:
 
 
 @dataclass(frozen=True)
+class SymmetricParameters:
+    """Maps composed with near-symmetries, which may fit as well as the winner; docs/lab/design_notes.md, individuals."""
+
+    # such a map is refined up to this; one at 1.07 fits as well, those from 1.5 cost twice as much by `verify`
+    energy: float = 1.75  # energy over the winner's
+    # a map that is farther away is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
+    turned: float = 0.2  # √area, mean
+    most: int = 4  # maps: so many are refined; chosen
+    # a map fits as well up to this; the right one over a half turn of ants costs 1.46 times as much at most, a wrong one
+    # over the right one of animals 1.59 times at least
+    as_well: float = 1.5  # cost of `verify` over the winner's
+
+
+@dataclass(frozen=True)
 class SpectralParameters:
     """The refinements of the paper."""
 
@@ -422,7 +436,7 @@ class SpectralParameters:
 # Other distances from which two maps differ have other values: search.same_map and selection.same_map, 0.05, and
 # selection.runner_up_distance, are settings; `ANCHORS.apart` 0.15, `ELASTIC_SEARCH.apart` 0.12 in average distances;
 # `SEEDS.same_region` 0.1 and `SEEDS.variants_apart` 0.12 in the unit of two parts; `PART_SEARCH.led_apart` 0.04,
-# `COMPONENTS.same_place` 0.02, `ERRORS.places_apart` 0.1, and 0.2 in the symmetry check of an isometry.
+# `COMPONENTS.same_place` 0.02, `ERRORS.places_apart` 0.1, `SYMMETRIC.turned` 0.2.
 SAME_MAP = SameMapParameters()
 TIES = TiesParameters()
 SCREENING = ScreeningParameters()
@@ -439,4 +453,5 @@ COMPONENTS = ComponentsParameters()
 HELD_LANDMARKS = HeldLandmarksParameters()
 ERRORS = ErrorsParameters()
 EXCHANGE = ExchangeParameters()
+SYMMETRIC = SymmetricParameters()
 SPECTRAL = SpectralParameters()

@@ -337,14 +337,13 @@ class PreparedShape(SmoothShape, Shown):
         """Maps of the shape onto itself, by rows of its search vertices."""
         return self._symmetries(self.config.symmetry)
 
-    @cached_property
-    def near_symmetries(self) -> tuple[Symmetry, ...]:
-        """The same, and such that distort distances as the map to another individual may do."""
-        exact, (residual, most) = self.config.symmetry, LOOSE
+    def near_symmetries(self, most: float) -> tuple[Symmetry, ...]:
+        """Find maps of the shape onto itself that distort distances as maps between individuals do, up to a residual."""
+        exact, (residual, more) = self.config.symmetry, LOOSE
         residual *= exact.largest_residual
-        return self._symmetries(SymmetrySettings(int(most * exact.most), largest_residual=residual))
+        return self._symmetries(SymmetrySettings(int(more * exact.most), largest_residual=residual), most)
 
-    def _symmetries(self, settings: SymmetrySettings) -> tuple[Symmetry, ...]:
+    def _symmetries(self, settings: SymmetrySettings, most: float = np.inf) -> tuple[Symmetry, ...]:
         vertices = self.sample_vertices[: self.config.n_search]
         basis = self.sampled_basis(self.config.n_search)
         k = min(self.config.selection.normal_functions, len(self.laplace.values))
@@ -353,6 +352,7 @@ class PreparedShape(SmoothShape, Shown):
             self.distances_between(vertices),
             lambda image_row: orientation_of(self, basis, self, vertices[image_row], k),
             settings,
+            most,
         )
 
 

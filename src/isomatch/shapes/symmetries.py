@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -16,6 +16,7 @@ from isomatch.correspondence import (
     SignedPoints,
     alignment_residual,
     assign_points,
+    closest_point_images,
     iterative_closest_points,
     nearest_rows,
     nearest_under_rotation,
@@ -27,12 +28,14 @@ from isomatch.settings import SymmetrySettings
 N_SAMPLES = 200  # samples among which symmetries are searched; chosen: spacing 0.08, less than SAME_SYMMETRY
 N_ANCHORS = 5  # samples far from each other: three determine an isometry of a surface, two more its errors
 BEAM = 60  # partial assignments that are kept
-STEPS = 12  # iterations of closest points from each assignment
+ROUNDS, STEPS = 3, 4  # of iterations of closest points from each assignment; in a round
+SAME_START = 0.04  # √area: mean distance below which two maps between rounds become one; half the spacing of the samples
 GENERATORS = 6  # symmetries whose products are tried, too; chosen, not measured
 LEAST_ORIENTATION = 0.7  # mean cosine between normals, of either sign, from which a map is a symmetry
 LEAST_MOVED = 0.15  # √area: less is a variant of the identity; selection.runner_up_distance
 SAME_SYMMETRY = 0.1  # √area: mean distance from which two maps differ; the spacing of the samples
 NEAR = 1.5  # residual, over the largest of a symmetry, up to which a map serves in products; chosen, not measured
+FEW = 1.2  # residual among the samples of the search, over that among all: 1.02 to 1.3; docs/lab/benchmarks.md, symmetry
 EXACT = 0.75  # the same, up to which its orientation need not be clear, as of one-sided surfaces; chosen, not measured
 # largest residual, and most assignments, of near-symmetries, over those of symmetries; half turns of ants have 1.3, and
 # are missed with as many assignments
@@ -56,6 +59,7 @@ def find_symmetries(
     distances: FloatArray,  # (r, r) geodesic distances between them, in √area
     orientation: Callable[[IntArray], float],  # of a map of the samples (r,)
     settings: SymmetrySettings,
+    most: float = np.inf,  # residual of those that are asked for
 ) -> tuple[Symmetry, ...]:
     """Find maps of a shape onto itself, best residual first; of a continuous group, or one of many elements, some."""
     # A symmetry σ keeps all distances, d(σ x, σ y) = d(x, y). Three points determine it, so that few anchors a_i, far
@@ -70,6 +74,7 @@ def find_symmetries(
     n = min(N_SAMPLES, len(distances))
     # the residual of the true σ comes from images being the nearest of r samples, whose spacing is √(area / r)
     largest = settings.largest_residual / np.sqrt(len(distances))
+    kept = min(largest, most)
     few, between = points.at(np.arange(n)), distances[:n, :n]
     anchors = farthest_rows(between, N_ANCHORS)
     assigned = _assignments(between, anchors, settings)
@@ -77,7 +82,10 @@ def find_symmetries(
         return ()
     to_anchors = between[:, anchors]
     starts = np.array([nearest_rows(between[:, images], to_anchors) for images in assigned])
-    alignments = iterative_closest_points(few, few, starts, STEPS)
+    moving = [*starts]
+    for _ in range(ROUNDS):
+        moving = _distinct_maps(closest_point_images(few, few, np.array(moving), STEPS), between)
+    alignments = iterative_closest_points(few, few, np.array(moving), 0) if moving else []
     self_maps: list[tuple[Symmetry, FloatArray]] = []
 
     def add(rotation: FloatArray) -> None:
@@ -91,7 +99,7 @@ def find_symmetries(
         images = points.at(image_row)
         rotation = signed_procrustes(points, images)
         residual = alignment_residual(points, images, rotation)
-        if residual > NEAR * largest:
+        if residual > NEAR * kept:
             return
         side = orientation(image_row)
         # σ either preserves the orientation everywhere or reverses it; a map that does both is none, though distances of
@@ -100,12 +108,13 @@ def find_symmetries(
             self_maps.append((Symmetry(image_row, residual, side, float(moved)), rotation))
 
     for alignment in sorted(alignments, key=lambda each: each.residual):
-        add(alignment.rotation)
+        if alignment.residual <= FEW * NEAR * kept:
+            add(alignment.rotation)
     # Symmetries are a group: σ τ is one, which the beam may have missed. Two mirror images make a rotation.
     generators = [rotation for _, rotation in self_maps[:GENERATORS]]
     for first, second in product(generators, repeat=2):
         add(second @ first)
-    symmetries = [symmetry for symmetry, _ in self_maps if symmetry.residual <= largest]
+    symmetries = [symmetry for symmetry, _ in self_maps if symmetry.residual <= kept]
     return tuple(sorted(symmetries, key=lambda each: each.residual))
 
 
@@ -125,6 +134,15 @@ def farthest_rows(distances: FloatArray, count: int, first: Sequence[int] = ()) 
     while len(rows) < min(count, len(distances)):
         rows.append(first_largest(distances[rows].min(axis=0)))
     return np.array(rows)
+
+
+def _distinct_maps(image_rows: Iterable[IntArray], distances: FloatArray) -> list[IntArray]:
+    """Keep the first of maps that nearly coincide, and none that is nearly the identity."""
+    kept = [np.arange(len(distances))]
+    for rows in image_rows:
+        if all(distances[rows, other].mean() >= SAME_START for other in kept):
+            kept.append(rows)
+    return kept[1:]
 
 
 def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySettings) -> IntArray:

@@ -40,7 +40,7 @@ from isomatch.matching.isometric.candidates import (
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
-from isomatch.matching.parameters import EXCHANGE, SAME_MAP, SCREENING, TIES
+from isomatch.matching.parameters import EXCHANGE, SAME_MAP, SCREENING, SYMMETRIC, TIES
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.composed import near_symmetric_variants, symmetric_variants
 from isomatch.matching.proposals.flips import distinct_maps
@@ -57,13 +57,6 @@ from isomatch.matching.selection import (
 )
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.matching.verify import inverse, verifier_of
-
-TURNED = 0.2  # √area: mean distance from which a map is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
-MOST_TURNED = 4  # such maps, which are refined
-# cost of a verification, over that of the map, up to which the map composed with a near-symmetry fits as well; of the
-# right map over a half turn of ants 1.46 at most, of a wrong map over the right one of animals 1.59 at least
-AS_WELL = 1.5
-
 
 AMBIGUOUS = (
     "a shape has a symmetry about as near to exact as the shapes are alike, and the map composed with it fits about as "
@@ -480,22 +473,24 @@ class Isometry(RefiningModel[Fit, Embedding]):
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
         itself = Candidate(Alignment(rows, np.eye(1), 0.0), map_.origin)
         own, *others = Screening(pair)([itself, *variants])
-        limit = config.selection.energy_limit * max(own.energy, TIES.energy_noise)
+        limit = SYMMETRIC.energy * max(own.energy, TIES.energy_noise)
         turned = [
             c
             for c in sorted(others, key=attrgetter("energy"))
             if c.energy <= limit
             and (config.orientation == "any" or self._wanted_sign * c.orientation > 0)
-            and pair.differs(c.target_row, [rows], TURNED)
+            and pair.differs(c.target_row, [rows], SYMMETRIC.turned)
         ]
         if not turned:
             return []
         # all are refined alike and verified: which way found the map, and how far it was bent, does not count
         first = map_.fit or self.refine(self.begun([own]))[0]
-        fits = self.refine(self.begun(distinct_maps(pair, turned, MOST_TURNED)))
+        fits = self.refine(self.begun(distinct_maps(pair, turned, SYMMETRIC.most)))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
+        if not fits:
+            return []
         cost, *costs = parallel_map(lambda fit: self.verified(fit).cost, [first, *fits])
-        tied = sorted((c, i) for i, c in enumerate(costs) if c <= AS_WELL * cost)
+        tied = sorted((c, i) for i, c in enumerate(costs) if c <= SYMMETRIC.as_well * cost)
         return [candidate for _, i in tied if (candidate := fits[i].candidate)]
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:

@@ -25,7 +25,7 @@ def near_symmetric_variants(pair: Problem, target_row: SearchRows, most: float) 
     # σ ∘ f distorts distances at most as f and σ do together: so may the truth, if σ distorts less than f. Closest
     # points repair σ better on the side of the target, so symmetries of the source are composed with the inverse.
     def moved(between: Problem, rows: SearchRows) -> list[Candidate]:
-        near = [s for s in between.target.near_symmetries if s.residual <= most and _allowed(pair, s)]
+        near = [s for s in between.target.near_symmetries(most) if _allowed(pair, s)]
         return _moved(between, [_composed(s, rows) for s in near], "symmetry")
 
     turned = pair.turned
