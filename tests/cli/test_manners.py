@@ -217,16 +217,28 @@ def test_evaluate_knows_a_perfect_map_and_counts_what_is_missing(shapes, monkeyp
     assert "error, mean" in capsys.readouterr().out
 
 
-def test_evaluate_without_a_truth_tells_what_speaks_for_a_map(shapes, monkeypatch, tmp_path, capsys):
+@pytest.mark.long
+def test_evaluate_without_a_truth_matches_and_writes_a_page(shapes, monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(shapes)
-    right = evaluated(capsys, "evaluate truth.txt a.ply b.ply")
-    assert right["support"] == 1
-    np.savetxt(
-        tmp_path / "wrong.txt", np.random.default_rng(0).permutation(np.loadtxt("truth.txt", int)), fmt="%d"
-    )
-    assert evaluated(capsys, f"evaluate {tmp_path}/wrong.txt a.ply b.ply")["cost"] > 2 * right["cost"]
-    assert main(["evaluate", "truth.txt", "a.ply", "b.ply"]) == 0
-    assert "descriptor distance" in capsys.readouterr().out
+    right = evaluated(capsys, f"evaluate truth.txt a.ply b.ply -o {tmp_path}/page.html")
+    assert (right["verdict"], right["given"]["support"]) == ("right", 1)
+    assert "The map that was judged." in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_evaluate_with_a_reference_says_whether_a_map_is_right(shapes, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(shapes)
+    shuffled = np.random.default_rng(0).permutation(np.loadtxt("truth.txt", int))
+    np.savetxt(tmp_path / "wrong.txt", shuffled, fmt="%d")
+    command = ["evaluate", f"{tmp_path}/wrong.txt", "a.ply", "b.ply", "--reference", "truth.txt"]
+    wrong = evaluated(capsys, " ".join(command))
+    assert (wrong["verdict"], wrong["regions"] != []) == ("wrong", True)
+    assert wrong["given"]["cost"] > 2 * wrong["reference"]["cost"]
+    assert main([*command, "--fail-on", "wrong"]) == 1
+    told = capsys.readouterr()
+    assert "descriptor distance" in told.out
+    assert "wrong: it costs" in told.err
+    assert main([*command, "--fail-on", "bad"]) == 1
+    assert main([*command, "-o", f"{tmp_path}/other.html"]) == 1
 
 
 def test_evaluate_reads_maps_and_truths_of_other_programs(shapes, monkeypatch, tmp_path, capsys):

@@ -34,8 +34,8 @@ def names(problem):
     return [name for name, _ in select_strategies(problem)]
 
 
-def test_of_complete_shapes_an_isometry_is_tried_and_then_an_elastic_map(problem):
-    assert names(problem) == ["isometry", "elastic"]
+def test_of_complete_shapes_an_isometry_is_tried_then_an_elastic_map_then_both_sides(problem):
+    assert names(problem) == ["isometry", "elastic", "isometry from both sides"]
     assert all(name in STRATEGIES and why for name, why in select_strategies(problem))
 
 

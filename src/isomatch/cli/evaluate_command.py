@@ -1,4 +1,4 @@
-"""``isomatch evaluate``: the geodesic errors of any tool's map against a truth; without one, what speaks for it."""
+"""``isomatch evaluate``: the geodesic errors of any tool's map against a truth; without one, whether it is right."""
 
 from __future__ import annotations
 
@@ -10,14 +10,27 @@ import numpy as np
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import correspondence, evaluation
+from isomatch import correspondence, evaluation, visualization
 from isomatch._core.arrays import IntArray
-from isomatch._core.errors import FormatError
-from isomatch.cli.inputs import Seed
-from isomatch.cli.outputs import say_notes
-from isomatch.cli.terminal import TALK, Talk, say_table
+from isomatch._core.errors import FormatError, InputError, NotConvergedError
+from isomatch._core.settings import require_one_of
+from isomatch.cli.inputs import Force, Seed
+from isomatch.cli.outputs import claimed_files, say_notes
+from isomatch.cli.terminal import TALK, Talk, part, say, say_rows, say_table
 
-USUAL = "standard deviations; right maps have 0.2 to 0.5, wrong ones mostly more"
+MEASURES = (
+    ("support", "support", ".1%", "of the area has a counterpart"),
+    (
+        "descriptor distance",
+        "descriptor_distance",
+        ".2f",
+        "how differently surfaces look around points and their images",
+    ),
+    ("bending", "bending", ".1e", "stretch × distance from the target, in √area"),
+    ("bending back", "bending_back", ".1e", "the same of the target onto the source"),
+    ("cost", "cost", ".1e", "all in one; compares maps of these two shapes, lower is better"),
+)
+COLOURS = {"right": "green", "doubtful": "yellow", "wrong": "red"}
 CURVE = (0.01, 0.02, 0.05, 0.1, 0.25)  # √(target area)
 
 
@@ -33,14 +46,17 @@ def evaluate(
     truth_counts_from: Literal[0, 1] | None = None,
     variable: str | None = None,
     points: int | None = None,
+    reference: Path | None = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    fail_on: str | None = None,
     seed: Seed = 0,
+    force: Force = False,
     talk: Talk = TALK,
 ) -> None:
     """Score a map of any tool: geodesic errors on the target, in √(target area), as in the Princeton benchmark.
 
-    Without a truth, ``isomatch evaluate MAP SOURCE TARGET`` tells what speaks for the map: how differently the surfaces
-    look around points and their images, and how much they bend to lie on each other. Of two maps of the same shapes, that
-    of lower cost is nearly always the better one.
+    Without a truth, ``isomatch evaluate MAP SOURCE TARGET`` says whether the map is right, doubtful or wrong: it matches
+    the shapes, and tells how much more the map costs than isomatch's own, and where it lies elsewhere.
 
     Args:
         map_file: The map: a text file with the target vertex of each source vertex, one a line (-1: unmatched), an .npy
@@ -58,10 +74,16 @@ def evaluate(
         truth_counts_from: The same of TRUTH.
         variable: Name of the map in a .mat or .npz file that holds several arrays of its length.
         points: Number of truth points to judge, drawn without replacement; all by default.
+        reference: Without a truth, a map that is taken to be right, in place of isomatch's own.
+        output: Without a truth, a page (.html) to write, with both maps and the regions in which they differ.
+        fail_on: Without a truth, verdicts that make the exit code 1: wrong, doubtful; both with a comma.
     """
     if target is None:
-        _verify(map_file, truth, source, counts_from, variable, seed, talk)
+        files = map_file, truth, source, reference, output
+        _judge(*files, (counts_from, variable), read_verdicts(fail_on), seed, force, talk)
         return
+    if reference or output or fail_on:
+        raise InputError("--reference, --output and --fail-on need a map without a truth: MAP SOURCE TARGET")
     with talk.progress() as tell:
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
@@ -107,43 +129,78 @@ def evaluate(
     talk.result(record, summary, is_answer=True)
 
 
-def _verify(
+def read_verdicts(names: str | None) -> list[str]:
+    """Read a list of verdicts, such as "wrong,doubtful"."""
+    verdicts = [*filter(None, map(str.strip, (names or "").split(",")))]
+    for verdict in verdicts:
+        require_one_of("--fail-on", verdict, ("wrong", "doubtful"))
+    return verdicts
+
+
+def _judge(
     map_file: Path,
     source: Path,
     target: Path,
-    counts_from: Literal[0, 1] | None,
-    variable: str | None,
+    reference: Path | None,
+    page: Path | None,
+    reading: tuple[Literal[0, 1] | None, str | None],
+    refused: list[str],
     seed: int,
+    force: bool,
     talk: Talk,
 ) -> None:
-    """Tell what speaks for a map without a truth."""
-    with talk.progress() as tell:
+    """Say whether a map is right, without a truth."""
+    if page and (reference or page.suffix.lower() != ".html"):
+        raise InputError("--output is an .html file, with isomatch's own map; leave --reference out")
+    with talk.progress() as tell, claimed_files(page, force=force):
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
-        sizes = shapes[1].n_vertices, shapes[0].n_vertices
-        read = correspondence.read_map(map_file, *sizes, counts_from=counts_from, variable=variable)
-        tell("verification", 0.1)
-        found = isomatch.verify(*shapes, read.map, seed=seed)
+        sizes, (counts_from, variable) = (shapes[1].n_vertices, shapes[0].n_vertices), reading
+        files = [path for path in (map_file, reference) if path]
+        read = [
+            correspondence.read_map(path, *sizes, counts_from=counts_from, variable=variable)
+            for path in files
+        ]
+        judged, other = read[0].map, read[1].map if reference else None
+        found = isomatch.judge(*shapes, judged, other, seed=seed, progress=part(tell, 0.1, 0.8))
+        tell("writing", 0.9)
+        if page:
+            visualization.write_judgement(page, *shapes, found, names=(source.name, target.name))
         tell("done", 1.0)
-    values = {**asdict(found), "cost": found.cost}
     record: dict[str, Any] = {
         "map": str(map_file),
-        **{name: value if np.isfinite(value) else None for name, value in values.items()},
-        "notes": [read.note] if read.note else [],
+        "verdict": found.verdict,
+        "sentence": found.sentence,
+        "ratio": found.ratio if np.isfinite(found.ratio) else None,
+        "elsewhere": found.elsewhere,
+        "regions": [region.to_dict() for region in found.regions],
+        **{
+            name: _finite(values) for name, values in (("given", found.given), ("reference", found.reference))
+        },
+        "page": page and str(page),
+        "notes": [each.note for each in read if each.note],
     }
 
     def summary() -> None:
+        say(str(found), COLOURS[found.verdict])
+        say_rows(("region", str(region)) for region in found.regions)
         rows = [
-            ("support", f"{found.support:.1%}", "of the area has a counterpart"),
-            ("descriptor distance", f"{found.descriptor_distance:.2f}", USUAL),
-            ("bending", f"{found.bending:.1e}", "stretch × distance from the target, in √area"),
-            ("bending back", f"{found.bending_back:.1e}", "the same of the target onto the source"),
-            ("cost", f"{found.cost:.1e}", "compares maps of these two shapes; lower is better"),
+            (name, *(f"{getattr(each, field):{form}}" for each in (found.given, found.reference)), meaning)
+            for name, field, form, meaning in MEASURES
         ]
-        say_table(rows)
+        say_table([("", "this map", "reference", ""), *rows])
         say_notes(record["notes"])
+        if page:
+            say_rows([("page", str(page))])
 
     talk.result(record, summary, is_answer=True)
+    if found.verdict in refused:
+        raise NotConvergedError(str(found))
+
+
+def _finite(found: isomatch.Verification) -> dict[str, float | None]:
+    values = {**asdict(found), "cost": found.cost}
+    return {name: value if np.isfinite(value) else None for name, value in values.items()}
 
 
 def _of_marks(of_source: Path, of_target: Path) -> IntArray:

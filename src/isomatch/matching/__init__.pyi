@@ -13,6 +13,7 @@ from isomatch.matching.coordinates import joint_coordinates
 from isomatch.matching.elastic.elastic import Elastic
 from isomatch.matching.isometric.candidates import first_map
 from isomatch.matching.isometric.isometry import Isometry
+from isomatch.matching.judge import Judgement, judge
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.match import BothDirections, continue_with, match, match_both
 from isomatch.matching.model import Match, MatchingModel, Proposals, RefiningModel
@@ -41,6 +42,7 @@ __all__ = [
     "Fit",
     "Isometry",
     "Joint",
+    "Judgement",
     "Match",
     "MatchResult",
     "MatchingModel",
@@ -65,6 +67,7 @@ __all__ = [
     "expected_errors",
     "first_map",
     "joint_coordinates",
+    "judge",
     "lowered",
     "match",
     "match_both",

@@ -422,6 +422,23 @@ class SymmetricParameters:
 
 
 @dataclass(frozen=True)
+class JudgingParameters:
+    """A map of any tool beside a reference, see `judge`."""
+
+    # images that are farther apart are in different places; chosen: above the errors of right maps, below a limb
+    elsewhere: float = 0.08  # √area
+    # a map that sends less elsewhere agrees with the reference, and smaller regions are not named; chosen: a hand
+    least_area: float = 0.01  # share of the area
+    # a map that agrees is right up to this; measured: a map known at 300 points 4 to 5
+    rough: float = 8.0  # cost over that of the reference
+    # a map that sends a part elsewhere is wrong from here on; measured: a limb shifted by half its width 1.33
+    clearly: float = 1.25  # cost over that of the reference
+    # a map with fewer different images is coarse, and judged by the nearest vertex of each image; chosen
+    coarse: float = 0.25  # different images over vertices
+    most_regions: int = 5  # regions: the largest are named; chosen
+
+
+@dataclass(frozen=True)
 class SpectralParameters:
     """The refinements of the paper."""
 
@@ -453,5 +470,6 @@ COMPONENTS = ComponentsParameters()
 HELD_LANDMARKS = HeldLandmarksParameters()
 ERRORS = ErrorsParameters()
 EXCHANGE = ExchangeParameters()
+JUDGING = JudgingParameters()
 SYMMETRIC = SymmetricParameters()
 SPECTRAL = SpectralParameters()

@@ -15,6 +15,8 @@ from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.matching.assessment.evidence import Evidence, Solution
 from isomatch.matching.elastic.elastic import Elastic, far_from_isometric, may_be_far
+from isomatch.matching.isometric.both_sides import BothSides
+from isomatch.matching.isometric.candidates import is_sure
 from isomatch.matching.isometric.isometry import IsometricMatch, Isometry, image_of, torn
 from isomatch.matching.maps import Candidate
 from isomatch.matching.model import Match, MatchingModel, origin_of
@@ -81,6 +83,7 @@ class Strategy:
     # builds the model of a further variant from what was found; the better map stays
     again: Callable[[Problem, Match[Any, Any], StageTimer], MatchingModel[Any, Any] | None] | None = None
     is_guess: bool = False  # whether its map is never sure
+    replaces: Strategy | None = None  # whose map it begins with; that is no more one of several
 
 
 def part_of(problem: Problem) -> PartSide | Literal["both"] | None:
@@ -184,6 +187,24 @@ def _part_from_closed(problem: Problem, attempts: Attempts) -> Part:
     return Part(problem, side, (image_of(match, side), origin, match.ranking.runner_up))
 
 
+def _may_be_searched_from_target(problem: Problem) -> bool:
+    """Whether the isometry was searched without priors and starts, by a refinement that looks further."""
+    alone = problem.starts is None and problem.refinement.searches_further
+    return alone and Isometry(problem).is_sided
+
+
+def _is_unsure_isometry(problem: Problem, attempts: Attempts) -> bool:
+    """Whether other isometries may be right, and no other strategy is sure."""
+    match = attempts.matches.get(AS_IT_IS.name)
+    if (
+        match is None
+        or attempts.hypotheses is not None
+        or not (len(attempts.solutions) == 1 or attempts.is_unsure)
+    ):
+        return False
+    return not is_sure(cast(Isometry, match.model), match.ranking)
+
+
 def _is_clear(problem: Problem, solution: Solution) -> bool:
     """Whether the map of a part is far from doubtful."""
     bound = STRATEGY.little_doubt * problem.config.parts.poor_doubt
@@ -203,8 +224,20 @@ AS_IT_IS = Strategy(
     lambda problem, attempts, timer: Isometry(problem, attempts.hypotheses),
     # fused limbs make a handle, and may look right; so may an isometry of shapes that are none
     is_enough=lambda problem, attempts, solution: (
-        solution.outcome in SURE and not max(handles_of(problem)) and not _is_far(problem, attempts)
+        solution.outcome in SURE
+        and not max(handles_of(problem))
+        and not _is_far(problem, attempts)
+        and not (_may_be_searched_from_target(problem) and _is_unsure_isometry(problem, attempts))
     ),
+)
+BOTH_SIDES = Strategy(
+    "isometry from both sides",
+    "whole",
+    "if other isometries may be right, and nothing else is sure",
+    lambda problem, attempts, timer: BothSides(attempts.matches[AS_IT_IS.name]),
+    _may_be_searched_from_target,
+    _is_unsure_isometry,
+    replaces=AS_IT_IS,
 )
 # cut are the handles that only one shape has, or all of both, or its folds, too
 SURPLUS_CUT = Strategy(
@@ -273,7 +306,7 @@ OVERLAPPING = Strategy(
 VIA = Strategy("via", "parts", "wholes are given", lambda *_: None)  # see `solve_via`
 
 # in the order in which they are tried
-COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC
+COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC, BOTH_SIDES
 MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED
 LITTLE_MISSING = CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
 TWO_PARTS = AS_IT_IS, OVERLAPPING
@@ -313,8 +346,9 @@ def select_strategies(problem: Problem) -> list[tuple[str, str]]:
     --------
     >>> from isomatch.datasets import example_pair
     >>> from isomatch.matching import prepare_pair
-    >>> select_strategies(prepare_pair(*(animal.mesh for animal in example_pair())))
-    [('isometry', 'always, unless one shape is a part'), ('elastic', 'if no isometry fits')]
+    >>> problem = prepare_pair(*(animal.mesh for animal in example_pair()))
+    >>> [name for name, when in select_strategies(problem)]
+    ['isometry', 'elastic', 'isometry from both sides']
     """
     if problem.relation is not None:
         return [(name_of(problem.relation), "the relation was handed in")]
@@ -342,6 +376,8 @@ def try_strategies(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
                 failure = error
             attempts.failures.append(f"{said}: {error}")
         if solution is not None:
+            replaced = strategy.replaces and strategy.replaces.name
+            attempts.solutions = [before for before in attempts.solutions if before.way != replaced]
             attempts.solutions.append(replace(solution, pair=problem, way=strategy.name))
             if strategy.is_enough(problem, attempts, solution):
                 break

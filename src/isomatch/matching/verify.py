@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +14,7 @@ from isomatch._core.cached import cached_method, cached_property
 from isomatch._core.errors import MeshError
 from isomatch._core.first_use import Shown
 from isomatch._core.threads import in_background, parallel_map, serial_blas
-from isomatch.correspondence import UNMATCHED, Correspondence, RigidRegistration
+from isomatch.correspondence import UNMATCHED, Correspondence, RigidRegistration, read_map
 from isomatch.decimation import Prolongation, decimate
 from isomatch.descriptors import RADII, BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
@@ -42,7 +43,7 @@ FEWEST_BENT = 30  # vertices of a piece that can be bent
 LEAST = 1e-9  # of what is divided by
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Verification(Shown):
     """What speaks for a map of two surfaces, measured on them as they are; compare maps of one pair only.
 
@@ -79,6 +80,10 @@ class Verification(Shown):
     unit: float
     seconds: float
 
+    def __repr__(self) -> str:
+        values = ", ".join(f"{field.name}={getattr(self, field.name):.4g}" for field in fields(self))
+        return f"Verification(cost={self.cost:.4g}, {values})"
+
     @property
     def cost(self) -> float:
         """√(bending × bending back) × (turning / 0.1)^¼ × exp(6 × descriptor distance) / support²: lower is better."""
@@ -93,7 +98,7 @@ class Verification(Shown):
 def verify(
     source: SurfaceLike | PreparedShape,
     target: SurfaceLike | PreparedShape,
-    map: Correspondence | ArrayLike,
+    map: Correspondence | ArrayLike | str | Path,
     config: Config | None = None,
     seed: int = 0,
 ) -> Verification:
@@ -106,8 +111,8 @@ def verify(
     ----------
     source, target : Mesh, PreparedShape, path_like, tuple or object
         As for `match`.
-    map : Correspondence or (n_source,) array_like of int
-        Target vertex of each source vertex; −1 where there is none.
+    map : Correspondence, (n_source,) array_like of int, or path_like
+        Target vertex of each source vertex; −1 where there is none. Or a file of such a map, see `read_map`.
     config, seed
         As for `match`; they concern the preparation of shapes not yet prepared.
 
@@ -139,19 +144,34 @@ def verify(
 
     def verified() -> Verification:
         with serial_blas():
-            pair = prepare_pair(source, target, config, seed)
-            for side, shape in (("source", pair.source), ("target", pair.target)):
-                if shape.triangles is None:
-                    raise MeshError(
-                        f"{side}: a map is verified by bending surfaces, which needs triangles; give meshes"
-                    )
-            if isinstance(map, Correspondence):
-                map.check_fits(pair.source.surface, pair.target.surface)
-            image: ArrayLike = map.vertices if isinstance(map, Correspondence) else map
-            sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
-            return Verifier(pair)(on_bodies(pair, checked_initial_map(image, *sizes)))
+            pair = prepare_meshes(source, target, config, seed)
+            return Verifier(pair)(on_bodies(pair, images_of(map, pair)))
 
     return in_background(verified)
+
+
+def prepare_meshes(
+    source: SurfaceLike | PreparedShape, target: SurfaceLike | PreparedShape, config: Config | None, seed: int
+) -> Problem:
+    """Prepare two shapes whose maps are to be verified; `MeshError` if one is no mesh."""
+    pair = prepare_pair(source, target, config, seed)
+    for side, shape in (("source", pair.source), ("target", pair.target)):
+        if shape.triangles is None:
+            raise MeshError(
+                f"{side}: a map is verified by bending surfaces, which needs triangles; give meshes"
+            )
+    return pair
+
+
+def images_of(map: Correspondence | ArrayLike | str | Path, pair: Problem) -> Int[UserVertices, "n_source"]:
+    """Return the target vertex of each source vertex under a map, an array, or a file; `MapError` if it does not fit."""
+    sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
+    if isinstance(map, (str, Path)):
+        map = read_map(map, *sizes[::-1]).map
+    if isinstance(map, Correspondence):
+        map.check_fits(pair.source.surface, pair.target.surface)
+        map = map.vertices
+    return checked_initial_map(map, *sizes)
 
 
 def on_bodies(pair: Problem, vertices: Int[UserVertices, "n_source"]) -> Int[BodyVertices, "n_s"]:

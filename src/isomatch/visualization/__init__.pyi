@@ -5,7 +5,7 @@ from isomatch.visualization.notebook import ResultView, html_of, show_result
 from isomatch.visualization.pair_page import MOST_ALTERNATIVES
 from isomatch.visualization.picture import ValuePanel, arranged_panels, colour_scale
 from isomatch.visualization.plots import draw_map, drawable, plot_basis, plot_surface
-from isomatch.visualization.report import write_landmark_picker, write_report
+from isomatch.visualization.report import write_judgement, write_landmark_picker, write_report
 from isomatch.visualization.summary import HEADLINES, Summary, summary_of
 from isomatch.visualization.surface_image import surface_image
 from isomatch.visualization.work_page import WorkPage
@@ -34,6 +34,7 @@ __all__ = [
     "surface_image",
     "to_screen",
     "turn_to_target",
+    "write_judgement",
     "write_landmark_picker",
     "write_report",
 ]

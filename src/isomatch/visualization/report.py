@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from html import escape
+from math import nan
 from pathlib import Path
 
 from numpy.typing import ArrayLike
 
+from isomatch._core.errors import MapError
 from isomatch._core.files import write_text
-from isomatch.matching import MatchResult, Outcome
+from isomatch.matching import Alternative, Judgement, MatchResult, Outcome
 from isomatch.surfaces import Mesh
 from isomatch.visualization.pair_page import (
     SIDES,
@@ -32,7 +35,7 @@ from isomatch.visualization.pair_page import (
 from isomatch.visualization.picture import png
 from isomatch.visualization.plots import SEEN, WIDTH, draw_map
 from isomatch.visualization.scene import layers_of, scene_of, user_layers
-from isomatch.visualization.summary import outcome_colour
+from isomatch.visualization.summary import JUDGED, outcome_colour
 
 COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 
@@ -116,6 +119,43 @@ def write_report(
         run=tables_of_run(result, facts or {}),
     )
     write_text(Path(path), page)
+
+
+def write_judgement(
+    path: str | Path, source: Mesh, target: Mesh, judgement: Judgement, *, names: tuple[str, str] = SIDES
+) -> None:
+    """Write a page of isomatch's own map beside the one that was judged, with the regions in which they differ.
+
+    Parameters
+    ----------
+    path, source, target, names
+        As for `write_report`.
+    judgement : Judgement
+        What `judge` found with its own map.
+
+    Raises
+    ------
+    MapError
+        If the judgement has no map of isomatch's own, as it was made with a reference.
+    UnwritableFileError
+        If the file cannot be written.
+    """
+    if judgement.result is None:
+        raise MapError(
+            "the map was judged by a reference; judge it without, for a page of isomatch's own map"
+        )
+    given = Alternative(lambda: judgement.map, nan, nan, JUDGED)
+    others, notes = (given, *judgement.result.alternatives), (str(judgement), *judgement.result.notes)
+    result = replace(judgement.result, alternatives=others, regions=judgement.regions, notes=notes)
+    write_report(
+        path,
+        source,
+        target,
+        result,
+        names=names,
+        facts={"the map that was judged, alternative 1": str(judgement)},
+        layers={"distance from the judged map": judgement.distance},
+    )
 
 
 def write_landmark_picker(

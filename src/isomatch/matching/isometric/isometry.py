@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 from typing import TypeAlias
@@ -14,7 +14,7 @@ from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArr
 from isomatch._core.errors import SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map, serial_blas
-from isomatch.correspondence import UNMATCHED, Alignment, Correspondence, Embedding, PrecisePoints
+from isomatch.correspondence import Alignment, Correspondence, Embedding, PrecisePoints
 from isomatch.matching.assessment.confidence import (
     doubt_in,
     doubt_of,
@@ -28,7 +28,6 @@ from isomatch.matching.assessment.quality import (
     measure_quality,
 )
 from isomatch.matching.coordinates import refined_images, registered
-from isomatch.matching.exchange import exchange_regions
 from isomatch.matching.isometric.candidates import (
     Screening,
     energy_of,
@@ -40,7 +39,7 @@ from isomatch.matching.isometric.candidates import (
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
-from isomatch.matching.parameters import EXCHANGE, SAME_MAP, SCREENING, SYMMETRIC, TIES
+from isomatch.matching.parameters import SAME_MAP, SCREENING, SYMMETRIC, TIES
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.composed import near_symmetric_variants, symmetric_variants
 from isomatch.matching.proposals.flips import distinct_maps
@@ -56,7 +55,6 @@ from isomatch.matching.selection import (
     survivors,
 )
 from isomatch.matching.smooth_pair import SmoothPair
-from isomatch.matching.verify import inverse, verifier_of
 
 AMBIGUOUS = (
     "a shape has a symmetry about as near to exact as the shapes are alike, and the map composed with it fits about as "
@@ -87,15 +85,6 @@ def torn(match: IsometricMatch, side: int, apart: float) -> Bool[BoolArray, "n_o
     far = there.distance(image[copies], image[here.original_vertex[copies]]) > apart
     torn[here.original_vertex[copies[far]]] = True  # a vertex may have several copies
     return torn
-
-
-@dataclass(frozen=True, eq=False)
-class VerifiedFit:
-    """A refined map, its images of all vertices, and its cost by `verify`."""
-
-    fit: Fit
-    image: Int[BodyVertices, "n_s"]
-    cost: float
 
 
 class Isometry(RefiningModel[Fit, Embedding]):
@@ -136,15 +125,10 @@ class Isometry(RefiningModel[Fit, Embedding]):
     ) -> Ranking[Fit]:
         """Select by score and descriptors; those that tie by what they cost on the shapes as they are."""
         may_win = [True] * len(maps) + [False] * len(rivals)
-        ranking = self._selected([*maps, *rivals], may_win, proposals.n_tried)
-        if self._is_automatic:
+        ranking = self.selected([*maps, *rivals], may_win, proposals.n_tried)
+        if self._found is None and self.problem.starts is None:
             ranking = self._with_those_given_up(ranking, proposals.eligible)
         return self._against_mirror_image(self._best_verified(ranking), proposals.eligible)
-
-    @property
-    def _is_automatic(self) -> bool:
-        """Whether hypotheses are searched by the default starts."""
-        return self._found is None and self.problem.starts is None
 
     def coordinates(self, best: Fit) -> Embedding:
         """Coordinates of all vertices in which images are nearest points."""
@@ -204,7 +188,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         pair, settings = self.pair, self.pair.config.refining
         refined, both_sides = list(fits), pair.config.orientation == "any"
         for sizes, with_positions in settings.rounds if fits else ():
-            refined = parallel_map(lambda fit: self._stepped(fit, sizes, with_positions), refined)  # noqa: B023
+            refined = parallel_map(lambda fit: self.stepped(fit, sizes, with_positions), refined)  # noqa: B023
             apart = self._apart(refined)
             kept = survivors(refined, apart, pair.config.selection, with_positions, both_sides)
             refined = [refined[i].standing_for(refined[j]) for i, j in kept]
@@ -220,12 +204,13 @@ class Isometry(RefiningModel[Fit, Embedding]):
         def better(fit: Fit) -> Fit:
             if not settings.sizes_again or fit.score > limit:
                 return fit
-            again = self._stepped(fit, (*settings.sizes_again, *last), with_positions)
+            again = self.stepped(fit, (*settings.sizes_again, *last), with_positions)
             return min(fit, replace(again, score=self.cost(again)), key=attrgetter("score"))
 
         return parallel_map(better, fits)
 
-    def _stepped(self, fit: Fit, sizes: tuple[int, ...], with_positions: bool) -> Fit:
+    def stepped(self, fit: Fit, sizes: tuple[int, ...], with_positions: bool) -> Fit:
+        """Refine a map by a few steps."""
         image, spectral_residual = refined_images(self.pair, fit.image, fit.side, sizes, with_positions)
         return replace(fit, image=image, spectral_residual=spectral_residual)
 
@@ -248,7 +233,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         """Joint coordinates of all vertices, with all functions, after registration."""
         return registered(self.pair, fit.image, fit.side, self.refinement.smooth)
 
-    def _selected(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Ranking[Fit]:
+    def selected(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Ranking[Fit]:
         """Select among refined maps, also by what they look like where they differ."""
         return select(
             fits,
@@ -264,43 +249,37 @@ class Isometry(RefiningModel[Fit, Embedding]):
         """Refine to the end what was given up on the way to a winner that is not sure, if it differs as a whole."""
         # a half turn of an ant is given up at 1.15 times the spectral residual, and ties by the score
         first, config = ranking.best, self.pair.config
-        if not self._sided or first.candidate is None or is_sure(self, ranking):
+        if not self.is_sided or first.candidate is None or is_sure(self, ranking):
             return ranking
         known = [first, *ranking.others]
         ended = [fit.candidate.target_row for fit in known if fit.candidate]
         others = contenders(candidates, config.orientation, config.selection)
         fits = self.refine(self.begun(distinct_maps(self.pair, others, before=ended)))
         known += [fit for fit in fits if is_another(self, fit, first)]
-        return self._selected(known, [True] * len(known))
+        return self.selected(known, [True] * len(known))
 
     @property
-    def _sided(self) -> bool:
+    def is_sided(self) -> bool:
         """Whether one orientation is wanted, of shapes that have one, and nothing else is known of the map."""
         config, oriented = self.pair.config, self.pair.oriented
         return oriented and config.orientation != "any" and config.hypotheses == "all" and not self.priors.any
 
     def _best_verified(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
-        """Of maps that tie, and of those found from the target where none is sure, take the one that verifies best."""
+        """Of maps that tie take the one that verifies best."""
         # Not for capped shapes, whose distances cross the caps; docs/lab/design_notes.md, both sides.
         first = ranking.best
-        if not self._sided or any(shape.original for shape in (self.source, self.target)):
+        capped = any(shape.original for shape in (self.source, self.target))
+        tied = [first] if capped or not self.is_sided else self.tied(ranking)
+        best = min(tied, key=lambda fit: self.verified(fit).cost) if len(tied) > 1 else first
+        if best is first:
             return ranking
-        searched = self._is_automatic and self.refinement.searches_further and not is_sure(self, ranking)
-        tied = [*self._tied(ranking), *(self._from_target(first.side) if searched else [])]
-        if len(tied) == 1:
-            return ranking
-        verified = [self._verify(fit) for fit in tied]
-        best = min(verified, key=attrgetter("cost"))
-        if searched and (exchanged := self._exchanged(best, verified)):
-            verified.append(exchanged)
-            best = min(best, exchanged, key=attrgetter("cost"))
-        fits = dict.fromkeys([first, *ranking.others, *(each.fit for each in verified)])
-        others = tuple(fit for fit in fits if fit is not best.fit)
-        return replace(
-            self._compared(ranking, best, verified if searched else []), best=best.fit, others=others
-        )
+        others = (first, *(fit for fit in ranking.others if fit is not best))
+        ranking = replace(ranking, best=best, others=others)
+        if is_another(self, best, first) or ranking.against is best:
+            return replace(ranking, runner_up=1.0, against=first)
+        return ranking
 
-    def _tied(self, ranking: Ranking[Fit]) -> list[Fit]:
+    def tied(self, ranking: Ranking[Fit]) -> list[Fit]:
         """Return maps of the winner's orientation that tie with it; their scores do not tell which is right."""
         first, tie = ranking.best, self.pair.config.outcome.tie
         if self.source.handles or self.target.handles:  # which shorten distances
@@ -311,53 +290,6 @@ class Isometry(RefiningModel[Fit, Embedding]):
             tied, TIES.landmark_slack
         )  # where shapes lie in space, if that was said to count
 
-    def _from_target(self, side: float) -> list[Fit]:
-        """Search from the target to the source; the maps that tie there, inverted and refined locally."""
-        build = self.problem.relation or type(self)
-        turned = build(self.pair.turned)
-        if not isinstance(turned, Isometry):  # a relation that was handed in may stand for several models
-            return []
-        maps = turned.refine(turned.propose(StageTimer()).begun)
-        tied = turned._tied(turned._selected(maps, [True] * len(maps)))
-        found = []
-        for fit in tied[: EXCHANGE.most_from_target]:
-            known = BodyVertices(np.full(self.target.body.n_vertices, UNMATCHED))
-            known[turned.vertices] = fit.image
-            image, _ = inverse(self.source, known)
-            found.append(self._locally_refined(replace(fit, candidate=None), image))
-        return [fit for fit in found if fit.side == side]
-
-    def _exchanged(self, best: VerifiedFit, verified: Sequence[VerifiedFit]) -> VerifiedFit | None:
-        """Exchange regions of the best map with the others."""
-        others = [each.image for each in verified if each is not best]
-        image = exchange_regions(self.pair, best.image, best.cost, others)
-        return None if image is None else self._verify(self._locally_refined(best.fit, image))
-
-    def _compared(
-        self, ranking: Ranking[Fit], best: VerifiedFit, verified: Sequence[VerifiedFit]
-    ) -> Ranking[Fit]:
-        """Compare the best with another map: by scores, or where it was found otherwise by what both cost."""
-        first, ratio, against = ranking.best, ranking.runner_up, ranking.against
-        if best.fit is not first:
-            against = first if against in (None, best.fit) else against
-            if is_another(self, best.fit, first):
-                ratio = np.inf if verified else 1.0
-        for each in verified:
-            if is_another(self, each.fit, best.fit) and each.cost < ratio * best.cost:
-                ratio, against = each.cost / best.cost, each.fit
-        return replace(ranking, runner_up=ratio, against=against)
-
-    def _locally_refined(self, fit: Fit, image: BodyVertices) -> Fit:
-        """Refine a map of all vertices by the last step alone, which keeps it where it is."""
-        moved = replace(fit, image=BodyVertices(image[self.vertices]))
-        if self.refinement.polishes:
-            moved = self._stepped(moved, *self.pair.config.refining.last_step)
-        return self.measured(moved, moved.image)
-
-    def _verify(self, fit: Fit) -> VerifiedFit:
-        image = self.image(fit)
-        return VerifiedFit(fit, image, verifier_of(self.pair)(image).cost)
-
     def image(self, best: Fit) -> Int[BodyVertices, "n_s"]:
         """Vertex of the target's body for each of the source's."""
         embedding = self.everywhere(best)
@@ -365,7 +297,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _against_mirror_image(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
         """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
-        if not self._sided:
+        if not self.is_sided:
             return ranking
         config = self.pair.config
         settings, bounds, wanted = config.selection, config.outcome, self._wanted_sign

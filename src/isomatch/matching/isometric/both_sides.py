@@ -1,0 +1,119 @@
+"""Both sides: where no isometry is sure, maps are searched from the target, too, and regions exchanged between maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from operator import attrgetter
+
+import numpy as np
+
+from isomatch._core.arrays import BodyVertices, Int
+from isomatch._core.stage_timer import StageTimer
+from isomatch.correspondence import UNMATCHED, Embedding
+from isomatch.matching.exchange import exchange_regions
+from isomatch.matching.isometric.candidates import is_another
+from isomatch.matching.isometric.isometry import IsometricMatch, Isometry
+from isomatch.matching.maps import Fit
+from isomatch.matching.model import Proposals
+from isomatch.matching.parameters import EXCHANGE
+from isomatch.matching.selection import Ranking
+from isomatch.matching.verify import inverse, verifier_of
+
+
+@dataclass(frozen=True, eq=False)
+class VerifiedFit:
+    """A refined map, its images of all vertices, and its cost by `verify`."""
+
+    fit: Fit
+    image: Int[BodyVertices, "n_s"]
+    cost: float
+
+
+class BothSides(Isometry):
+    """An isometry that is not sure, with maps that were found from the target, and with regions of other maps.
+
+    Parameters
+    ----------
+    found : Match
+        What was found under an `Isometry`.
+
+    Notes
+    -----
+    The maps that tie, and those of a search from the target, are verified. The best takes regions from the others while
+    its cost falls. The map is as sure as its lead over the others by this cost.
+    """
+
+    def __init__(self, found: IsometricMatch) -> None:
+        super().__init__(found.model.problem)
+        self.found = found
+
+    def propose(self, timer: StageTimer) -> Proposals[Fit]:
+        """Give what was found before; nothing is left to refine."""
+        return replace(self.found.proposals, begun=(), rivals=())
+
+    def rank(
+        self, maps: list[Fit], rivals: list[Fit], proposals: Proposals[Fit], timer: StageTimer
+    ) -> Ranking[Fit]:
+        """Take the map that verifies best, of those that tie, those found from the target, and an exchange of regions."""
+        ranking = self.found.ranking
+        first = ranking.best
+        tied = [*self.tied(ranking), *self._found_from_target(first.side)]
+        verified = [self._verify(fit) for fit in tied]
+        best = min(verified, key=attrgetter("cost"))
+        exchanged = self._exchange(best, verified)
+        if exchanged:
+            verified.append(exchanged)
+            best = min(best, exchanged, key=attrgetter("cost"))
+        fits = dict.fromkeys([first, *ranking.others, *(each.fit for each in verified)])
+        others = tuple(fit for fit in fits if fit is not best.fit)
+        ratio, against = self._compare(ranking, best, verified)
+        return replace(ranking, best=best.fit, others=others, runner_up=ratio, against=against)
+
+    def coordinates(self, best: Fit) -> Embedding:
+        """Coordinates of all vertices in which images are nearest points."""
+        return self.found.coordinates if best is self.found.ranking.best else super().coordinates(best)
+
+    def _found_from_target(self, side: float) -> list[Fit]:
+        """Search from the target to the source; the maps that tie there, inverted and refined locally."""
+        turned = Isometry(self.pair.turned)
+        maps = turned.refine(turned.propose(StageTimer()).begun)
+        tied = turned.tied(turned.selected(maps, [True] * len(maps)))
+        found = []
+        for fit in tied[: EXCHANGE.most_from_target]:
+            known = BodyVertices(np.full(self.target.body.n_vertices, UNMATCHED))
+            known[turned.vertices] = fit.image
+            image, _ = inverse(self.source, known)
+            found.append(self._refine_locally(replace(fit, candidate=None), image))
+        return [fit for fit in found if fit.side == side]
+
+    def _exchange(self, best: VerifiedFit, verified: Sequence[VerifiedFit]) -> VerifiedFit | None:
+        """Exchange regions of the best map with the others."""
+        others = [each.image for each in verified if each is not best]
+        image = exchange_regions(self.pair, best.image, best.cost, others)
+        return None if image is None else self._verify(self._refine_locally(best.fit, image))
+
+    def _compare(
+        self, ranking: Ranking[Fit], best: VerifiedFit, verified: Sequence[VerifiedFit]
+    ) -> tuple[float, Fit | None]:
+        """Compare the best with another map: by scores, or where it was found otherwise by what both cost."""
+        first, ratio, against = ranking.best, ranking.runner_up, ranking.against
+        if best.fit is not first:
+            against = first if against in (None, best.fit) else against
+            if is_another(self, best.fit, first):
+                ratio = np.inf
+        for each in verified:
+            if is_another(self, each.fit, best.fit) and each.cost < ratio * best.cost:
+                ratio, against = each.cost / best.cost, each.fit
+        return ratio, against
+
+    def _refine_locally(self, fit: Fit, image: BodyVertices) -> Fit:
+        """Refine a map of all vertices by the last step alone, which keeps it where it is."""
+        moved = replace(fit, image=BodyVertices(image[self.vertices]))
+        if self.refinement.polishes:
+            moved = self.stepped(moved, *self.pair.config.refining.last_step)
+        return self.measured(moved, moved.image)
+
+    def _verify(self, fit: Fit) -> VerifiedFit:
+        image = self.image(fit)
+        return VerifiedFit(fit, image, verifier_of(self.pair)(image).cost)

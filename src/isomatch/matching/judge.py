@@ -1,0 +1,219 @@
+"""`judge`: whether a map that any tool made is right, by comparison with another map of the same shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._core.arrays import BoolArray, FloatArray
+from isomatch._core.first_use import Shown
+from isomatch._core.stage_timer import Progress
+from isomatch._core.threads import in_background, serial_blas
+from isomatch.correspondence import Correspondence
+from isomatch.io import SurfaceLike
+from isomatch.matching.assessment.confidence import DoubtfulRegion
+from isomatch.matching.match import match
+from isomatch.matching.parameters import JUDGING
+from isomatch.matching.problem import Problem
+from isomatch.matching.result import MatchResult
+from isomatch.matching.verify import Verification, Verifier, images_of, on_bodies, prepare_meshes
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
+from isomatch.surfaces import linked
+
+Verdict = Literal["right", "doubtful", "wrong"]
+MapLike: TypeAlias = Correspondence | ArrayLike | str | Path
+LEAST = 1e-12  # of a cost that is divided by
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement(Shown):
+    """Whether a map is right, and why.
+
+    Parameters
+    ----------
+    verdict : {"right", "doubtful", "wrong"}
+    sentence : str
+        The reason in words.
+    given, reference : Verification
+        What speaks for the map, and for the one that it is compared with.
+    ratio : float
+        Cost of the map over that of the reference.
+    distance : (n_source,) array of float
+        Distance between the images of each source vertex under both maps, in √area of the target; nan where only one of
+        them has an image, or the vertex does not count.
+    elsewhere : float
+        Share of the area of the source that both maps send to different places, or only the reference sends anywhere.
+    regions : tuple of DoubtfulRegion
+        Connected regions of that area, the largest first.
+    map, reference_map : Correspondence
+        The map, and the one that it is compared with.
+    result : MatchResult, optional
+        The match that made this map, if it was not given.
+    """
+
+    verdict: Verdict
+    sentence: str
+    given: Verification
+    reference: Verification
+    ratio: float
+    distance: FloatArray
+    elsewhere: float
+    regions: tuple[DoubtfulRegion, ...]
+    map: Correspondence
+    reference_map: Correspondence
+    result: MatchResult | None = None
+
+    def __str__(self) -> str:
+        return f"{self.verdict}: {self.sentence}"
+
+
+def judge(
+    source: SurfaceLike | PreparedShape,
+    target: SurfaceLike | PreparedShape,
+    map: MapLike,
+    reference: MapLike | None = None,
+    config: Config | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Judgement:
+    """Tell whether a map that any tool made is right, by comparison with isomatch's own map or another one.
+
+    Both maps are verified, see `verify`, and compared vertex by vertex. A map is wrong if it sends a part of the surface
+    elsewhere and costs clearly more than the reference. It is right if it sends hardly anything elsewhere, and the
+    reference is sure. Anything else is doubtful.
+
+    Parameters
+    ----------
+    source, target : Mesh, PreparedShape, path_like, tuple or object
+        As for `match`.
+    map : Correspondence, (n_source,) array_like of int, or path_like
+        Target vertex of each source vertex, −1 where there is none; or a file of such a map, see `read_map`.
+    reference : Correspondence, array_like or path_like, optional
+        A map that is taken to be right. By default the shapes are matched.
+    config, seed, progress
+        As for `match`.
+
+    Returns
+    -------
+    Judgement
+        Its text is the verdict with the reason.
+
+    Raises
+    ------
+    MeshError
+        If a shape is no mesh, or cannot be used.
+    MapError
+        If a map does not fit the shapes.
+
+    Notes
+    -----
+    Takes the time of a match, and half a second. Only the largest component of each shape is looked at.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from isomatch.datasets import example_pair, ground_truth
+    >>> source, target = example_pair()
+    >>> true = ground_truth(source, target).vertices
+    >>> judge(source.mesh, target.mesh, true).verdict
+    'right'
+    >>> judge(source.mesh, target.mesh, np.random.default_rng(0).permutation(true)).verdict
+    'wrong'
+    """
+
+    def prepared() -> Problem:
+        with serial_blas():
+            return prepare_meshes(source, target, config, seed)
+
+    pair, result = in_background(prepared), None
+    if reference is None:
+        result = match(pair.source, pair.target, config=config, seed=seed, progress=progress)
+        reference = result.map
+    other = reference
+
+    def compared() -> Judgement:
+        with serial_blas():
+            return _Comparison(pair, map, other).judged(result)
+
+    return in_background(compared)
+
+
+class _Comparison:
+    """Two maps of a pair: what speaks for each, and where they differ."""
+
+    def __init__(self, pair: Problem, given: MapLike, reference: MapLike) -> None:
+        verifier = Verifier(pair)
+        self.pair, self.images = pair, [images_of(each, pair) for each in (given, reference)]
+        self.bodies = [on_bodies(pair, image) for image in self.images]
+        self.given, self.reference = (verifier(image) for image in self.bodies)
+        self.ratio = self.given.cost / max(self.reference.cost, LEAST)
+
+    def judged(self, result: MatchResult | None) -> Judgement:
+        """Judge the first map by the second."""
+        source, (given, reference) = self.pair.source, self.bodies
+        distance = np.full(len(given), np.nan)
+        both = (given >= 0) & (reference >= 0)
+        distance[both] = self.pair.target.distance(given[both], reference[both])
+        images, cell = np.unique(given, return_inverse=True)
+        is_coarse = len(images) < JUDGING.coarse * len(given)
+        if is_coarse:  # an image that many vertices share is right for one of them
+            nearest = np.full(len(images), np.inf)
+            np.fmin.at(nearest, cell, distance)
+            distance = np.where(both, nearest[cell], np.nan)
+        differs = (distance > JUDGING.elsewhere) | ((given < 0) & (reference >= 0))
+        areas = source.body.vertex_areas / source.body.area
+        elsewhere = float(areas[differs].sum())
+        verdict, sentence = self._verdict(elsewhere, result)
+        if is_coarse:
+            sentence += f"; it is coarse, with {len(images)} different images of {len(given)} vertices"
+        return Judgement(
+            verdict,
+            sentence,
+            given=self.given,
+            reference=self.reference,
+            ratio=self.ratio,
+            distance=np.where(source.body_vertex >= 0, distance[source.body_vertex], np.nan),
+            elsewhere=elsewhere,
+            regions=tuple(self._regions(differs, np.nan_to_num(distance, nan=np.inf), areas)),
+            map=self._map(0),
+            reference_map=self._map(1),
+            result=result,
+        )
+
+    def _map(self, which: int) -> Correspondence:
+        return Correspondence(self.images[which], self.pair.target.surface.n_vertices)
+
+    def _verdict(self, elsewhere: float, result: MatchResult | None) -> tuple[Verdict, str]:
+        name = "the reference" if result is None else "isomatch's own map"
+        cost = f"it costs {self.ratio:.3g} times as much as {name}"
+        place = f"lies elsewhere on {elsewhere:.1%} of the surface"
+        if result and result.outcome.is_doubtful:
+            return "doubtful", f"{cost}, which is not sure itself ({result.outcome.value}), and {place}"
+        if elsewhere <= JUDGING.least_area:
+            verdict: Verdict = "right" if self.ratio <= JUDGING.rough else "doubtful"
+            return verdict, f"{cost}, and {place}"
+        if self.ratio <= JUDGING.clearly:
+            return "doubtful", f"{cost}, but {place}: either map may be right there"
+        return "wrong", f"{cost}, and {place}"
+
+    def _regions(
+        self, differs: BoolArray, distance: FloatArray, areas: FloatArray
+    ) -> Iterator[DoubtfulRegion]:
+        """Find the connected regions in which the maps differ, the largest first; their vertices, farthest first."""
+        source, (_, other) = self.pair.source, self.images
+        edges = source.mesh_body.edges[differs[source.mesh_body.edges].all(axis=1)]
+        _, label = linked(len(differs), (edges[:, 0], edges[:, 1]))
+        shares = np.bincount(label, areas * differs)
+        for c in np.argsort(-shares, kind="stable")[: JUDGING.most_regions]:
+            if shares[c] >= JUDGING.least_area:
+                members = np.flatnonzero((label == c) & differs)
+                users = source.user_vertex[members[np.argsort(-distance[members], kind="stable")]]
+                yield DoubtfulRegion(
+                    users, float(shares[c]), "the reference sends it elsewhere", other[users]
+                )
