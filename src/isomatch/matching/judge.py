@@ -55,6 +55,14 @@ class Judgement(Shown):
         The map, and the one that it is compared with.
     result : MatchResult, optional
         The match that made this map, if it was not given.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from isomatch.datasets import example_pair
+    >>> pose = example_pair()[0].mesh
+    >>> print(judge(pose, pose, np.arange(pose.n_vertices), reference=np.arange(pose.n_vertices)))
+    right: it costs 1 times as much as the reference, and lies elsewhere on 0.0% of the surface
     """
 
     verdict: Verdict
