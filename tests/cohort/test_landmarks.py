@@ -151,7 +151,7 @@ def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
         rows = list(csv.DictReader(file))
     assert [row["specimen"] for row in rows] == ["s0", "s1", "s2", "s3"]
     assert rows[0]["nose_X"] == repr(float(rows[0]["nose_X"]))
-    assert (out / "landmarks.tps").read_text().count("CURVES=1") == 4
+    assert (out / "landmarks.tps").read_text().count("LM3=") == 4
     assert main(argv) == 1
     assert "already exists" in capsys.readouterr().err
     assert main([*argv, "--force"]) == 0

@@ -81,7 +81,7 @@ from isomatch.cohort.shape_statistics.shapes import (
     slices_of,
     structure_of,
 )
-from isomatch.cohort.shape_statistics.sliding import SlidSemilandmarks, slid_semilandmarks
+from isomatch.cohort.shape_statistics.sliding import Criterion, SlidSemilandmarks, slid_semilandmarks
 from isomatch.cohort.shape_statistics.structures import (
     StructurePoses,
     aligned_structures,
@@ -96,6 +96,7 @@ __all__ = [
     "Asymmetry",
     "Completion",
     "CorrespondedShapes",
+    "Criterion",
     "Doubt",
     "GroupTest",
     "LeaveOneOut",

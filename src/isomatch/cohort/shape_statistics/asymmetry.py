@@ -195,7 +195,7 @@ def paired_sides(shapes: CorrespondedShapes, pairs: Sequence[tuple[str, str]]) -
     apart = [procrustes_distances(vertices, scale="remove", mirrored=turn) for turn in (False, True)]
     as_they_are, turned = (distances[:m, m:].trace() for distances in apart)
     if turned < as_they_are:
-        vertices[m:] *= [-1.0, 1.0, 1.0]
+        vertices[m:, :, 0] *= -1.0
         names[m:] = [name + MIRRORED for name in names[m:]]
     measured = None if shapes.measured is None else shapes.measured[rows]
     return replace(shapes, names=tuple(names), vertices=vertices, measured=measured)
