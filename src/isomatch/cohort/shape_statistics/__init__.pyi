@@ -29,12 +29,7 @@ from isomatch.cohort.shape_statistics.completion import (
     observed_vertices,
     read_observations,
 )
-from isomatch.cohort.shape_statistics.group_test import (
-    GroupTest,
-    ShapeRegression,
-    group_test,
-    shape_regression,
-)
+from isomatch.cohort.shape_statistics.group_test import GroupTest, group_test
 from isomatch.cohort.shape_statistics.likeness import (
     METRES,
     Doubt,
@@ -46,6 +41,17 @@ from isomatch.cohort.shape_statistics.likeness import (
     shape_tree,
     size_factors,
     told_factor,
+)
+from isomatch.cohort.shape_statistics.linear_model import (
+    Classification,
+    PairTest,
+    ShapeAnova,
+    ShapeDesign,
+    ShapeRegression,
+    TermTest,
+    classify,
+    shape_anova,
+    shape_regression,
 )
 from isomatch.cohort.shape_statistics.motion import (
     face_motion,
@@ -94,6 +100,7 @@ __all__ = [
     "METRES",
     "STRUCTURES",
     "Asymmetry",
+    "Classification",
     "Completion",
     "CorrespondedShapes",
     "Criterion",
@@ -102,19 +109,24 @@ __all__ = [
     "LeaveOneOut",
     "ModelCurve",
     "Observations",
+    "PairTest",
     "PictureFormat",
     "ProcrustesAlignment",
     "ScoredShape",
+    "ShapeAnova",
+    "ShapeDesign",
     "ShapeModel",
     "ShapeRegression",
     "SlidSemilandmarks",
     "StructurePoses",
     "SumOfSquares",
+    "TermTest",
     "align_sides",
     "aligned_structures",
     "asymmetry",
     "centroid_sizes",
     "classical_scaling",
+    "classify",
     "compactness",
     "complete",
     "doubtful_positions",
@@ -148,6 +160,7 @@ __all__ = [
     "procrustes_distances",
     "read_observations",
     "read_shapes",
+    "shape_anova",
     "shape_regression",
     "shape_tree",
     "size_factors",

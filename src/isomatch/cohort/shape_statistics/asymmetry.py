@@ -13,7 +13,7 @@ from scipy.stats import permutation_test
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import InputError, MapError, SettingError
 from isomatch._core.settings import generator
-from isomatch.cohort.shape_statistics.group_test import N_PERMUTATIONS
+from isomatch.cohort.shape_statistics.linear_model import N_PERMUTATIONS
 from isomatch.cohort.shape_statistics.procrustes import (
     Scale,
     aligned_to,

@@ -83,7 +83,7 @@ class CorrespondedShapes:
         if len(bad):
             problem = f"shape {self.names[bad[0]]} has vertices without a position ({len(bad)} such shapes)"
             raise MeshError(f"{problem}; leave it out, as CorrespondedShapes.of_meshes does")
-        faces = Mesh(vertices[0], self.faces).sound_faces if len(self.faces) else self.faces
+        faces = Mesh(vertices[0], self.faces).sound_faces if len(self.faces) else np.zeros((0, 3), dtype=np.int64)
         vertices.flags.writeable = False
         measured = None if self.measured is None else np.asarray(self.measured, dtype=bool)
         if measured is not None and measured.shape != vertices.shape[:2]:

@@ -166,7 +166,7 @@ class BendingEnergy:
         values = shapes.transpose(1, 0, 2).reshape(shapes.shape[1], -1)  # (m, d s)
         return np.asarray((values * (self @ values)).sum(axis=0).reshape(len(shapes), -1).sum(axis=1))
 
-    def least(self, shapes: FloatArray, tangents: FloatArray, closeness: float = CLOSE) -> FloatArray:
+    def least(self, shapes: FloatArray, tangents: FloatArray, closeness: float | None = None) -> FloatArray:
         """Find the steps (s, m, d), each in the image of a projector (s, m, d, d), after which shapes bend least."""
         values = shapes.transpose(1, 0, 2)  # (m, s, 3)
 
@@ -181,6 +181,7 @@ class BendingEnergy:
         # UBU: exact where B and U commute, as they nearly do for what varies faster than the normals.
         bend = tangential(self.__matmul__)
         near_inverse = tangential(lambda columns: row_product(self._inverse, columns))
+        closeness = closeness or CLOSE
         most = round(MOST_ITERATIONS * np.log(closeness) / np.log(CLOSE))
         step, _ = cg(bend, -(bend @ values.ravel()), rtol=closeness, maxiter=most, M=near_inverse)
         return np.asarray(step.reshape(values.shape).transpose(1, 0, 2))
