@@ -1,11 +1,14 @@
 from isomatch.cohort.shape_statistics.asymmetry import (
     Asymmetry,
+    IndividualScores,
     SumOfSquares,
     align_sides,
     asymmetry,
     left_right_map,
+    left_right_of_pairs,
     left_right_of_shapes,
     paired_sides,
+    symmetry_dimensions,
     symmetry_plane,
 )
 from isomatch.cohort.shape_statistics.charts import (
@@ -106,6 +109,7 @@ __all__ = [
     "Criterion",
     "Doubt",
     "GroupTest",
+    "IndividualScores",
     "LeaveOneOut",
     "ModelCurve",
     "Observations",
@@ -148,6 +152,7 @@ __all__ = [
     "hidden_structures",
     "leave_one_out",
     "left_right_map",
+    "left_right_of_pairs",
     "left_right_of_shapes",
     "likely_units",
     "measured_variances",
@@ -170,6 +175,7 @@ __all__ = [
     "stacked",
     "structure_of",
     "surface_strain",
+    "symmetry_dimensions",
     "symmetry_plane",
     "told_factor",
     "wall_thickness",

@@ -26,7 +26,7 @@ class GroupTest:
     groups: tuple[str, str]  #: their names, in alphabetical order
     counts: tuple[int, int]  #: numbers of shapes
     difference: (
-        FloatArray  #: (n, 3) mean of the second group minus that of the first, in the units of the shapes
+        FloatArray  #: (n, d) mean of the second group minus that of the first, in the units of the shapes
     )
     t_squared: FloatArray  #: (n,) of Hotelling; ``inf`` if the groups are separated completely
     #: (n,) probability of a T² at least as large if both groups have the same distribution, and the least false discovery
@@ -52,7 +52,7 @@ def group_test(
 
     Parameters
     ----------
-    aligned : (m, n, 3) array of float
+    aligned : (m, n, d) array of float
         Shapes moved onto their mean, such as ``generalised_procrustes(...).aligned``.
     groups : sequence of str
         The group of each of the m shapes; two different names, of two shapes or more.
@@ -120,7 +120,7 @@ def _whitened(aligned: FloatArray) -> tuple[FloatArray, IntArray]:
     """Positions about their mean with a total scatter of the identity, (m, n, 3), and its rank at each vertex, (n,)."""
     centred = aligned - aligned.mean(axis=0)
     values, axes = np.linalg.eigh(np.einsum("sij,sik->ijk", centred, centred))
-    noise = np.maximum(1e-10 * values[:, 2], 1e-24 * np.ptp(aligned, axis=(0, 1)).max() ** 2)
+    noise = np.maximum(1e-10 * values[:, -1], 1e-24 * np.ptp(aligned, axis=(0, 1)).max() ** 2)
     kept = values > noise[:, None]
     factors = np.where(kept, 1 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
     white: FloatArray = np.einsum("sij,ijk,ik->sik", centred, axes, factors)
@@ -130,14 +130,14 @@ def _whitened(aligned: FloatArray) -> tuple[FloatArray, IntArray]:
 def _permuted(
     white: FloatArray, q: FloatArray, contrast: FloatArray, share: float, n_permutations: int, seed: int
 ) -> FloatArray:
-    m, n, _ = white.shape
+    m, n, dim = white.shape
     labels = generator(seed).permuted(np.tile(contrast, (n_permutations, 1)), axis=1)
     reached = np.ones(n)  # the labels as they are
-    width = max(BLOCK // (3 * n_permutations), 1)
+    width = max(BLOCK // (dim * n_permutations), 1)
     with serial_blas():
         for first in range(0, n, width):
             block = slice(first, first + width)
-            differences = (labels @ white[:, block].reshape(m, -1)).reshape(n_permutations, -1, 3)
+            differences = (labels @ white[:, block].reshape(m, -1)).reshape(n_permutations, -1, dim)
             drawn = share * np.einsum("pij,pij->pi", differences, differences)
             reached[block] += (drawn >= q[block] * (1 - 1e-9)).sum(axis=0)
     return reached / (n_permutations + 1)

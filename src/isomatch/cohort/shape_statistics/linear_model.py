@@ -238,8 +238,8 @@ def _tested(products: FloatArray, design: ShapeDesign, n_permutations: int, seed
         # of Y* = H Y + Π E, with residuals E = (I − H) Y of the terms before, a basis U of what the term adds explains
         # ‖Uᵀ Π E‖², and the residuals of all are ‖E‖² − ‖Qᵀ Π E‖², with a basis Q of all
         left = _residual_products(products, np.hstack(parts[:i]))
-        squares = _explained(parts[i], left, orders)
-        around = np.maximum(np.trace(left) - _explained(whole, left, orders), 0.0)
+        squares = explained_squares(parts[i], left, orders)
+        around = np.maximum(np.trace(left) - explained_squares(whole, left, orders), 0.0)
         degrees = parts[i].shape[1]
         with np.errstate(divide="ignore", invalid="ignore"):
             f = np.nan_to_num(squares / degrees / (around / free), nan=0.0, posinf=np.inf)
@@ -273,7 +273,7 @@ def _residual_products(products: FloatArray, basis: FloatArray) -> FloatArray:
     return np.asarray(left - (left @ basis) @ basis.T)
 
 
-def _explained(basis: FloatArray, products: FloatArray, orders: FloatArray) -> FloatArray:
+def explained_squares(basis: FloatArray, products: FloatArray, orders: FloatArray) -> FloatArray:
     """Squares (p,) that a basis (m, r) explains of shapes with given products (m, m) in each order (p, m)."""
     width = max(BLOCK // max(basis.size, 1), 1)
     with serial_blas():
@@ -322,7 +322,7 @@ def _pairs(
     found = []
     for a, b in combinations(levels, 2):
         apart = of_level[b] - of_level[a]
-        drawn = np.sqrt(np.maximum(_explained(apart[:, None], left, orders), 0.0))
+        drawn = np.sqrt(np.maximum(explained_squares(apart[:, None], left, orders), 0.0))
         z, p_value = _compared(drawn)
         lengths = [of_level[g] @ products @ of_level[g] for g in (a, b)]
         cosine = of_level[a] @ products @ of_level[b] / np.sqrt(max(np.prod(lengths), 1e-300))
