@@ -8,7 +8,7 @@ from isomatch.landmarks.landmarks import (
     read_landmarks,
     with_frame,
 )
-from isomatch.landmarks.specimens import is_of_landmarks, join_places, read_specimens
+from isomatch.landmarks.specimens import is_of_landmarks, join_places, read_landmark_pairs, read_specimens
 
 __all__ = [
     "Curve",
@@ -19,6 +19,7 @@ __all__ = [
     "join_places",
     "median_landmarks",
     "nearest_landmarks",
+    "read_landmark_pairs",
     "read_landmarks",
     "read_specimens",
     "spread_on_surface",

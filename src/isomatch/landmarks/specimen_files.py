@@ -12,7 +12,7 @@ import numpy as np
 from isomatch._core.arrays import IntArray
 from isomatch._core.errors import FormatError, some
 from isomatch._core.files import legible
-from isomatch._core.texts import read_text, separated
+from isomatch._core.texts import SEPARATORS, read_text, separated
 from isomatch.landmarks.landmark_files import NO_NUMBER, NOWHERE, MarkedPoint, marked_points
 
 SPECIMEN = ("specimen", "individual", "subject", "shape")  # columns of long tables
@@ -183,9 +183,9 @@ def _morphologika(text: str, path: Path) -> Iterator[Read]:
         yield Read(name, points, _dim(points, dim, path), pairs)
 
 
-def _rows_of(text: str, path: Path) -> tuple[list[str], list[tuple[str, list[str]]]]:
+def rows_of(text: str, path: Path) -> tuple[list[str], list[tuple[str, list[str]]]]:
     """Split a table into its header and its rows, with where each is; numbers have points for decimals."""
-    rows, separator = separated(text, str(path))
+    rows, separator = separated(text, str(path), f"{SEPARATORS} ")
     if not rows:
         return [], []
     head, width = rows[0][1], max(len(row) for _, row in rows)
@@ -197,7 +197,7 @@ def _rows_of(text: str, path: Path) -> tuple[list[str], list[tuple[str, list[str
 
 def _table(text: str, path: Path) -> list[Read]:
     """Read specimens of a table, in rows or with a row for each landmark; none if it has no names of specimens."""
-    head, rows = _rows_of(text, path)
+    head, rows = rows_of(text, path)
     lower = [cell.lower() for cell in head]
     specimen = next((lower.index(each) for each in SPECIMEN if each in lower), None)
     if {"x", "y"} <= {*lower}:
@@ -235,7 +235,7 @@ def _table(text: str, path: Path) -> list[Read]:
 
 def landmark_numbers(path: Path, columns: Sequence[str], m: int) -> IntArray:
     """Read rows of landmarks, counted from 1 in tables, from 0 here."""
-    head, rows = _rows_of(read_text(path), path)
+    head, rows = rows_of(read_text(path), path)
     lower = [cell.lower() for cell in head]
     at = [lower.index(each) for each in columns] if {*columns} <= {*lower} else range(-len(columns), 0)
     try:

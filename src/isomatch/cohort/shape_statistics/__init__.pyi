@@ -14,6 +14,7 @@ from isomatch.cohort.shape_statistics.asymmetry import (
 from isomatch.cohort.shape_statistics.charts import (
     PictureFormat,
     draw_embedding,
+    draw_landmarks,
     draw_modes,
     draw_motion,
     draw_quality,
@@ -46,6 +47,7 @@ from isomatch.cohort.shape_statistics.likeness import (
     told_factor,
 )
 from isomatch.cohort.shape_statistics.linear_model import (
+    MISSING,
     Classification,
     PairTest,
     ShapeAnova,
@@ -81,6 +83,7 @@ from isomatch.cohort.shape_statistics.shape_model import (
     write_statismo,
 )
 from isomatch.cohort.shape_statistics.shapes import (
+    CORRESPONDED,
     MEASURED,
     STRUCTURES,
     CorrespondedShapes,
@@ -99,8 +102,10 @@ from isomatch.cohort.shape_statistics.structures import (
 )
 
 __all__ = [
+    "CORRESPONDED",
     "MEASURED",
     "METRES",
+    "MISSING",
     "STRUCTURES",
     "Asymmetry",
     "Classification",
@@ -136,6 +141,7 @@ __all__ = [
     "doubtful_positions",
     "doubtful_shapes",
     "draw_embedding",
+    "draw_landmarks",
     "draw_modes",
     "draw_motion",
     "draw_quality",

@@ -81,7 +81,9 @@ class ShapeDesign:
         (['age', 'sex', 'age:sex'], [0.0, 1.0, 0.0])
         """
         found: dict[tuple[str, ...], None] = {}
-        for part in formula.rpartition("~")[2].split("+"):
+        factors = re.findall(r"factor\s*\(\s*(.+?)\s*\)", formula)
+        plain = re.sub(r"factor\s*\(\s*(.+?)\s*\)", r"\1", formula.rpartition("~")[2])
+        for part in plain.split("+"):
             crossed = [tuple(each.strip() for each in factor.split(":")) for factor in part.split("*")]
             for n in range(1, len(crossed) + 1):
                 for chosen in combinations(crossed, n):
@@ -91,7 +93,7 @@ class ShapeDesign:
         terms = sorted(found, key=len)
         codes, levels = dict[str, FloatArray](), dict[str, tuple[str, ...]]()
         for name in dict.fromkeys(name for term in terms for name in term):
-            codes[name], levels[name] = _coded(name, formula, table)
+            codes[name], levels[name] = _coded(name, formula, table, name in factors)
         return cls(formula, tuple(terms), codes, {name: own for name, own in levels.items() if own})
 
     @property
@@ -119,10 +121,12 @@ class ShapeDesign:
         return np.array([float(level == other) for other in self.levels[name][1:]])
 
 
-def _coded(name: str, formula: str, table: Mapping[str, Sequence[object]]) -> tuple[FloatArray, tuple[str, ...]]:
+def _coded(
+    name: str, formula: str, table: Mapping[str, Sequence[object]], is_factor: bool
+) -> tuple[FloatArray, tuple[str, ...]]:
     """Code (m, q) of a variable, and its levels if it is a factor."""
-    call = re.fullmatch(r"(log|factor)\s*\(\s*(.+?)\s*\)", name)
-    column = call[2] if call and name not in table else name
+    call = None if name in table else re.fullmatch(r"log\s*\(\s*(.+?)\s*\)", name)
+    column = call[1] if call else name
     if column not in table:
         told = f"{formula!r}: there is no variable {column!r}" if column else f"{formula!r}: a variable is missing"
         raise InputError(f"{told}; the table has {some([*table])}; write a formula such as size * group + age")
@@ -133,14 +137,14 @@ def _coded(name: str, formula: str, table: Mapping[str, Sequence[object]]) -> tu
         numbers = np.array([float(cell) for cell in cells])
     except ValueError:
         numbers = np.zeros(0)
-    if (call and call[1] == "factor") or not len(numbers):
+    if is_factor or not len(numbers):
         levels = tuple(sorted({*cells}, key=natural_order))
-        if call and call[1] == "log":
+        if call:
             raise InputError(f"{formula!r}: {column} has words, as {cells[0]!r}, which have no logarithm")
         if len(levels) < 2:
             raise InputError(f"{column} has one group, {levels[0]!r}; give two or more")
         return np.array([[float(cell == level) for level in levels[1:]] for cell in cells]), levels
-    if call and call[1] == "log":
+    if call:
         if not (numbers > 0).all():
             raise InputError(f"{formula!r}: {column} has values that are not above 0, which have no logarithm")
         numbers = np.log(numbers)

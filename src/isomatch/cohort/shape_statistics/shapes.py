@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TypeVar
 
@@ -180,6 +180,20 @@ class CorrespondedShapes:
     def points(self) -> str:
         """What corresponds: vertices, or landmarks."""
         return "vertices" if len(self.faces) else "landmarks"
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """Names of the landmarks, numbers from 1 where they have none; numbers from 0 of vertices."""
+        if self.landmarks is None:
+            return tuple(map(str, range(self.n_vertices)))
+        return tuple(name or str(i) for i, name in enumerate(self.landmarks.names, start=1))
+
+    @property
+    def links(self) -> IntArray:
+        """(l, 2) landmarks that follow each other on the curves, as the lines of a wireframe."""
+        curves = self.landmarks.curves if self.landmarks else ()
+        ways = [(*curve.rows, *(curve.rows[:1] if curve.closed else ())) for curve in curves]
+        return np.array([pair for way in ways for pair in pairwise(way)], dtype=np.int64).reshape(-1, 2)
 
     @property
     def seen(self) -> BoolArray:
