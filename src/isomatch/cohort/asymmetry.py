@@ -97,7 +97,9 @@ def asymmetry(
         cohort, labels, notes = study.shapes, study.groups, study.notes
         is_mesh = len(cohort.faces) > 0
         if is_mesh and degrees == "dimensions":
-            raise SettingError("--degrees dimensions is for landmarks; vertices of a mesh are as many as you like")
+            raise SettingError(
+                "--degrees dimensions is for landmarks; vertices of a mesh are as many as you like"
+            )
         if not is_mesh and not pairs and not (left_right and not landmarks):
             told = "which landmarks are left and right, or which specimens, is not known"
             raise InputError(f"{source}: {told}; give a table of pairs of them (--left-right, or --pairs)")
@@ -129,12 +131,14 @@ def asymmetry(
         share = _known_share(both, weights)
         n, dim = both.vertices.shape[1:]
         counted = shape_statistics.symmetry_dimensions(n, dim, maps[0] if maps else None, scale=scale)
-        tested = {"individuals": of, "seed": seed}
+        tested: dict[str, Any] = {"individuals": of, "seed": seed}
         split = {"dimensions": counted if degrees == "dimensions" else (1, 1), **tested}
         measure = _measured if is_mesh else _measured_landmarks
         found, lines, words = measure(new, both, maps, scale, share, split)
         sizes = shape_statistics.centroid_sizes(both.vertices, share)[:, None, None]
-        of_sizes = shape_statistics.asymmetry(*np.split(sizes, 2), **tested) if pairs and len(of) > 1 else None
+        of_sizes = (
+            shape_statistics.asymmetry(*np.split(sizes, 2), **tested) if pairs and len(of) > 1 else None
+        )
         record = {
             "isomatch": VERSION,
             "of": str(source),
@@ -154,10 +158,10 @@ def asymmetry(
         }
         for name, each in zip(cohort.names, maps if is_mesh else []):
             each.save(new.path(f"left_right/{name}.npz"))
-        told, lines, rows = _told(record), record["shapes"], record["anova"]
-        files = {"asymmetry.csv": lines, "anova.csv": rows, "size_anova.csv": record["size_anova"]}
-        files["individuals.csv"] = _individuals(found) if len(of) > 1 else []
-        for file, table in files.items():
+        sentences, lines, rows = _told(record), record["shapes"], record["anova"]
+        tables = {"asymmetry.csv": lines, "anova.csv": rows, "size_anova.csv": record["size_anova"]}
+        tables["individuals.csv"] = _individuals(found) if len(of) > 1 else []
+        for file, table in tables.items():
             if table:
                 new.table(file, **{key: [row[key] for row in table] for key in table[0]})
         columns = [name for name in lines[0] if not name.startswith("plane")]
@@ -165,9 +169,9 @@ def asymmetry(
         sections = {
             "To look at first": listed(record["doubts"]),
             "What was measured": f"<p>{MEASURED}</p>",
-            "What was found": listed(told),
+            "What was found": listed(sentences),
             "Where the variation lies": tabulated(HEADS, (row.values() for row in rows)) if rows else "",
-            "Where that of sizes lies": tabulated(HEADS, (r.values() for r in record["size_anova"])) if of_sizes else "",
+            "Where that of sizes lies": tabulated(HEADS, of_sizes.anova) if of_sizes else "",
             "How asymmetric each is": tabulated(columns, cells),
         }
         title = f"Asymmetry of {lines[0]['name'] if len(of) == 1 else f'{len(of)} shapes'}"
@@ -175,7 +179,7 @@ def asymmetry(
         new.page(title, into.folder.resolve().name, used, sections, words)
         new.finish(record)
         to.tell("done", 1.0)
-    return Results(into.folder, into.written, record, told, unsure=unsure)
+    return Results(into.folder, into.written, record, sentences, unsure=unsure)
 
 
 def _matched(
@@ -255,8 +259,12 @@ def _measured_landmarks(
     lengths = np.linalg.norm(found.components, axis=2)
     own = np.sqrt(((found.components - found.directional) ** 2).sum(axis=2).mean(axis=0))
     axes = zip("xyz", found.directional.T.tolist())
-    new.table("landmarks.csv", landmark=marks, **{f"directional_{x}": v for x, v in axes}, fluctuating=own.tolist())
-    words = {"directional": "Directional asymmetry, enlarged: what all have in common; grey: the symmetric mean."}
+    new.table(
+        "landmarks.csv", landmark=marks, **{f"directional_{x}": v for x, v in axes}, fluctuating=own.tolist()
+    )
+    words = {
+        "directional": "Directional asymmetry, enlarged: what all have in common; grey: the symmetric mean."
+    }
     words["fluctuating"] = "Fluctuating asymmetry: how far single ones differ from that, at each landmark."
     factor = ENLARGED * size / (float(np.linalg.norm(found.directional, axis=1).max()) or 1.0)
     shown = {f"asymmetry × {factor:.2g}": found.symmetric + factor * found.directional}
@@ -264,7 +272,9 @@ def _measured_landmarks(
     if m > 1:
         label = "standard deviation, in units of the shapes"
         at = {"": found.symmetric}
-        shape_statistics.draw_landmarks(new.picture("fluctuating"), at, found.symmetric, both.links, own, label)
+        shape_statistics.draw_landmarks(
+            new.picture("fluctuating"), at, found.symmetric, both.links, own, label
+        )
     lines = []
     for i in range(m):
         most = int(lengths[i].argmax())

@@ -16,7 +16,14 @@ from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.map_file import require_unchanged
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.shape_statistics import MEASURED, MISSING, CorrespondedShapes, Criterion, ShapeDesign, ShapeModel
+from isomatch.cohort.shape_statistics import (
+    MEASURED,
+    MISSING,
+    CorrespondedShapes,
+    Criterion,
+    ShapeDesign,
+    ShapeModel,
+)
 from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
 from isomatch.cohort.study_input import Study, read_groups, read_study, told_doubts
 from isomatch.cohort.workers import Listener, Warn
@@ -156,7 +163,9 @@ def statistics(
             "model": model,
             "terms": [row._asdict() for row in linear.rows] if linear else [],
             "pairs": [pair._asdict() for pair in linear.pairs] if linear else [],
-            "classified": None if classes is None else {"share_right": classes.share_right, "n_modes": classes.n_modes},
+            "classified": None
+            if classes is None
+            else {"share_right": classes.share_right, "n_modes": classes.n_modes},
             "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in study.doubts],
             "notes": notes,
         }
@@ -173,7 +182,9 @@ def _mirrored(
     """Add the mirror images by a left–right map, found or read; note of which shape it is, if not of the mean."""
     if not len(shapes.faces):
         if mirror == "auto":
-            raise InputError("--mirror auto is for meshes; of landmarks, give a table with pairs of left and right ones")
+            raise InputError(
+                "--mirror auto is for meshes; of landmarks, give a table with pairs of left and right ones"
+            )
         pairs = read_landmark_pairs(Path(mirror), shapes.marks)
         given = shape_statistics.left_right_of_pairs(shapes.n_vertices, pairs)
         return shapes.mirrored([given] * len(shapes)), []
@@ -196,7 +207,9 @@ def _tested(
     test, own = None, {}
     if len(names) <= 2:
         measured = None if shapes.measured is None else shapes.measured[rows]
-        test = shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed, measured=measured)
+        test = shape_statistics.group_test(
+            model.aligned[rows], listed, method=method, seed=seed, measured=measured
+        )
         own = {
             "significant_share_of_area": float(model.weights[test.significant()].sum()),
             "least_p_value": float(test.p_values.min()),
@@ -220,7 +233,9 @@ def _linear(
         table: dict[str, dict[str, Any]] = {SIZE: dict(zip(names, log_sizes.tolist()))}
         for column in next(iter(study.table.values()), {}):
             table[column] = {name: cells[column] for name, cells in study.table.items()}
-        used = {word for word in re.findall(r"[^+*:()~]+", formula) for word in [word.strip()] if word in table}
+        used = {
+            word for word in re.findall(r"[^+*:()~]+", formula) for word in [word.strip()] if word in table
+        }
         values = {column: [table[column].get(name, "") for name in names] for column in table}
         full = [i for i, _ in enumerate(names) if all(str(values[c][i]).lower() not in MISSING for c in used)]
         if without := [name for i, name in enumerate(names) if i not in {*full}]:
@@ -292,7 +307,9 @@ def _told_of(record: dict[str, Any]) -> list[str]:
         lines.append(f"{row['term']} describes {row['r_squared']:.1%} of the variance of shape, {value}")
     if record["classified"]:
         share, n_modes = record["classified"]["share_right"], record["classified"]["n_modes"]
-        lines.append(f"{share:.0%} of the shapes are in the group that the others predict, by {n_modes} modes")
+        lines.append(
+            f"{share:.0%} of the shapes are in the group that the others predict, by {n_modes} modes"
+        )
     if record["allometry"]:
         lines.append(f"size describes {_told(record['allometry'])}")
     return [*lines, *(f"note: {note}" for note in record["notes"])]

@@ -104,7 +104,9 @@ class StatisticsFolder:
             shape_statistics.draw_modes(self.picture("modes"), model, n_modes, DEVIATIONS)
         else:
             ratios = model.variance_ratios
-            titles = [f"mode {i // 2 + 1} ({ratios[i // 2]:.1%}), {'−+'[i % 2]}2 sd" for i in range(len(moved))]
+            titles = [
+                f"mode {i // 2 + 1} ({ratios[i // 2]:.1%}), {'−+'[i % 2]}2 sd" for i in range(len(moved))
+            ]
             shown = dict(zip(titles, moved.values())) or {"mean; the shapes do not differ": model.mean}
             shape_statistics.draw_landmarks(self.picture("modes"), shown, model.mean, shapes.links)
         self.table("scores.csv", name=model.names, **_by_mode(model.scores))
@@ -119,7 +121,9 @@ class StatisticsFolder:
         values = {"variance": variances, "standard_deviation": deviations}
         if shapes.measured is not None:
             values["measured"] = shapes.measured.sum(axis=0).astype(np.float64)
-        self.values("variance", shapes, model.mean, values, deviations, "standard deviation, in units of the shapes")
+        self.values(
+            "variance", shapes, model.mean, values, deviations, "standard deviation, in units of the shapes"
+        )
 
     def shapes(self, file: str, like: CorrespondedShapes, shown: Mapping[str, FloatArray]) -> None:
         """Write shapes (n, d) by their names: a mesh for each, or one table of landmarks, as `read_specimens` reads."""
@@ -129,7 +133,11 @@ class StatisticsFolder:
             return
         heads = [f"{mark}_{axis}" for mark in like.marks for axis in "XYZ"[: like.vertices.shape[2]]]
         rows = [[name, *vertices.ravel().tolist()] for name, vertices in shown.items()]
-        write_csv(self.path(f"{file}.csv"), [dict(zip(["specimen", *heads], row)) for row in rows], ["specimen", *heads])
+        write_csv(
+            self.path(f"{file}.csv"),
+            [dict(zip(["specimen", *heads], row)) for row in rows],
+            ["specimen", *heads],
+        )
 
     def values(
         self,
@@ -147,7 +155,11 @@ class StatisticsFolder:
             self.mesh(f"{file}.ply", mesh, values, shown, highest)
             shape_statistics.draw_values(self.picture(file), mesh, shown, label)
         else:
-            self.table(f"{file}_landmarks.csv", landmark=like.marks, **{k: each.tolist() for k, each in values.items()})
+            self.table(
+                f"{file}_landmarks.csv",
+                landmark=like.marks,
+                **{k: each.tolist() for k, each in values.items()},
+            )
             shape_statistics.draw_landmarks(self.picture(file), {"": at}, at, like.links, shown, label)
 
     def quality(self, model: ShapeModel, seed: int) -> None:
@@ -183,7 +195,9 @@ class StatisticsFolder:
         shape_statistics.draw_regression(path, allometry, logarithms, shapes.names, label, groups)
         ends = {"smallest": logarithms.min(), "largest": logarithms.max()}
         change = allometry.coefficients[0]
-        moved = {f"allometry_{word}": allometry.mean + (x - logarithms.mean()) * change for word, x in ends.items()}
+        moved = {
+            f"allometry_{word}": allometry.mean + (x - logarithms.mean()) * change for word, x in ends.items()
+        }
         self.shapes("allometry", shapes, moved)
 
     def structures(
@@ -215,7 +229,10 @@ class StatisticsFolder:
             if distances is not None:
                 write_csv(
                     self.path(name),
-                    [dict(zip(["name", *shapes.names], [n, *row])) for n, row in zip(shapes.names, distances.tolist())],
+                    [
+                        dict(zip(["name", *shapes.names], [n, *row]))
+                        for n, row in zip(shapes.names, distances.tolist())
+                    ],
                     ["name", *shapes.names],
                 )
         label = GEODESIC if geodesic is not None else "Procrustes distance, in units of the shapes"
@@ -236,15 +253,22 @@ class StatisticsFolder:
     ) -> dict[str, str]:
         """Write the tests of a model and the classification of shapes; return sections of the page."""
         sections = {}
-        tables = {"anova": anova.rows, "pairs": anova.pairs} if anova else {}
-        for (name, rows), title in zip(tables.items(), ("The terms of the model", "Groups in pairs")):
+        for name, rows, title in (
+            ("anova", anova.rows if anova else (), "The terms of the model"),
+            ("pairs", anova.pairs if anova else (), "Groups in pairs"),
+        ):
             if rows:
-                write_csv(self.path(f"{name}.csv"), [row._asdict() for row in rows], rows[0]._fields)
-                sections[title] = tabulated(rows[0]._fields, rows)
+                lines = [row._asdict() for row in rows]
+                write_csv(self.path(f"{name}.csv"), lines, list(lines[0]))
+                sections[title] = tabulated(list(lines[0]), rows)
         if classes:
             named, groups = [*classified], [labels[name] for name in classified]
-            variates = {f"variate_{i}": column.tolist() for i, column in enumerate(classes.variates.T, start=1)}
-            self.table("classification.csv", name=named, group=groups, predicted=classes.predicted, **variates)
+            variates = {
+                f"variate_{i}": column.tolist() for i, column in enumerate(classes.variates.T, start=1)
+            }
+            self.table(
+                "classification.csv", name=named, group=groups, predicted=classes.predicted, **variates
+            )
             across = np.column_stack([classes.variates, np.zeros(len(named))])[:, :2]
             label = f"canonical variates of {classes.n_modes} modes, in standard deviations within groups"
             shape_statistics.draw_embedding(self.picture("canonical"), across, named, label, groups)
@@ -258,8 +282,14 @@ class StatisticsFolder:
         values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
         shown = np.where(test.significant(), length, np.nan)
         somewhere = bool(test.significant().any())
-        label = "distance of the group means; grey: not significant" if somewhere else "no difference is significant"
-        self.values("groups", like, model.mean, values, shown, label, float(np.nanmax(shown)) if somewhere else 1.0)
+        label = (
+            "distance of the group means; grey: not significant"
+            if somewhere
+            else "no difference is significant"
+        )
+        self.values(
+            "groups", like, model.mean, values, shown, label, float(np.nanmax(shown)) if somewhere else 1.0
+        )
         columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).T.tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
         point = {"vertex" if len(like.faces) else "landmark": like.marks}
@@ -283,7 +313,9 @@ class StatisticsFolder:
         """Write aligned meshes and the files of ShapeWorks and Scalismo; return what could not be written, and why."""
         aligned = model.aligned
         inside = "aligned/" if len(shapes.faces) else ""
-        self.shapes("aligned", shapes, {inside + name: vertices for name, vertices in zip(model.names, aligned)})
+        self.shapes(
+            "aligned", shapes, {inside + name: vertices for name, vertices in zip(model.names, aligned)}
+        )
         if not inside:
             return []
         inner = self.path("shapeworks/project.swproj").parent

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -63,7 +63,9 @@ def read_study(
     if is_landmark_study(source):
         shapes, slid = _landmarks(source, wireframe, slide)
     elif slide or wireframe:
-        raise InputError(f"{source}: --slide and --wireframe are for landmarks; give a file or folder of these")
+        raise InputError(
+            f"{source}: --slide and --wireframe are for landmarks; give a file or folder of these"
+        )
     else:
         require_unchanged(Layout(source), ["corresponded"])
         shapes = shape_statistics.read_shapes([source] if source.is_file() else source)
@@ -97,7 +99,7 @@ def _landmarks(
         heads = ("specimen", "mean", "largest", "energy_before", "energy_after")
         slid = [dict(zip(heads, row)) for row in zip(specimens, *(each.tolist() for each in columns))]
     if wireframe:
-        links = [Curve("", pair) for pair in read_landmark_pairs(wireframe, first.names)]
+        links = tuple(Curve("", pair) for pair in read_landmark_pairs(wireframe, first.names))
         specimens = {name: replace(each, curves=links) for name, each in specimens.items()}
     return CorrespondedShapes.of_landmarks(specimens), slid
 
@@ -137,8 +139,8 @@ def read_table(
 ) -> Table:
     """Read what a table, as spreadsheets write them, says of shapes: cells by column, empty where there is no value."""
     # The columns name and those asked for, among others, or name and group without a header; names may be those of files.
-    # A line that begins with # is a comment, unless a shape has that name. Rows of shapes that were left out, with reasons,
-    # are passed over.
+    # A line that begins with # is a comment, unless a shape has that name. Rows of shapes that were left out, with
+    # reasons, are passed over.
     names_of = {normalize("NFC", name): name for name in names}
     table: Table = {}
     head: list[str] | None = None
@@ -158,12 +160,16 @@ def read_table(
                 continue
             if len(row) < 2 or any(row[2:]) or columns != ("group",):
                 told = f"is not a shape and its {' and '.join(columns) or 'values'}"
-                raise FormatError(f"{where}: {shown!r} {told}; write {wanted}, or a header with these columns")
+                raise FormatError(
+                    f"{where}: {shown!r} {told}; write {wanted}, or a header with these columns"
+                )
             head = ["name", "group"]
         cells = {column: "" if cell.lower() in MISSING else cell for column, cell in zip(head, row)}
         name = row[head.index("name")] if head.index("name") < len(row) else ""
         if not name or not {*columns} <= {*cells}:
-            raise FormatError(f"{where}: {shown!r} is not a shape and its {' and '.join(columns)}; write {wanted}")
+            raise FormatError(
+                f"{where}: {shown!r} is not a shape and its {' and '.join(columns)}; write {wanted}"
+            )
         shape = names_of.get(normalize("NFC", name)) or names_of.get(normalize("NFC", _stem(name)))
         if shape is None:
             if any(reason.startswith(f"{each}: ") for reason in left_out for each in (name, _stem(name))):
@@ -181,4 +187,8 @@ def _stem(name: str) -> str:
     """Name of a shape from that of its file."""
     last = name.replace("\\", "/").rpartition("/")[2]
     suffix = Path(last).suffix
-    return last.removesuffix(suffix) if suffix.lower() in (*FORMATS, ".fcsv", ".json", ".pts", ".pp", ".tps") else last
+    return (
+        last.removesuffix(suffix)
+        if suffix.lower() in (*FORMATS, ".fcsv", ".json", ".pts", ".pp", ".tps")
+        else last
+    )

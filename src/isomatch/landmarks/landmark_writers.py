@@ -185,7 +185,7 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
     Returns
     -------
     list of str
-        Names that geomorph takes for commands of TPS, such as SCALE5: it reads other coordinates, or none. Of tables, none.
+        Names that geomorph takes for commands of TPS, such as SCALE5: it reads other coordinates, or none.
 
     Raises
     ------
@@ -196,11 +196,11 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
 
     Notes
     -----
-    In R, ``readland.tps("s.tps", specID = "ID")`` reads landmarks first, then points of curves, one curve after the other,
-    then a patch, and missing ones as ``NA``; the table has its columns in the same order:
+    In R, ``readland.tps("s.tps", specID = "ID")`` reads landmarks first, then points of curves, one curve after the
+    other, then a patch, and missing ones as ``NA``; the table has its columns in the same order:
     ``arrayspecs(read.csv("s.csv", row.names = 1), p, 3)``. The sliders are for
-    ``gpagen(..., curves = read.csv("s_sliders.csv"))``: landmarks, ends of curves, places where curves meet, and the first
-    point of a closed one, stay. ``surfaces = read.csv("s_surfaces.csv")$slide`` are the points of a patch.
+    ``gpagen(..., curves = read.csv("s_sliders.csv"))``: landmarks, ends of curves, places where curves meet, and the
+    first point of a closed one, stay. ``surfaces = read.csv("s_surfaces.csv")$slide`` are the points of a patch.
 
     Examples
     --------
@@ -235,7 +235,9 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
     return [name for name in specimens if is_tps and COMMANDS.search(name)]
 
 
-COMMANDS = re.compile(r"SCALE|IMAGE|(?i:LM3?=|COMMENT=)|ID=|^\s*$")  # in a name, what geomorph takes for a line of TPS
+COMMANDS = re.compile(
+    r"SCALE|IMAGE|(?i:LM3?=|COMMENT=)|ID=|^\s*$"
+)  # in a name, what geomorph takes for a line of TPS
 
 
 def tps_text(specimens: Mapping[str, Landmarks]) -> str:

@@ -150,7 +150,10 @@ class Landmarks:
             return self
         rows = [row for row in range(len(self)) if row not in {*of}] + of
         ends = np.cumsum([len(rows) - len(of), *(len(curve.rows) for curve in self.curves)])
-        curves = [Curve(c.name, tuple(range(a, b)), c.closed) for c, a, b in zip(self.curves, ends.tolist(), ends[1:].tolist())]
+        curves = [
+            Curve(c.name, tuple(range(a, b)), c.closed)
+            for c, a, b in zip(self.curves, ends.tolist(), ends[1:].tolist())
+        ]
         values = self.positions[rows], [self.names[row] for row in rows], curves
         return Landmarks(*values, self.expected_error[rows], self.spread[rows], self.axes, self.unit)
 
@@ -178,8 +181,9 @@ class Landmarks:
         ----------
         path : path
             ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.pts`` of Landmark Editor, ``.label`` of
-            FreeSurfer, ``.tps`` of one specimen; text with an index or a position on each line, or a table with ``x``, ``y``, ``z`` or ``vertex``,
-            and perhaps ``name``, ``curve`` and ``closed``. Points that are nan, 9999, "-" or empty have no place.
+            FreeSurfer, ``.tps`` of one specimen; text with an index or a position on each line, or a table with ``x``,
+            ``y``, ``z`` or ``vertex``, and perhaps ``name``, ``curve`` and ``closed``. Points that are nan, 9999, "-" or
+            empty have no place.
         surface : Asset, or what `surface_from` takes, optional
             The surface; an asset or a file may say its space. Without one, positions of 3D Slicer are in LPS, others as
             they are.
@@ -208,7 +212,9 @@ class Landmarks:
         if surface is None:
             return landmarks_of(points, dim)
         if dim != 3:
-            raise LandmarkError(f"{path}: has landmarks in the plane; those of a surface have three coordinates")
+            raise LandmarkError(
+                f"{path}: has landmarks in the plane; those of a surface have three coordinates"
+            )
         names = [point.name for point in points]
         given, frame = with_frame(surface)
         shape = _with_positions(given)
@@ -259,7 +265,9 @@ def _check_curves(curves: Sequence[Curve], m: int) -> None:
     for name, rows, _ in curves:
         if len(rows) != len({*rows}.intersection(range(m))):
             shown = str(rows)[:80]
-            raise LandmarkError(f"curve {name!r} goes through landmarks {shown}; give some of 0 to {m - 1}, each once")
+            raise LandmarkError(
+                f"curve {name!r} goes through landmarks {shown}; give some of 0 to {m - 1}, each once"
+            )
 
 
 def _curves(points: Sequence[MarkedPoint]) -> list[Curve]:
@@ -288,8 +296,9 @@ def read_landmarks(
         The shapes.
     target_path : path, optional
         Points marked on the target. Points of the two files are joined by name if they share any, otherwise in order.
-        They may be files of 3D Slicer (``.mrk.json``, ``.fcsv``), of MeshLab (``.pp``), ``.tps``, or text: one index or position
-        on each line, or a table whose header has ``x``, ``y``, ``z`` or ``vertex``, and ``name`` if there are names.
+        They may be files of 3D Slicer (``.mrk.json``, ``.fcsv``), of MeshLab (``.pp``), ``.tps``, or text: one index or
+        position on each line, or a table whose header has ``x``, ``y``, ``z`` or ``vertex``, and ``name`` if there are
+        names.
 
     Returns
     -------

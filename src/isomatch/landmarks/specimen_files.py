@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isomatch._core.arrays import IntArray
-from isomatch._core.errors import FormatError, some
+from isomatch._core.errors import FormatError
 from isomatch._core.files import legible
 from isomatch._core.texts import SEPARATORS, read_text, separated
 from isomatch.landmarks.landmark_files import NO_NUMBER, NOWHERE, MarkedPoint, marked_points
@@ -33,7 +33,7 @@ def specimen_points(path: Path) -> tuple[list[MarkedPoint], int]:
     """Read the points of one specimen, and how many coordinates they have."""
     found = list(specimens_in(path))
     if len(found) > 1:
-        told = f"has the landmarks of {len(found)} specimens, {some([each.name for each in found])}"
+        told = f"has the landmarks of {len(found)} specimens, {', '.join(each.name for each in found)[:80]}"
         raise FormatError(f"{path}: {told}; give a file of one")
     return (found[0].points, found[0].dim) if found else ([], 3)
 
@@ -54,7 +54,9 @@ def specimens_in(path: Path) -> Iterator[Read]:
         yield Read(name, marked_points(path), 3)
 
 
-def _point(cells: Sequence[str], where: str, name: str = "", curve: str = "", scale: float = 1.0) -> MarkedPoint:
+def _point(
+    cells: Sequence[str], where: str, name: str = "", curve: str = "", scale: float = 1.0
+) -> MarkedPoint:
     """Make a point of cells with numbers, or of words that say that it has no place."""
     if all(cell.lower() in NOWHERE for cell in cells):
         return MarkedPoint(name, (), where, curve=curve)
@@ -63,7 +65,9 @@ def _point(cells: Sequence[str], where: str, name: str = "", curve: str = "", sc
     except ValueError:
         at = ()
     if len(at) not in (2, 3) or not np.isfinite(at).all():
-        raise FormatError(f"{where}: {' '.join(cells)[:80]!r} is no position; write 2 or 3 numbers, or NA for none")
+        raise FormatError(
+            f"{where}: {' '.join(cells)[:80]!r} is no position; write 2 or 3 numbers, or NA for none"
+        )
     at = () if all(abs(x) == NO_NUMBER for x in at) else tuple(x * scale for x in at)
     return MarkedPoint(name, at, where, curve=curve)
 
@@ -76,8 +80,15 @@ def _tps(text: str, path: Path) -> Iterator[Read]:
             blocks.append([])
         if blocks and line.strip():
             blocks[-1].append((number, line.strip()))
-    told = [{key.strip().upper(): value.strip() for _, line in block for key, eq, value in [line.partition("=")] if eq}
-            for block in blocks]
+    told = [
+        {
+            key.strip().upper(): value.strip()
+            for _, line in block
+            for key, eq, value in [line.partition("=")]
+            if eq
+        }
+        for block in blocks
+    ]
     ids = [each.get("ID", "") for each in told]
     images = [re.sub(r"\.\w{3,4}$", "", re.split(r"[\\/]", each.get("IMAGE", ""))[-1]) for each in told]
     named = ids if len(set(ids)) == len(ids) or len(set(images)) < len(ids) else images
@@ -85,14 +96,18 @@ def _tps(text: str, path: Path) -> Iterator[Read]:
         try:
             scale = float(keys.get("SCALE", "1").replace(",", "."))
         except ValueError:
-            raise FormatError(f"{path}:{block[0][0]}: SCALE={keys['SCALE']!r} is no number; correct it") from None
+            raise FormatError(
+                f"{path}:{block[0][0]}: SCALE={keys['SCALE']!r} is no number; correct it"
+            ) from None
         points, wanted, kind, n_curves = list[MarkedPoint](), 0, "", 0
         for number, line in block:
             key, eq, value = (part.strip().upper() for part in line.partition("="))
             if eq:
                 if key in ("LM", "LM3", "POINTS", "CURVES", "OUTLINES"):
                     if not value.isdecimal():
-                        raise FormatError(f"{path}:{number}: {line[:80]!r} gives no count; write {key}=NUMBER")
+                        raise FormatError(
+                            f"{path}:{number}: {line[:80]!r} gives no count; write {key}=NUMBER"
+                        )
                     kind = "" if key.startswith("LM") else kind if key == "POINTS" else key
                     wanted += 0 if key in ("CURVES", "OUTLINES") or kind == "OUTLINES" else int(value)
                     n_curves += key == "POINTS" and kind == "CURVES"
@@ -118,7 +133,9 @@ def _ntsys(text: str, path: Path) -> Iterator[Read]:
     lines = [line.strip() for line in text.splitlines()]
     lines = [line for line in lines if line and line[0] not in "\"'"]
     head = re.fullmatch(
-        r"1\s+(\d+)\s*(L?)B?E?\s+(\d+)\s*(L?)B?E?\s+([01])(?:\s+(\S+))??\s+DIM\s*=\s*([23])", lines[0] if lines else "", re.IGNORECASE
+        r"1\s+(\d+)\s*(L?)B?E?\s+(\d+)\s*(L?)B?E?\s+([01])(?:\s+(\S+))??\s+DIM\s*=\s*([23])",
+        lines[0] if lines else "",
+        re.IGNORECASE,
     )
     if not head:
         raise FormatError(f"{path}: does not begin with a line of NTSYS, such as 1 20L 36 0 DIM=3; add it")
@@ -204,7 +221,9 @@ def _table(text: str, path: Path) -> list[Read]:
         if specimen is None:
             return []
         axes = [lower.index(axis) for axis in "xyz" if axis in lower]
-        label = next((lower.index(each) for each in LANDMARK if each in lower and lower.index(each) != specimen), None)
+        label = next(
+            (lower.index(each) for each in LANDMARK if each in lower and lower.index(each) != specimen), None
+        )
         of: dict[str, list[MarkedPoint]] = {}
         for where, row in rows:
             cells = [*row, *[""] * (len(head) - len(row))]
@@ -212,8 +231,10 @@ def _table(text: str, path: Path) -> list[Read]:
             of.setdefault(cells[specimen], []).append(_point([cells[i] for i in axes], where, name))
         return [Read(name, points, len(axes)) for name, points in of.items()]
     after, before = r"(?P<of>.+?)[ ._-]?(?P<axis>[xyz])", r"(?P<axis>[xyz])[ ._-]?(?P<of>.+)"
-    parts = max(([re.fullmatch(form, c, re.IGNORECASE) for c in head] for form in (after, before)),
-                key=lambda found: sum(map(bool, found)))
+    parts = max(
+        ([re.fullmatch(form, c, re.IGNORECASE) for c in head] for form in (after, before)),
+        key=lambda found: sum(map(bool, found)),
+    )
     places: dict[str, dict[str, int]] = {}
     for column, part in enumerate(parts):
         if part:
@@ -223,12 +244,16 @@ def _table(text: str, path: Path) -> list[Read]:
     if not places:
         return []
     if bad := [name for name, own in places.items() if [*"xyz"[:dim]] != sorted(own)]:
-        raise FormatError(f"{path}: the landmark {bad[0]!r} lacks the column of a coordinate; write {bad[0]}_X, …")
+        raise FormatError(
+            f"{path}: the landmark {bad[0]!r} lacks the column of a coordinate; write {bad[0]}_X, …"
+        )
     specimen = specimen or 0
     found = []
     for where, row in rows:
         cells = [*row, *[""] * (len(head) - len(row))]
-        points = [_point([cells[own[axis]] for axis in "xyz"[:dim]], where, name) for name, own in places.items()]
+        points = [
+            _point([cells[own[axis]] for axis in "xyz"[:dim]], where, name) for name, own in places.items()
+        ]
         found.append(Read(cells[specimen], points, dim))
     return found
 
@@ -243,5 +268,7 @@ def landmark_numbers(path: Path, columns: Sequence[str], m: int) -> IntArray:
     except (ValueError, IndexError):
         numbers = np.array([[-1]])
     if numbers.size and not ((numbers >= 0) & (numbers < m)).all():
-        raise FormatError(f"{path}: give numbers of landmarks from 1 to {m} in the columns {', '.join(columns)}")
+        raise FormatError(
+            f"{path}: give numbers of landmarks from 1 to {m} in the columns {', '.join(columns)}"
+        )
     return numbers.reshape(-1, len(columns))

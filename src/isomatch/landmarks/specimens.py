@@ -13,21 +13,23 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import IntArray
-from isomatch._core.errors import FormatError, LandmarkError, MissingFileError, some
+from isomatch._core.errors import FormatError, LandmarkError, MissingFileError
 from isomatch._core.files import legible
 from isomatch._core.texts import natural_order, read_text
 from isomatch.landmarks.landmark_files import MarkedPoint
 from isomatch.landmarks.landmarks import Curve, Landmarks, landmarks_of
 from isomatch.landmarks.specimen_files import SEVERAL, Read, landmark_numbers, rows_of, specimens_in
 
-SAME_PLACE = 1e-4  # of a specimen's centroid size over √m: two points that are nearer in all specimens are one
+SAME_PLACE = (
+    1e-4  # of a specimen's centroid size over √m: two points that are nearer in all specimens are one
+)
 ONE_EACH = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # files of one specimen
 OWN = ("landmarks.csv", "landmarks.tps")  # of a folder that has them beside the files of single specimens
 KINDS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
 
 
 def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
-    """Read the landmarks of several specimens, by name, as many of each in one order.
+    r"""Read the landmarks of several specimens, by name, as many of each in one order.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
     ...     file = Path(folder) / "wings.tps"
-    ...     _ = file.write_text("LM=2\\n0 0\\n3 4\\nID=a\\nSCALE=0.5\\nLM=2\\n0 0\\n1 1\\nID=b\\n")
+    ...     _ = file.write_text("LM=2\n0 0\n3 4\nID=a\nSCALE=0.5\nLM=2\n0 0\n1 1\nID=b\n")
     ...     {name: marks.positions.tolist() for name, marks in read_specimens(file).items()}
     {'a': [[0.0, 0.0], [1.5, 2.0]], 'b': [[0.0, 0.0], [1.0, 1.0]]}
     """
@@ -64,12 +66,13 @@ def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
     if path.is_dir() and (own := [path / name for name in OWN if (path / name).is_file()]):
         path = own[0]
     found = list(_of_folder(path) if path.is_dir() else specimens_in(path))
-    if not found or not all(each.points for each in found):
-        lack = f"no landmarks of {next(each.name for each in found if not each.points)}" if found else "no landmarks"
-        raise LandmarkError(f"{path}: {lack}; give {KINDS}")
+    if not found or (empty := [each.name for each in found if not each.points]):
+        raise LandmarkError(f"{path}: no landmarks{f' of {empty[0]}' if found else ''}; give {KINDS}")
     first, names = found[0], [each.name for each in found]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise LandmarkError(f"{path}: several specimens are named {some(twice)}; give each its own name (ID)")
+        raise LandmarkError(
+            f"{path}: several specimens are named {', '.join(twice)[:80]}; give each one of its own (ID)"
+        )
     for each in found:
         if each.dim != first.dim:
             told = f"{each.name} has {each.dim} coordinates for each landmark, {first.name} {first.dim}"
@@ -80,14 +83,19 @@ def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
         marks = landmarks_of(points, each.dim)
         links = [Curve(f"link {i}", pair) for i, pair in enumerate(each.links, start=1)]
         specimens[each.name] = replace(marks, curves=(*marks.curves, *links))
-    told = specimens[first.name]
-    if other := [name for name, each in specimens.items() if each.curves != told.curves]:
-        raise LandmarkError(f"{path}: {other[0]} has other curves than {first.name}; draw the same, with as many points")
+    usual = specimens[first.name]
+    if other := [name for name, each in specimens.items() if each.curves != usual.curves]:
+        raise LandmarkError(
+            f"{path}: {other[0]} has other curves than {first.name}; draw the same, with as many points"
+        )
     sliders, surfaces = (path.with_name(f"{path.stem}_{each}.csv") for each in ("sliders", "surfaces"))
-    curves = curves_of_sliders(sliders, len(told)) if sliders.is_file() and not told.curves else told.curves
-    patch = landmark_numbers(surfaces, ["slide"], len(told))[:, 0].tolist() if surfaces.is_file() else []
-    names = [f"surface-{patch.index(i) + 1}" if i in patch else name for i, name in enumerate(told.names)]
-    joined, _ = join_places({n: replace(s, curves=curves, names=names) for n, s in specimens.items()})
+    m, curves = len(usual), usual.curves
+    if sliders.is_file() and not curves:
+        curves = curves_of_sliders(sliders, m)
+    patch = landmark_numbers(surfaces, ["slide"], m)[:, 0].tolist() if surfaces.is_file() else []
+    place = {row: f"surface-{i}" for i, row in enumerate(patch, start=1)}
+    marks_of = tuple(place.get(row, name) for row, name in enumerate(usual.names))
+    joined, _ = join_places({n: replace(s, curves=curves, names=marks_of) for n, s in specimens.items()})
     return joined
 
 
@@ -107,7 +115,9 @@ def _of_folder(folder: Path) -> Iterator[Read]:
         suffix = next((s for s in (*ONE_EACH, *SEVERAL) if file.name.lower().endswith(s)), "")
         if suffix and file.is_file() and not file.name.startswith("."):
             kinds.setdefault(suffix, []).append(file)
-    of_points = {suffix: files for suffix, files in kinds.items() if suffix not in (".txt", ".csv", ".tsv")} or kinds
+    of_points = {
+        suffix: files for suffix, files in kinds.items() if suffix not in (".txt", ".csv", ".tsv")
+    } or kinds
     if len(of_points) > 1:
         raise FormatError(f"{folder}: has files of several kinds, {', '.join(of_points)}; keep those of one")
     for file in next(iter(of_points.values()), []):
@@ -115,7 +125,7 @@ def _of_folder(folder: Path) -> Iterator[Read]:
 
 
 def _in_order(each: Read, first: Read, path: Path) -> list[MarkedPoint]:
-    """Return the points of a specimen in the order of the first: by name if they have names in common, else as they are."""
+    """Return the points of a specimen in the order of the first: by name if they share names, else as they are."""
     names, wanted = ([point.name for point in own.points] for own in (each, first))
     shared = {*names} & {*wanted} - {""}
     if names == wanted or (len(names) == len(wanted) and not shared):
@@ -155,7 +165,9 @@ def read_landmark_pairs(path: Path, names: Sequence[str]) -> list[tuple[int, int
             continue  # a header
         if len(cells) != 2 or not {*cells} <= {*number}:
             told = f"{','.join(row)[:80]!r} is no pair of landmarks"
-            raise FormatError(f"{path}:{at}: {told}; write two of their names, or numbers from 1 to {len(names)}")
+            raise FormatError(
+                f"{path}:{at}: {told}; write two of their names, or numbers from 1 to {len(names)}"
+            )
         pairs.append((number[cells[0]], number[cells[1]]))
     return pairs
 
@@ -175,8 +187,13 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     marked = {*range(m)} - {row for curve in first.curves for row in curve.rows}  # those of their own
     landmarks, patch = {*head[sorted(marked.difference(first.patch))].tolist()}, {*head[first.patch].tolist()}
     on_any = {row for rows in on_curves for row in rows}
-    rank = {row: 0 if row in landmarks else 1 if row in on_any else 2 if row in patch else 0 for row in head.tolist()}
-    inner = {row for rows, curve in zip(on_curves, first.curves) for row in (rows if curve.closed else rows[1:-1])}
+    rank = {
+        row: 0 if row in landmarks else 1 if row in on_any else 2 if row in patch else 0
+        for row in head.tolist()
+    }
+    inner = {
+        row for rows, curve in zip(on_curves, first.curves) for row in (rows if curve.closed else rows[1:-1])
+    }
     order = sorted(rank)
     ranks = [rank[row] for row in order if row in inner or row not in on_any]  # an end may be a landmark
     order = order if ranks == sorted(ranks) else sorted(rank, key=lambda row: (rank[row], row))
@@ -217,7 +234,11 @@ def _heads(specimens: Mapping[str, Landmarks]) -> IntArray:
 
 def _tolerance(marks: Landmarks) -> float:
     known = marks.positions[marks.placed]
-    return SAME_PLACE * float(np.sqrt(((known - known.mean(axis=0)) ** 2).sum(axis=1).mean())) if len(known) else 0.0
+    return (
+        SAME_PLACE * float(np.sqrt(((known - known.mean(axis=0)) ** 2).sum(axis=1).mean()))
+        if len(known)
+        else 0.0
+    )
 
 
 def _split(rows: list[int], closed: bool, ends: Container[int]) -> Iterator[tuple[list[int], bool]]:
@@ -227,6 +248,8 @@ def _split(rows: list[int], closed: bool, ends: Container[int]) -> Iterator[tupl
     at = [i for i, row in enumerate(rows) if row in ends]
     if closed and at:
         rows = [*rows[at[0] :], *rows[: at[0]]]
-        at, rows, closed = ([i - at[0] for i in at[1:]], [*rows, rows[0]], False) if at[1:] else ([], rows, True)
+        at, rows, closed = (
+            ([i - at[0] for i in at[1:]], [*rows, rows[0]], False) if at[1:] else ([], rows, True)
+        )
     cuts = [0, *(i for i in at if 0 < i < len(rows) - 1), len(rows) - 1]
     yield from ([(rows, True)] if closed else [(rows[a : b + 1], False) for a, b in pairwise(cuts) if a < b])

@@ -11,8 +11,8 @@ import numpy as np
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch._core.errors import SettingError
 from isomatch._core.files import replaced
-from isomatch.cohort.shape_statistics.linear_model import ShapeRegression
 from isomatch.cohort.shape_statistics.likeness import shape_tree
+from isomatch.cohort.shape_statistics.linear_model import ShapeRegression
 from isomatch.cohort.shape_statistics.shape_model import ModelCurve, ShapeModel
 from isomatch.surfaces import Mesh
 from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import boxcox, boxcox_normmax
 
 from isomatch._core.arrays import FloatArray, numbers_of
-from isomatch._core.errors import InputError, SettingError, some
+from isomatch._core.errors import InputError, SettingError
 from isomatch._core.first_use import package
 from isomatch._core.settings import generator
 from isomatch._core.texts import natural_order
@@ -63,7 +63,9 @@ class ShapeDesign:
 
     formula: str
     terms: Terms  #: the variables of each, single ones first
-    codes: Mapping[str, FloatArray]  #: (m, q) numbers of each variable; of a factor, a column for each level but the first
+    codes: Mapping[
+        str, FloatArray
+    ]  #: (m, q) numbers of each variable; of a factor, a column for each level but the first
     levels: Mapping[str, tuple[str, ...]]  #: of each factor
 
     @classmethod
@@ -110,7 +112,11 @@ class ShapeDesign:
         """Coefficients of a mean, at the means of numbers and over all levels alike but for changed codes; of a slope."""
         codes = {}
         for name, code in self.codes.items():
-            usual = np.full(code.shape[1], 1 / len(self.levels[name])) if name in self.levels else code.mean(axis=0)
+            usual = (
+                np.full(code.shape[1], 1 / len(self.levels[name]))
+                if name in self.levels
+                else code.mean(axis=0)
+            )
             codes[name] = np.atleast_2d(changed.get(name, usual))
         codes |= {slope: np.ones((1, 1))} if slope else {}
         rows = [self.columns(term, codes)[0] * (not slope or slope in term) for term in self.terms]
@@ -128,8 +134,14 @@ def _coded(
     call = None if name in table else re.fullmatch(r"log\s*\(\s*(.+?)\s*\)", name)
     column = call[1] if call else name
     if column not in table:
-        told = f"{formula!r}: there is no variable {column!r}" if column else f"{formula!r}: a variable is missing"
-        raise InputError(f"{told}; the table has {some([*table])}; write a formula such as size * group + age")
+        told = (
+            f"{formula!r}: there is no variable {column!r}"
+            if column
+            else f"{formula!r}: a variable is missing"
+        )
+        raise InputError(
+            f"{told}; the table has {', '.join(table)[:80]}; write a formula such as size * group + age"
+        )
     cells = [str(cell).strip() for cell in table[column]]
     if lacking := [i for i, cell in enumerate(cells) if cell.lower() in MISSING]:
         raise InputError(f"{column} has no value of {len(lacking)} of the shapes; give it, or leave them out")
@@ -146,7 +158,9 @@ def _coded(
         return np.array([[float(cell == level) for level in levels[1:]] for cell in cells]), levels
     if call:
         if not (numbers > 0).all():
-            raise InputError(f"{formula!r}: {column} has values that are not above 0, which have no logarithm")
+            raise InputError(
+                f"{formula!r}: {column} has values that are not above 0, which have no logarithm"
+            )
         numbers = np.log(numbers)
     if not np.isfinite(numbers).all() or np.ptp(numbers) <= LEAST_SHARE * np.abs(numbers).max(initial=0.0):
         raise InputError(f"{column} does not vary, or has a value that is not finite; leave it out")
@@ -213,7 +227,9 @@ def shape_anova(
         counts = design.codes[name].sum(axis=0)
         for level, count in zip(levels, [m - counts.sum(), *counts]):
             if count < 2:
-                raise InputError(f"{name} {level!r} has one shape; give two or more of each group, or leave it out")
+                raise InputError(
+                    f"{name} {level!r} has one shape; give two or more of each group, or leave it out"
+                )
     products = scalar_products(aligned - aligned.mean(axis=0), shares_of(aligned, weights))
     return _tested(products, design, n_permutations, seed)
 
@@ -225,7 +241,9 @@ def _tested(products: FloatArray, design: ShapeDesign, n_permutations: int, seed
     if n_permutations < 1:
         raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
     blocks = [design.columns(term) for term in design.terms]
-    parts = [*_orthonormal_parts(blocks)]  # bases (m, r) of what each term adds to the intercept and those before
+    parts = [
+        *_orthonormal_parts(blocks)
+    ]  # bases (m, r) of what each term adds to the intercept and those before
     for name, part in zip(design.names, parts[1:]):
         if not part.shape[1]:
             told = f"{name} does not vary, or depends on the variables before it"
@@ -233,7 +251,9 @@ def _tested(products: FloatArray, design: ShapeDesign, n_permutations: int, seed
     whole = np.hstack(parts)
     free = m - whole.shape[1]
     if free < 1:
-        raise InputError(f"{m} shapes are too few for {design.formula!r}, which has {whole.shape[1]} coefficients")
+        raise InputError(
+            f"{m} shapes are too few for {design.formula!r}, which has {whole.shape[1]} coefficients"
+        )
     orders = generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1)
     orders = np.vstack([np.arange(m), orders])
     total, rows = float(np.trace(products)), list[TermTest]()
@@ -247,10 +267,18 @@ def _tested(products: FloatArray, design: ShapeDesign, n_permutations: int, seed
         degrees = parts[i].shape[1]
         with np.errstate(divide="ignore", invalid="ignore"):
             f = np.nan_to_num(squares / degrees / (around / free), nan=0.0, posinf=np.inf)
-        row = name, degrees, float(squares[0]), float(squares[0]) / degrees, float(squares[0]) / (total or 1.0)
+        row = (
+            name,
+            degrees,
+            float(squares[0]),
+            float(squares[0]) / degrees,
+            float(squares[0]) / (total or 1.0),
+        )
         rows.append(TermTest(*row, float(f[0]), *_compared(f)))
     nan = np.nan
-    rows.append(TermTest("residuals", free, residual, residual / free, residual / (total or 1.0), nan, nan, nan))
+    rows.append(
+        TermTest("residuals", free, residual, residual / free, residual / (total or 1.0), nan, nan, nan)
+    )
     rows.append(TermTest("total", m - 1, total, nan, 1.0, nan, nan, nan))
     found = [_pairs(design, blocks, products, orders, of) for of in _compared_terms(design)]
     return ShapeAnova(tuple(rows), tuple(pair for own in found for pair in own), n_permutations, seed)
@@ -311,27 +339,40 @@ def _compared_terms(design: ShapeDesign) -> list[tuple[str, ...]]:
 
 
 def _pairs(
-    design: ShapeDesign, blocks: list[FloatArray], products: FloatArray, orders: FloatArray, of: tuple[str, ...]
+    design: ShapeDesign,
+    blocks: list[FloatArray],
+    products: FloatArray,
+    orders: FloatArray,
+    of: tuple[str, ...],
 ) -> list[PairTest]:
     """Compare means, or slopes, of each pair of groups of a factor."""
     factor = next(name for name in of if name in design.levels)
     slope = next((name for name in of if name not in design.levels), "")
     dropped = [{*of} <= {*term} for term in design.terms]
-    null = np.hstack([*_orthonormal_parts([b for b, drop in zip(blocks, dropped) if not drop] or [np.zeros((len(products), 0))])])
+    null = np.hstack(
+        [
+            *_orthonormal_parts(
+                [b for b, drop in zip(blocks, dropped) if not drop] or [np.zeros((len(products), 0))]
+            )
+        ]
+    )
     left = _residual_products(products, null)
     # the mean, or slope, of a group is cᵀ Y with c = X⁺ᵀ l, and the distance of two √(dᵀ P d) of the difference d
     inverse = np.linalg.pinv(np.hstack([np.ones((len(products), 1)), *blocks]))
     levels = design.levels[factor]
-    of_level = {g: design.row({factor: design.level_code(factor, g)}, slope) @ inverse for g in levels}
+    of_level: dict[str, FloatArray] = {
+        g: design.row({factor: design.level_code(factor, g)}, slope) @ inverse for g in levels
+    }
     found = []
     for a, b in combinations(levels, 2):
         apart = of_level[b] - of_level[a]
         drawn = np.sqrt(np.maximum(explained_squares(apart[:, None], left, orders), 0.0))
         z, p_value = _compared(drawn)
-        lengths = [of_level[g] @ products @ of_level[g] for g in (a, b)]
-        cosine = of_level[a] @ products @ of_level[b] / np.sqrt(max(np.prod(lengths), 1e-300))
-        angle = float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))) if slope else np.nan
-        distance = float(np.sqrt(max(apart @ products @ apart, 0.0)))
+        ends = np.array([of_level[a], of_level[b]])
+        (aa, ab), (_, bb) = (ends @ products @ ends.T).tolist()
+        cosine = np.clip(ab / np.sqrt(max(aa * bb, 1e-300)), -1, 1)
+        angle = float(np.degrees(np.arccos(cosine))) if slope else np.nan
+        distance = float(np.sqrt(max(float(apart @ products @ apart), 0.0)))
         found.append(PairTest(":".join(of), a, b, distance, angle, z, p_value, p_value))
     # Holm: the i-th of n p-values in ascending order times n − i, none below the one before
     ascending = np.argsort([pair.p_value for pair in found], kind="stable").tolist()
@@ -456,14 +497,20 @@ def classify(scores: FloatArray, groups: Sequence[str]) -> Classification:
     names, counts = np.unique(np.asarray(groups, dtype=str), return_counts=True)
     if len(names) < 2 or counts.min() < 2 or len(groups) != len(scores):
         told = ", ".join(f"{name!r} of {count}" for name, count in zip(names.tolist(), counts))
-        raise InputError(f"groups {told} for {len(scores)} shapes; give two groups or more, of two shapes or more")
+        raise InputError(
+            f"groups {told} for {len(scores)} shapes; give two groups or more, of two shapes or more"
+        )
     discriminant: Any = package("sklearn.discriminant_analysis", "statistics", "canonical variates")
     selection: Any = package("sklearn.model_selection", "statistics", "canonical variates")
     held = np.cumsum((scores**2).sum(axis=0)) / max((scores**2).sum(), 1e-300)
-    n_modes = max(min(int(np.searchsorted(held, HELD)) + 1, (len(scores) - len(names)) // 2, scores.shape[1]), 1)
+    n_modes = max(
+        min(int(np.searchsorted(held, HELD)) + 1, (len(scores) - len(names)) // 2, scores.shape[1]), 1
+    )
     used = scores[:, :n_modes]
     model = discriminant.LinearDiscriminantAnalysis(priors=np.full(len(names), 1 / len(names)))
-    predicted = selection.cross_val_predict(model, used, np.asarray(groups, dtype=str), cv=selection.LeaveOneOut())
+    predicted = selection.cross_val_predict(
+        model, used, np.asarray(groups, dtype=str), cv=selection.LeaveOneOut()
+    )
     variates = model.fit(used, np.asarray(groups, dtype=str)).transform(used)
     table = np.array([[((np.asarray(groups) == a) & (predicted == b)).sum() for b in names] for a in names])
     return Classification(tuple(names.tolist()), variates, tuple(map(str, predicted)), table, n_modes)

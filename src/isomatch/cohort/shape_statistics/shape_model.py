@@ -141,8 +141,9 @@ class ShapeModel:
         """Align shapes and find their modes.
 
         Vertices that were not measured are where the mean of the others is, see `filled`; whether size is part of the
-        shape, and whether it is projected on a tangent space, see `generalised_procrustes`. With ``weights="area"``, a vertex counts by its share of the area, so that
-        the model does not depend on how densely the surface is sampled; with "uniform" all count alike.
+        shape, and whether it is projected on a tangent space, see `generalised_procrustes`. With ``weights="area"``, a
+        vertex counts by its share of the area, so that the model does not depend on how densely the surface is sampled;
+        with "uniform" all count alike.
 
         Notes
         -----

@@ -14,7 +14,14 @@ import numpy as np
 
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch._core.cached import cached_property
-from isomatch._core.errors import FormatError, LandmarkError, MeshError, MissingFileError, NotConvergedError, some
+from isomatch._core.errors import (
+    FormatError,
+    LandmarkError,
+    MeshError,
+    MissingFileError,
+    NotConvergedError,
+    some,
+)
 from isomatch._core.files import legible
 from isomatch._core.texts import natural_order, read_csv
 from isomatch.cohort.shape_statistics.procrustes import Scale, aligned_to, generalised_procrustes
@@ -57,7 +64,9 @@ class CorrespondedShapes:
     """
 
     names: tuple[str, ...]  #: one for each of the m shapes; no two are the same
-    vertices: FloatArray  #: (m, n, 3) positions of their vertices, in one unit, all finite; (m, n, 2) in the plane
+    vertices: (
+        FloatArray  #: (m, n, 3) positions of their vertices, in one unit, all finite; (m, n, 2) in the plane
+    )
     faces: IntArray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
     """(f, 3) 0-based vertex indices of the triangles that they share; landmarks have none"""
     left_out: tuple[str, ...] = ()  #: which shapes were left out, each with the reason
@@ -83,7 +92,9 @@ class CorrespondedShapes:
         if len(bad):
             problem = f"shape {self.names[bad[0]]} has vertices without a position ({len(bad)} such shapes)"
             raise MeshError(f"{problem}; leave it out, as CorrespondedShapes.of_meshes does")
-        faces = Mesh(vertices[0], self.faces).sound_faces if len(self.faces) else np.zeros((0, 3), dtype=np.int64)
+        faces = (
+            Mesh(vertices[0], self.faces).sound_faces if len(self.faces) else np.zeros((0, 3), dtype=np.int64)
+        )
         vertices.flags.writeable = False
         measured = None if self.measured is None else np.asarray(self.measured, dtype=bool)
         if measured is not None and measured.shape != vertices.shape[:2]:
@@ -164,7 +175,9 @@ class CorrespondedShapes:
             raise LandmarkError("no specimens; give the landmarks of at least one")
         first = next(iter(specimens.values()))
         if other := [n for n, each in specimens.items() if each.positions.shape != first.positions.shape]:
-            raise LandmarkError(f"{other[0]} has other landmarks than {next(iter(specimens))}; give the same of each")
+            raise LandmarkError(
+                f"{other[0]} has other landmarks than {next(iter(specimens))}; give the same of each"
+            )
         positions = np.array([each.positions for each in specimens.values()])
         placed = np.array([each.placed for each in specimens.values()])
         if len(nowhere := np.flatnonzero(~placed.any(axis=0))):
@@ -174,7 +187,12 @@ class CorrespondedShapes:
             told = f"{[*specimens][empty[0]]} lacks {(~placed[empty[0]]).sum()} of {len(first)} landmarks"
             raise LandmarkError(f"{told}, more than half; leave it out")
         middles = np.nanmean(positions, axis=1, keepdims=True)
-        return cls(tuple(specimens), np.where(placed[:, :, None], positions, middles), measured=placed, landmarks=first)
+        return cls(
+            tuple(specimens),
+            np.where(placed[:, :, None], positions, middles),
+            measured=placed,
+            landmarks=first,
+        )
 
     @property
     def points(self) -> str:

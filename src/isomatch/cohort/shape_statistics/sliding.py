@@ -103,7 +103,8 @@ def slid_semilandmarks(
     names = tuple(map(str, range(len(known))))
     now = filled(CorrespondedShapes(names, known, measured=placed), scale="remove").vertices
     sizes, energies = centroid_sizes(now)[:, None, None], list[FloatArray]()
-    rows, given = np.array(patch, dtype=np.int64), list(zip(surfaces or [None] * len(now), now, placed))
+    of: Sequence[Mesh | None] = surfaces or [None] * len(now)
+    rows, given = np.array(patch, dtype=np.int64), list(zip(of, now, placed))
     specimens = parallel_map(lambda each: _Specimen(*each, curves, rows), given)
     closeness = min(CLOSE, enough)
     with serial_blas():
@@ -112,7 +113,9 @@ def slid_semilandmarks(
             mean, bending = onto_mean.mean, BendingEnergy(onto_mean.mean)
             # the mean, of the size of the specimens, as each has it, x = (y − t) R / s
             centre, scale = mean.mean(axis=0), onto_mean.scales[:, None, None]
-            whole = centre + (mean - centre) * (onto_mean.size / np.sqrt(((mean - centre) ** 2).sum(axis=1).mean()))
+            whole = centre + (mean - centre) * (
+                onto_mean.size / np.sqrt(((mean - centre) ** 2).sum(axis=1).mean())
+            )
             goal = (whole - onto_mean.translations[:, None]) @ onto_mean.rotations / scale
             tangents = np.stack([each.tangents() for each in specimens])
             if criterion == "bending":
@@ -142,8 +145,9 @@ class BendingEnergy:
         require_memory(28.0 * m**2, f"the bending energy of {m} points", "use fewer points")
         centred = points - points.mean(axis=0)
         centred /= np.linalg.norm(centred)
-        # In space, the spline −Σ wᵢ |x − pᵢ| + affine has Qᵀw = 0 and the energy wᵀKw, K = (−|pᵢ − pⱼ|), where Q spans the
-        # affine functions; in the plane, it has |x − pᵢ|² log |x − pᵢ|² instead. With P = I − QQᵀ, w is the pseudoinverse of PKP times the values, so that the energy is of the matrix
+        # In space, the spline −Σ wᵢ |x − pᵢ| + affine has Qᵀw = 0 and the energy wᵀKw, K = (−|pᵢ − pⱼ|), where Q spans
+        # the affine functions; in the plane, it has |x − pᵢ|² log |x − pᵢ|² instead. With P = I − QQᵀ, w is the
+        # pseudoinverse of PKP times the values, so that the energy is of the matrix
         # B = (PKP)⁺ = P (PKP + a QQᵀ)⁻¹ P. What is inverted is positive definite: K + QWᵀ + WQᵀ with
         # W = Q (QᵀKQ + a I) / 2 − KQ.
         apart = cdist(centred, centred)
@@ -209,13 +213,13 @@ class _Specimen:
         for _, of, closed in curves:
             rows, n = np.array(of), len(of) - 1 if closed else len(of) - 2
             if placed[rows].all() and n > 0:
-                line, step = None, np.arange(n + 1)
-                if surface is not None:
-                    line = Mesh(points[[*rows, rows[0]]], np.column_stack([step, step + 1, step + 1]))
+                step = np.arange(n + 1)
+                path = points[[*rows, rows[0]]] if surface is not None else np.zeros((n + 2, 3))
+                line = Mesh(path, np.column_stack([step, step + 1, step + 1]))
                 self._tracks.append((rows[1 : n + 1], rows[:n], np.roll(rows, -2)[:n], line))
 
     def _normals_of(self, points: FloatArray) -> FloatArray:
-        """Normals of the patch: of the plane nearest to each point and its neighbours."""
+        """Return normals of the patch: of the plane nearest to each point and its neighbours."""
         if points.shape[1] == 2 or not len(self._patch):
             return np.zeros((len(self._patch), points.shape[1]))  # all directions are in the plane
         near = points[cKDTree(points).query(points[self._patch], min(NEIGHBOURS, len(points)))[1]]
