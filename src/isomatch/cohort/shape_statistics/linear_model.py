@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import boxcox, boxcox_normmax
+from scipy.optimize import minimize_scalar
+from scipy.special import boxcox
 
 from isomatch._core.arrays import FloatArray, numbers_of
 from isomatch._core.errors import InputError, SettingError
@@ -24,6 +25,7 @@ from isomatch.cohort.shape_statistics.procrustes import scalar_products, shares_
 N_PERMUTATIONS = 4999
 BLOCK = 2**21  # numbers in memory at a time
 FEWEST = 3  # shapes: two differ along any variable
+POWERS = (-5.0, 5.0)  # of a Box–Cox transformation
 LEAST_SHARE = 1e-9  # of the largest singular value of the variables: one with less depends on the others
 HELD = 0.95  # share of the variance that the modes of a classification hold
 MISSING = {"", "na", "n/a", "nan"}  # cells without a value, in lower case
@@ -323,7 +325,10 @@ def _compared(values: FloatArray) -> tuple[float, float]:
     if not np.isfinite(values).all() or np.ptp(values[1:]) <= 1e-12 * np.abs(values).max():
         return np.nan, p_value
     positive = values if values.min() > 0 else values - values.min() + 1e-4
-    like_normal = boxcox(positive, boxcox_normmax(positive[1:], method="mle"))
+    positive = positive / np.exp(np.log(positive[1:]).mean())
+    # of values whose geometric mean is 1, the likeliest power leaves the least variance
+    power = minimize_scalar(lambda x: boxcox(positive[1:], x).var(), bounds=POWERS, method="bounded").x
+    like_normal = boxcox(positive, power)
     deviation = float(like_normal.std())
     return float((like_normal[0] - like_normal.mean()) / deviation) if deviation > 0 else np.nan, p_value
 
@@ -512,5 +517,8 @@ def classify(scores: FloatArray, groups: Sequence[str]) -> Classification:
         model, used, np.asarray(groups, dtype=str), cv=selection.LeaveOneOut()
     )
     variates = model.fit(used, np.asarray(groups, dtype=str)).transform(used)
-    table = np.array([[((np.asarray(groups) == a) & (predicted == b)).sum() for b in names] for a in names])
+    of = np.searchsorted(names, groups)
+    within = variates - np.array([variates[of == i].mean(axis=0) for i in range(len(names))])[of]
+    variates = variates / np.sqrt(np.maximum((within**2).sum(axis=0) / (len(of) - len(names)), 1e-300))
+    table = np.array([[(predicted[of == i] == name).sum() for name in names] for i in range(len(names))])
     return Classification(tuple(names.tolist()), variates, tuple(map(str, predicted)), table, n_modes)
