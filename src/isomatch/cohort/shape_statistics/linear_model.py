@@ -325,7 +325,7 @@ def _compared(values: FloatArray) -> tuple[float, float]:
     if not np.isfinite(values).all() or np.ptp(values[1:]) <= 1e-12 * np.abs(values).max():
         return np.nan, p_value
     positive = values if values.min() > 0 else values - values.min() + 1e-4
-    positive = positive / np.exp(np.log(positive[1:]).mean())
+    positive = np.clip(positive / np.exp(np.log(positive[1:]).mean()), 1e-30, 1e30)
     # of values whose geometric mean is 1, the likeliest power leaves the least variance
     power = minimize_scalar(lambda x: boxcox(positive[1:], x).var(), bounds=POWERS, method="bounded").x
     like_normal = boxcox(positive, power)
