@@ -109,7 +109,7 @@ def test_folders(tmp_path):
         ("a.tps", "LM=1\n0 ?x\n", r"a\.tps:2: .*no position"),
         (
             "a.tps",
-            "LM=2\n0 0\n1 1\nID=a\nLM3=2\n0 0 0\n1 1 1\nID=b\n",
+            "LM=1\n0 0\nID=a\nLM3=1\n0 0 0\nID=b\n",
             "b has 3 coordinates .* a 2; give those in the plane",
         ),
         ("a.tps", "LM=2\n0 0\n1 1 1\n", "has 2 coordinates, other points"),
