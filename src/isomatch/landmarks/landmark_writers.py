@@ -236,7 +236,7 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
 
 
 COMMANDS = re.compile(
-    r"SCALE|IMAGE|(?i:LM3?=|COMMENT=)|ID=|^\s*$"
+    r"SCALE|(?i:LM3?=|COMMENT=)|ID=|^\s*$"
 )  # in a name, what geomorph takes for a line of TPS
 
 

@@ -210,6 +210,12 @@ def of_sliding() -> Iterator[Compared]:
         own = unit(generalised_procrustes(found.positions, scale="remove").aligned)
         yield Compared(key, there, turned(own, there), tolerance)
         yield Compared(f"{key}: energy", asked[key]["energy"], found.energy_after, tolerance)
+    settled = np.array(asked["gpagen_bending_converged"]["coordinates"])
+    further = slid_semilandmarks(settled, None, curves, patch, most_rounds=1, enough=1e-12).positions
+    own = unit(generalised_procrustes(further, scale="remove").aligned)
+    yield Compared(
+        "gpagen_bending_converged: after a round here", unit(settled), turned(own, unit(settled)), EARLY
+    )
 
 
 SETS = (of_landmarks, of_object, of_matching, of_sliding)
