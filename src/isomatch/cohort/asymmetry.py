@@ -98,7 +98,7 @@ def asymmetry(
         is_mesh = len(cohort.faces) > 0
         if is_mesh and degrees == "dimensions":
             raise SettingError(
-                "--degrees dimensions is for landmarks; vertices of a mesh are as many as you like"
+                "--degrees dimensions is for landmarks; a mesh has as many vertices as you like"
             )
         if not is_mesh and not pairs and not (left_right and not landmarks):
             told = "which landmarks are left and right, or which specimens, is not known"
@@ -123,22 +123,22 @@ def asymmetry(
             maps = [Correspondence.load(file, n, n) for file in files]
         else:
             hints = landmarks and read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
-            how = {"landmarks": hints, "config": config, "seed": seed}
-            maps, about, unsure = _matched(cohort, scans, how, notes, to.part(0.1, 0.8))
+            settings = {"landmarks": hints, "config": config, "seed": seed}
+            maps, about, unsure = _matched(cohort, scans, settings, notes, to.part(0.1, 0.8))
         both = both if pairs else cohort.mirrored(maps)
         to.tell("comparing", 0.8)
         of = [labels.get(name, name) for name in both.names[: len(both) // 2]]
-        share = _known_share(both, weights)
+        share, sides_of = _known_share(both, weights), maps[0] if maps else None
+        how: dict[str, Any] = {"individuals": of, "seed": seed}
         n, dim = both.vertices.shape[1:]
-        counted = shape_statistics.symmetry_dimensions(n, dim, maps[0] if maps else None, scale=scale)
-        tested: dict[str, Any] = {"individuals": of, "seed": seed}
-        split = {"dimensions": counted if degrees == "dimensions" else (1, 1), **tested}
-        measure = _measured if is_mesh else _measured_landmarks
-        found, lines, words = measure(new, both, maps, scale, share, split)
-        sizes = shape_statistics.centroid_sizes(both.vertices, share)[:, None, None]
-        of_sizes = (
-            shape_statistics.asymmetry(*np.split(sizes, 2), **tested) if pairs and len(of) > 1 else None
-        )
+        counted = shape_statistics.symmetry_dimensions(n, dim, sides_of, scale=scale)
+        aligned = shape_statistics.align_sides(both, share, scale, maps)
+        dimensions = counted if degrees == "dimensions" else (1, 1)
+        found = shape_statistics.asymmetry(*aligned, share, dimensions=dimensions, **how)
+        lines, words = (_measured if is_mesh else _measured_landmarks)(new, both, maps, share, found)
+        sizes, of_sizes = shape_statistics.centroid_sizes(both.vertices, share)[:, None, None], None
+        if pairs and len(of) > 1:
+            of_sizes = shape_statistics.asymmetry(*np.split(sizes, 2), **how)
         record = {
             "isomatch": VERSION,
             "of": str(source),
@@ -244,67 +244,59 @@ def _individuals(found: Asymmetry) -> list[dict[str, Any]]:
     return lines
 
 
+def _line(both: CorrespondedShapes, found: Asymmetry, i: int, size: float) -> dict[str, Any]:
+    """Make the first cells of the line of a shape, (i)."""
+    amounts = float(found.amounts[i]), float(found.amounts[i]) / size, float(found.fluctuating[i])
+    return dict(zip(("name", "asymmetry", "over_size", "fluctuating"), (both.names[i], *amounts)))
+
+
+def _size(found: Asymmetry, share: FloatArray) -> float:
+    """Root mean square distance of the symmetric mean from its centroid."""
+    return float(shape_statistics.centroid_sizes(found.symmetric[None], share)[0] / np.sqrt(len(share)))
+
+
 def _measured_landmarks(
     new: StatisticsFolder,
     both: CorrespondedShapes,
     maps: list[Correspondence],
-    scale: Scale,
     share: FloatArray,
-    of: dict[str, Any],
-) -> tuple[Asymmetry, list[dict[str, Any]], dict[str, str]]:
-    """Measure and draw asymmetry of landmarks, as `_measured` that of meshes."""
-    m, marks = len(both) // 2, both.marks
-    found = shape_statistics.asymmetry(*shape_statistics.align_sides(both, share, scale, maps), share, **of)
-    size = float(shape_statistics.centroid_sizes(found.symmetric[None], share)[0]) / np.sqrt(len(share))
-    lengths = np.linalg.norm(found.components, axis=2)
-    own = np.sqrt(((found.components - found.directional) ** 2).sum(axis=2).mean(axis=0))
-    axes = zip("xyz", found.directional.T.tolist())
-    new.table(
-        "landmarks.csv", landmark=marks, **{f"directional_{x}": v for x, v in axes}, fluctuating=own.tolist()
-    )
-    words = {
-        "directional": "Directional asymmetry, enlarged: what all have in common; grey: the symmetric mean."
-    }
-    words["fluctuating"] = "Fluctuating asymmetry: how far single ones differ from that, at each landmark."
-    factor = ENLARGED * size / (float(np.linalg.norm(found.directional, axis=1).max()) or 1.0)
-    shown = {f"asymmetry × {factor:.2g}": found.symmetric + factor * found.directional}
-    shape_statistics.draw_landmarks(new.picture("directional"), shown, found.symmetric, both.links)
-    if m > 1:
-        label = "standard deviation, in units of the shapes"
-        at = {"": found.symmetric}
-        shape_statistics.draw_landmarks(
-            new.picture("fluctuating"), at, found.symmetric, both.links, own, label
-        )
+    found: Asymmetry,
+) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Draw the asymmetry of landmarks: values of each specimen, and the words beside each picture."""
+    m, size, mean, common = len(both) // 2, _size(found, share), found.symmetric, found.directional
+    own = np.sqrt(((found.components - common) ** 2).sum(axis=2).mean(axis=0))
+    axes = {f"directional_{axis}": column for axis, column in zip("xyz", common.T.tolist())}
+    new.table("landmarks.csv", landmark=both.marks, **axes, fluctuating=own.tolist())
+    factor = ENLARGED * size / (float(np.linalg.norm(common, axis=1).max()) or 1.0)
+    shown = {f"asymmetry × {factor:.2g}": mean + factor * common}
+    shape_statistics.draw_landmarks(new.picture("directional"), shown, mean, both.links)
+    label = "standard deviation, in units of the shapes"
+    shape_statistics.draw_landmarks(new.picture("fluctuating"), {"": mean}, mean, both.links, own, label)
     lines = []
-    for i in range(m):
-        most = int(lengths[i].argmax())
-        line = {
-            "name": both.names[i],
-            "asymmetry": float(found.amounts[i]),
-            "over_size": float(found.amounts[i]) / size,
-            "fluctuating": float(found.fluctuating[i]),
-            "most": float(lengths[i, most]),
-            "most_landmark": marks[most],
-        }
+    for i, lengths in enumerate(np.linalg.norm(found.components, axis=2)):
+        most = int(lengths.argmax())
+        line = _line(both, found, i, size) | {"most": float(lengths[most]), "most_landmark": both.marks[most]}
         lines.append(line if maps else line | {"left": both.names[m + i]})
-    return found, lines, words
+    return lines, {
+        "directional": "Directional asymmetry, enlarged: what all have in common; grey: the symmetric mean.",
+        "fluctuating": "Fluctuating asymmetry: how far single ones differ from that, at each landmark.",
+    }
 
 
 def _measured(
     new: StatisticsFolder,
     both: CorrespondedShapes,
     maps: list[Correspondence],
-    scale: Scale,
     share: FloatArray,
-    of: dict[str, Any],
-) -> tuple[Asymmetry, list[dict[str, Any]], dict[str, str]]:
-    """Measure and draw asymmetry: all of it, values of each shape, and the words beside each picture."""
+    found: Asymmetry,
+) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Draw the asymmetry of meshes: values of each shape, and the words beside each picture."""
     m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
-    known = both.seen[:m] & both.seen[m:]
-    aligned = shape_statistics.align_sides(both, share, scale, maps)
-    found = shape_statistics.asymmetry(*aligned, share, **of)
-    mean = both.mesh(0).moved(found.symmetric)
-    size = float(shape_statistics.centroid_sizes(mean.vertices[None], share)[0]) / np.sqrt(len(share))
+    known, mean, size = (
+        both.seen[:m] & both.seen[m:],
+        both.mesh(0).moved(found.symmetric),
+        _size(found, share),
+    )
     normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # smoother than those of a shape
     outward = np.where(known, np.einsum("mij,ij->mi", found.components, normals), np.nan)
     planes = [shape_statistics.symmetry_plane(*each, share) for each in zip(both.vertices, maps)]
@@ -328,21 +320,15 @@ def _measured(
         mesh, most = both.mesh(i), int(np.nanargmax(np.abs(signed)))
         length = np.where(known[i], np.linalg.norm(found.components[i], axis=1), np.nan)
         new.mesh(f"shapes/{both.names[i]}.ply", mesh, {"asymmetry": length, "along_normal": signed}, signed)
-        line = {
-            "name": both.names[i],
-            "asymmetry": float(found.amounts[i]),
-            "over_size": float(found.amounts[i]) / size,
-            "along_normal": float(np.sqrt(share @ np.nan_to_num(signed) ** 2)),
-            "fluctuating": float(found.fluctuating[i]),
-            "most": float(signed[most]),
-            "most_vertex": most,
-        }
+        along = float(np.sqrt(share @ np.nan_to_num(signed) ** 2))
+        line = _line(both, found, i, size) | {"along_normal": along, "most": float(signed[most])}
+        line["most_vertex"] = most
         if planes:
             normal, offset = planes[i]
             line["most_side"] = list(views[i])[0 if mesh.vertices[most] @ normal > offset else 1]
             line |= dict(zip(("plane_x", "plane_y", "plane_z", "plane_offset"), (*normal.tolist(), offset)))
         lines.append(line if planes else line | {"left": both.names[m + i]})
-    return found, lines, words
+    return lines, words
 
 
 def _told(record: dict[str, Any]) -> list[str]:

@@ -23,7 +23,7 @@ from isomatch._core.stage_timer import Progress
 from isomatch._core.texts import write_csv
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.map_file import keep_files, maps_along, require_unchanged
-from isomatch.cohort.shape_statistics import Criterion, slid_semilandmarks
+from isomatch.cohort.shape_statistics import Criterion, Slid, slid_semilandmarks
 from isomatch.cohort.unusual_shapes import scales_of
 from isomatch.cohort.workers import Listener
 from isomatch.correspondence import Correspondence
@@ -76,16 +76,6 @@ class Semilandmarks:
     surface_points: int = 0
     slide: bool = False
     criterion: Criterion = "bending"
-
-
-class Slid(NamedTuple):
-    """How far the landmarks of a shape slid, and the bending energy from the mean shape."""
-
-    specimen: str
-    mean: float
-    largest: float
-    energy_before: float
-    energy_after: float
 
 
 class LeftOutError(NamedTuple):
@@ -291,9 +281,7 @@ def _slid(
     slid = slid_semilandmarks(positions, surfaces, once.curves, once.patch, criterion=criterion)
     moved = np.where(np.isfinite(own), (signs * slid.positions)[:, place], np.nan)
     points |= {name: replace(marks[name], positions=at) for name, at in zip(names, moved)}
-    far = np.linalg.norm(slid.positions - positions, axis=2)
-    columns = np.nanmean(far, axis=1), np.nanmax(far, axis=1), slid.energy_before, slid.energy_after
-    return [Slid(*each) for each in zip(names, *(column.tolist() for column in columns))]
+    return slid.of_each(names, positions)
 
 
 def _side_of(name: str, turned: Container[str]) -> FloatArray:

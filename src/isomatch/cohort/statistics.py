@@ -138,7 +138,7 @@ def statistics(
         sections = new.linear(linear, classes, [n for n in modelled.names if n in labels], labels)
         new.distances(shapes, geodesic, procrustes, groups_of)
         if study.slid:
-            new.table("slid.csv", **{key: [row[key] for row in study.slid] for key in study.slid[0]})
+            new.table("slid.csv", **dict(zip(study.slid[0]._fields, zip(*study.slid))))
         notes += new.exports(shapes, modelled)
         record = {
             "isomatch": VERSION,

@@ -104,10 +104,10 @@ class StatisticsFolder:
             shape_statistics.draw_modes(self.picture("modes"), model, n_modes, DEVIATIONS)
         else:
             ratios = model.variance_ratios
-            titles = [
-                f"mode {i // 2 + 1} ({ratios[i // 2]:.1%}), {'−+'[i % 2]}2 sd" for i in range(len(moved))
-            ]
-            shown = dict(zip(titles, moved.values())) or {"mean; the shapes do not differ": model.mean}
+            ends = (
+                f"mode {i} ({ratio:.1%}), {sign}2 sd" for i, ratio in enumerate(ratios, 1) for sign in "−+"
+            )
+            shown = dict(zip(ends, moved.values())) or {"mean; the shapes do not differ": model.mean}
             shape_statistics.draw_landmarks(self.picture("modes"), shown, model.mean, shapes.links)
         self.table("scores.csv", name=model.names, **_by_mode(model.scores))
         ratios = shape_statistics.compactness(model)
@@ -121,9 +121,8 @@ class StatisticsFolder:
         values = {"variance": variances, "standard_deviation": deviations}
         if shapes.measured is not None:
             values["measured"] = shapes.measured.sum(axis=0).astype(np.float64)
-        self.values(
-            "variance", shapes, model.mean, values, deviations, "standard deviation, in units of the shapes"
-        )
+        label = "standard deviation, in units of the shapes"
+        self.values("variance", shapes, model.mean, values, deviations, label)
 
     def shapes(self, file: str, like: CorrespondedShapes, shown: Mapping[str, FloatArray]) -> None:
         """Write shapes (n, d) by their names: a mesh for each, or one table of landmarks, as `read_specimens` reads."""
@@ -132,12 +131,8 @@ class StatisticsFolder:
                 write_mesh(self.path(f"{name}.ply"), like.mesh(0).moved(vertices), binary=True)
             return
         heads = [f"{mark}_{axis}" for mark in like.marks for axis in "XYZ"[: like.vertices.shape[2]]]
-        rows = [[name, *vertices.ravel().tolist()] for name, vertices in shown.items()]
-        write_csv(
-            self.path(f"{file}.csv"),
-            [dict(zip(["specimen", *heads], row)) for row in rows],
-            ["specimen", *heads],
-        )
+        columns = np.array([vertices.ravel() for vertices in shown.values()]).T.tolist()
+        self.table(f"{file}.csv", specimen=[*shown], **dict(zip(heads, columns)))
 
     def values(
         self,
@@ -155,11 +150,8 @@ class StatisticsFolder:
             self.mesh(f"{file}.ply", mesh, values, shown, highest)
             shape_statistics.draw_values(self.picture(file), mesh, shown, label)
         else:
-            self.table(
-                f"{file}_landmarks.csv",
-                landmark=like.marks,
-                **{k: each.tolist() for k, each in values.items()},
-            )
+            columns = {name: each.tolist() for name, each in values.items()}
+            self.table(f"{file}_landmarks.csv", landmark=like.marks, **columns)
             shape_statistics.draw_landmarks(self.picture(file), {"": at}, at, like.links, shown, label)
 
     def quality(self, model: ShapeModel, seed: int) -> None:
@@ -193,12 +185,9 @@ class StatisticsFolder:
         label = "logarithm of the centroid size"
         path = self.picture("allometry")
         shape_statistics.draw_regression(path, allometry, logarithms, shapes.names, label, groups)
-        ends = {"smallest": logarithms.min(), "largest": logarithms.max()}
-        change = allometry.coefficients[0]
-        moved = {
-            f"allometry_{word}": allometry.mean + (x - logarithms.mean()) * change for word, x in ends.items()
-        }
-        self.shapes("allometry", shapes, moved)
+        ends = {"allometry_smallest": logarithms.min(), "allometry_largest": logarithms.max()}
+        away = {name: (end - logarithms.mean()) * allometry.coefficients[0] for name, end in ends.items()}
+        self.shapes("allometry", shapes, {name: allometry.mean + each for name, each in away.items()})
 
     def structures(
         self, model: ShapeModel, poses: shape_statistics.StructurePoses, hidden: list[dict[str, Any]]
@@ -227,14 +216,7 @@ class StatisticsFolder:
         """Write the distances between shapes, their tree and their places: geodesic ones if there are any."""
         for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
             if distances is not None:
-                write_csv(
-                    self.path(name),
-                    [
-                        dict(zip(["name", *shapes.names], [n, *row]))
-                        for n, row in zip(shapes.names, distances.tolist())
-                    ],
-                    ["name", *shapes.names],
-                )
+                self.table(name, name=shapes.names, **dict(zip(shapes.names, distances.T.tolist())))
         label = GEODESIC if geodesic is not None else "Procrustes distance, in units of the shapes"
         geodesic = procrustes if geodesic is None else geodesic
         points = shape_statistics.classical_scaling(geodesic)
@@ -253,27 +235,21 @@ class StatisticsFolder:
     ) -> dict[str, str]:
         """Write the tests of a model and the classification of shapes; return sections of the page."""
         sections = {}
-        for name, rows, title in (
-            ("anova", anova.rows if anova else (), "The terms of the model"),
-            ("pairs", anova.pairs if anova else (), "Groups in pairs"),
-        ):
-            if rows:
-                lines = [row._asdict() for row in rows]
-                write_csv(self.path(f"{name}.csv"), lines, list(lines[0]))
-                sections[title] = tabulated(list(lines[0]), rows)
+        tables = (("anova", "The terms of the model", "rows"), ("pairs", "Groups in pairs", "pairs"))
+        for file, title, field_of in tables if anova else ():
+            if rows := [row._asdict() for row in getattr(anova, field_of)]:
+                write_csv(self.path(f"{file}.csv"), rows, [*rows[0]])
+                sections[title] = tabulated([*rows[0]], (row.values() for row in rows))
         if classes:
-            named, groups = [*classified], [labels[name] for name in classified]
-            variates = {
-                f"variate_{i}": column.tolist() for i, column in enumerate(classes.variates.T, start=1)
-            }
-            self.table(
-                "classification.csv", name=named, group=groups, predicted=classes.predicted, **variates
-            )
-            across = np.column_stack([classes.variates, np.zeros(len(named))])[:, :2]
+            groups = [labels[name] for name in classified]
+            variates = {f"variate_{i}": each.tolist() for i, each in enumerate(classes.variates.T, start=1)}
+            told = {"name": classified, "group": groups, "predicted": classes.predicted}
+            self.table("classification.csv", **told, **variates)
+            across = np.column_stack([classes.variates, np.zeros(len(groups))])[:, :2]
             label = f"canonical variates of {classes.n_modes} modes, in standard deviations within groups"
-            shape_statistics.draw_embedding(self.picture("canonical"), across, named, label, groups)
-            rows_of = [[name, *counts] for name, counts in zip(classes.groups, classes.counts.tolist())]
-            sections["Groups, and those that the others predict"] = tabulated(["", *classes.groups], rows_of)
+            shape_statistics.draw_embedding(self.picture("canonical"), across, classified, label, groups)
+            counts = ([name, *row] for name, row in zip(classes.groups, classes.counts.tolist()))
+            sections["Groups, and those that the others predict"] = tabulated(["", *classes.groups], counts)
         return sections
 
     def groups(self, like: CorrespondedShapes, model: ShapeModel, test: GroupTest) -> None:
@@ -282,14 +258,10 @@ class StatisticsFolder:
         values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
         shown = np.where(test.significant(), length, np.nan)
         somewhere = bool(test.significant().any())
-        label = (
-            "distance of the group means; grey: not significant"
-            if somewhere
-            else "no difference is significant"
-        )
-        self.values(
-            "groups", like, model.mean, values, shown, label, float(np.nanmax(shown)) if somewhere else 1.0
-        )
+        label, highest = "no difference is significant", 1.0
+        if somewhere:
+            label, highest = "distance of the group means; grey: not significant", float(np.nanmax(shown))
+        self.values("groups", like, model.mean, values, shown, label, highest)
         columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).T.tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
         point = {"vertex" if len(like.faces) else "landmark": like.marks}
@@ -313,9 +285,7 @@ class StatisticsFolder:
         """Write aligned meshes and the files of ShapeWorks and Scalismo; return what could not be written, and why."""
         aligned = model.aligned
         inside = "aligned/" if len(shapes.faces) else ""
-        self.shapes(
-            "aligned", shapes, {inside + name: vertices for name, vertices in zip(model.names, aligned)}
-        )
+        self.shapes("aligned", shapes, {inside + name: each for name, each in zip(model.names, aligned)})
         if not inside:
             return []
         inner = self.path("shapeworks/project.swproj").parent

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from unicodedata import normalize
 
 import numpy as np
@@ -16,7 +16,7 @@ from isomatch._core.texts import decoded, read_csv, separated
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.map_file import require_unchanged
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.shape_statistics import CORRESPONDED, MISSING, CorrespondedShapes, Criterion, Doubt
+from isomatch.cohort.shape_statistics import CORRESPONDED, MISSING, CorrespondedShapes, Criterion, Doubt, Slid
 from isomatch.io import FORMATS, meshes_among
 from isomatch.landmarks import Curve, is_of_landmarks, read_landmark_pairs, read_specimens
 
@@ -31,12 +31,16 @@ class Study(NamedTuple):
     table: Table
     doubts: list[Doubt]
     notes: list[str]
-    slid: list[dict[str, Any]] = []  # noqa: RUF012  # of landmarks: bending energies of each before and after
+    slid: Sequence[Slid] = ()
 
     @property
     def groups(self) -> dict[str, str]:
         """The group of each shape that has one."""
-        return {name: group for name, cells in self.table.items() if (group := cells.get("group", ""))}
+        named = {
+            name: [cells[each] for each in cells if each.lower() == "group"]
+            for name, cells in self.table.items()
+        }
+        return {name: groups[0] for name, groups in named.items() if any(groups)}
 
 
 def is_landmark_study(source: Path) -> bool:
@@ -59,7 +63,7 @@ def read_study(
 
     The table has the given columns. Only landmarks slide, along their curves and patch, and have a wireframe.
     """
-    notes, slid = list[str](), list[dict[str, Any]]()
+    notes, slid = list[str](), list[Slid]()
     if is_landmark_study(source):
         shapes, slid = _landmarks(source, wireframe, slide)
     elif slide or wireframe:
@@ -80,9 +84,9 @@ def read_study(
 
 def _landmarks(
     source: Path, wireframe: Path | None, slide: Criterion | None
-) -> tuple[CorrespondedShapes, list[dict[str, Any]]]:
+) -> tuple[CorrespondedShapes, list[Slid]]:
     """Read landmarks as shapes, slide semilandmarks, and join those that the wireframe names."""
-    specimens, slid = read_specimens(source), list[dict[str, Any]]()
+    specimens, slid = read_specimens(source), list[Slid]()
     first = next(iter(specimens.values()))
     if slide:
         if not any(len(curve.rows) > 2 for curve in first.curves) and not first.patch:
@@ -94,10 +98,7 @@ def _landmarks(
         found = shape_statistics.slid_semilandmarks(given, None, first.curves, first.patch, criterion=slide)
         moved = zip(specimens.items(), found.positions)
         specimens = {name: replace(each, positions=at) for (name, each), at in moved}
-        far = np.linalg.norm(found.positions - given, axis=2)
-        columns = np.nanmean(far, axis=1), np.nanmax(far, axis=1), found.energy_before, found.energy_after
-        heads = ("specimen", "mean", "largest", "energy_before", "energy_after")
-        slid = [dict(zip(heads, row)) for row in zip(specimens, *(each.tolist() for each in columns))]
+        slid = found.of_each([*specimens], given)
     if wireframe:
         links = tuple(Curve("", pair) for pair in read_landmark_pairs(wireframe, first.names))
         specimens = {name: replace(each, curves=links) for name, each in specimens.items()}

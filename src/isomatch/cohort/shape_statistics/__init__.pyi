@@ -93,7 +93,7 @@ from isomatch.cohort.shape_statistics.shapes import (
     slices_of,
     structure_of,
 )
-from isomatch.cohort.shape_statistics.sliding import Criterion, SlidSemilandmarks, slid_semilandmarks
+from isomatch.cohort.shape_statistics.sliding import Criterion, Slid, SlidSemilandmarks, slid_semilandmarks
 from isomatch.cohort.shape_statistics.structures import (
     StructurePoses,
     aligned_structures,
@@ -126,6 +126,7 @@ __all__ = [
     "ShapeDesign",
     "ShapeModel",
     "ShapeRegression",
+    "Slid",
     "SlidSemilandmarks",
     "StructurePoses",
     "SumOfSquares",

@@ -65,9 +65,8 @@ class ShapeDesign:
 
     formula: str
     terms: Terms  #: the variables of each, single ones first
-    codes: Mapping[
-        str, FloatArray
-    ]  #: (m, q) numbers of each variable; of a factor, a column for each level but the first
+    #: (m, q) numbers of each variable; of a factor, a column of 0 and 1 for each level but the first
+    codes: Mapping[str, FloatArray]
     levels: Mapping[str, tuple[str, ...]]  #: of each factor
 
     @classmethod
@@ -114,19 +113,12 @@ class ShapeDesign:
         """Coefficients of a mean, at the means of numbers and over all levels alike but for changed codes; of a slope."""
         codes = {}
         for name, code in self.codes.items():
-            usual = (
-                np.full(code.shape[1], 1 / len(self.levels[name]))
-                if name in self.levels
-                else code.mean(axis=0)
-            )
+            levels = self.levels.get(name)
+            usual = np.full(code.shape[1], 1 / len(levels)) if levels else code.mean(axis=0)
             codes[name] = np.atleast_2d(changed.get(name, usual))
         codes |= {slope: np.ones((1, 1))} if slope else {}
         rows = [self.columns(term, codes)[0] * (not slope or slope in term) for term in self.terms]
         return np.concatenate([[0.0 if slope else 1.0], *rows])
-
-    def level_code(self, name: str, level: str) -> FloatArray:
-        """Code (q,) of a level of a factor."""
-        return np.array([float(level == other) for other in self.levels[name][1:]])
 
 
 def _coded(
@@ -136,14 +128,9 @@ def _coded(
     call = None if name in table else re.fullmatch(r"log\s*\(\s*(.+?)\s*\)", name)
     column = call[1] if call else name
     if column not in table:
-        told = (
-            f"{formula!r}: there is no variable {column!r}"
-            if column
-            else f"{formula!r}: a variable is missing"
-        )
-        raise InputError(
-            f"{told}; the table has {', '.join(table)[:80]}; write a formula such as size * group + age"
-        )
+        told = f"there is no variable {column!r}" if column else "a variable is missing"
+        known = f"the table has {', '.join(table)[:80]}"
+        raise InputError(f"{formula!r}: {told}; {known}; write a formula such as size * group + age")
     cells = [str(cell).strip() for cell in table[column]]
     if lacking := [i for i, cell in enumerate(cells) if cell.lower() in MISSING]:
         raise InputError(f"{column} has no value of {len(lacking)} of the shapes; give it, or leave them out")
@@ -160,9 +147,7 @@ def _coded(
         return np.array([[float(cell == level) for level in levels[1:]] for cell in cells]), levels
     if call:
         if not (numbers > 0).all():
-            raise InputError(
-                f"{formula!r}: {column} has values that are not above 0, which have no logarithm"
-            )
+            raise InputError(f"{formula!r}: {column} has values not above 0, which have no logarithm")
         numbers = np.log(numbers)
     if not np.isfinite(numbers).all() or np.ptp(numbers) <= LEAST_SHARE * np.abs(numbers).max(initial=0.0):
         raise InputError(f"{column} does not vary, or has a value that is not finite; leave it out")
@@ -227,11 +212,9 @@ def shape_anova(
         raise InputError(f"the variables are not of {m} shapes; give a value for each")
     for name, levels in design.levels.items():
         counts = design.codes[name].sum(axis=0)
-        for level, count in zip(levels, [m - counts.sum(), *counts]):
-            if count < 2:
-                raise InputError(
-                    f"{name} {level!r} has one shape; give two or more of each group, or leave it out"
-                )
+        if alone := [level for level, n in zip(levels, [m - counts.sum(), *counts]) if n < 2]:
+            remedy = "give two or more of each group, or leave it out"
+            raise InputError(f"{name} {alone[0]!r} has one shape; {remedy}")
     products = scalar_products(aligned - aligned.mean(axis=0), shares_of(aligned, weights))
     return _tested(products, design, n_permutations, seed)
 
@@ -243,19 +226,14 @@ def _tested(products: FloatArray, design: ShapeDesign, n_permutations: int, seed
     if n_permutations < 1:
         raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
     blocks = [design.columns(term) for term in design.terms]
-    parts = [
-        *_orthonormal_parts(blocks)
-    ]  # bases (m, r) of what each term adds to the intercept and those before
-    for name, part in zip(design.names, parts[1:]):
-        if not part.shape[1]:
-            told = f"{name} does not vary, or depends on the variables before it"
-            raise InputError(f"{told}; leave it out")
+    parts = [*_orthonormal_parts(blocks, m)]
+    if idle := [name for name, part in zip(design.names, parts[1:]) if not part.shape[1]]:
+        raise InputError(f"{idle[0]} does not vary, or depends on the variables before it; leave it out")
     whole = np.hstack(parts)
     free = m - whole.shape[1]
     if free < 1:
-        raise InputError(
-            f"{m} shapes are too few for {design.formula!r}, which has {whole.shape[1]} coefficients"
-        )
+        wanted = f"{design.formula!r}, which has {whole.shape[1]} coefficients"
+        raise InputError(f"{m} shapes are too few for {wanted}; give more shapes, or fewer terms")
     orders = generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1)
     orders = np.vstack([np.arange(m), orders])
     total, rows = float(np.trace(products)), list[TermTest]()
@@ -266,29 +244,20 @@ def _tested(products: FloatArray, design: ShapeDesign, n_permutations: int, seed
         left = _residual_products(products, np.hstack(parts[:i]))
         squares = explained_squares(parts[i], left, orders)
         around = np.maximum(np.trace(left) - explained_squares(whole, left, orders), 0.0)
-        degrees = parts[i].shape[1]
+        own, degrees = float(squares[0]), parts[i].shape[1]
         with np.errstate(divide="ignore", invalid="ignore"):
             f = np.nan_to_num(squares / degrees / (around / free), nan=0.0, posinf=np.inf)
-        row = (
-            name,
-            degrees,
-            float(squares[0]),
-            float(squares[0]) / degrees,
-            float(squares[0]) / (total or 1.0),
-        )
+        row = name, degrees, own, own / degrees, own / (total or 1.0)
         rows.append(TermTest(*row, float(f[0]), *_compared(f)))
-    nan = np.nan
-    rows.append(
-        TermTest("residuals", free, residual, residual / free, residual / (total or 1.0), nan, nan, nan)
-    )
-    rows.append(TermTest("total", m - 1, total, nan, 1.0, nan, nan, nan))
+    none = np.nan, np.nan, np.nan
+    rows.append(TermTest("residuals", free, residual, residual / free, residual / (total or 1.0), *none))
+    rows.append(TermTest("total", m - 1, total, np.nan, 1.0, *none))
     found = [_pairs(design, blocks, products, orders, of) for of in _compared_terms(design)]
     return ShapeAnova(tuple(rows), tuple(pair for own in found for pair in own), n_permutations, seed)
 
 
-def _orthonormal_parts(blocks: Sequence[FloatArray]) -> Iterator[FloatArray]:
+def _orthonormal_parts(blocks: Sequence[FloatArray], m: int) -> Iterator[FloatArray]:
     """Yield orthonormal bases (m, r) of constants, and of what each block of columns (m, q) adds to those before."""
-    m = len(blocks[0])
     basis = np.full((m, 1), m**-0.5)
     yield basis
     for block in blocks:
@@ -344,41 +313,28 @@ def _compared_terms(design: ShapeDesign) -> list[tuple[str, ...]]:
 
 
 def _pairs(
-    design: ShapeDesign,
-    blocks: list[FloatArray],
-    products: FloatArray,
-    orders: FloatArray,
-    of: tuple[str, ...],
+    design: ShapeDesign, blocks: list[FloatArray], products: FloatArray, orders: FloatArray, of: Sequence[str]
 ) -> list[PairTest]:
     """Compare means, or slopes, of each pair of groups of a factor."""
-    factor = next(name for name in of if name in design.levels)
+    m, factor = len(products), next(name for name in of if name in design.levels)
     slope = next((name for name in of if name not in design.levels), "")
-    dropped = [{*of} <= {*term} for term in design.terms]
-    null = np.hstack(
-        [
-            *_orthonormal_parts(
-                [b for b, drop in zip(blocks, dropped) if not drop] or [np.zeros((len(products), 0))]
-            )
-        ]
-    )
-    left = _residual_products(products, null)
+    kept = [block for block, term in zip(blocks, design.terms) if not {*of} <= {*term}]
+    left = _residual_products(products, np.hstack([*_orthonormal_parts(kept, m)]))
     # the mean, or slope, of a group is cᵀ Y with c = X⁺ᵀ l, and the distance of two √(dᵀ P d) of the difference d
-    inverse = np.linalg.pinv(np.hstack([np.ones((len(products), 1)), *blocks]))
+    inverse = np.linalg.pinv(np.hstack([np.ones((m, 1)), *blocks]))
     levels = design.levels[factor]
-    of_level: dict[str, FloatArray] = {
-        g: design.row({factor: design.level_code(factor, g)}, slope) @ inverse for g in levels
-    }
+    codes = np.eye(len(levels))[:, 1:]
+    of_level = np.array([design.row({factor: code}, slope) @ inverse for code in codes])
     found = []
-    for a, b in combinations(levels, 2):
-        apart = of_level[b] - of_level[a]
+    for i, j in combinations(range(len(levels)), 2):
+        apart = of_level[j] - of_level[i]
         drawn = np.sqrt(np.maximum(explained_squares(apart[:, None], left, orders), 0.0))
         z, p_value = _compared(drawn)
-        ends = np.array([of_level[a], of_level[b]])
-        (aa, ab), (_, bb) = (ends @ products @ ends.T).tolist()
-        cosine = np.clip(ab / np.sqrt(max(aa * bb, 1e-300)), -1, 1)
+        (ii, ij), (_, jj) = (of_level[[i, j]] @ products @ of_level[[i, j]].T).tolist()
+        cosine = np.clip(ij / np.sqrt(max(ii * jj, 1e-300)), -1, 1)
         angle = float(np.degrees(np.arccos(cosine))) if slope else np.nan
         distance = float(np.sqrt(max(float(apart @ products @ apart), 0.0)))
-        found.append(PairTest(":".join(of), a, b, distance, angle, z, p_value, p_value))
+        found.append(PairTest(":".join(of), levels[i], levels[j], distance, angle, z, p_value, p_value))
     # Holm: the i-th of n p-values in ascending order times n − i, none below the one before
     ascending = np.argsort([pair.p_value for pair in found], kind="stable").tolist()
     least = 0.0
@@ -499,26 +455,21 @@ def classify(scores: FloatArray, groups: Sequence[str]) -> Classification:
     >>> found.share_right, found.variates.shape
     (1.0, (6, 1))
     """
-    names, counts = np.unique(np.asarray(groups, dtype=str), return_counts=True)
-    if len(names) < 2 or counts.min() < 2 or len(groups) != len(scores):
+    m, labels = len(scores), np.asarray(groups, dtype=str)
+    names, of, counts = np.unique(labels, return_inverse=True, return_counts=True)
+    g = len(names)
+    if g < 2 or counts.min() < 2 or len(labels) != m:
         told = ", ".join(f"{name!r} of {count}" for name, count in zip(names.tolist(), counts))
-        raise InputError(
-            f"groups {told} for {len(scores)} shapes; give two groups or more, of two shapes or more"
-        )
+        raise InputError(f"groups {told} for {m} shapes; give two groups or more, of two shapes or more")
     discriminant: Any = package("sklearn.discriminant_analysis", "statistics", "canonical variates")
     selection: Any = package("sklearn.model_selection", "statistics", "canonical variates")
     held = np.cumsum((scores**2).sum(axis=0)) / max((scores**2).sum(), 1e-300)
-    n_modes = max(
-        min(int(np.searchsorted(held, HELD)) + 1, (len(scores) - len(names)) // 2, scores.shape[1]), 1
-    )
+    n_modes = max(min(int(np.searchsorted(held, HELD)) + 1, (m - g) // 2, scores.shape[1]), 1)
     used = scores[:, :n_modes]
-    model = discriminant.LinearDiscriminantAnalysis(priors=np.full(len(names), 1 / len(names)))
-    predicted = selection.cross_val_predict(
-        model, used, np.asarray(groups, dtype=str), cv=selection.LeaveOneOut()
-    )
-    variates = model.fit(used, np.asarray(groups, dtype=str)).transform(used)
-    of = np.searchsorted(names, groups)
-    within = variates - np.array([variates[of == i].mean(axis=0) for i in range(len(names))])[of]
-    variates = variates / np.sqrt(np.maximum((within**2).sum(axis=0) / (len(of) - len(names)), 1e-300))
-    table = np.array([[(predicted[of == i] == name).sum() for name in names] for i in range(len(names))])
+    model = discriminant.LinearDiscriminantAnalysis(priors=np.full(g, 1 / g))
+    predicted = selection.cross_val_predict(model, used, labels, cv=selection.LeaveOneOut())
+    variates = model.fit(used, labels).transform(used)
+    within = variates - np.array([variates[of == i].mean(axis=0) for i in range(g)])[of]
+    variates = variates / np.sqrt(np.maximum((within**2).sum(axis=0) / (m - g), 1e-300))
+    table = np.array([[(predicted[of == i] == name).sum() for name in names] for i in range(g)])
     return Classification(tuple(names.tolist()), variates, tuple(map(str, predicted)), table, n_modes)

@@ -29,12 +29,28 @@ AFFINE = 0.01  # m times the mean distance; with 1, twice as many iterations
 RIDGE = 1e-10  # of the mean distance, so that two curves may end in one point
 
 
+class Slid(NamedTuple):
+    """How far the landmarks of a specimen slid, and the bending energy from the mean shape."""
+
+    specimen: str
+    mean: float
+    largest: float
+    energy_before: float
+    energy_after: float
+
+
 class SlidSemilandmarks(NamedTuple):
     """Landmarks of s specimens, after semilandmarks have slid."""
 
     positions: FloatArray  # (s, m, d); nan where there was no place
     energy_before: FloatArray  # (s,) bending energy from the mean, of centroid size 1, without the factor 8π
     energy_after: FloatArray
+
+    def of_each(self, names: Sequence[str], before: FloatArray) -> list[Slid]:
+        """Tell how far the landmarks of named specimens slid from their positions before, (s, m, d)."""
+        far = np.linalg.norm(self.positions - before, axis=2)
+        columns = np.nanmean(far, axis=1), np.nanmax(far, axis=1), self.energy_before, self.energy_after
+        return [Slid(*each) for each in zip(names, *(column.tolist() for column in columns))]
 
 
 Criterion = Literal["bending", "distance"]
