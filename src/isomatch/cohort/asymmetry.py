@@ -31,6 +31,8 @@ from isomatch.surfaces import Mesh, nearest_on_surface
 MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
 WRONG = "; where they have one colour, the map between them is wrong"
 HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F", "p")
+COMMON = "Directional asymmetry: what all have in common."
+OWN = "Fluctuating asymmetry: how far single ones differ from that."
 ENLARGED = 0.1  # of the size: largest displacement in pictures of landmarks
 HALF = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
 MEASURED = (
@@ -135,7 +137,10 @@ def asymmetry(
         aligned = shape_statistics.align_sides(both, share, scale, maps)
         dimensions = counted if degrees == "dimensions" else (1, 1)
         found = shape_statistics.asymmetry(*aligned, share, dimensions=dimensions, **how)
-        lines, words = (_measured if is_mesh else _measured_landmarks)(new, both, maps, share, found)
+        if is_mesh:
+            lines, words = _draw(new, both, maps, share, found)
+        else:
+            lines, words = _draw_landmarks(new, both, not maps, share, found)
         sizes, of_sizes = shape_statistics.centroid_sizes(both.vertices, share)[:, None, None], None
         if pairs and len(of) > 1:
             of_sizes = shape_statistics.asymmetry(*np.split(sizes, 2), **how)
@@ -255,14 +260,14 @@ def _size(found: Asymmetry, share: FloatArray) -> float:
     return float(shape_statistics.centroid_sizes(found.symmetric[None], share)[0] / np.sqrt(len(share)))
 
 
-def _measured_landmarks(
-    new: StatisticsFolder,
-    both: CorrespondedShapes,
-    maps: list[Correspondence],
-    share: FloatArray,
-    found: Asymmetry,
-) -> tuple[list[dict[str, Any]], dict[str, str]]:
-    """Draw the asymmetry of landmarks: values of each specimen, and the words beside each picture."""
+Drawn = tuple[list[dict[str, Any]], dict[str, str]]
+"""A line for each shape, and the words beside each picture."""
+
+
+def _draw_landmarks(
+    new: StatisticsFolder, both: CorrespondedShapes, paired: bool, share: FloatArray, found: Asymmetry
+) -> Drawn:
+    """Draw the asymmetry of landmarks, and tell that of each specimen."""
     m, size, mean, common = len(both) // 2, _size(found, share), found.symmetric, found.directional
     own = np.sqrt(((found.components - common) ** 2).sum(axis=2).mean(axis=0))
     axes = {f"directional_{axis}": column for axis, column in zip("xyz", common.T.tolist())}
@@ -276,27 +281,21 @@ def _measured_landmarks(
     for i, lengths in enumerate(np.linalg.norm(found.components, axis=2)):
         most = int(lengths.argmax())
         line = _line(both, found, i, size) | {"most": float(lengths[most]), "most_landmark": both.marks[most]}
-        lines.append(line if maps else line | {"left": both.names[m + i]})
-    return lines, {
-        "directional": "Directional asymmetry, enlarged: what all have in common; grey: the symmetric mean.",
-        "fluctuating": "Fluctuating asymmetry: how far single ones differ from that, at each landmark.",
-    }
+        lines.append(line | {"left": both.names[m + i]} if paired else line)
+    return lines, {"directional": f"{COMMON} Enlarged; grey: the symmetric mean.", "fluctuating": OWN}
 
 
-def _measured(
+def _draw(
     new: StatisticsFolder,
     both: CorrespondedShapes,
     maps: list[Correspondence],
     share: FloatArray,
     found: Asymmetry,
-) -> tuple[list[dict[str, Any]], dict[str, str]]:
-    """Draw the asymmetry of meshes: values of each shape, and the words beside each picture."""
+) -> Drawn:
+    """Draw the asymmetry of meshes, and tell that of each."""
     m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
-    known, mean, size = (
-        both.seen[:m] & both.seen[m:],
-        both.mesh(0).moved(found.symmetric),
-        _size(found, share),
-    )
+    known, size = both.seen[:m] & both.seen[m:], _size(found, share)
+    mean = both.mesh(0).moved(found.symmetric)
     normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # smoother than those of a shape
     outward = np.where(known, np.einsum("mij,ij->mi", found.components, normals), np.nan)
     planes = [shape_statistics.symmetry_plane(*each, share) for each in zip(both.vertices, maps)]
@@ -310,8 +309,7 @@ def _measured(
         draw_values(new.picture("directional"), mean, common, HALF, views=views[0])
         label = "standard deviation, along the normal"
         draw_values(new.picture("fluctuating"), mean, own, label, views=views[0])
-        words["directional"] = "Directional asymmetry: what all have in common."
-        words["fluctuating"] = "Fluctuating asymmetry: how far single ones differ from that."
+        words |= {"directional": COMMON, "fluctuating": OWN}
     for i in np.argsort(-found.amounts, kind="stable")[:MOST_DRAWN].tolist():
         name = f"shapes/{both.names[i]}"
         draw_values(new.picture(name), both.mesh(i), outward[i], HALF, views=views[i])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -109,10 +110,10 @@ def statistics(
         lack = f"of the {shapes.points} were not measured, and count as the mean of the others"
         notes += [f"{name}: {lacks:.1%} {lack}" for name, lacks in missing.items()]
         modelled = ShapeModel.fit(shapes, scale, weights, tangent=tangent)
-        tested, of_groups = _tested(modelled, shapes, labels, test, seed) if labels else (None, None)
         if groups and not labels and not model:
             raise InputError(f"{groups}: no shape has a group; write the group of each in the column group")
         groups_of = [labels.get(name, "") for name in modelled.names] if labels else None
+        tested, of_groups = _tested(modelled, shapes, labels, test, seed) if labels else (None, None)
         own = shapes if mirror is None else _first_half(shapes)
         sizes = shape_statistics.centroid_sizes(own.vertices, share)
         allometry, why_not = _allometry(own, sizes, share, seed)
@@ -120,7 +121,9 @@ def statistics(
         unlabelled = [name for name in own.names if labels and name not in labels]
         if unlabelled:
             notes.append(f"without a group: {', '.join(unlabelled)}")
-        linear, classes = _linear(modelled, model, study, np.log(sizes), seed, notes)
+        fit = partial(_linear, modelled, study=study, log_sizes=np.log(sizes), seed=seed, notes=notes)
+        by_group = fit("factor(group)") if labels else None
+        linear, classes = fit(model) if model else by_group, _classified(modelled, labels, notes)
         done, geodesic = iter(range(len(shapes))), None
         if len(shapes.faces):
             geodesic = shape_statistics.geodesic_distortions(
@@ -159,13 +162,11 @@ def statistics(
             "total_variance": float(modelled.variances.sum()),
             "shares": modelled.variance_ratios.tolist(),
             "allometry": _of_test(allometry) if allometry else None,
-            "groups": of_groups,
+            "groups": of_groups and {**of_groups, **_of_test(by_group)},
             "model": model,
             "terms": [row._asdict() for row in linear.rows] if linear else [],
             "pairs": [pair._asdict() for pair in linear.pairs] if linear else [],
-            "classified": None
-            if classes is None
-            else {"share_right": classes.share_right, "n_modes": classes.n_modes},
+            "classified": classes and {"share_right": classes.share_right, "n_modes": classes.n_modes},
             "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in study.doubts],
             "notes": notes,
         }
@@ -180,16 +181,16 @@ def _mirrored(
     shapes: CorrespondedShapes, mirror: str, scale: Scale, weights: Weights, seed: int
 ) -> tuple[CorrespondedShapes, list[str]]:
     """Add the mirror images by a left–right map, found or read; note of which shape it is, if not of the mean."""
-    if not len(shapes.faces):
-        if mirror == "auto":
-            raise InputError(
-                "--mirror auto is for meshes; of landmarks, give a table with pairs of left and right ones"
-            )
-        pairs = read_landmark_pairs(Path(mirror), shapes.marks)
-        given = shape_statistics.left_right_of_pairs(shapes.n_vertices, pairs)
-        return shapes.mirrored([given] * len(shapes)), []
+    is_mesh = len(shapes.faces) > 0
+    if not is_mesh and mirror == "auto":
+        raise InputError(
+            "--mirror auto is for meshes; of landmarks, give a table of pairs of left and right ones"
+        )
     if mirror != "auto":
-        given = Correspondence.load(Path(mirror), shapes.n_vertices)
+        pairs = [] if is_mesh else read_landmark_pairs(Path(mirror), shapes.marks)
+        n = shapes.n_vertices
+        of_pairs = shape_statistics.left_right_of_pairs
+        given = Correspondence.load(Path(mirror), n) if is_mesh else of_pairs(n, pairs)
         return shapes.mirrored([given] * len(shapes)), []
     mean = ShapeModel.fit(shapes, scale, weights).mesh()
     left_right, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
@@ -200,56 +201,54 @@ def _mirrored(
 def _tested(
     model: ShapeModel, shapes: CorrespondedShapes, labels: dict[str, str], method: Method, seed: int
 ) -> tuple[shape_statistics.GroupTest | None, dict[str, Any]]:
-    """Test whether groups differ as a whole and, if there are two, where; with plain values about it."""
+    """Test where groups differ, if there are not more than two; with plain values about it."""
     rows = [i for i, name in enumerate(model.names) if name in labels]
     listed = [labels[model.names[i]] for i in rows]
     names, counts = np.unique(listed, return_counts=True)
-    test, own = None, {}
-    if len(names) <= 2:
-        measured = None if shapes.measured is None else shapes.measured[rows]
-        test = shape_statistics.group_test(
-            model.aligned[rows], listed, method=method, seed=seed, measured=measured
-        )
-        own = {
-            "significant_share_of_area": float(model.weights[test.significant()].sum()),
-            "least_p_value": float(test.p_values.min()),
-            "least_q_value": float(test.q_values.min()),
-        }
-    design = ShapeDesign.of("factor(group)", {"group": listed})
-    whole = shape_statistics.shape_anova(model.aligned[rows], design, model.weights, seed=seed)
-    about = {"r_squared": whole.rows[0].r_squared, "p_value": whole.rows[0].p_value}
-    drawn = {"n_permutations": whole.n_permutations, "seed": seed, "test": method}
-    return test, {**about, **drawn, "names": names.tolist(), "counts": counts.tolist(), **own}
+    about = {"names": names.tolist(), "counts": counts.tolist(), "test": method}
+    if len(names) > 2:
+        return None, about
+    measured = None if shapes.measured is None else shapes.measured[rows]
+    how: dict[str, Any] = {"method": method, "seed": seed, "measured": measured}
+    test = shape_statistics.group_test(model.aligned[rows], listed, **how)
+    share = float(model.weights[test.significant()].sum())
+    least = {"least_p_value": float(test.p_values.min()), "least_q_value": float(test.q_values.min())}
+    return test, {**about, "significant_share_of_area": share, **least}
 
 
 def _linear(
-    model: ShapeModel, formula: str | None, study: Study, log_sizes: FloatArray, seed: int, notes: list[str]
-) -> tuple[shape_statistics.ShapeAnova | None, shape_statistics.Classification | None]:
-    """Test the terms of a model, of groups if no formula is given, in the shapes that have all values; classify these."""
-    anova, classes, labels, names = None, None, study.groups, model.names[: len(log_sizes)]
-    if formula is None and labels:
-        formula = "factor(group)"
-    if formula:
-        table: dict[str, dict[str, Any]] = {SIZE: dict(zip(names, log_sizes.tolist()))}
-        for column in next(iter(study.table.values()), {}):
-            table[column] = {name: cells[column] for name, cells in study.table.items()}
-        used = {
-            word for word in re.findall(r"[^+*:()~]+", formula) for word in [word.strip()] if word in table
-        }
-        values = {column: [table[column].get(name, "") for name in names] for column in table}
-        full = [i for i, _ in enumerate(names) if all(str(values[c][i]).lower() not in MISSING for c in used)]
-        if without := [name for i, name in enumerate(names) if i not in {*full}]:
-            notes.append(f"not in the model {formula!r}, as a value is missing: {', '.join(without)}")
-        chosen = {column: [cells[i] for i in full] for column, cells in values.items() if column != "name"}
-        design = ShapeDesign.of(formula, chosen)
-        anova = shape_statistics.shape_anova(model.aligned[full], design, model.weights, seed=seed)
+    model: ShapeModel, formula: str, study: Study, log_sizes: FloatArray, seed: int, notes: list[str]
+) -> shape_statistics.ShapeAnova:
+    """Test the terms of a model in the shapes that have all values."""
+    names = model.names[: len(log_sizes)]  # without mirror images
+    cells = {name: {SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())}
+    columns = {column: "" for own in cells.values() for column in own if column != "name"}
+    formula = re.sub(r"\bgroup\b", "group", formula, flags=re.IGNORECASE)  # as the column is read
+    used = {word.strip() for word in re.split(r"[+*:()~]", formula)} & {*columns}
+    full = [
+        i
+        for i, own in enumerate(cells.values())
+        if all(str(own.get(c, "")).lower() not in MISSING for c in used)
+    ]
+    if without := [name for i, name in enumerate(names) if i not in {*full}]:
+        notes.append(f"not in the model {formula!r}, as a value is missing: {', '.join(without)}")
+    table = {column: [cells[names[i]].get(column, "") for i in full] for column in columns}
+    design = ShapeDesign.of(formula, table)
+    return shape_statistics.shape_anova(model.aligned[full], design, model.weights, seed=seed)
+
+
+def _classified(
+    model: ShapeModel, labels: dict[str, str], notes: list[str]
+) -> shape_statistics.Classification | None:
+    """Classify the shapes that have a group, if there are modes, and what computes it is installed."""
     rows = [i for i, name in enumerate(model.names) if name in labels]
-    if labels and len(rows) > 2:
-        try:
-            classes = shape_statistics.classify(model.scores[rows], [labels[model.names[i]] for i in rows])
-        except MissingDependencyError as error:
-            notes.append(f"canonical variates are not computed: {error}")
-    return anova, classes
+    if len(rows) < 3 or not model.n_modes:
+        return None
+    try:
+        return shape_statistics.classify(model.scores[rows], [labels[model.names[i]] for i in rows])
+    except MissingDependencyError as error:
+        notes.append(f"canonical variates are not computed: {error}")
+        return None
 
 
 def _first_half(shapes: CorrespondedShapes) -> CorrespondedShapes:
@@ -270,8 +269,10 @@ def _allometry(
         return None, [f"shape was not regressed on size: {error}"]
 
 
-def _of_test(test: shape_statistics.ShapeRegression) -> dict[str, Any]:
-    return {name: getattr(test, name) for name in ("r_squared", "p_value", "n_permutations", "seed")}
+def _of_test(test: shape_statistics.ShapeRegression | shape_statistics.ShapeAnova | None) -> dict[str, Any]:
+    whole = test.rows[0] if isinstance(test, shape_statistics.ShapeAnova) else test
+    drawn = {name: getattr(test, name) for name in ("n_permutations", "seed")}
+    return {name: getattr(whole, name) for name in ("r_squared", "p_value")} | drawn
 
 
 def _missing(shapes: CorrespondedShapes) -> dict[str, float]:

@@ -36,11 +36,7 @@ class Study(NamedTuple):
     @property
     def groups(self) -> dict[str, str]:
         """The group of each shape that has one."""
-        named = {
-            name: [cells[each] for each in cells if each.lower() == "group"]
-            for name, cells in self.table.items()
-        }
-        return {name: groups[0] for name, groups in named.items() if any(groups)}
+        return {name: group for name, cells in self.table.items() if (group := cells.get("group", ""))}
 
 
 def is_landmark_study(source: Path) -> bool:
@@ -63,19 +59,17 @@ def read_study(
 
     The table has the given columns. Only landmarks slide, along their curves and patch, and have a wireframe.
     """
-    notes, slid = list[str](), list[Slid]()
+    slid = list[Slid]()
     if is_landmark_study(source):
         shapes, slid = _landmarks(source, wireframe, slide)
     elif slide or wireframe:
-        raise InputError(
-            f"{source}: --slide and --wireframe are for landmarks; give a file or folder of these"
-        )
+        raise InputError(f"{source}: has meshes; --slide and --wireframe are for files of landmarks")
     else:
         require_unchanged(Layout(source), ["corresponded"])
         shapes = shape_statistics.read_shapes([source] if source.is_file() else source)
     cells = read_table(table, shapes.names, shapes.left_out, columns) if table else {}
     doubts = shape_statistics.doubtful_shapes(shapes)
-    notes += [f"left out: {reason}" for reason in shapes.left_out]
+    notes = [f"left out: {reason}" for reason in shapes.left_out]
     for own in (source / structure for structure in shapes.structures or ("",)):
         told = _doubts(own / "pairs.csv", shapes.names) + _reflected(own / "shapes.csv", shapes.names)
         notes += [f"{own.name}: {note}" if shapes.structures else note for note in told]
@@ -90,15 +84,12 @@ def _landmarks(
     first = next(iter(specimens.values()))
     if slide:
         if not any(len(curve.rows) > 2 for curve in first.curves) and not first.patch:
-            raise InputError(
-                f"{source}: has no curves nor points of a surface that could slide; give a table "
-                f"{source.stem}_sliders.csv or {source.stem}_surfaces.csv beside it"
-            )
+            remedy = f"give a table {source.stem}_sliders.csv or {source.stem}_surfaces.csv beside it"
+            raise InputError(f"{source}: has no curves nor points of a surface that could slide; {remedy}")
         given = np.array([each.positions for each in specimens.values()])
         found = shape_statistics.slid_semilandmarks(given, None, first.curves, first.patch, criterion=slide)
-        moved = zip(specimens.items(), found.positions)
-        specimens = {name: replace(each, positions=at) for (name, each), at in moved}
         slid = found.of_each([*specimens], given)
+        specimens = {n: replace(specimens[n], positions=at) for n, at in zip(specimens, found.positions)}
     if wireframe:
         links = tuple(Curve("", pair) for pair in read_landmark_pairs(wireframe, first.names))
         specimens = {name: replace(each, curves=links) for name, each in specimens.items()}
@@ -157,7 +148,7 @@ def read_table(
         if head is None:
             lower = [cell.lower() for cell in row]
             if {"name", *columns} <= {*lower}:
-                head = [low if low in ("name", *columns) else cell for low, cell in zip(lower, row)]
+                head = [low if low in ("name", "group") else cell for low, cell in zip(lower, row)]
                 continue
             if len(row) < 2 or any(row[2:]) or columns != ("group",):
                 told = f"is not a shape and its {' and '.join(columns) or 'values'}"

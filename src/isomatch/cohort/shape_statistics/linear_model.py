@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -467,8 +468,9 @@ def classify(scores: FloatArray, groups: Sequence[str]) -> Classification:
     n_modes = max(min(int(np.searchsorted(held, HELD)) + 1, (m - g) // 2, scores.shape[1]), 1)
     used = scores[:, :n_modes]
     model = discriminant.LinearDiscriminantAnalysis(priors=np.full(g, 1 / g))
-    predicted = selection.cross_val_predict(model, used, labels, cv=selection.LeaveOneOut())
-    variates = model.fit(used, labels).transform(used)
+    with warnings.catch_warnings(action="ignore"):  # of modes in which shapes of a group do not differ
+        predicted = selection.cross_val_predict(model, used, labels, cv=selection.LeaveOneOut())
+        variates = model.fit(used, labels).transform(used)
     within = variates - np.array([variates[of == i].mean(axis=0) for i in range(g)])[of]
     variates = variates / np.sqrt(np.maximum((within**2).sum(axis=0) / (m - g), 1e-300))
     table = np.array([[(predicted[of == i] == name).sum() for name in names] for i in range(g)])

@@ -64,11 +64,10 @@ class CorrespondedShapes:
     """
 
     names: tuple[str, ...]  #: one for each of the m shapes; no two are the same
-    vertices: (
-        FloatArray  #: (m, n, 3) positions of their vertices, in one unit, all finite; (m, n, 2) in the plane
-    )
+    #: (m, n, 3) positions of their vertices, in one unit, all finite; of landmarks, also (m, n, 2)
+    vertices: FloatArray
+    #: (f, 3) 0-based vertex indices of the triangles that they share; landmarks have none
     faces: IntArray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
-    """(f, 3) 0-based vertex indices of the triangles that they share; landmarks have none"""
     left_out: tuple[str, ...] = ()  #: which shapes were left out, each with the reason
     #: (m, n) which vertices have a counterpart on the shape, rather than a place that continues those around them; by
     #: default all
@@ -161,38 +160,30 @@ class CorrespondedShapes:
 
     @classmethod
     def of_landmarks(cls, specimens: Mapping[str, Landmarks]) -> CorrespondedShapes:
-        """Take landmarks of specimens, as `read_specimens` gives them, as shapes; those without a place are not measured.
+        """Take landmarks of specimens, see `read_specimens`, as shapes; those without a place are not measured.
 
         `LandmarkError` if specimens have other landmarks, or one has a place in none of them.
 
         Examples
         --------
-        >>> marks = {"a": Landmarks([[0.0, 0], [1, 0], [0, 1]]), "b": Landmarks([[0.0, 0], [2, 0], [0, 1]])}
-        >>> CorrespondedShapes.of_landmarks(marks)
-        CorrespondedShapes(2 shapes of 3 landmarks)
+        >>> CorrespondedShapes.of_landmarks({"a": Landmarks([[0, 0], [1, 0]]), "b": Landmarks([[0, 0], [2, 0]])})
+        CorrespondedShapes(2 shapes of 2 landmarks)
         """
         if not specimens:
             raise LandmarkError("no specimens; give the landmarks of at least one")
-        first = next(iter(specimens.values()))
-        if other := [n for n, each in specimens.items() if each.positions.shape != first.positions.shape]:
-            raise LandmarkError(
-                f"{other[0]} has other landmarks than {next(iter(specimens))}; give the same of each"
-            )
-        positions = np.array([each.positions for each in specimens.values()])
-        placed = np.array([each.placed for each in specimens.values()])
+        names, first = tuple(specimens), next(iter(specimens.values()))
+        if other := [n for n in names if specimens[n].positions.shape != first.positions.shape]:
+            raise LandmarkError(f"{other[0]} has other landmarks than {names[0]}; give the same of each")
+        at = np.array([each.positions for each in specimens.values()])
+        placed = np.isfinite(at).all(axis=2)
         if len(nowhere := np.flatnonzero(~placed.any(axis=0))):
             named = first.names[nowhere[0]] or nowhere[0] + 1
             raise LandmarkError(f"the landmark {named} has a place in no specimen; leave it out")
-        if len(empty := np.flatnonzero(placed.mean(axis=1) < LEAST_MEASURED)):
-            told = f"{[*specimens][empty[0]]} lacks {(~placed[empty[0]]).sum()} of {len(first)} landmarks"
+        if len(few := np.flatnonzero(placed.mean(axis=1) < LEAST_MEASURED)):
+            told = f"{names[few[0]]} lacks {(~placed[few[0]]).sum()} of {len(first)} landmarks"
             raise LandmarkError(f"{told}, more than half; leave it out")
-        middles = np.nanmean(positions, axis=1, keepdims=True)
-        return cls(
-            tuple(specimens),
-            np.where(placed[:, :, None], positions, middles),
-            measured=placed,
-            landmarks=first,
-        )
+        at = np.where(placed[:, :, None], at, np.nanmean(at, axis=1, keepdims=True))
+        return cls(names, at, measured=placed, landmarks=first)
 
     @property
     def points(self) -> str:
