@@ -62,7 +62,7 @@ def read_study(
     slid = list[Slid]()
     if is_landmark_study(source):
         shapes, slid = _landmarks(source, wireframe, slide)
-    elif slide or wireframe:
+    elif (slide or wireframe) and source.exists():
         raise InputError(f"{source}: has meshes; --slide and --wireframe are for files of landmarks")
     else:
         require_unchanged(Layout(source), ["corresponded"])
