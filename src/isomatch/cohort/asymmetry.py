@@ -98,6 +98,7 @@ def asymmetry(
         study = read_study(source, individuals, wireframe=wireframe)
         cohort, labels, notes = study.shapes, study.groups, study.notes
         is_mesh = len(cohort.faces) > 0
+        weights = weights if is_mesh else "uniform"
         if is_mesh and degrees == "dimensions":
             raise SettingError(
                 "--degrees dimensions is for landmarks; a mesh has as many vertices as you like"

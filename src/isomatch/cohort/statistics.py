@@ -92,6 +92,7 @@ def statistics(
         needed = () if model and groups else ("group",)
         study = read_study(folder, groups, needed, wireframe=wireframe, slide=slide)
         shapes, labels, notes = study.shapes, study.groups, study.notes
+        weights = weights if len(shapes.faces) else "uniform"
         for line in told_doubts(study.doubts):
             to.warn(line)
         to.tell("model", 0.1)

@@ -43,8 +43,10 @@ def is_landmark_study(source: Path) -> bool:
     """Tell whether shapes of a source are landmarks: a file of these, or a folder of such files without meshes."""
     if not source.is_dir():
         return source.suffix.lower() not in FORMATS and is_of_landmarks(source)
-    own = source / CORRESPONDED
-    return not own.is_dir() and not meshes_among(source.iterdir()) and is_of_landmarks(source)
+    has_meshes = (
+        (source / CORRESPONDED).is_dir() or Layout(source).plan.exists() or meshes_among(source.iterdir())
+    )
+    return not has_meshes and is_of_landmarks(source)
 
 
 def read_study(
