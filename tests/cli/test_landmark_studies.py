@@ -118,6 +118,18 @@ def test_specimens_without_a_value_are_left_out_of_the_model(marks, tmp_path, ca
     assert "not in the model 'factor(dose)', as a value is missing: s3" in record["notes"]
 
 
+def test_groups_may_have_numbers_for_names(marks, tmp_path, capsys):
+    (tmp_path / "n.csv").write_text(
+        "name;Group;age\n" + "".join(f"s{i};{i % 3};{AGE[i]}\n" for i in range(M))
+    )
+    argv = ["statistics", str(marks), "-o", str(tmp_path / "out"), "--groups", str(tmp_path / "n.csv")]
+    assert main([*argv, "--model", "age + Group", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert [(row["term"], row["degrees"]) for row in record["terms"]][:2] == [("age", 1), ("group", 2)]
+    assert [(row["first"], row["second"]) for row in record["pairs"]] == [("0", "1"), ("0", "2"), ("1", "2")]
+    assert (record["groups"]["names"], record["groups"]["counts"]) == ([*"012"], [4, 4, 4])
+
+
 def test_the_plane_and_missing_landmarks(tmp_path, capsys):
     flat = configurations(dim=2)
     flat[4, 1] = np.nan

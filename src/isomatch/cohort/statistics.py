@@ -37,6 +37,7 @@ __all__ = ["read_groups", "series", "statistics"]
 Scale = Literal["keep", "remove"]
 Weights = Literal["area", "uniform"]
 Method = Literal["permutation", "parametric"]
+GROUP = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # in formulas
 SIZE = "size"  # in formulas, the logarithm of the centroid size
 
 
@@ -224,7 +225,8 @@ def _linear(
     names = model.names[: len(log_sizes)]  # without mirror images
     cells = {name: {SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())}
     columns = {column: "" for own in cells.values() for column in own if column != "name"}
-    formula = re.sub(r"\bgroup\b", "group", formula, flags=re.IGNORECASE)  # as the column is read
+    # the group is a factor, whatever its names, and whatever its capitals in the table
+    formula = re.sub(GROUP, "factor(group)", formula, flags=re.IGNORECASE)
     used = {word.strip() for word in re.split(r"[+*:()~]", formula)} & {*columns}
     full = [
         i

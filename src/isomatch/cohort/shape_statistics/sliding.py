@@ -128,11 +128,10 @@ def slid_semilandmarks(
             onto_mean = generalised_procrustes(now, scale="remove")
             mean, bending = onto_mean.mean, BendingEnergy(onto_mean.mean)
             # the mean, of the size of the specimens, as each has it, x = (y − t) R / s
-            centre, scale = mean.mean(axis=0), onto_mean.scales[:, None, None]
-            whole = centre + (mean - centre) * (
-                onto_mean.size / np.sqrt(((mean - centre) ** 2).sum(axis=1).mean())
-            )
-            goal = (whole - onto_mean.translations[:, None]) @ onto_mean.rotations / scale
+            about = mean - mean.mean(axis=0)
+            whole = mean + about * (onto_mean.size / np.sqrt((about**2).sum(axis=1).mean()) - 1)
+            goal = (whole - onto_mean.translations[:, None]) @ onto_mean.rotations
+            goal /= onto_mean.scales[:, None, None]
             tangents = np.stack([each.tangents() for each in specimens])
             if criterion == "bending":
                 steps = sizes * bending.least(now / sizes, tangents, closeness)
@@ -225,14 +224,17 @@ class _Specimen:
         else:
             self._vertex_normals = vertex_normals(surface.vertices, surface.faces)
             self.normals = nearest_on_surface(surface, points[self._patch]).interpolated(self._vertex_normals)
-        self._tracks = []  # of each curve: points that slide, those before and after them, and the polyline as a mesh
+        self._tracks = []  # of each curve: points that slide, and those before and after them
+        self._lines = list[Mesh]()  # on a surface: the polyline of each curve
         for _, of, closed in curves:
             rows, n = np.array(of), len(of) - 1 if closed else len(of) - 2
             if placed[rows].all() and n > 0:
-                step = np.arange(n + 1)
-                path = points[[*rows, rows[0]]] if surface is not None else np.zeros((n + 2, 3))
-                line = Mesh(path, np.column_stack([step, step + 1, step + 1]))
-                self._tracks.append((rows[1 : n + 1], rows[:n], np.roll(rows, -2)[:n], line))
+                self._tracks.append((rows[1 : n + 1], rows[:n], np.roll(rows, -2)[:n]))
+                if surface is not None:
+                    step = np.arange(n + 1)
+                    self._lines.append(
+                        Mesh(points[[*rows, rows[0]]], np.stack([step, step + 1, step + 1], 1))
+                    )
 
     def _normals_of(self, points: FloatArray) -> FloatArray:
         """Return normals of the patch: of the plane nearest to each point and its neighbours."""
@@ -245,7 +247,7 @@ class _Specimen:
         """(m, d, d) projectors onto the directions in which each point may move."""
         dim = self.positions.shape[1]
         allowed = np.zeros((len(self.positions), dim, dim))
-        for inner, before, after, _ in self._tracks:
+        for inner, before, after in self._tracks:
             allowed[inner] = _projectors(self.positions[after] - self.positions[before])
         allowed[self._patch] = np.eye(dim) - _projectors(self.normals)
         allowed[self._free] = np.eye(dim)
@@ -257,7 +259,7 @@ class _Specimen:
             return self.positions + steps, self._normals_of(self.positions + steps)
         after, normals, vertices = self.positions.copy(), self.normals.copy(), self._surface.vertices
         after[self._free] += steps[self._free]
-        for inner, _, _, line in self._tracks:
+        for (inner, _, _), line in zip(self._tracks, self._lines):
             on_curve = nearest_on_surface(line, after[inner] + steps[inner]).interpolated(line.vertices)
             after[inner] = nearest_on_surface(self._surface, on_curve).interpolated(vertices)
         left = np.arange(len(self._patch))
