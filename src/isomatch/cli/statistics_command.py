@@ -57,7 +57,8 @@ def run(
             shape without a group is left out of the test. Other columns are variables of the model.
         model: Terms that may describe shape, tested one after the other, such as "size * group + age": columns of the
             table, or size, the logarithm of the centroid size. a:b is what a and b have together, a * b is a + b + a:b;
-            log(a); factor(a) of numbers that name groups, as group always is. With --scale remove, size is not part of the shape.
+            log(a); factor(a) of numbers that name groups, as group always is. With --scale remove, size is not part of
+            the shape.
         test: permutation: p-values from exchanged labels. parametric: from Hotelling's distribution.
         tangent: Project shapes on the space tangent to shapes of one size at their mean (with --scale remove).
         slide: Of landmarks, slide points of curves and surfaces, as NAME_sliders.csv and NAME_surfaces.csv beside a file

@@ -118,7 +118,7 @@ def statistics(
         tested, of_groups = _tested(modelled, shapes, labels, test, seed) if labels else (None, None)
         own = shapes if mirror is None else _first_half(shapes)
         sizes = shape_statistics.centroid_sizes(own.vertices, share)
-        allometry, why_not = _allometry(own, sizes, share, seed)
+        allometry, why_not = _allometry(own, sizes, share, seed, tangent)
         notes += why_not
         unlabelled = [name for name in own.names if labels and name not in labels]
         if unlabelled:
@@ -228,11 +228,8 @@ def _linear(
     # the group is a factor, whatever its names, and whatever its capitals in the table
     formula = re.sub(GROUP, "factor(group)", formula, flags=re.IGNORECASE)
     used = {word.strip() for word in re.split(r"[+*:()~]", formula)} & {*columns}
-    full = [
-        i
-        for i, own in enumerate(cells.values())
-        if all(str(own.get(c, "")).lower() not in MISSING for c in used)
-    ]
+    known = [all(str(own.get(c, "")).lower() not in MISSING for c in used) for own in cells.values()]
+    full = [i for i, is_known in enumerate(known) if is_known]
     if without := [name for i, name in enumerate(names) if i not in {*full}]:
         notes.append(f"not in the model {formula!r}, as a value is missing: {', '.join(without)}")
     table = {column: [cells[names[i]].get(column, "") for i in full] for column in columns}
@@ -262,11 +259,14 @@ def _first_half(shapes: CorrespondedShapes) -> CorrespondedShapes:
 
 
 def _allometry(
-    shapes: CorrespondedShapes, sizes: FloatArray, weights: FloatArray | None, seed: int
+    shapes: CorrespondedShapes, sizes: FloatArray, weights: FloatArray | None, seed: int, tangent: bool
 ) -> tuple[shape_statistics.ShapeRegression | None, list[str]]:
     """Regress shape, without size, on the logarithm of size; or say why not."""
     try:
-        aligned = shape_statistics.generalised_procrustes(shapes.vertices, weights, "remove").aligned
+        onto_mean = shape_statistics.generalised_procrustes(
+            shapes.vertices, weights, "remove", tangent=tangent
+        )
+        aligned = onto_mean.aligned
         return shape_statistics.shape_regression(aligned, np.log(sizes), weights, seed=seed), []
     except IsomatchError as error:
         return None, [f"shape was not regressed on size: {error}"]
