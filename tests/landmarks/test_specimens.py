@@ -147,6 +147,8 @@ def test_what_there_is_not(tmp_path):
     (tmp_path / "a.tps").write_text(tps(POINTS))
     with pytest.raises(FormatError, match="of 2 specimens"):
         Landmarks.read(tmp_path / "a.tps")
+    with pytest.raises(LandmarkError, match=r"in the plane; write \.tps or \.csv"):
+        write_landmarks(tmp_path / "flat.fcsv", Landmarks(FLAT[0]))
     (tmp_path / "flat.tps").write_text(tps(FLAT[:1], 2))
     with pytest.raises(LandmarkError, match="in the plane"):
         Landmarks.read(tmp_path / "flat.tps", (POINTS[0], [[0, 1, 2]]))

@@ -48,8 +48,8 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
 
     Raises
     ------
-    FormatError
-        If the suffix is unknown.
+    FormatError, LandmarkError
+        If the suffix is unknown, or has no place for landmarks in the plane.
     UnwritableFileError
         If the file cannot be written.
 
@@ -64,6 +64,8 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
     """
     path = Path(path)
     writer, left_out = writer_of(path)
+    if landmarks.positions.shape[1] == 2 and path.suffix.lower() not in (".tps", ".csv"):
+        raise LandmarkError(f"{path}: has no place for landmarks in the plane; write .tps or .csv")
     landmarks = landmarks.apart()
     write_text(path, writer(landmarks, path.name.split(".")[0]))
     missing = {
