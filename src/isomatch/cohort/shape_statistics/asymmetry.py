@@ -178,12 +178,8 @@ def asymmetry(
     along = np.einsum("i,kij,ij->k", share, means[1], middles[1]) / (np.sqrt(squares(middles[1])) or 1.0)
     measures = np.sqrt(squares(means[1])), np.sqrt(squares(means[1] - middles[1])), along
     scores = [_principal_scores(mean - middle, share) for mean, middle in zip(means, middles)]
-    lines = zip(
-        map(str, names),
-        *(each.tolist() for each in measures),
-        *(map(tuple, each.tolist()) for each in scores),
-    )
-    scored = tuple(IndividualScores(*line) for line in lines)
+    columns = *(each.tolist() for each in measures), *(map(tuple, each.tolist()) for each in scores)
+    scored = tuple(IndividualScores(*line) for line in zip(map(str, names), *columns))
     return Asymmetry(*of_all, amounts, own, anova, share_of_mean, p_value, drawn, seed, scored)
 
 
@@ -232,9 +228,8 @@ def left_right_of_pairs(n: int, pairs: Sequence[tuple[int, int]]) -> Corresponde
     """
     other, taken = np.arange(n), [i for pair in pairs for i in {*pair}]
     if wrong := [i for i in taken if taken.count(i) > 1 or not 0 <= i < n]:
-        raise InputError(
-            f"landmark {wrong[0] + 1} is in two pairs, or is none of the {n} landmarks; give each once"
-        )
+        told = f"landmark {wrong[0] + 1} is in two pairs, or is none of the {n} landmarks"
+        raise InputError(f"{told}; give each once")
     for left, right in pairs:
         other[[left, right]] = right, left
     return Correspondence(other, n)

@@ -253,8 +253,12 @@ def _tested(products: FloatArray, design: ShapeDesign, n_permutations: int, seed
     none = np.nan, np.nan, np.nan
     rows.append(TermTest("residuals", free, residual, residual / free, residual / (total or 1.0), *none))
     rows.append(TermTest("total", m - 1, total, np.nan, 1.0, *none))
-    found = [_pairs(design, blocks, products, orders, of) for of in _compared_terms(design)]
-    return ShapeAnova(tuple(rows), tuple(pair for own in found for pair in own), n_permutations, seed)
+    # groups are compared by their means, and by the slopes of a number, of each factor alone
+    of_one = [
+        each for each in design.terms if len(each) < 3 and sum(name in design.levels for name in each) == 1
+    ]
+    pairs = [pair for term in of_one for pair in _pairs(design, blocks, products, orders, term)]
+    return ShapeAnova(tuple(rows), tuple(pairs), n_permutations, seed)
 
 
 def _orthonormal_parts(blocks: Sequence[FloatArray], m: int) -> Iterator[FloatArray]:
@@ -301,16 +305,6 @@ def _compared(values: FloatArray) -> tuple[float, float]:
     like_normal = boxcox(positive, power)
     deviation = float(like_normal.std())
     return float((like_normal[0] - like_normal.mean()) / deviation) if deviation > 0 else np.nan, p_value
-
-
-def _compared_terms(design: ShapeDesign) -> list[tuple[str, ...]]:
-    """Return the terms whose groups are compared in pairs: factors, and own slopes of a number in the groups of one."""
-    return [
-        term
-        for term in design.terms
-        if (len(term) == 1 and term[0] in design.levels)
-        or (len(term) == 2 and sum(name in design.levels for name in term) == 1)
-    ]
 
 
 def _pairs(

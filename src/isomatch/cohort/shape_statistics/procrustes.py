@@ -92,9 +92,7 @@ def generalised_procrustes(
     aligned = centred @ rotations.transpose(0, 2, 1)
     if tangent:
         if size is None:
-            raise SettingError(
-                "shapes with their sizes lie in a flat space, and have no tangent space; remove the scale"
-            )
+            raise SettingError("shapes with their sizes have no tangent space; remove the scale")
         mean = aligned.mean(axis=0)
         mean *= size / np.sqrt(np.einsum("i,ij,ij->", share, mean, mean))
         along = np.einsum("i,ij,sij->s", share, mean, aligned) / size**2
