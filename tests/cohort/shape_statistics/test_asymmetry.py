@@ -264,7 +264,7 @@ def test_fluctuating_asymmetry_is_tested_against_the_error():
     """Of errors alone, p is uniform; individuals that are each asymmetric in their own way are told."""
     rng, p_values = np.random.default_rng(4), []
     of = [str(i // 2) for i in range(12)]
-    for seed in range(100):
+    for seed in range(60):
         shapes = rng.normal(size=(12, 3, 3)), rng.normal(size=(12, 3, 3))
         p_values.append(asymmetry(*shapes, individuals=of, n_permutations=99, seed=seed).anova[2].p_value)
     assert kstest(p_values, "uniform").pvalue > 0.01
