@@ -151,7 +151,7 @@ def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
         rows = list(csv.DictReader(file))
     assert [row["specimen"] for row in rows] == ["s0", "s1", "s2", "s3"]
     assert rows[0]["nose_X"] == repr(float(rows[0]["nose_X"]))
-    assert (out / "landmarks.tps").read_text().count("CURVES=1") == 4
+    assert (out / "landmarks.tps").read_text().count("LM3=") == 4
     assert main(argv) == 1
     assert "already exists" in capsys.readouterr().err
     assert main([*argv, "--force"]) == 0
@@ -358,8 +358,8 @@ def test_patches_and_points_spread_over_the_first_template_slide_on_all_shapes(
             np.testing.assert_allclose(found["nose"], mesh.vertices[ROWS[0]], atol=1e-6)
             assert np.linalg.norm(found["surface-1"] - mesh.vertices[210]) > 1e-6
     with (out / "landmarks_surfaces.csv").open() as file:
-        assert [int(row["slide"]) for row in csv.DictReader(file)] == [*range(4, 84)]  # before the curve
-    assert (out / "landmarks.csv").read_text().split(",")[10] == "surface-1_X"
+        assert [int(row["slide"]) for row in csv.DictReader(file)] == [*range(7, 87)]  # after the curve
+    assert (out / "landmarks.csv").read_text().split(",")[19] == "surface-1_X"
     assert len((out / "landmarks_slid.csv").read_text().splitlines()) == 5
     (patches / "s2.csv").unlink()
     assert main([*argv, "--force"]) == 1

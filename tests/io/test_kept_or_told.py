@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isomatch import Asset, MeshError, read_asset, write_asset
+from isomatch import Asset, Mesh, MeshError, read_asset, write_asset
 from isomatch.io import FORMATS, Attribute, Frame, asset_from, to_pyvista
 from later import some_later
 from shapes import icosphere
@@ -189,3 +189,15 @@ def test_near_the_origin_nothing_changes(tmp_path):
     assert "translation" not in (tmp_path / "b.gltf").read_text()
     write_asset(tmp_path / "b.stl", asset)
     assert (tmp_path / "b.stl").read_bytes().startswith(b"binary STL")
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_ply_without_doubles_where_rounding_is_asked_for(binary, tmp_path):
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1 / 3, 0]])
+    values = Attribute("depth", "point", "scalar", np.array([0.1, 0.2, 0.3]))
+    asset = Asset.of_mesh(Mesh(points, [[0, 1, 2]]), [values])
+    write_asset(tmp_path / "a.ply", asset, binary=binary, rounded=True)
+    assert b"double" not in (tmp_path / "a.ply").read_bytes()
+    np.testing.assert_allclose(read_asset(tmp_path / "a.ply").points, points, atol=1e-7)
+    write_asset(tmp_path / "a.ply", asset, binary=binary)
+    np.testing.assert_array_equal(read_asset(tmp_path / "a.ply").points, points)

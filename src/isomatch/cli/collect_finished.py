@@ -154,6 +154,11 @@ def say_landmarks(tables: cohort.LandmarkTables) -> None:
     for told, names, style in (
         (f"not written, because {tables.format} has no place for them:", tables.not_written, ""),
         ("with other landmarks or curves, so not in the tables:", tables.other_landmarks, ""),
+        (
+            "geomorph takes for other lines of landmarks.tps, so read landmarks.csv there:",
+            tables.misread_names,
+            "bold red",
+        ),
         ("reflected in the tables, as they were matched:", tables.reflected, ""),
         (f"brought into {tables.axes} in the tables, from the space of their files:", half_turned, ""),
         ("not used, because they are doubtful: the maps of", doubtful, "bold red"),

@@ -20,7 +20,11 @@ Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 Force = Annotated[bool, Parameter(help="Replace existing files.")]
 Rounded = Annotated[
-    bool, Parameter(help="Whether the format may move vertices by more than a thousandth of the mean edge.")
+    bool,
+    Parameter(
+        help="Whether the format may move vertices by more than a thousandth of the mean edge. PLY is written with "
+        "floats of 32 bits, for programs that read no doubles."
+    ),
 ]
 Seed = Annotated[int, Parameter(help="Seed of random choices.")]
 Json = Annotated[

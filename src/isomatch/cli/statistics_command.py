@@ -29,7 +29,11 @@ def run(
     weights: Literal["area", "uniform"] = "area",
     modes: int = 3,
     groups: Path | None = None,
+    model: str | None = None,
     test: Literal["permutation", "parametric"] = "permutation",
+    tangent: bool = False,
+    slide: Literal["bending", "distance"] | None = None,
+    wireframe: Path | None = None,
     mirror: str | None = None,
     align: Literal["subject", "structure"] = "subject",
     hide: str | None = None,
@@ -38,20 +42,30 @@ def run(
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
-    """Compute the mean, the modes of variation and the distances of shapes in one topology.
+    """Compute the mean, the modes of variation and the distances of shapes in one topology, or of landmarks.
 
     Args:
         folder: Folder of meshes with the same faces, or folder written by isomatch collect. Meshes with other faces or
-            with unmatched vertices are left out.
+            with unmatched vertices are left out. Or landmarks: a .tps, .nts, .dta, morphologika or .csv file, or a folder
+            with a .fcsv, .mrk.json, .pts, … of each specimen.
         output: Folder for mean, modes, model.npz, scores, variances, distances, pictures, and files for other tools.
         scale: keep: size is part of the shape. remove: all shapes are brought to one size.
         weights: area: a vertex counts by its share of the area. uniform: all vertices count alike.
         modes: Number of modes that are drawn and written as meshes. The model has all.
-        groups: Table with the columns name and group, or these two without a header: test at every vertex where two
-            groups differ. Commas, semicolons or tabs separate its cells; a shape without a group is left out of the test.
+        groups: Table with the columns name and group, or these two without a header: test whether groups differ and, of
+            two, at which vertices; pairs of groups; classification. Commas, semicolons or tabs separate its cells; a
+            shape without a group is left out of the test. Other columns are variables of the model.
+        model: Terms that may describe shape, tested one after the other, such as "size * group + age": columns of the
+            table, or size, the logarithm of the centroid size. a:b is what a and b have together, a * b is a + b + a:b;
+            log(a); factor(a) of numbers that name groups, as group always is. With --scale remove, size is not part of
+            the shape.
         test: permutation: p-values from exchanged labels. parametric: from Hotelling's distribution.
+        tangent: Project shapes on the space tangent to shapes of one size at their mean (with --scale remove).
+        slide: Of landmarks, slide points of curves and surfaces, as NAME_sliders.csv and NAME_surfaces.csv beside a file
+            tell them, until specimens bend least from the mean, or have the least Procrustes distance.
+        wireframe: Of landmarks, table of pairs, by name or by number from 1, that are joined by lines in pictures.
         mirror: Add the mirror image of every shape: auto, or a file with the vertex on the other side of each vertex, as
-            a map.
+            a map; of landmarks, a table with pairs of left and right ones.
         align: Of subjects of several surfaces. subject (default): the poses of structures among each other are part of
             the shape. structure: each is aligned by itself. Poses are in poses.csv.
         hide: Structures, separated by commas, to hide in each subject in turn and complete by a model of the others:
@@ -61,6 +75,7 @@ def run(
     if modes < 0:
         raise SettingError(f"--modes {modes} is not a number of modes; give 0 or more")
     how: dict[str, Any] = {"scale": scale, "weights": weights, "modes": modes, "groups": groups, "test": test}
+    how |= {"model": model, "tangent": tangent, "slide": slide, "wireframe": wireframe}
     how |= {
         "mirror": mirror,
         "align": align,
@@ -110,7 +125,7 @@ def say_statistics(found: cohort.Results) -> None:
     model = found.model
     if model is None:
         return
-    size = f"{len(model.names)} shapes of {len(model.mean):,} vertices"
+    size = f"{len(model.names)} shapes of {len(model.mean):,} {found.record['of']}"
     say(f"{size} vary in {model.n_modes} mode{'s' * (model.n_modes != 1)}", "bold")
     shares = found.record["shares"]
     modes = zip(shares[:10], accumulate(shares), model.deviations.tolist())

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import FloatArray
-from isomatch._core.errors import FormatError, MeshError, SettingError
+from isomatch._core.errors import FormatError, InputError, MeshError, SettingError
 from isomatch._core.stage_timer import Progress
 from isomatch._core.texts import read_csv
 from isomatch.cohort import shape_statistics
@@ -18,18 +18,22 @@ from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surface_as_written
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import Asymmetry, CorrespondedShapes, draw_values
-from isomatch.cohort.statistics import Scale, read_specimens, told_doubts
+from isomatch.cohort.statistics import Scale, Weights
 from isomatch.cohort.statistics_folder import SCALES, VERSION, Results, StatisticsFolder, listed, tabulated
+from isomatch.cohort.study_input import read_study, told_doubts
 from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import UNMATCHED, Correspondence
-from isomatch.landmarks import read_landmarks
+from isomatch.landmarks import read_landmark_pairs, read_landmarks
 from isomatch.matching import Outcome
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, nearest_on_surface
 
 MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
 WRONG = "; where they have one colour, the map between them is wrong"
-HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F")
+HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F", "p")
+COMMON = "Directional asymmetry: what all have in common."
+OWN = "Fluctuating asymmetry: how far single ones differ from that."
+ENLARGED = 0.1  # of the size: largest displacement in pictures of landmarks
 HALF = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
 MEASURED = (
     "Each shape is reflected and laid onto itself, or a left one onto the right one; the middle of both is symmetric. "
@@ -51,6 +55,9 @@ def asymmetry(
     landmarks: Path | None = None,
     individuals: Path | None = None,
     scale: Scale = "remove",
+    weights: Weights = "area",
+    degrees: Literal["shapes", "dimensions"] = "shapes",
+    wireframe: Path | None = None,
     config: Config | None = None,
     seed: int = 0,
     force: bool = False,
@@ -62,10 +69,10 @@ def asymmetry(
     Parameters
     ----------
     shapes : path_like
-        A mesh; or a folder of meshes in one topology, or that of a collection.
+        A mesh; or a folder of meshes in one topology, or that of a collection; or landmarks, see `read_specimens`.
     output : path_like
         Folder for tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and left_right/NAME.npz.
-    pairs, left_right, landmarks, individuals, scale, config, seed, force
+    pairs, left_right, landmarks, individuals, scale, weights, degrees, wireframe, config, seed, force
         As the options of ``isomatch asymmetry``.
     progress, warn : callable, optional
         Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
@@ -79,6 +86,8 @@ def asymmetry(
     ------
     FormatError, MeshError, SettingError
         If files cannot be read, shapes are not in one topology, or both maps and landmarks are given.
+    InputError
+        If there are landmarks without pairs, or individuals that are no shapes.
     """
     if left_right and landmarks:
         raise SettingError("--left-right gives the map, and --landmarks help to find it; give one of them")
@@ -86,10 +95,20 @@ def asymmetry(
     into = StatisticsFolder(Path(output), last="asymmetry.json")
     with into.claimed(force) as new:
         to.tell("reading", 0.0)
-        cohort, labels, doubts, notes = read_specimens(source, individuals)
+        study = read_study(source, individuals, wireframe=wireframe)
+        cohort, labels, notes = study.shapes, study.groups, study.notes
+        is_mesh = len(cohort.faces) > 0
+        weights = weights if is_mesh else "uniform"
+        if is_mesh and degrees == "dimensions":
+            raise SettingError(
+                "--degrees dimensions is for landmarks; a mesh has as many vertices as you like"
+            )
+        if not is_mesh and not pairs and not (left_right and not landmarks):
+            told = "which landmarks are left and right, or which specimens, is not known"
+            raise InputError(f"{source}: {told}; give a table of pairs of them (--left-right, or --pairs)")
         if len(cohort) == 1 and cohort.left_out:
             raise MeshError(f"{source}: no two meshes are in one topology; run isomatch collect first")
-        first = told_doubts(doubt for doubt in doubts if not (pairs and doubt.kind == "mirrored"))
+        first = told_doubts(doubt for doubt in study.doubts if not (pairs and doubt.kind == "mirrored"))
         for line in first:
             to.warn(line)
         maps, about, unsure = list[Correspondence](), [dict[str, Any]()] * len(cohort), ""
@@ -98,36 +117,57 @@ def asymmetry(
             named = [(row.get("left") or "", row.get("right") or "") for row in read_csv(pairs)]
             both = shape_statistics.paired_sides(cohort, named)
             notes += [f"{name} has no partner" for name in cohort.names if name not in {*sum(named, ())}]
+        elif left_right and not is_mesh:
+            sides = read_landmark_pairs(left_right, cohort.marks)
+            maps = [shape_statistics.left_right_of_pairs(cohort.n_vertices, sides)] * len(cohort)
         elif left_right:
             n, inner = cohort.n_vertices, left_right.is_dir()
             files = [left_right / f"{name}.npz" if inner else left_right for name in cohort.names]
             maps = [Correspondence.load(file, n, n) for file in files]
         else:
             hints = landmarks and read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
-            how = {"landmarks": hints, "config": config, "seed": seed}
-            maps, about, unsure = _matched(cohort, scans, how, notes, to.part(0.1, 0.8))
+            settings = {"landmarks": hints, "config": config, "seed": seed}
+            maps, about, unsure = _matched(cohort, scans, settings, notes, to.part(0.1, 0.8))
         both = both if pairs else cohort.mirrored(maps)
         to.tell("comparing", 0.8)
         of = [labels.get(name, name) for name in both.names[: len(both) // 2]]
-        found, lines, words = _measured(new, both, maps, scale, individuals=of, seed=seed)
+        share, sides_of = _known_share(both, weights), maps[0] if maps else None
+        how: dict[str, Any] = {"individuals": of, "seed": seed}
+        n, dim = both.vertices.shape[1:]
+        counted = shape_statistics.symmetry_dimensions(n, dim, sides_of, scale=scale)
+        aligned = shape_statistics.align_sides(both, share, scale, maps)
+        dimensions = counted if degrees == "dimensions" else (1, 1)
+        found = shape_statistics.asymmetry(*aligned, share, dimensions=dimensions, **how)
+        if is_mesh:
+            lines, words = _draw(new, both, maps, share, found)
+        else:
+            lines, words = _draw_landmarks(new, both, not maps, share, found)
+        sizes, of_sizes = shape_statistics.centroid_sizes(both.vertices, share)[:, None, None], None
+        if pairs and len(of) > 1:
+            of_sizes = shape_statistics.asymmetry(*np.split(sizes, 2), **how)
         record = {
             "isomatch": VERSION,
             "of": str(source),
             "symmetry": "matching" if pairs else "object",
             "n_individuals": len(set(of)),
-            "in_one_topology": not pairs and not scans,
+            "in_one_topology": is_mesh and not pairs and not scans,
             "scale": scale,
+            "weights": weights,
+            "degrees": degrees,
             "seed": seed,
             "shapes": [line | more for line, more in zip(lines, about)],
             "anova": [row._asdict() for row in found.anova] if len(of) > 1 else [],
+            "size_anova": [row._asdict() for row in of_sizes.anova] if of_sizes else [],
             **{name: getattr(found, name) for name in ("share", "p_value", "n_permutations")},
             "doubts": [unsure, *first] if unsure else first,
             "notes": notes,
         }
-        for name, each in zip(cohort.names, maps):
+        for name, each in zip(cohort.names, maps if is_mesh else []):
             each.save(new.path(f"left_right/{name}.npz"))
-        told, lines, rows = _told(record), record["shapes"], record["anova"]
-        for file, table in (("asymmetry.csv", lines), ("anova.csv", rows)):
+        sentences, lines, rows = _told(record), record["shapes"], record["anova"]
+        tables = {"asymmetry.csv": lines, "anova.csv": rows, "size_anova.csv": record["size_anova"]}
+        tables["individuals.csv"] = _individuals(found) if len(of) > 1 else []
+        for file, table in tables.items():
             if table:
                 new.table(file, **{key: [row[key] for row in table] for key in table[0]})
         columns = [name for name in lines[0] if not name.startswith("plane")]
@@ -135,8 +175,9 @@ def asymmetry(
         sections = {
             "To look at first": listed(record["doubts"]),
             "What was measured": f"<p>{MEASURED}</p>",
-            "What was found": listed(told),
+            "What was found": listed(sentences),
             "Where the variation lies": tabulated(HEADS, (row.values() for row in rows)) if rows else "",
+            "Where that of sizes lies": tabulated(HEADS, of_sizes.anova) if of_sizes else "",
             "How asymmetric each is": tabulated(columns, cells),
         }
         title = f"Asymmetry of {lines[0]['name'] if len(of) == 1 else f'{len(of)} shapes'}"
@@ -144,7 +185,7 @@ def asymmetry(
         new.page(title, into.folder.resolve().name, used, sections, words)
         new.finish(record)
         to.tell("done", 1.0)
-    return Results(into.folder, into.written, record, told, unsure=unsure)
+    return Results(into.folder, into.written, record, sentences, unsure=unsure)
 
 
 def _matched(
@@ -188,17 +229,74 @@ def _onto(mesh: Mesh, images: FloatArray) -> Correspondence:
     return replace(there, vertices=np.where(held, there.vertices, UNMATCHED))
 
 
-def _measured(
-    new: StatisticsFolder, both: CorrespondedShapes, maps: list[Correspondence], scale: Scale, **of: Any
-) -> tuple[Asymmetry, list[dict[str, Any]], dict[str, str]]:
-    """Measure and draw asymmetry: all of it, values of each shape, and the words beside each picture."""
+def _known_share(both: CorrespondedShapes, weights: Weights) -> FloatArray:
+    """Weight of each vertex, by how often it is known on both sides."""
+    m = len(both) // 2
+    known = (both.seen[:m] & both.seen[m:]).mean(axis=0)
+    share = both.area_weights if weights == "area" else np.full(both.n_vertices, 1 / both.n_vertices)
+    if not share @ known > 0:
+        raise InputError("no vertex or landmark is known on both sides of a shape; give more of them a place")
+    return np.asarray(share * known / (share @ known))
+
+
+def _individuals(found: Asymmetry) -> list[dict[str, Any]]:
+    """Make a line for each individual: its asymmetry, and its scores along principal components."""
+    lines = []
+    for each in found.individuals:
+        line = each._asdict()
+        for kind in ("symmetric", "asymmetric"):
+            line |= {f"{kind}_{i}": score for i, score in enumerate(line.pop(f"{kind}_scores"), start=1)}
+        lines.append(line)
+    return lines
+
+
+def _line(both: CorrespondedShapes, found: Asymmetry, i: int, size: float) -> dict[str, Any]:
+    """Make the first cells of the line of a shape, (i)."""
+    amounts = float(found.amounts[i]), float(found.amounts[i]) / size, float(found.fluctuating[i])
+    return dict(zip(("name", "asymmetry", "over_size", "fluctuating"), (both.names[i], *amounts)))
+
+
+def _size(found: Asymmetry, share: FloatArray) -> float:
+    """Root mean square distance of the symmetric mean from its centroid."""
+    return float(shape_statistics.centroid_sizes(found.symmetric[None], share)[0] / np.sqrt(len(share)))
+
+
+Drawn = tuple[list[dict[str, Any]], dict[str, str]]
+"""A line for each shape, and the words beside each picture."""
+
+
+def _draw_landmarks(
+    new: StatisticsFolder, both: CorrespondedShapes, paired: bool, share: FloatArray, found: Asymmetry
+) -> Drawn:
+    """Draw the asymmetry of landmarks, and tell that of each specimen."""
+    m, size, mean, common = len(both) // 2, _size(found, share), found.symmetric, found.directional
+    own = np.sqrt(((found.components - common) ** 2).sum(axis=2).mean(axis=0))
+    axes = {f"directional_{axis}": column for axis, column in zip("xyz", common.T.tolist())}
+    new.table("landmarks.csv", landmark=both.marks, **axes, fluctuating=own.tolist())
+    factor = ENLARGED * size / (float(np.linalg.norm(common, axis=1).max()) or 1.0)
+    shown = {f"asymmetry × {factor:.2g}": mean + factor * common}
+    shape_statistics.draw_landmarks(new.picture("directional"), shown, mean, both.links)
+    label = "standard deviation, in units of the shapes"
+    shape_statistics.draw_landmarks(new.picture("fluctuating"), {"": mean}, mean, both.links, own, label)
+    lines = []
+    for i, lengths in enumerate(np.linalg.norm(found.components, axis=2)):
+        most = int(lengths.argmax())
+        line = _line(both, found, i, size) | {"most": float(lengths[most]), "most_landmark": both.marks[most]}
+        lines.append(line | {"left": both.names[m + i]} if paired else line)
+    return lines, {"directional": f"{COMMON} Enlarged; grey: the symmetric mean.", "fluctuating": OWN}
+
+
+def _draw(
+    new: StatisticsFolder,
+    both: CorrespondedShapes,
+    maps: list[Correspondence],
+    share: FloatArray,
+    found: Asymmetry,
+) -> Drawn:
+    """Draw the asymmetry of meshes, and tell that of each."""
     m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
-    known = both.seen[:m] & both.seen[m:]
-    share = both.area_weights * known.mean(axis=0) / (both.area_weights @ known.mean(axis=0))
-    aligned = shape_statistics.align_sides(both, share, scale, maps)
-    found = shape_statistics.asymmetry(*aligned, share, **of)
+    known, size = both.seen[:m] & both.seen[m:], _size(found, share)
     mean = both.mesh(0).moved(found.symmetric)
-    size = float(shape_statistics.centroid_sizes(mean.vertices[None], share)[0]) / np.sqrt(len(share))
     normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # smoother than those of a shape
     outward = np.where(known, np.einsum("mij,ij->mi", found.components, normals), np.nan)
     planes = [shape_statistics.symmetry_plane(*each, share) for each in zip(both.vertices, maps)]
@@ -212,8 +310,7 @@ def _measured(
         draw_values(new.picture("directional"), mean, common, HALF, views=views[0])
         label = "standard deviation, along the normal"
         draw_values(new.picture("fluctuating"), mean, own, label, views=views[0])
-        words["directional"] = "Directional asymmetry: what all have in common."
-        words["fluctuating"] = "Fluctuating asymmetry: how far single ones differ from that."
+        words |= {"directional": COMMON, "fluctuating": OWN}
     for i in np.argsort(-found.amounts, kind="stable")[:MOST_DRAWN].tolist():
         name = f"shapes/{both.names[i]}"
         draw_values(new.picture(name), both.mesh(i), outward[i], HALF, views=views[i])
@@ -222,21 +319,15 @@ def _measured(
         mesh, most = both.mesh(i), int(np.nanargmax(np.abs(signed)))
         length = np.where(known[i], np.linalg.norm(found.components[i], axis=1), np.nan)
         new.mesh(f"shapes/{both.names[i]}.ply", mesh, {"asymmetry": length, "along_normal": signed}, signed)
-        line = {
-            "name": both.names[i],
-            "asymmetry": float(found.amounts[i]),
-            "over_size": float(found.amounts[i]) / size,
-            "along_normal": float(np.sqrt(share @ np.nan_to_num(signed) ** 2)),
-            "fluctuating": float(found.fluctuating[i]),
-            "most": float(signed[most]),
-            "most_vertex": most,
-        }
+        along = float(np.sqrt(share @ np.nan_to_num(signed) ** 2))
+        line = _line(both, found, i, size) | {"along_normal": along, "most": float(signed[most])}
+        line["most_vertex"] = most
         if planes:
             normal, offset = planes[i]
             line["most_side"] = list(views[i])[0 if mesh.vertices[most] @ normal > offset else 1]
             line |= dict(zip(("plane_x", "plane_y", "plane_z", "plane_offset"), (*normal.tolist(), offset)))
         lines.append(line if planes else line | {"left": both.names[m + i]})
-    return found, lines, words
+    return lines, words
 
 
 def _told(record: dict[str, Any]) -> list[str]:
@@ -246,7 +337,8 @@ def _told(record: dict[str, Any]) -> list[str]:
         told = [
             f"{n} individuals: {between} of all variation is between them and symmetric, {common} is directional "
             f"asymmetry, the same in all, and {own} fluctuating, each in its own way",
-            f"fluctuating asymmetry has {rows[2]['f']:.3g} times the mean square of the error of measurement"
+            f"fluctuating asymmetry has {rows[2]['f']:.3g} times the mean square of the error of measurement, "
+            f"p = {rows[2]['p_value']:.4g}"
             if len(rows) > 3
             else "nothing was measured twice: errors of measurement and of maps are part of the fluctuating asymmetry",
             *([ALIKE] if record["in_one_topology"] else []),
@@ -254,6 +346,18 @@ def _told(record: dict[str, Any]) -> list[str]:
             f"({record['n_permutations']} ways to mirror some of the individuals; no p is below {2.0 ** (1 - n):.2g})",
         ]
     most = max(record["shapes"], key=lambda line: line["asymmetry"])
+    if record["size_anova"]:
+        sides, error = record["size_anova"][1], len(record["size_anova"]) > 3
+        told.append(
+            f"of the variation of sizes, {sides['share']:.1%} is directional, p = {sides['p_value']:.4g}"
+            + (f", and {record['size_anova'][2]['share']:.1%} fluctuating" if error else "")
+        )
+    if "most_landmark" in most:
+        told.append(
+            f"{most['name']} is {most['asymmetry']:.4g} away from a symmetric shape (root mean square), "
+            f"{most['over_size']:.2%} of its size, most at landmark {most['most_landmark']}, by {most['most']:.4g}"
+        )
+        return [*told, *(f"note: {note}" for note in record["notes"])]
     outward = "stands out" if most["most"] > 0 else "lies deeper"
     where = f"on {most['most_side']}, which" if "most_side" in most else f"where {most['name']}"
     told += [

@@ -23,13 +23,14 @@ from isomatch._core.stage_timer import Progress
 from isomatch._core.texts import write_csv
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.map_file import keep_files, maps_along, require_unchanged
-from isomatch.cohort.shape_statistics import slid_semilandmarks
+from isomatch.cohort.shape_statistics import Criterion, Slid, slid_semilandmarks
 from isomatch.cohort.unusual_shapes import scales_of
 from isomatch.cohort.workers import Listener
 from isomatch.correspondence import Correspondence
 from isomatch.io import Asset, read_asset, read_mesh
 from isomatch.landmarks import (
     Landmarks,
+    join_places,
     median_landmarks,
     spread_on_surface,
     write_landmarks,
@@ -40,7 +41,7 @@ from isomatch.surfaces import Mesh, reflected
 from isomatch.transfer import carry_landmarks
 from isomatch.visualization import arranged_panels, camera_of, surface_image, turn_to_target
 
-SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".csv", ".txt")
+SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".tps", ".csv", ".txt")
 ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
 LEAST_PLACED = 0.5  # share of the landmarks of a shape that slide
 LEAST_SURE = 3  # landmarks that are named
@@ -65,23 +66,16 @@ class Semilandmarks:
     surface_points : int
         How many more to spread evenly over the first of these shapes.
     slide : bool
-        Slide points of curves and surfaces so that thin-plate splines from the mean shape bend least.
+        Slide points of curves and surfaces until shapes differ least from the mean.
+    criterion : {"bending", "distance"}
+        What becomes least: the bending energy of thin-plate splines from the mean, or the Procrustes distance.
     """
 
     curve_points: int | None = None
     patches: Path | None = None
     surface_points: int = 0
     slide: bool = False
-
-
-class Slid(NamedTuple):
-    """How far the landmarks of a shape slid, and the bending energy from the mean shape."""
-
-    specimen: str
-    mean: float
-    largest: float
-    energy_before: float
-    energy_after: float
+    criterion: Criterion = "bending"
 
 
 class LeftOutError(NamedTuple):
@@ -108,6 +102,7 @@ class LandmarkTables:
     left_out_errors: dict[str, LeftOutError]  # of each template
     not_written: list[str]  # what the format has no place for
     other_landmarks: list[str]  # shapes that have others, and so are not in the tables
+    misread_names: list[str]  # shapes whose names geomorph takes for lines of landmarks.tps
     reflected: list[str]  # those that are reflected in the tables
     axes: str | None  # the space of the tables
     half_turned: list[str]  # shapes that were brought into it
@@ -215,7 +210,7 @@ def write_tables(
             points[name] = carried
             listener.tell(f"landmarks of {name}", len(points) / len(collection.names))
         turned, scales = rows.reflected(points), scales_of(collection.units, rows)
-        slid = _slid(collection, points, turned) if more.slide else []
+        slid = _slid(collection, points, turned, more.criterion) if more.slide else []
         left_out = {x.name: x for x in landmarks_left_out(collection, *given)}
         first = next(iter(points.values()))
         axes = next((each.axes for each in points.values() if each.axes), None)
@@ -230,8 +225,7 @@ def write_tables(
         if more.slide:
             write_csv(to / "landmarks_slid.csv", (each._asdict() for each in slid), Slid._fields)
         write_csv(to / "landmarks_errors.csv", _errors(points, left_out), ERRORS)
-        for table in tables:
-            write_specimens(table, alike)
+        misread = [name for table in tables for name in write_specimens(table, alike)]
         draw_landmarks(to / "landmarks.png", collection, points)
         if to.resolve() == collection.layout.landmarks.resolve():
             keep_files(collection.layout, (path for path in earlier if path.exists()))
@@ -249,6 +243,7 @@ def write_tables(
         left_out_errors={name: _described(each) for name, each in left_out.items()},
         not_written=sorted(lost),
         other_landmarks=[name for name in points if name not in alike],
+        misread_names=misread,
         reflected=turned,
         axes=axes,
         half_turned=[name for name, each in points.items() if each.axes != axes],
@@ -270,7 +265,9 @@ def _least_sure(points: Iterable[Landmarks]) -> dict[str, float]:
     return dict(sorted(medians.items(), key=lambda item: -item[1])[:LEAST_SURE])
 
 
-def _slid(collection: Collection, points: dict[str, Landmarks], turned: list[str]) -> list[Slid]:
+def _slid(
+    collection: Collection, points: dict[str, Landmarks], turned: list[str], criterion: Criterion
+) -> list[Slid]:
     """Slide the landmarks of shapes that have those of the first, at least half with a place; tell how far they slid."""
     first = next(iter(points.values()))
     marks = {name: each for name, each in points.items() if each.placed.mean() >= LEAST_PLACED}
@@ -278,12 +275,13 @@ def _slid(collection: Collection, points: dict[str, Landmarks], turned: list[str
     signs = np.array([[_side_of(name, turned)] for name in names])
     meshes = (read_mesh(collection.paths[name]) for name in names)
     surfaces = [reflected(mesh) if name in turned else mesh for name, mesh in zip(names, meshes)]
-    positions = signs * [marks[name].positions for name in names]
-    slid = slid_semilandmarks(positions, surfaces, first.curves, first.patch)
-    points |= {n: replace(marks[n], positions=at) for n, at in zip(names, signs * slid.positions)}
-    far = np.linalg.norm(slid.positions - positions, axis=2)
-    columns = np.nanmean(far, axis=1), np.nanmax(far, axis=1), slid.energy_before, slid.energy_after
-    return [Slid(*each) for each in zip(names, *(column.tolist() for column in columns))]
+    own = np.array([marks[name].positions for name in names])
+    joined, place = join_places({name: marks[name] for name in names})
+    once, positions = joined[names[0]], signs * [joined[name].positions for name in names]
+    slid = slid_semilandmarks(positions, surfaces, once.curves, once.patch, criterion=criterion)
+    moved = np.where(np.isfinite(own), (signs * slid.positions)[:, place], np.nan)
+    points |= {name: replace(marks[name], positions=at) for name, at in zip(names, moved)}
+    return slid.of_each(names, positions)
 
 
 def _side_of(name: str, turned: Container[str]) -> FloatArray:

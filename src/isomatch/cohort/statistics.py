@@ -2,34 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
-from unicodedata import normalize
 
 import numpy as np
 
 from isomatch._core.arrays import FloatArray
-from isomatch._core.errors import FormatError, InputError, IsomatchError
-from isomatch._core.files import opened
+from isomatch._core.errors import InputError, IsomatchError, MissingDependencyError
 from isomatch._core.stage_timer import Progress
-from isomatch._core.texts import decoded, read_csv, separated
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.map_file import require_unchanged
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.shape_statistics import MEASURED, CorrespondedShapes, Doubt, ShapeModel
+from isomatch.cohort.shape_statistics import (
+    MEASURED,
+    MISSING,
+    CorrespondedShapes,
+    Criterion,
+    ShapeDesign,
+    ShapeModel,
+)
 from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
+from isomatch.cohort.study_input import Study, read_groups, read_study, told_doubts
 from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import Correspondence
-from isomatch.io import FORMATS, Asset, Attribute, holds_values, read_asset, read_attributes, write_asset
+from isomatch.io import Asset, Attribute, holds_values, read_asset, read_attributes, write_asset
+from isomatch.landmarks import read_landmark_pairs
 from isomatch.surfaces import Mesh
 
+__all__ = ["read_groups", "series", "statistics"]
 Scale = Literal["keep", "remove"]
 Weights = Literal["area", "uniform"]
 Method = Literal["permutation", "parametric"]
-TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
+GROUP = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # in formulas
+SIZE = "size"  # in formulas, the logarithm of the centroid size
 
 
 def statistics(
@@ -40,7 +49,11 @@ def statistics(
     weights: Weights = "area",
     modes: int = 3,
     groups: Path | None = None,
+    model: str | None = None,
     test: Method = "permutation",
+    tangent: bool = False,
+    slide: Criterion | None = None,
+    wireframe: Path | None = None,
     mirror: str | None = None,
     align: Literal["subject", "structure"] = "subject",
     hide: str | None = None,
@@ -55,10 +68,10 @@ def statistics(
     Parameters
     ----------
     folder : path_like
-        Folder of meshes with the same faces, or of a collection.
+        Folder of meshes with the same faces, or of a collection; or landmarks, see `isomatch.landmarks.read_specimens`.
     output : path_like
         Folder for mean, modes, model.npz, scores, variances, distances, pictures, and files for other tools.
-    scale, weights, modes, groups, test, mirror, align, hide, pictures, seed, force
+    scale, weights, modes, groups, model, test, tangent, slide, wireframe, mirror, align, hide, pictures, seed, force
         As the options of ``isomatch statistics``.
     progress, warn : callable, optional
         Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
@@ -77,8 +90,11 @@ def statistics(
     into = StatisticsFolder(Path(output), pictures)
     with into.claimed(force) as new:
         to.tell("reading", 0.0)
-        shapes, labels, doubts, notes = read_specimens(folder, groups)
-        for line in told_doubts(doubts):
+        needed = () if model and groups else ("group",)
+        study = read_study(folder, groups, needed, wireframe=wireframe, slide=slide)
+        shapes, labels, notes = study.shapes, study.groups, study.notes
+        weights = weights if len(shapes.faces) else "uniform"
+        for line in told_doubts(study.doubts):
             to.warn(line)
         to.tell("model", 0.1)
         if mirror is not None:
@@ -93,66 +109,90 @@ def statistics(
         hidden = shape_statistics.hidden_structures(shapes, hide.split(","), weights, scale) if hide else []
         poses = shape_statistics.aligned_structures(shapes, weights, scale) if shapes.structures else None
         shapes = poses.shapes if poses and align == "structure" else shapes
-        lack = "of the vertices were not measured, and count as the mean of the others"
+        lack = f"of the {shapes.points} were not measured, and count as the mean of the others"
         notes += [f"{name}: {lacks:.1%} {lack}" for name, lacks in missing.items()]
-        model = ShapeModel.fit(shapes, scale, weights)
-        tested, of_groups = _tested(model, shapes, labels, test, seed) if groups else (None, None)
-        groups_of = [labels.get(name, "") for name in model.names] if groups else None
+        modelled = ShapeModel.fit(shapes, scale, weights, tangent=tangent)
+        if groups and not labels and not model:
+            raise InputError(f"{groups}: no shape has a group; write the group of each in the column group")
+        groups_of = [labels.get(name, "") for name in modelled.names] if labels else None
+        tested, of_groups = _tested(modelled, shapes, labels, test, seed) if labels else (None, None)
         own = shapes if mirror is None else _first_half(shapes)
         sizes = shape_statistics.centroid_sizes(own.vertices, share)
-        allometry, why_not = _allometry(own, sizes, share, seed)
+        allometry, why_not = _allometry(own, sizes, share, seed, tangent)
         notes += why_not
-        unlabelled = [name for name in own.names if groups and name not in labels]
+        unlabelled = [name for name in own.names if labels and name not in labels]
         if unlabelled:
             notes.append(f"without a group: {', '.join(unlabelled)}")
-        done = iter(range(len(shapes)))
-        geodesic = shape_statistics.geodesic_distortions(
-            shapes,
-            progress=lambda name: to.tell(f"distances of {name}", 0.3 + 0.3 * next(done) / len(shapes)),
-        )
+        fit = partial(_linear, modelled, study=study, log_sizes=np.log(sizes), seed=seed, notes=notes)
+        by_group = fit("factor(group)") if labels else None
+        linear, classes = fit(model) if model else by_group, _classified(modelled, labels, notes)
+        done, geodesic = iter(range(len(shapes))), None
+        if len(shapes.faces):
+            geodesic = shape_statistics.geodesic_distortions(
+                shapes,
+                progress=lambda name: to.tell(f"distances of {name}", 0.3 + 0.3 * next(done) / len(shapes)),
+            )
         procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
         to.tell("writing", 0.6)
-        new.model(model, shapes, modes, groups_of)
+        new.model(modelled, shapes, modes, groups_of)
         new.sizes(own, sizes, allometry, groups_of and groups_of[: len(own)])
-        new.quality(model, seed)
-        structures = new.structures(model, poses, hidden) if poses else []
+        new.quality(modelled, seed)
+        structures = new.structures(modelled, poses, hidden) if poses else []
         if tested:
-            new.groups(model.mesh(), tested)
+            new.groups(shapes, modelled, tested)
+        sections = new.linear(linear, classes, [n for n in modelled.names if n in labels], labels)
         new.distances(shapes, geodesic, procrustes, groups_of)
-        notes += new.exports(shapes, model)
+        if study.slid:
+            new.table("slid.csv", **dict(zip(study.slid[0]._fields, zip(*study.slid))))
+        notes += new.exports(shapes, modelled)
         record = {
             "isomatch": VERSION,
             "folder": str(folder),
-            "shapes": list(model.names),
+            "of": shapes.points,
+            "shapes": list(modelled.names),
             "left_out": list(shapes.left_out),
             "missing": missing,
             "scale": scale,
             "weights": weights,
+            "tangent": tangent,
+            "slide": slide,
             "mirror": mirror,
             "align": align,
             "structures": structures,
             "seed": seed,
-            "n_modes": model.n_modes,
-            "total_variance": float(model.variances.sum()),
-            "shares": model.variance_ratios.tolist(),
+            "n_modes": modelled.n_modes,
+            "total_variance": float(modelled.variances.sum()),
+            "shares": modelled.variance_ratios.tolist(),
             "allometry": _of_test(allometry) if allometry else None,
-            "groups": of_groups,
-            "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in doubts],
+            "groups": of_groups and {**of_groups, **_of_test(by_group)},
+            "model": model,
+            "terms": [row._asdict() for row in linear.rows] if linear else [],
+            "pairs": [pair._asdict() for pair in linear.pairs] if linear else [],
+            "classified": classes and {"share_right": classes.share_right, "n_modes": classes.n_modes},
+            "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in study.doubts],
             "notes": notes,
         }
         told = _told_of(record)
-        new.model_page(into.folder.resolve().name, record, told)
+        new.model_page(into.folder.resolve().name, record, told, sections)
         new.finish(record)
         to.tell("done", 1.0)
-    return Results(into.folder, into.written, record, told, model=model)
+    return Results(into.folder, into.written, record, told, model=modelled)
 
 
 def _mirrored(
     shapes: CorrespondedShapes, mirror: str, scale: Scale, weights: Weights, seed: int
 ) -> tuple[CorrespondedShapes, list[str]]:
     """Add the mirror images by a left–right map, found or read; note of which shape it is, if not of the mean."""
+    is_mesh = len(shapes.faces) > 0
+    if not is_mesh and mirror == "auto":
+        raise InputError(
+            "--mirror auto is for meshes; of landmarks, give a table of pairs of left and right ones"
+        )
     if mirror != "auto":
-        given = Correspondence.load(Path(mirror), shapes.n_vertices)
+        pairs = [] if is_mesh else read_landmark_pairs(Path(mirror), shapes.marks)
+        n = shapes.n_vertices
+        of_pairs = shape_statistics.left_right_of_pairs
+        given = Correspondence.load(Path(mirror), n) if is_mesh else of_pairs(n, pairs)
         return shapes.mirrored([given] * len(shapes)), []
     mean = ShapeModel.fit(shapes, scale, weights).mesh()
     left_right, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
@@ -162,23 +202,53 @@ def _mirrored(
 
 def _tested(
     model: ShapeModel, shapes: CorrespondedShapes, labels: dict[str, str], method: Method, seed: int
-) -> tuple[shape_statistics.GroupTest, dict[str, Any]]:
-    """Test where two groups differ, and whether they do as a whole; with plain values about it."""
+) -> tuple[shape_statistics.GroupTest | None, dict[str, Any]]:
+    """Test where groups differ, if there are not more than two; with plain values about it."""
     rows = [i for i, name in enumerate(model.names) if name in labels]
     listed = [labels[model.names[i]] for i in rows]
-    own = None if shapes.measured is None else shapes.measured[rows]
-    test = shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed, measured=own)
-    is_second = np.array([group == test.groups[1] for group in listed], dtype=np.float64)
-    whole = shape_statistics.shape_regression(model.aligned[rows], is_second, model.weights, seed=seed)
-    return test, {
-        **_of_test(whole),
-        "names": list(test.groups),
-        "counts": list(test.counts),
-        "test": method,
-        "significant_share_of_area": float(model.weights[test.significant()].sum()),
-        "least_p_value": float(test.p_values.min()),
-        "least_q_value": float(test.q_values.min()),
-    }
+    names, counts = np.unique(listed, return_counts=True)
+    about = {"names": names.tolist(), "counts": counts.tolist(), "test": method}
+    if len(names) > 2:
+        return None, about
+    measured = None if shapes.measured is None else shapes.measured[rows]
+    how: dict[str, Any] = {"method": method, "seed": seed, "measured": measured}
+    test = shape_statistics.group_test(model.aligned[rows], listed, **how)
+    share = float(model.weights[test.significant()].sum())
+    least = {"least_p_value": float(test.p_values.min()), "least_q_value": float(test.q_values.min())}
+    return test, {**about, "significant_share_of_area": share, **least}
+
+
+def _linear(
+    model: ShapeModel, formula: str, study: Study, log_sizes: FloatArray, seed: int, notes: list[str]
+) -> shape_statistics.ShapeAnova:
+    """Test the terms of a model in the shapes that have all values."""
+    names = model.names[: len(log_sizes)]  # without mirror images
+    cells = {name: {SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())}
+    columns = {column: "" for own in cells.values() for column in own if column != "name"}
+    # the group is a factor, whatever its names, and whatever its capitals in the table
+    formula = re.sub(GROUP, "factor(group)", formula, flags=re.IGNORECASE)
+    used = {word.strip() for word in re.split(r"[+*:()~]", formula)} & {*columns}
+    known = [all(str(own.get(c, "")).lower() not in MISSING for c in used) for own in cells.values()]
+    full = [i for i, is_known in enumerate(known) if is_known]
+    if without := [name for i, name in enumerate(names) if i not in {*full}]:
+        notes.append(f"not in the model {formula!r}, as a value is missing: {', '.join(without)}")
+    table = {column: [cells[names[i]].get(column, "") for i in full] for column in columns}
+    design = ShapeDesign.of(formula, table)
+    return shape_statistics.shape_anova(model.aligned[full], design, model.weights, seed=seed)
+
+
+def _classified(
+    model: ShapeModel, labels: dict[str, str], notes: list[str]
+) -> shape_statistics.Classification | None:
+    """Classify the shapes that have a group, if there are modes, and what computes it is installed."""
+    rows = [i for i, name in enumerate(model.names) if name in labels]
+    if len(rows) < 3 or not model.n_modes:
+        return None
+    try:
+        return shape_statistics.classify(model.scores[rows], [labels[model.names[i]] for i in rows])
+    except MissingDependencyError as error:
+        notes.append(f"canonical variates are not computed: {error}")
+        return None
 
 
 def _first_half(shapes: CorrespondedShapes) -> CorrespondedShapes:
@@ -189,18 +259,23 @@ def _first_half(shapes: CorrespondedShapes) -> CorrespondedShapes:
 
 
 def _allometry(
-    shapes: CorrespondedShapes, sizes: FloatArray, weights: FloatArray | None, seed: int
+    shapes: CorrespondedShapes, sizes: FloatArray, weights: FloatArray | None, seed: int, tangent: bool
 ) -> tuple[shape_statistics.ShapeRegression | None, list[str]]:
     """Regress shape, without size, on the logarithm of size; or say why not."""
     try:
-        aligned = shape_statistics.generalised_procrustes(shapes.vertices, weights, "remove").aligned
+        onto_mean = shape_statistics.generalised_procrustes(
+            shapes.vertices, weights, "remove", tangent=tangent
+        )
+        aligned = onto_mean.aligned
         return shape_statistics.shape_regression(aligned, np.log(sizes), weights, seed=seed), []
     except IsomatchError as error:
         return None, [f"shape was not regressed on size: {error}"]
 
 
-def _of_test(test: shape_statistics.ShapeRegression) -> dict[str, Any]:
-    return {name: getattr(test, name) for name in ("r_squared", "p_value", "n_permutations", "seed")}
+def _of_test(test: shape_statistics.ShapeRegression | shape_statistics.ShapeAnova | None) -> dict[str, Any]:
+    whole = test.rows[0] if isinstance(test, shape_statistics.ShapeAnova) else test
+    drawn = {name: getattr(test, name) for name in ("n_permutations", "seed")}
+    return {name: getattr(whole, name) for name in ("r_squared", "p_value")} | drawn
 
 
 def _missing(shapes: CorrespondedShapes) -> dict[str, float]:
@@ -224,103 +299,24 @@ def _told_of(record: dict[str, Any]) -> list[str]:
             line += f"; hidden, it is completed to {own['hidden_error']:.4g}, the mean to {own['hidden_mean_error']:.4g}"
         lines.append(line)
     if tested := record["groups"]:
-        first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
-        share = tested["significant_share_of_area"]
-        none = "do not differ significantly at any vertex"
-        differ = f"differ on {share:.1%} of the area" if share else none
-        lines.append(f"{first} and {second} {differ}, at a false discovery rate of 5 %")
+        if len(tested["names"]) == 2:
+            first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
+            share, is_mesh = tested["significant_share_of_area"], record["of"] == "vertices"
+            none = f"do not differ significantly at any {'vertex' if is_mesh else 'landmark'}"
+            differ = f"differ on {share:.1%} of the {'area' if is_mesh else 'landmarks'}" if share else none
+            lines.append(f"{first} and {second} {differ}, at a false discovery rate of 5 %")
         lines.append(f"the groups describe {_told(tested)}")
+    for row in record["terms"][:-2] if record["model"] else []:
+        value = f"F = {row['f']:.4g} on {row['degrees']}, Z = {row['z']:.3g}, p = {row['p_value']:.4g}"
+        lines.append(f"{row['term']} describes {row['r_squared']:.1%} of the variance of shape, {value}")
+    if record["classified"]:
+        share, n_modes = record["classified"]["share_right"], record["classified"]["n_modes"]
+        lines.append(
+            f"{share:.0%} of the shapes are in the group that the others predict, by {n_modes} modes"
+        )
     if record["allometry"]:
         lines.append(f"size describes {_told(record['allometry'])}")
     return [*lines, *(f"note: {note}" for note in record["notes"])]
-
-
-Specimens = tuple[CorrespondedShapes, dict[str, str], list[Doubt], list[str]]
-"""Shapes of a folder, the groups of those that have one, doubts, and notes."""
-
-
-def read_specimens(folder: Path, groups: Path | None) -> Specimens:
-    """Read the shapes of a folder of meshes or of a collection, or one mesh, with their groups."""
-    require_unchanged(Layout(folder), ["corresponded"])
-    shapes = shape_statistics.read_shapes([folder] if folder.is_file() else folder)
-    labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
-    doubts = shape_statistics.doubtful_shapes(shapes)
-    notes = [f"left out: {reason}" for reason in shapes.left_out]
-    for own in (folder / structure for structure in shapes.structures or ("",)):
-        told = _doubts(own / "pairs.csv", shapes.names) + _reflected(own / "shapes.csv", shapes.names)
-        notes += [f"{own.name}: {note}" if shapes.structures else note for note in told]
-    return shapes, labels, list(doubts), notes
-
-
-def told_doubts(doubts: Iterable[Doubt]) -> list[str]:
-    """Put doubts in words."""
-    return [f"{' and '.join(doubt.names)} {doubt.reason}" for doubt in doubts]
-
-
-def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
-    """Say which shapes of a collection rest on a map that may be wrong."""
-    if not pairs.is_file():
-        return []
-    outcomes: dict[str, set[str]] = {name: set() for name in names}
-    for row in read_csv(pairs):
-        for end in ("source", "target"):
-            outcomes.get(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
-    doubtful = {name: ", ".join(sorted(own)) for name, own in outcomes.items() if own and not own & TRUSTED}
-    return [f"{name} may be matched wrongly: {doubts}" for name, doubts in doubtful.items()]
-
-
-def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
-    """Say which shapes of a collection are mirror images of those in their files."""
-    lines = read_csv(table) if table.is_file() else []
-    turned = [name for line in lines if line.get("reflected") and (name := line.get("name")) in names]
-    return [f"mirror images of the surfaces in their files: {', '.join(turned)}"] if turned else []
-
-
-def read_groups(path: Path, names: Iterable[str], left_out: Sequence[str] = ()) -> dict[str, str]:
-    """Read the group of each shape from a table, as spreadsheets write them; shapes whose cell is empty have none."""
-    # Columns name and group, among others, or these two without a header; names may be those of files. A line that begins
-    # with # is a comment, unless a shape has that name. Rows of shapes that were left out, with reasons, are passed over.
-    names_of = {normalize("NFC", name): name for name in names}
-    labels: dict[str, str] = {}
-    columns: tuple[int, int] | None = None
-    with opened(path) as file:
-        rows, _ = separated(decoded(file.read()), str(path))
-    for number, row in rows:
-        if not any(row):
-            continue
-        where, shown = f"{path}:{number}", ",".join(row)[:80]
-        if row[0].startswith("#") and normalize("NFC", row[0]) not in names_of:
-            continue
-        if columns is None:
-            lower = [cell.lower() for cell in row]
-            is_header = "name" in lower and "group" in lower
-            columns = (lower.index("name"), lower.index("group")) if is_header else (0, 1)
-            if is_header:
-                continue
-            if len(row) < 2 or any(row[2:]):
-                raise FormatError(
-                    f"{where}: {shown!r} is not a shape and its group; write name,group, or a header with these columns"
-                )
-        if len(row) <= max(columns):
-            raise FormatError(f"{where}: {shown!r} is not a shape and its group; write name,group")
-        name, group = (row[column] for column in columns)
-        shape = names_of.get(normalize("NFC", name)) or names_of.get(normalize("NFC", _stem(name)))
-        if shape is None:
-            if any(reason.startswith(f"{each}: ") for reason in left_out for each in (name, _stem(name))):
-                continue
-            raise FormatError(f"{where}: no shape is named {name!r}; shapes are named like their files")
-        if labels.setdefault(shape, group) != group:
-            raise FormatError(
-                f"{where}: {name!r} is in group {group!r} and in {labels[shape]!r}; give each shape one group"
-            )
-    return {name: group for name, group in labels.items() if group}
-
-
-def _stem(name: str) -> str:
-    """Name of a shape from that of its file."""
-    last = name.replace("\\", "/").rpartition("/")[2]
-    suffix = Path(last).suffix
-    return last.removesuffix(suffix) if suffix.lower() in FORMATS else last
 
 
 def series(

@@ -24,9 +24,11 @@ from isomatch._core.files import claimed, made_folder, staged, write_text
 from isomatch._core.texts import json_text, write_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.shape_statistics import (
+    Classification,
     CorrespondedShapes,
     GroupTest,
     ScoredShape,
+    ShapeAnova,
     ShapeModel,
     ShapeRegression,
 )
@@ -91,12 +93,22 @@ class StatisticsFolder:
     def model(self, model: ShapeModel, shapes: CorrespondedShapes, n_modes: int, groups: Groups) -> None:
         """Write the model: meshes, scores, variances and the picture of the modes."""
         model.save(self.path("model.npz"))
-        write_mesh(self.path("mean.ply"), model.mesh(), binary=True)
-        for mode in range(min(n_modes, model.n_modes)):
-            for sign, word in ((-1, "minus"), (1, "plus")):
-                moved = model.mode_mesh(mode, sign * DEVIATIONS)
-                write_mesh(self.path(f"mode_{mode + 1}_{word}{DEVIATIONS}sd.ply"), moved, binary=True)
-        shape_statistics.draw_modes(self.picture("modes"), model, n_modes, DEVIATIONS)
+        scores = np.diag(DEVIATIONS * model.deviations)[: min(n_modes, model.n_modes)]
+        moved = {
+            f"mode_{i}_{word}{DEVIATIONS}sd": model.vertices(sign * score)
+            for i, score in enumerate(scores, start=1)
+            for sign, word in ((-1, "minus"), (1, "plus"))
+        }
+        self.shapes("modes", shapes, {"mean": model.mean, **moved})
+        if len(shapes.faces):
+            shape_statistics.draw_modes(self.picture("modes"), model, n_modes, DEVIATIONS)
+        else:
+            ratios = model.variance_ratios
+            ends = (
+                f"mode {i} ({ratio:.1%}), {sign}2 sd" for i, ratio in enumerate(ratios, 1) for sign in "−+"
+            )
+            shown = dict(zip(ends, moved.values())) or {"mean; the shapes do not differ": model.mean}
+            shape_statistics.draw_landmarks(self.picture("modes"), shown, model.mean, shapes.links)
         self.table("scores.csv", name=model.names, **_by_mode(model.scores))
         ratios = shape_statistics.compactness(model)
         if model.n_modes:
@@ -109,9 +121,38 @@ class StatisticsFolder:
         values = {"variance": variances, "standard_deviation": deviations}
         if shapes.measured is not None:
             values["measured"] = shapes.measured.sum(axis=0).astype(np.float64)
-        self.mesh("variance.ply", model.mesh(), values, deviations)
         label = "standard deviation, in units of the shapes"
-        shape_statistics.draw_values(self.picture("variance"), model.mesh(), deviations, label)
+        self.values("variance", shapes, model.mean, values, deviations, label)
+
+    def shapes(self, file: str, like: CorrespondedShapes, shown: Mapping[str, FloatArray]) -> None:
+        """Write shapes (n, d) by their names: a mesh for each, or one table of landmarks, as `read_specimens` reads."""
+        if len(like.faces):
+            for name, vertices in shown.items():
+                write_mesh(self.path(f"{name}.ply"), like.mesh(0).moved(vertices), binary=True)
+            return
+        heads = [f"{mark}_{axis}" for mark in like.marks for axis in "XYZ"[: like.vertices.shape[2]]]
+        columns = np.array([vertices.ravel() for vertices in shown.values()]).T.tolist()
+        self.table(f"{file}.csv", specimen=[*shown], **dict(zip(heads, columns)))
+
+    def values(
+        self,
+        file: str,
+        like: CorrespondedShapes,
+        at: FloatArray,
+        values: Mapping[str, FloatArray],
+        shown: FloatArray,
+        label: str,
+        highest: float = 0.0,
+    ) -> None:
+        """Write values at the vertices of a mesh, or at landmarks, and draw one of them, which may be nan."""
+        if len(like.faces):
+            mesh = like.mesh(0).moved(at)
+            self.mesh(f"{file}.ply", mesh, values, shown, highest)
+            shape_statistics.draw_values(self.picture(file), mesh, shown, label)
+        else:
+            columns = {name: each.tolist() for name, each in values.items()}
+            self.table(f"{file}_landmarks.csv", landmark=like.marks, **columns)
+            shape_statistics.draw_landmarks(self.picture(file), {"": at}, at, like.links, shown, label)
 
     def quality(self, model: ShapeModel, seed: int) -> None:
         """Write compactness, generalisation and specificity."""
@@ -136,7 +177,7 @@ class StatisticsFolder:
             name=shapes.names,
             centroid_size=sizes.tolist(),
             log_centroid_size=logarithms.tolist(),
-            area=[shapes.mesh(i).area for i in range(len(shapes))],
+            **({"area": [shapes.mesh(i).area for i in range(len(shapes))]} if len(shapes.faces) else {}),
             **({"regression_score": allometry.scores[:, 0].tolist()} if allometry else {}),
         )
         if allometry is None:
@@ -144,9 +185,9 @@ class StatisticsFolder:
         label = "logarithm of the centroid size"
         path = self.picture("allometry")
         shape_statistics.draw_regression(path, allometry, logarithms, shapes.names, label, groups)
-        for word, end in (("smallest", logarithms.min()), ("largest", logarithms.max())):
-            moved = allometry.mean + (end - logarithms.mean()) * allometry.coefficients[0]
-            write_mesh(self.path(f"allometry_{word}.ply"), shapes.mesh(0).moved(moved), binary=True)
+        ends = {"allometry_smallest": logarithms.min(), "allometry_largest": logarithms.max()}
+        away = {name: (end - logarithms.mean()) * allometry.coefficients[0] for name, end in ends.items()}
+        self.shapes("allometry", shapes, {name: allometry.mean + each for name, each in away.items()})
 
     def structures(
         self, model: ShapeModel, poses: shape_statistics.StructurePoses, hidden: list[dict[str, Any]]
@@ -170,32 +211,61 @@ class StatisticsFolder:
         return lines
 
     def distances(
-        self, shapes: CorrespondedShapes, geodesic: FloatArray, procrustes: FloatArray, groups: Groups
+        self, shapes: CorrespondedShapes, geodesic: FloatArray | None, procrustes: FloatArray, groups: Groups
     ) -> None:
-        """Write the distances between shapes, their tree and their places."""
+        """Write the distances between shapes, their tree and their places: geodesic ones if there are any."""
         for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
-            self.table(name, name=shapes.names, **dict(zip(shapes.names, distances.T.tolist())))
+            if distances is not None:
+                self.table(name, name=shapes.names, **dict(zip(shapes.names, distances.T.tolist())))
+        label = GEODESIC if geodesic is not None else "Procrustes distance, in units of the shapes"
+        geodesic = procrustes if geodesic is None else geodesic
         points = shape_statistics.classical_scaling(geodesic)
         x, y = points.T.tolist()
         self.table("embedding.csv", name=shapes.names, x=x, y=y)
-        shape_statistics.draw_embedding(self.picture("embedding"), points, shapes.names, GEODESIC, groups)
+        shape_statistics.draw_embedding(self.picture("embedding"), points, shapes.names, label, groups)
         if len(shapes) > 1:
-            shape_statistics.draw_tree(self.picture("dendrogram"), geodesic, shapes.names, GEODESIC)
+            shape_statistics.draw_tree(self.picture("dendrogram"), geodesic, shapes.names, label)
 
-    def groups(self, mean: Mesh, test: GroupTest) -> None:
+    def linear(
+        self,
+        anova: ShapeAnova | None,
+        classes: Classification | None,
+        classified: Sequence[str],
+        labels: Mapping[str, str],
+    ) -> dict[str, str]:
+        """Write the tests of a model and the classification of shapes; return sections of the page."""
+        sections = {}
+        tables = (("anova", "The terms of the model", "rows"), ("pairs", "Groups in pairs", "pairs"))
+        for file, title, field_of in tables if anova else ():
+            if rows := [row._asdict() for row in getattr(anova, field_of)]:
+                write_csv(self.path(f"{file}.csv"), rows, [*rows[0]])
+                sections[title] = tabulated([*rows[0]], (row.values() for row in rows))
+        if classes:
+            groups = [labels[name] for name in classified]
+            variates = {f"variate_{i}": each.tolist() for i, each in enumerate(classes.variates.T, start=1)}
+            told = {"name": classified, "group": groups, "predicted": classes.predicted}
+            self.table("classification.csv", **told, **variates)
+            across = np.column_stack([classes.variates, np.zeros(len(groups))])[:, :2]
+            label = f"canonical variates of {classes.n_modes} modes, in standard deviations within groups"
+            shape_statistics.draw_embedding(self.picture("canonical"), across, classified, label, groups)
+            counts = ([name, *row] for name, row in zip(classes.groups, classes.counts.tolist()))
+            sections["Groups, and those that the others predict"] = tabulated(["", *classes.groups], counts)
+        return sections
+
+    def groups(self, like: CorrespondedShapes, model: ShapeModel, test: GroupTest) -> None:
         """Write the test of two groups."""
         length = np.linalg.norm(test.difference, axis=1)
         values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
         shown = np.where(test.significant(), length, np.nan)
         somewhere = bool(test.significant().any())
-        self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 1.0)
-        label = "no difference is significant"
+        label, highest = "no difference is significant", 1.0
         if somewhere:
-            label = "distance of the group means; grey: not significant"
-        shape_statistics.draw_values(self.picture("groups"), mean, shown, label)
+            label, highest = "distance of the group means; grey: not significant", float(np.nanmax(shown))
+        self.values("groups", like, model.mean, values, shown, label, highest)
         columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).T.tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
-        self.table("groups.csv", vertex=range(len(length)), **dict(zip(names, columns)))
+        point = {"vertex" if len(like.faces) else "landmark": like.marks}
+        self.table("groups.csv", **point, **dict(zip(names, columns)))
 
     def scored(
         self, model: ShapeModel, scored: Mapping[str, ScoredShape], lines: Sequence[Mapping[str, Any]]
@@ -214,8 +284,10 @@ class StatisticsFolder:
     def exports(self, shapes: CorrespondedShapes, model: ShapeModel) -> list[str]:
         """Write aligned meshes and the files of ShapeWorks and Scalismo; return what could not be written, and why."""
         aligned = model.aligned
-        for name, vertices in zip(model.names, aligned):
-            write_mesh(self.path(f"aligned/{name}.ply"), model.mesh().moved(vertices), binary=True)
+        inside = "aligned/" if len(shapes.faces) else ""
+        self.shapes("aligned", shapes, {inside + name: each for name, each in zip(model.names, aligned)})
+        if not inside:
+            return []
         inner = self.path("shapeworks/project.swproj").parent
         shape_statistics.write_shapeworks(inner, shapes, aligned)
         endings = (".ply", "_local.particles", "_world.particles")
@@ -229,17 +301,21 @@ class StatisticsFolder:
         self.written.append("model.h5")
         return []
 
-    def model_page(self, folder: str, record: Mapping[str, Any], told: Sequence[str]) -> None:
+    def model_page(
+        self, folder: str, record: Mapping[str, Any], told: Sequence[str], more: Mapping[str, str]
+    ) -> None:
         """Write the page with all pictures of a model, and what the command tells."""
         doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
         n, scale, weights = len(record["shapes"]), SCALES[record["scale"]], WEIGHTS[record["weights"]]
         counted = f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
         modes = enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
         rows = [(str(i), f"{x:.1%}", f"{y:.1%}") for i, (x, y) in modes]
+        scale += ", and projected on the tangent space" * record["tangent"]
         settings = f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."
         sections = {
             "To look at first": listed(doubts),
             "What was found": listed(told),
+            **more,
             "Modes": tabulated(("mode", "share of the variance", "so far"), rows),
         }
         self.page(f"Statistics of {counted}", folder, settings, sections, PICTURES)
@@ -300,10 +376,11 @@ PICTURES = {
     "modes": "The mean, and the mean moved along each mode. The colour is the displacement along its normal.",
     "scores": "The shapes by their scores along the first two modes.",
     "variance": "How much each vertex varies.",
+    "canonical": "Canonical variates: the directions in which the groups differ most, over how they vary.",
     "groups": "Where the means of the groups differ, and how far they are apart there.",
     "allometry": "Shape without size, in the direction in which it changes with size, against size.",
     "quality": "By the number of modes: the share described, the error of shapes left out, how near random ones are.",
-    "embedding": "The shapes by the differences of their geodesic distances.",
+    "embedding": "The shapes by their distances: differences of geodesic ones, or of landmarks Procrustes distances.",
     "dendrogram": "The tree of the same.",
 }
 """What each picture shows, in the order of the page."""

@@ -151,7 +151,8 @@ def write_mesh(
     colors : (n, 3) array_like of uint8, optional
         For formats with colours: red, green and blue of each vertex, 0…255.
     rounded : bool
-        Whether the file may move vertices by more than a thousandth of the mean edge; see `write_asset`.
+        Whether the file may move vertices by more than a thousandth of the mean edge, and PLY has floats of 32 bits
+        instead of doubles, which some programs do not read; see `write_asset`.
 
     Raises
     ------
@@ -239,6 +240,9 @@ def write_asset(
         name = f"the frame of the coordinates ({told})"
         left.append(Attribute(name, "point", "vector", asset.frame.matrix))
     options = {} if binary is None else {"binary": binary}
+    if rounded and "single" in mesh_format.options:
+        options["single"] = True
+        left += _rounded(path, asset, np.zeros(3), is_allowed=True)
     data = mesh_format.write(replace(asset, attributes=told_apart(kept)), **options)
     for each, content in {**beside, path: data}.items():
         with replaced(each) as file:

@@ -8,15 +8,20 @@ from isomatch.landmarks.landmarks import (
     read_landmarks,
     with_frame,
 )
+from isomatch.landmarks.specimens import is_of_landmarks, join_places, read_landmark_pairs, read_specimens
 
 __all__ = [
     "Curve",
     "Landmarks",
     "drawn_curve",
     "equally_spaced",
+    "is_of_landmarks",
+    "join_places",
     "median_landmarks",
     "nearest_landmarks",
+    "read_landmark_pairs",
     "read_landmarks",
+    "read_specimens",
     "spread_on_surface",
     "with_frame",
     "write_landmarks",

@@ -20,6 +20,7 @@ from isomatch._core.files import write_text
 from isomatch._core.texts import joined, write_csv
 from isomatch.landmarks.landmark_files import CURVES
 from isomatch.landmarks.landmarks import Landmarks
+from isomatch.landmarks.specimens import join_places
 
 SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
@@ -47,8 +48,8 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
 
     Raises
     ------
-    FormatError
-        If the suffix is unknown.
+    FormatError, LandmarkError
+        If the suffix is unknown, or has no place for landmarks in the plane.
     UnwritableFileError
         If the file cannot be written.
 
@@ -63,6 +64,9 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
     """
     path = Path(path)
     writer, left_out = writer_of(path)
+    if landmarks.positions.shape[1] == 2 and path.suffix.lower() not in (".tps", ".csv"):
+        raise LandmarkError(f"{path}: has no place for landmarks in the plane; write .tps or .csv")
+    landmarks = landmarks.apart()
     write_text(path, writer(landmarks, path.name.split(".")[0]))
     missing = {
         "names": any(landmarks.names),
@@ -165,12 +169,12 @@ WRITERS: dict[str, tuple[Callable[[Landmarks, str], str], tuple[str, ...]]] = {
     ".fcsv": (_fiducials, ("curves", "landmarks without a place")),
     ".pp": (_picked_points, ("curves", "expected errors")),
     ".csv": (_table, ()),
-    ".tps": (lambda landmarks, title: tps_text({title: landmarks}), ("names", "expected errors")),
+    ".tps": (lambda landmarks, title: tps_text({title: landmarks}), ("names", "curves", "expected errors")),
 }
 
 
-def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> None:
-    """Write the landmarks of many specimens for R.
+def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> list[str]:
+    """Write the landmarks of many specimens for R, each place once, see `join_places`.
 
     Parameters
     ----------
@@ -179,6 +183,11 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> Non
         ``_surfaces.csv`` are written too if there are curves and a patch.
     specimens : mapping of str to Landmarks
         The landmarks of each specimen, as many of each and in one order.
+
+    Returns
+    -------
+    list of str
+        Names that geomorph takes for commands of TPS, such as SCALE5: it reads other coordinates, or none.
 
     Raises
     ------
@@ -189,91 +198,73 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> Non
 
     Notes
     -----
-    In R, ``readland.tps("s.tps", specID = "ID", readcurves = TRUE)`` reads fixed landmarks first, then those of the
-    curves, one after the other, and missing ones as ``NA``; the table has its columns in the same order:
+    In R, ``readland.tps("s.tps", specID = "ID")`` reads landmarks first, then points of curves, one curve after the
+    other, then a patch, and missing ones as ``NA``; the table has its columns in the same order:
     ``arrayspecs(read.csv("s.csv", row.names = 1), p, 3)``. The sliders are for
-    ``gpagen(..., curves = read.csv("s_sliders.csv"))``: the ends of a curve, and the first point of a closed one, stay.
-    ``surfaces = read.csv("s_surfaces.csv")$slide`` are the points of a patch.
+    ``gpagen(..., curves = read.csv("s_sliders.csv"))``: landmarks, ends of curves, places where curves meet, and the
+    first point of a closed one, stay. ``surfaces = read.csv("s_surfaces.csv")$slide`` are the points of a patch.
 
     Examples
     --------
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
-    ...     write_specimens(f"{folder}/all.csv", {"a": Landmarks([[0, 1, 2]], ["nose"])})
+    ...     _ = write_specimens(f"{folder}/all.csv", {"a": Landmarks([[0, 1, 2]], ["nose"])})
     ...     Path(f"{folder}/all.csv").read_text().split()
     ['specimen,nose_X,nose_Y,nose_Z', 'a,0.0,1.0,2.0']
     """
     path = Path(path)
-    first = _same_landmarks(specimens)
-    if path.suffix.lower() == ".tps":
-        write_text(path, tps_text(specimens))
+    _require_same(specimens)
+    joined_places, _ = join_places(specimens)
+    first, is_tps = next(iter(joined_places.values())), path.suffix.lower() == ".tps"
+    if is_tps:
+        write_text(path, tps_text(joined_places))
     else:
-        order = _order(first)
-        names = [first.names[row] or str(row + 1) for row in order]
+        names = [name or str(row) for row, name in enumerate(first.names, start=1)]
         if len(set(names)) < len(names):
             names = [f"{i}_{name}" for i, name in enumerate(names, start=1)]
-        columns = [f"{name}_{axis}" for name in names for axis in "XYZ"]
+        columns = [f"{name}_{axis}" for name in names for axis in "XYZ"[: first.positions.shape[1]]]
         rows = []
-        for name, marks in specimens.items():
-            cells = ["NA" if np.isnan(x) else x for x in marks.positions[order].ravel().tolist()]
+        for name, marks in joined_places.items():
+            cells = ["NA" if np.isnan(x) else x for x in marks.positions.ravel().tolist()]
             rows.append({"specimen": name, **dict(zip(columns, cells))})
         write_csv(path, rows, ["specimen", *columns])
     if first.curves:
-        sliders = path.with_name(f"{path.stem}_sliders.csv")
-        write_csv(sliders, _sliders(first), ("before", "slide", "after"))
-    if patch := {*first.patch}:
-        rows = [{"slide": i} for i, row in enumerate(_order(first), start=1) if row in patch]
-        write_csv(path.with_name(f"{path.stem}_surfaces.csv"), rows, ("slide",))
+        sliders = [dict(zip(("before", "slide", "after"), each)) for each in _sliders(first)]
+        write_csv(path.with_name(f"{path.stem}_sliders.csv"), sliders, ("before", "slide", "after"))
+    if first.patch:
+        slide = [{"slide": row + 1} for row in first.patch]
+        write_csv(path.with_name(f"{path.stem}_surfaces.csv"), slide, ("slide",))
+    return [name for name in specimens if is_tps and COMMANDS.search(name)]
+
+
+COMMANDS = re.compile(
+    r"SCALE|(?i:LM3?=|COMMENT=)|ID=|^\s*$"
+)  # in a name, what geomorph takes for a line of TPS
 
 
 def tps_text(specimens: Mapping[str, Landmarks]) -> str:
-    """Make the text of a TPS file; where all landmarks are on curves, they are written like fixed ones."""
+    """Make the text of a TPS file; points of curves are written like landmarks."""
     lines: list[str] = []
     for name, marks in specimens.items():
-        fixed = _fixed(marks)
-        has_curves = bool(marks.curves) and bool(fixed)
-        lines += [f"LM3={len(fixed) if has_curves else len(marks)}"]
-        lines += [_line(marks, row) for row in (fixed if has_curves else _order(marks))]
-        if has_curves:
-            lines.append(f"CURVES={len(marks.curves)}")
-            for curve in marks.curves:
-                lines += [f"POINTS={len(curve.rows)}", *(_line(marks, row) for row in curve.rows)]
+        missing = " ".join(["NA"] * marks.positions.shape[1])
+        lines.append(f"{'LM3' if marks.positions.shape[1] == 3 else 'LM'}={len(marks)}")
+        for at, is_placed in zip(marks.positions.tolist(), marks.placed):
+            lines.append(" ".join(map(repr, at)) if is_placed else missing)
         lines.append(f"ID={name}")
     return "\n".join([*lines, ""])
 
 
-def _line(marks: Landmarks, row: int) -> str:
-    return " ".join(map(repr, marks.positions[row].tolist())) if marks.placed[row] else "NA NA NA"
+def _sliders(marks: Landmarks) -> Iterator[tuple[int, int, int]]:
+    """Yield the points between which each inner point of a curve slides, and it, counted from 1."""
+    for _, rows, closed in marks.curves:
+        way = [row + 1 for row in ((*rows, rows[0]) if closed else rows)]
+        yield from zip(way, way[1:], way[2:])
 
 
-def _fixed(marks: Landmarks) -> list[int]:
-    on_curves = {row for curve in marks.curves for row in curve.rows}
-    return [row for row in range(len(marks)) if row not in on_curves]
-
-
-def _order(marks: Landmarks) -> list[int]:
-    """Rows of fixed landmarks, then of those on curves."""
-    return [*_fixed(marks), *(row for curve in marks.curves for row in curve.rows)]
-
-
-def _sliders(marks: Landmarks) -> list[dict[str, int]]:
-    """Points between which each inner point of a curve slides, counted from 1 in the order of the files."""
-    rows, start = [], len(_fixed(marks)) + 1
-    for curve in marks.curves:
-        n = len(curve.rows)
-        rows += [
-            {"before": start + i - 1, "slide": start + i, "after": start + (i + 1) % n}
-            for i in range(1, n if curve.closed else n - 1)
-        ]
-        start += n
-    return rows
-
-
-def _same_landmarks(specimens: Mapping[str, Landmarks]) -> Landmarks:
+def _require_same(specimens: Mapping[str, Landmarks]) -> None:
     if not specimens:
         raise LandmarkError("no specimens; give the landmarks of at least one")
     first_name, first = next(iter(specimens.items()))
     for name, marks in specimens.items():
         if marks.names != first.names or marks.curves != first.curves:
             raise LandmarkError(f"{name} has other landmarks than {first_name}; give the same ones of each")
-    return first

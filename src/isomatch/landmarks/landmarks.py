@@ -25,9 +25,9 @@ from isomatch.landmarks.landmark_files import (
     POINTS,
     MarkedPoint,
     marked_pairs,
-    marked_points,
     placed_positions,
 )
+from isomatch.landmarks.specimen_files import specimen_points
 from isomatch.surfaces import Graph, Mesh, PointCloud, nearest_on_surface
 
 logger = logging.getLogger(__name__)
@@ -42,7 +42,7 @@ class Curve(NamedTuple):
     ----------
     name : str
     rows : tuple of int
-        The landmarks, from its beginning to its end, in ascending order.
+        The landmarks, from its beginning to its end, each once.
     closed : bool
         Whether it goes on from the last one to the first.
     """
@@ -58,12 +58,13 @@ class Landmarks:
 
     Parameters
     ----------
-    positions : (m, 3) array_like of float
-        In the coordinates of the surface; nan where a landmark has no place.
+    positions : (m, 3) or (m, 2) array_like of float
+        In the coordinates of the surface, or in the plane; nan where a landmark has no place.
     names : sequence of str
         Their names; empty where there is none.
     curves : sequence of Curve
-        Curves through some of them, each through its own. One where two curves meet is given twice.
+        Curves through some of them. They may share landmarks, as `read_specimens` gives them; of one shape, each goes
+        through its own, and a landmark where two meet is given twice, as in files of 3D Slicer.
     expected_error : (m,) array_like of float, optional
         Estimate of the error of each, in the units of the surface; by default unknown, nan.
     spread : (m,) array_like of float, optional
@@ -76,7 +77,7 @@ class Landmarks:
     Raises
     ------
     LandmarkError
-        If the arrays do not fit, or the curves go through others, through one twice, or not in order.
+        If the arrays do not fit, or a curve goes through others, or through one twice.
 
     Examples
     --------
@@ -103,7 +104,8 @@ class Landmarks:
         axes: Axes | None = None,
         unit: str = "",
     ) -> None:
-        placed = numbers_of(positions, "landmarks", LandmarkError).reshape(-1, 3)
+        placed = numbers_of(positions, "landmarks", LandmarkError)
+        placed = placed if placed.ndim == 2 and placed.shape[1] == 2 else placed.reshape(-1, 3)
         m = len(placed)
         names = ("",) * m if names is None else tuple(names)
         given = (np.full(m, np.nan) if each is None else each for each in (expected_error, spread))
@@ -141,6 +143,20 @@ class Landmarks:
         positions = self.positions * (1 if None in (axes, self.axes) or axes == self.axes else TURN)
         return replace(self, positions=positions, axes=axes or self.axes)
 
+    def apart(self) -> Landmarks:
+        """Return the same with curves that go through landmarks of their own, in order, as in a file of one shape."""
+        of = [row for curve in self.curves for row in curve.rows]
+        if len(of) == len({*of}) and all([*curve.rows] == sorted(curve.rows) for curve in self.curves):
+            return self
+        rows = [row for row in range(len(self)) if row not in {*of}] + of
+        ends = np.cumsum([len(rows) - len(of), *(len(curve.rows) for curve in self.curves)])
+        curves = [
+            Curve(c.name, tuple(range(a, b)), c.closed)
+            for c, a, b in zip(self.curves, ends.tolist(), ends[1:].tolist())
+        ]
+        values = self.positions[rows], [self.names[row] for row in rows], curves
+        return Landmarks(*values, self.expected_error[rows], self.spread[rows], self.axes, self.unit)
+
     @property
     def curve_of(self) -> list[Curve | None]:
         """The curve that each landmark is on."""
@@ -165,8 +181,9 @@ class Landmarks:
         ----------
         path : path
             ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.pts`` of Landmark Editor, ``.label`` of
-            FreeSurfer; text with an index or a position on each line, or a table with ``x``, ``y``, ``z`` or ``vertex``,
-            and perhaps ``name``, ``curve`` and ``closed``. Points that are nan, 9999, "-" or empty have no place.
+            FreeSurfer, ``.tps`` of one specimen; text with an index or a position on each line, or a table with ``x``,
+            ``y``, ``z`` or ``vertex``, and perhaps ``name``, ``curve`` and ``closed``. Points that are nan, 9999, "-" or
+            empty have no place.
         surface : Asset, or what `surface_from` takes, optional
             The surface; an asset or a file may say its space. Without one, positions of 3D Slicer are in LPS, others as
             they are.
@@ -189,13 +206,16 @@ class Landmarks:
         ...     Landmarks.read(file, square).names
         ('nose',)
         """
-        points = marked_points(Path(path))
+        points, dim = specimen_points(Path(path))
         if not points:
             raise LandmarkError(f"{path}: no landmarks; {POINTS}")
-        names = [point.name for point in points]
         if surface is None:
-            axes: Axes | None = "LPS" if any(point.axes for point in points) else None
-            return cls(_positions(points), names, _curves(points), axes=axes, unit=points[0].unit)
+            return landmarks_of(points, dim)
+        if dim != 3:
+            raise LandmarkError(
+                f"{path}: has landmarks in the plane; those of a surface have three coordinates"
+            )
+        names = [point.name for point in points]
         given, frame = with_frame(surface)
         shape = _with_positions(given)
 
@@ -225,9 +245,16 @@ def _with_positions(surface: SurfaceLike) -> Mesh | PointCloud:
     return shape
 
 
-def _positions(points: Sequence[MarkedPoint]) -> FloatArray:
-    """Return the positions (m, 3) that a file has, nan where there is none."""
-    at = [point.at or (np.nan,) * 3 for point in points]
+def landmarks_of(points: Sequence[MarkedPoint], dim: int = 3) -> Landmarks:
+    """Take points of a file as landmarks; positions of 3D Slicer are in LPS."""
+    axes: Axes | None = "LPS" if any(point.axes for point in points) else None
+    names = [point.name for point in points]
+    return Landmarks(_positions(points, dim), names, _curves(points), axes=axes, unit=points[0].unit)
+
+
+def _positions(points: Sequence[MarkedPoint], dim: int) -> FloatArray:
+    """Return the positions (m, dim) that a file has, nan where there is none."""
+    at = [point.at or (np.nan,) * dim for point in points]
     vertex = next((point for point, place in zip(points, at) if len(place) == 1), None)
     if vertex:
         raise LandmarkError(f"{vertex.where}: a vertex says nothing without its surface; give positions")
@@ -235,18 +262,12 @@ def _positions(points: Sequence[MarkedPoint]) -> FloatArray:
 
 
 def _check_curves(curves: Sequence[Curve], m: int) -> None:
-    of: dict[int, str] = {}
     for name, rows, _ in curves:
-        if list(rows) != sorted(set(rows).intersection(range(m))):
+        if len(rows) != len({*rows}.intersection(range(m))):
+            shown = str(rows)[:80]
             raise LandmarkError(
-                f"curve {name!r} goes through landmarks {str(rows)[:80]}; give some of 0 to {m - 1}, in ascending order"
+                f"curve {name!r} goes through landmarks {shown}; give some of 0 to {m - 1}, each once"
             )
-        if shared := of.keys() & set(rows):
-            row = min(shared)
-            raise LandmarkError(
-                f"landmark {row} is on the curves {of[row]!r} and {name!r}; give it twice, so that each has its own"
-            )
-        of |= dict.fromkeys(rows, name)
 
 
 def _curves(points: Sequence[MarkedPoint]) -> list[Curve]:
@@ -275,8 +296,9 @@ def read_landmarks(
         The shapes.
     target_path : path, optional
         Points marked on the target. Points of the two files are joined by name if they share any, otherwise in order.
-        They may be files of 3D Slicer (``.mrk.json``, ``.fcsv``) or of MeshLab (``.pp``), or text: one index or position
-        on each line, or a table whose header has ``x``, ``y``, ``z`` or ``vertex``, and ``name`` if there are names.
+        They may be files of 3D Slicer (``.mrk.json``, ``.fcsv``), of MeshLab (``.pp``), ``.tps``, or text: one index or
+        position on each line, or a table whose header has ``x``, ``y``, ``z`` or ``vertex``, and ``name`` if there are
+        names.
 
     Returns
     -------
@@ -313,7 +335,7 @@ def read_landmarks(
         here, there = [a for a, _ in pairs], [b for _, b in pairs]
     else:
         files = map(Path, (path, target_path))
-        here, there = ([point for point in marked_points(file) if point.at] for file in files)
+        here, there = ([point for point in specimen_points(file)[0] if point.at] for file in files)
         here, there = _joined(here, there, f"{first} and {target_path}")
     if not here:
         raise LandmarkError(f"{first}: no landmarks; {PAIRS if target_path is None else POINTS}")

@@ -84,7 +84,7 @@ def carry_landmarks(
     framed = with_frame(source), with_frame(target)
     way = _Way.of(given, (framed[0][0], framed[1][0]), expected_error, to)
     own, other = (frame.axes if frame else None for _, frame in (framed if to == "target" else framed[::-1]))
-    landmarks, axes = landmarks.turned(own), other or landmarks.axes or own
+    landmarks, axes = landmarks.turned(own).apart(), other or landmarks.axes or own
     placed, unit = landmarks.placed, landmarks.unit
     every = np.full((len(landmarks), 4), np.nan)
     every[placed] = way.carried(landmarks.positions[placed])

@@ -12,7 +12,9 @@ from isomatch.cohort.shape_statistics import (
     align_sides,
     asymmetry,
     left_right_map,
+    left_right_of_pairs,
     paired_sides,
+    symmetry_dimensions,
     symmetry_plane,
 )
 from isomatch_lab.procedural import creature
@@ -238,3 +240,49 @@ def test_what_cannot_be_compared_is_refused(shapes, images, options, error, mess
 def test_pairs_of_shapes_that_are_not_there(pairs, message):
     with pytest.raises(InputError, match=message):
         paired_sides(balls(np.full((2, len(X)), 2.0)), pairs)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_dimensions_are_the_ranks_of_components(dim):
+    """Of many configurations about a symmetric one, as many components vary symmetrically, and asymmetrically."""
+    rng = np.random.default_rng(0)
+    sides = left_right_of_pairs(7, [(0, 3), (1, 4), (2, 5)])
+    mean = rng.normal(size=(7, dim))
+    mean = (mean + mean[sides.vertices] * [-1, *[1] * (dim - 1)]) / 2
+    shapes = CorrespondedShapes([str(i) for i in range(60)], mean + 1e-4 * rng.normal(size=(60, 7, dim)))
+    aligned, mirrored = align_sides(shapes.mirrored([sides] * 60))
+    ranks = []
+    for part in (aligned + mirrored, aligned - mirrored):
+        values = np.linalg.svd((part - part.mean(axis=0)).reshape(60, -1), compute_uv=False)
+        ranks.append(int((values > 1e-3 * values[0]).sum()))
+    assert tuple(ranks) == symmetry_dimensions(7, dim, sides)
+    assert symmetry_dimensions(7, dim) == (7 * dim - {2: 4, 3: 7}[dim],) * 2
+    assert sum(symmetry_dimensions(7, dim, sides, scale="keep")) == 7 * dim - {2: 3, 3: 6}[dim]
+
+
+def test_fluctuating_asymmetry_is_tested_against_the_error():
+    """Of errors alone, p is uniform; individuals that are each asymmetric in their own way are told."""
+    rng, p_values = np.random.default_rng(4), []
+    of = [str(i // 2) for i in range(12)]
+    for seed in range(60):
+        shapes = rng.normal(size=(12, 3, 3)), rng.normal(size=(12, 3, 3))
+        p_values.append(asymmetry(*shapes, individuals=of, n_permutations=99, seed=seed).anova[2].p_value)
+    assert kstest(p_values, "uniform").pvalue > 0.01
+    own = np.repeat(rng.normal(size=(6, 3, 3)), 2, axis=0)
+    noise = 0.05 * rng.normal(size=(2, 12, 3, 3))
+    found = asymmetry(own + noise[0], -own + noise[1], individuals=of)
+    assert found.anova[2].p_value == 0.0002
+    by_hand = np.sqrt(
+        ((own[::2] + (noise[0] - noise[1]).reshape(6, 2, 3, 3).mean(axis=1) / 2) ** 2).sum(axis=(1, 2)) / 3
+    )
+    np.testing.assert_allclose([each.asymmetry for each in found.individuals], by_hand)
+    scores = np.array([each.asymmetric_scores for each in found.individuals])
+    assert scores.shape == (6, 5)
+    np.testing.assert_allclose((scores**2).sum(), sum(each.fluctuating**2 for each in found.individuals))
+
+
+def test_bad_pairs_of_landmarks():
+    with pytest.raises(InputError, match="landmark 2 is in two pairs"):
+        left_right_of_pairs(4, [(0, 1), (1, 2)])
+    with pytest.raises(InputError, match="landmark 5 is in two pairs, or is none of the 4"):
+        left_right_of_pairs(4, [(0, 4)])

@@ -152,3 +152,18 @@ def test_formats_and_that_a_picture_is_the_same_again(tmp_path, kind):
 def test_other_formats_are_refused(tmp_path):
     with pytest.raises(SettingError, match="png"):
         shape_statistics.draw_scores(tmp_path / "scores.gif", ShapeModel.fit(random_shapes(4)))
+
+
+def test_landmarks_are_drawn_with_their_lines_over_the_mean(tmp_path, monkeypatch):
+    """A square whose corner is moved: blue where it is now, lines along it, grey where it was."""
+    square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    moved, links = square * [[1], [1], [1.6], [1]], np.array([[0, 1], [1, 2], [2, 3]])
+    monkeypatch.setattr(shape_statistics.charts, "DPI", 150)
+    blue, grey = np.array([0x3F, 0x90, 0xDA]) / 255, np.array([0xC4, 0xC7, 0xCB]) / 255
+    counts = []
+    for lines in (links, links[:0]):
+        shape_statistics.draw_landmarks(tmp_path / "l.png", {"moved": moved}, square, lines)
+        seen = imread(tmp_path / "l.png")[..., :3]
+        counts.append([int((np.abs(seen - colour).max(axis=2) < 0.05).sum()) for colour in (blue, grey)])
+    assert min(*counts[0]) > 2 * max(1, min(*counts[1]))
+    assert min(*counts[1]) > 0

@@ -75,7 +75,9 @@ def test_bad_input(tmp_path):
     with pytest.raises(MeshError, match="refer to vertices outside"):
         CorrespondedShapes(("a", "b"), points, faces + 1)
     with pytest.raises(MeshError, match="have no faces"):
-        CorrespondedShapes(("a", "b"), points, [])
+        CorrespondedShapes.of_meshes({"a": Mesh(points[0], np.zeros((0, 3), dtype=int))})
+    with pytest.raises(MeshError, match="expected"):
+        CorrespondedShapes(("a", "b"), points[:, :, :2], faces)
 
 
 def test_weights_are_shares_of_the_area():

@@ -6,7 +6,7 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from isomatch import LandmarkError, MemoryBudgetError
+from isomatch import LandmarkError, MemoryBudgetError, SettingError
 from isomatch.cohort.shape_statistics import slid_semilandmarks, sliding
 from isomatch.cohort.shape_statistics.sliding import BendingEnergy
 from isomatch.landmarks import Curve, spread_on_surface
@@ -168,3 +168,45 @@ def test_what_cannot_slide_is_refused(specimens, monkeypatch):
     monkeypatch.setenv("ISOMATCH_MEMORY_BUDGET", "0.00001")
     with pytest.raises(MemoryBudgetError, match="the bending energy of 60 points"):
         slid_semilandmarks(places, meshes, (), PATCH)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("criterion", ["bending", "distance"])
+def test_points_that_were_put_elsewhere_slide_back_without_meshes(dim, criterion):
+    """Of straight edges whose points alone differ between specimens, and a flat patch in space."""
+    rng = np.random.default_rng(0)
+    corners = np.array([[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0.0]])
+    shares = np.array([0.25, 0.5, 0.75])
+    specimens = []
+    for _ in range(5):
+        along = shares + 0.08 * rng.normal(size=3)
+        edge = corners[0] + along[:, None] * (corners[1] - corners[0])
+        inner = np.array([[1, 1, 0], [2, 1, 0], [3, 1, 0], [1, 2, 0], [2, 2, 0], [3, 2, 0]]) + [
+            0.1,
+            0.1,
+            0,
+        ] * rng.normal(size=(6, 3))
+        specimens.append(np.concatenate([corners, edge, inner]))
+    shapes = (np.array(specimens) + np.eye(3)[2])[:, :, :dim]
+    found = slid_semilandmarks(
+        shapes,
+        None,
+        [Curve("e", (0, 4, 5, 6, 1))],
+        range(7, 13),
+        criterion=criterion,
+        most_rounds=30,
+        enough=1e-9,
+    )
+    np.testing.assert_array_equal(found.positions[:, :4], shapes[:, :4])
+    spread, before = (np.ptp(each, axis=0).max() for each in (found.positions, shapes))
+    assert spread < 1e-2 * before
+    np.testing.assert_allclose(found.positions[:, 4:7, 1], 0, atol=1e-9)
+    if dim == 3:
+        np.testing.assert_allclose(found.positions[:, :, 2], 1, atol=1e-9)
+
+
+def test_what_cannot_slide():
+    with pytest.raises(LandmarkError, match="1 specimens have no mean shape"):
+        slid_semilandmarks(np.zeros((1, 5, 3)))
+    with pytest.raises(SettingError, match="criterion"):
+        slid_semilandmarks(np.zeros((2, 5, 3)), criterion="length")

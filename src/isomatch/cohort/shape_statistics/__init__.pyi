@@ -1,16 +1,20 @@
 from isomatch.cohort.shape_statistics.asymmetry import (
     Asymmetry,
+    IndividualScores,
     SumOfSquares,
     align_sides,
     asymmetry,
     left_right_map,
+    left_right_of_pairs,
     left_right_of_shapes,
     paired_sides,
+    symmetry_dimensions,
     symmetry_plane,
 )
 from isomatch.cohort.shape_statistics.charts import (
     PictureFormat,
     draw_embedding,
+    draw_landmarks,
     draw_modes,
     draw_motion,
     draw_quality,
@@ -29,12 +33,7 @@ from isomatch.cohort.shape_statistics.completion import (
     observed_vertices,
     read_observations,
 )
-from isomatch.cohort.shape_statistics.group_test import (
-    GroupTest,
-    ShapeRegression,
-    group_test,
-    shape_regression,
-)
+from isomatch.cohort.shape_statistics.group_test import GroupTest, group_test
 from isomatch.cohort.shape_statistics.likeness import (
     METRES,
     Doubt,
@@ -46,6 +45,18 @@ from isomatch.cohort.shape_statistics.likeness import (
     shape_tree,
     size_factors,
     told_factor,
+)
+from isomatch.cohort.shape_statistics.linear_model import (
+    MISSING,
+    Classification,
+    PairTest,
+    ShapeAnova,
+    ShapeDesign,
+    ShapeRegression,
+    TermTest,
+    classify,
+    shape_anova,
+    shape_regression,
 )
 from isomatch.cohort.shape_statistics.motion import (
     face_motion,
@@ -72,6 +83,7 @@ from isomatch.cohort.shape_statistics.shape_model import (
     write_statismo,
 )
 from isomatch.cohort.shape_statistics.shapes import (
+    CORRESPONDED,
     MEASURED,
     STRUCTURES,
     CorrespondedShapes,
@@ -81,7 +93,7 @@ from isomatch.cohort.shape_statistics.shapes import (
     slices_of,
     structure_of,
 )
-from isomatch.cohort.shape_statistics.sliding import SlidSemilandmarks, slid_semilandmarks
+from isomatch.cohort.shape_statistics.sliding import Criterion, Slid, SlidSemilandmarks, slid_semilandmarks
 from isomatch.cohort.shape_statistics.structures import (
     StructurePoses,
     aligned_structures,
@@ -90,35 +102,47 @@ from isomatch.cohort.shape_statistics.structures import (
 )
 
 __all__ = [
+    "CORRESPONDED",
     "MEASURED",
     "METRES",
+    "MISSING",
     "STRUCTURES",
     "Asymmetry",
+    "Classification",
     "Completion",
     "CorrespondedShapes",
+    "Criterion",
     "Doubt",
     "GroupTest",
+    "IndividualScores",
     "LeaveOneOut",
     "ModelCurve",
     "Observations",
+    "PairTest",
     "PictureFormat",
     "ProcrustesAlignment",
     "ScoredShape",
+    "ShapeAnova",
+    "ShapeDesign",
     "ShapeModel",
     "ShapeRegression",
+    "Slid",
     "SlidSemilandmarks",
     "StructurePoses",
     "SumOfSquares",
+    "TermTest",
     "align_sides",
     "aligned_structures",
     "asymmetry",
     "centroid_sizes",
     "classical_scaling",
+    "classify",
     "compactness",
     "complete",
     "doubtful_positions",
     "doubtful_shapes",
     "draw_embedding",
+    "draw_landmarks",
     "draw_modes",
     "draw_motion",
     "draw_quality",
@@ -135,6 +159,7 @@ __all__ = [
     "hidden_structures",
     "leave_one_out",
     "left_right_map",
+    "left_right_of_pairs",
     "left_right_of_shapes",
     "likely_units",
     "measured_variances",
@@ -147,6 +172,7 @@ __all__ = [
     "procrustes_distances",
     "read_observations",
     "read_shapes",
+    "shape_anova",
     "shape_regression",
     "shape_tree",
     "size_factors",
@@ -156,6 +182,7 @@ __all__ = [
     "stacked",
     "structure_of",
     "surface_strain",
+    "symmetry_dimensions",
     "symmetry_plane",
     "told_factor",
     "wall_thickness",

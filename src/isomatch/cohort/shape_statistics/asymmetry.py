@@ -13,7 +13,7 @@ from scipy.stats import permutation_test
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import InputError, MapError, SettingError
 from isomatch._core.settings import generator
-from isomatch.cohort.shape_statistics.group_test import N_PERMUTATIONS
+from isomatch.cohort.shape_statistics.linear_model import N_PERMUTATIONS, explained_squares
 from isomatch.cohort.shape_statistics.procrustes import (
     Scale,
     aligned_to,
@@ -28,6 +28,7 @@ from isomatch.matching import MatchResult, Outcome, match
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, reflected
 
+LEAST_VARIANCE = 1e-12  # of the largest: principal components with less are rounding
 SOURCES = ("individuals", "sides", "individuals × sides", "error")
 
 
@@ -40,6 +41,7 @@ class SumOfSquares(NamedTuple):
     degrees: int
     mean_square: float
     f: float
+    p_value: float  # from permutations; nan if there is no test
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,18 @@ class Asymmetry:
     p_value: float
     n_permutations: int  #: how often some individuals were mirrored
     seed: int  #: draws them
+    individuals: tuple[IndividualScores, ...]  #: in the order of their names
+
+
+class IndividualScores(NamedTuple):
+    """Where an individual stands among others, by the means of its shapes, in their units."""
+
+    name: str
+    asymmetry: float  # root mean square of its asymmetric component
+    fluctuating: float  # the same of its difference from the mean component
+    directional: float  # how far it is asymmetric in the direction of the mean component
+    symmetric_scores: tuple[float, ...]  # along the principal components of symmetric variation
+    asymmetric_scores: tuple[float, ...]  # along those of fluctuating asymmetry
 
 
 def asymmetry(
@@ -68,6 +82,7 @@ def asymmetry(
     weights: FloatArray | None = None,
     *,
     individuals: Sequence[str] | None = None,
+    dimensions: tuple[int, int] = (1, 1),
     n_permutations: int = N_PERMUTATIONS,
     seed: int = 0,
 ) -> Asymmetry:
@@ -75,13 +90,16 @@ def asymmetry(
 
     Parameters
     ----------
-    aligned, mirrored : (m, n, 3) array of float
+    aligned, mirrored : (m, n, d) array of float
         Shapes and their mirror images, or right organs and reflected left ones, on their mean, see `align_sides`.
     weights : (n,) array of float, optional
         Weight of each vertex; by default all are equal.
     individuals : sequence of str, optional
         The individual of each shape, where some were measured repeatedly; by default each is one of its own, and the
         error of measurement is part of the fluctuating asymmetry.
+    dimensions : tuple of int
+        Degrees of freedom that symmetric and asymmetric components have for each shape, see `symmetry_dimensions`; by
+        default degrees are counted in shapes.
     n_permutations, seed : int
         How often some individuals are mirrored, and what draws them: all 2ᵏ ways, if there are no more than that. No
         p-value is below 1 / (n_permutations + 1), nor below 2^(1 − k).
@@ -91,7 +109,8 @@ def asymmetry(
     Klingenberg, Barluenga & Meyer, *Shape analysis of symmetric structures*, Evolution 2002; of paired organs
     Klingenberg & McIntyre 1998. With sᵢ and aᵢ half of the sum and of the difference of a shape and its mirror image,
     the squares 2 Σ ‖sᵢ − s̄‖², 2 m ‖ā‖² and 2 Σ ‖aᵢ − ā‖² add up to all. Degrees of freedom are counted in shapes, as
-    surfaces have about as many symmetric as asymmetric directions; in the F of sides they cancel. O(m² n) time.
+    surfaces have about as many symmetric as asymmetric directions; in the F of sides they cancel. Fluctuating asymmetry
+    is tested against the error by exchanging components aᵢ − ā between individuals. O(m² n) time.
 
     Examples
     --------
@@ -111,7 +130,7 @@ def asymmetry(
     if n_permutations < 1:
         raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
     share = shares_of(aligned, weights)
-    _, of, repeats = np.unique(individuals or np.arange(m), return_inverse=True, return_counts=True)
+    names, of, repeats = np.unique(individuals or np.arange(m), return_inverse=True, return_counts=True)
     k, parts = len(repeats), ((aligned + mirrored) / 2, (aligned - mirrored) / 2)
 
     def squares(part: FloatArray) -> FloatArray:
@@ -123,12 +142,11 @@ def asymmetry(
     among = [2 * float(repeats @ squares(mean - middle)) for mean, middle in zip(means, middles)]
     within = sum(2 * float(squares(part - mean[of]).sum()) for part, mean in zip(parts, means))
     values = np.array([among[0], 2 * m * float(squares(middles[1])), among[1], within])
-    degrees = np.array([k - 1, 1, k - 1, 2 * (m - k)])
+    evenly, oddly = dimensions
+    degrees = np.array([(k - 1) * evenly, oddly, (k - 1) * oddly, (m - k) * (evenly + oddly)])
     with np.errstate(divide="ignore", invalid="ignore"):
         mean_squares = values / degrees
         ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # what each is compared with
-    columns = values, values / (values.sum() or 1.0), degrees, mean_squares, ratios
-    rows = tuple(SumOfSquares(*row) for row in zip(SOURCES, *(each.tolist() for each in columns)))
     # a mirrored individual has the component −āᵢ, so that the share is |Σ ± rᵢ āᵢ|² / (m Σ |a|²) = ±ᵀ P ± / (m Σ |a|²)
     products = scalar_products(repeats[:, None, None] * means[1], share)
     total = m * float(squares(parts[1]).sum())
@@ -144,10 +162,77 @@ def asymmetry(
             rng=generator(seed),
         )
         p_value, drawn = float(test.pvalue), len(test.null_distribution)
+    p_values = np.array([np.nan, p_value, np.nan, np.nan])
+    if k > 1 and m > k:
+        # among individuals is Σᵢ |Σⱼ aⱼ − ā|² / rᵢ, of all that stays the same; F grows with it
+        belongs = (of[:, None] == np.arange(k)) / np.sqrt(repeats)
+        orders = generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1)
+        orders = np.vstack([np.arange(m), orders])
+        drawn_among = explained_squares(belongs, scalar_products(parts[1] - middles[1], share), orders)
+        p_values[2] = (drawn_among >= drawn_among[0] * (1 - 1e-9)).mean()
+    columns = values, values / (values.sum() or 1.0), degrees, mean_squares, ratios, p_values
+    rows = tuple(SumOfSquares(*row) for row in zip(SOURCES, *(each.tolist() for each in columns)))
     amounts, own = np.sqrt(squares(parts[1])), np.sqrt(squares(parts[1] - middles[1]))
     anova = rows if m > k else rows[:3]
     of_all = middles[0], middles[1], parts[1]
-    return Asymmetry(*of_all, amounts, own, anova, share_of_mean, p_value, drawn, seed)
+    along = np.einsum("i,kij,ij->k", share, means[1], middles[1]) / (np.sqrt(squares(middles[1])) or 1.0)
+    measures = np.sqrt(squares(means[1])), np.sqrt(squares(means[1] - middles[1])), along
+    scores = [_principal_scores(mean - middle, share) for mean, middle in zip(means, middles)]
+    columns = *(each.tolist() for each in measures), *(map(tuple, each.tolist()) for each in scores)
+    scored = tuple(IndividualScores(*line) for line in zip(map(str, names), *columns))
+    return Asymmetry(*of_all, amounts, own, anova, share_of_mean, p_value, drawn, seed, scored)
+
+
+def _principal_scores(parts: FloatArray, share: FloatArray) -> FloatArray:
+    """Scores (k, p) of displacements (k, n, d) from their mean along their principal components."""
+    values, vectors = np.linalg.eigh(scalar_products(parts - parts.mean(axis=0), share))
+    kept = np.flatnonzero(values > LEAST_VARIANCE * max(values[-1], np.finfo(float).tiny))[::-1]
+    vectors = vectors[:, kept] * np.sign(vectors[np.abs(vectors[:, kept]).argmax(axis=0), kept])
+    return np.asarray(vectors * np.sqrt(values[kept]))
+
+
+def symmetry_dimensions(
+    n: int, dim: int, left_right: Correspondence | None = None, *, scale: Scale = "remove"
+) -> tuple[int, int]:
+    """Count the dimensions in which n landmarks can vary symmetrically, and asymmetrically (Klingenberg et al. 2002).
+
+    Those of one object with pairs of landmarks and others in its plane of symmetry, by the landmark on the other side of
+    each; without, those of organs in pairs, in both of which all dimensions count. Position and orientation are no
+    shape, and the size is none if it is removed.
+
+    Examples
+    --------
+    >>> symmetry_dimensions(12, 3, Correspondence([5, 6, 7, 8, 9, 0, 1, 2, 3, 4, 10, 11], 12))
+    (15, 14)
+    """
+    sized = scale == "remove"
+    if left_right is None:
+        of_shape = n * dim - dim * (dim + 1) // 2 - sized
+        return of_shape, of_shape
+    middle = int((left_right.vertices == np.arange(n)).sum())
+    pairs = (n - middle) // 2
+    # in space, a turn about the normal of the plane and two shifts keep symmetry; two turns and a shift do not
+    moves = (3, 3) if dim == 3 else (1, 2)
+    return pairs * dim + middle * (dim - 1) - moves[0] - sized, pairs * dim + middle - moves[1]
+
+
+def left_right_of_pairs(n: int, pairs: Sequence[tuple[int, int]]) -> Correspondence:
+    """Make the map of n landmarks to those on the other side, of pairs (left, right); others are in the middle.
+
+    `InputError` if one is in two pairs, or is none of them.
+
+    Examples
+    --------
+    >>> left_right_of_pairs(4, [(0, 3)]).vertices
+    array([3, 1, 2, 0])
+    """
+    other, taken = np.arange(n), [i for pair in pairs for i in {*pair}]
+    if wrong := [i for i in taken if taken.count(i) > 1 or not 0 <= i < n]:
+        told = f"landmark {wrong[0] + 1} is in two pairs, or is none of the {n} landmarks"
+        raise InputError(f"{told}; give each once")
+    for left, right in pairs:
+        other[[left, right]] = right, left
+    return Correspondence(other, n)
 
 
 def align_sides(
@@ -195,7 +280,7 @@ def paired_sides(shapes: CorrespondedShapes, pairs: Sequence[tuple[str, str]]) -
     apart = [procrustes_distances(vertices, scale="remove", mirrored=turn) for turn in (False, True)]
     as_they_are, turned = (distances[:m, m:].trace() for distances in apart)
     if turned < as_they_are:
-        vertices[m:] *= [-1.0, 1.0, 1.0]
+        vertices[m:, :, 0] *= -1.0
         names[m:] = [name + MIRRORED for name in names[m:]]
     measured = None if shapes.measured is None else shapes.measured[rows]
     return replace(shapes, names=tuple(names), vertices=vertices, measured=measured)

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from isomatch._core.arrays import BoolArray, FloatArray
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch._core.errors import SettingError
 from isomatch._core.files import replaced
-from isomatch.cohort.shape_statistics.group_test import ShapeRegression
 from isomatch.cohort.shape_statistics.likeness import shape_tree
+from isomatch.cohort.shape_statistics.linear_model import ShapeRegression
 from isomatch.cohort.shape_statistics.shape_model import ModelCurve, ShapeModel
 from isomatch.surfaces import Mesh
 from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
@@ -265,6 +265,51 @@ def draw_modes(path: str | Path, model: ShapeModel, n_modes: int = 3, deviations
     figure, axes = arranged_panels(images, titles, min(len(images), 3), WIDTH, TEXT)
     if shown:
         _add_bar(figure, axes, DIVERGING, -largest, largest, "displacement along the normal of the mean")
+    save_figure(figure, path)
+
+
+def draw_landmarks(
+    path: str | Path,
+    shown: Mapping[str, FloatArray],
+    mean: FloatArray,
+    links: IntArray,
+    values: FloatArray | None = None,
+    label: str = "",
+) -> None:
+    """Draw configurations of landmarks (n, d) by their titles, over the mean in grey, as `draw_scores`.
+
+    Links (l, 2) are landmarks that a line joins. In space, each is seen from two sides: along the direction in which the
+    mean is thinnest, and along the next. Values (n,) give the landmarks of all their colours, and are told by the label.
+    """
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
+    axes_of = np.linalg.svd(mean - mean.mean(axis=0), full_matrices=False)[2]
+    axes_of = np.eye(2) if mean.shape[1] == 2 else axes_of * np.sign(axes_of[0, np.abs(axes_of[0]).argmax()])
+    sides = [axes_of[[0, 1]], *([axes_of[[0, 2]]] if mean.shape[1] == 3 else [])]
+    per_row = 4 // len(sides)
+    rows = -(-len(shown) // per_row)
+    columns = min(len(shown), per_row) * len(sides)
+    figure = Figure((WIDTH, 0.5 + rows * WIDTH / max(columns, 2)), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    high = None if values is None else float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
+    for panel in panels:
+        panel.set_axis_off()
+    for i, (title, points) in enumerate(shown.items()):
+        for j, side in enumerate(sides):
+            panel = panels[i * len(sides) + j]
+            for drawn, colour in ((mean, "#c4c7cb"), (points, BLUE)):
+                at = drawn @ side.T
+                for line in links.tolist():
+                    panel.plot(*at[line].T, color=colour, linewidth=0.9, zorder=1)
+                if values is not None and colour == BLUE:
+                    panel.scatter(*at.T, 14, c=values, cmap=RISING, norm=Normalize(0, high), zorder=3)
+                else:
+                    panel.scatter(*at.T, 6, color=colour, zorder=2)
+            panel.set_aspect("equal", adjustable="datalim")
+            panel.set_title(title if j == 0 else "", fontsize="small", parse_math=False)
+    if high is not None:
+        _add_bar(figure, list(panels), RISING, 0.0, high, label)
     save_figure(figure, path)
 
 

@@ -1,4 +1,4 @@
-"""Whether shapes differ by group, at every vertex, or depend on variables, as a whole: tests by permutations."""
+"""Whether two groups of shapes differ, at every vertex: Hotelling's test, by permutations or by its distribution."""
 
 from __future__ import annotations
 
@@ -7,20 +7,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.stats import f, false_discovery_control
 
-from isomatch._core.arrays import BoolArray, FloatArray, IntArray, numbers_of
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch._core.errors import InputError, SettingError
 from isomatch._core.settings import generator, require_one_of
 from isomatch._core.threads import serial_blas
-from isomatch.cohort.shape_statistics.procrustes import scalar_products, shares_of
+from isomatch.cohort.shape_statistics.linear_model import N_PERMUTATIONS
 
 TestMethod = Literal["permutation", "parametric"]
-N_PERMUTATIONS = 4999
 BLOCK = 2**22  # numbers in memory at a time
-FEWEST = 3  # shapes: two differ along any variable
-LEAST_SHARE = 1e-9  # of the largest singular value of the variables: one with less depends on the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +26,7 @@ class GroupTest:
     groups: tuple[str, str]  #: their names, in alphabetical order
     counts: tuple[int, int]  #: numbers of shapes
     difference: (
-        FloatArray  #: (n, 3) mean of the second group minus that of the first, in the units of the shapes
+        FloatArray  #: (n, d) mean of the second group minus that of the first, in the units of the shapes
     )
     t_squared: FloatArray  #: (n,) of Hotelling; ``inf`` if the groups are separated completely
     #: (n,) probability of a T² at least as large if both groups have the same distribution, and the least false discovery
@@ -56,7 +52,7 @@ def group_test(
 
     Parameters
     ----------
-    aligned : (m, n, 3) array of float
+    aligned : (m, n, d) array of float
         Shapes moved onto their mean, such as ``generalised_procrustes(...).aligned``.
     groups : sequence of str
         The group of each of the m shapes; two different names, of two shapes or more.
@@ -124,7 +120,7 @@ def _whitened(aligned: FloatArray) -> tuple[FloatArray, IntArray]:
     """Positions about their mean with a total scatter of the identity, (m, n, 3), and its rank at each vertex, (n,)."""
     centred = aligned - aligned.mean(axis=0)
     values, axes = np.linalg.eigh(np.einsum("sij,sik->ijk", centred, centred))
-    noise = np.maximum(1e-10 * values[:, 2], 1e-24 * np.ptp(aligned, axis=(0, 1)).max() ** 2)
+    noise = np.maximum(1e-10 * values[:, -1], 1e-24 * np.ptp(aligned, axis=(0, 1)).max() ** 2)
     kept = values > noise[:, None]
     factors = np.where(kept, 1 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
     white: FloatArray = np.einsum("sij,ijk,ik->sik", centred, axes, factors)
@@ -134,14 +130,14 @@ def _whitened(aligned: FloatArray) -> tuple[FloatArray, IntArray]:
 def _permuted(
     white: FloatArray, q: FloatArray, contrast: FloatArray, share: float, n_permutations: int, seed: int
 ) -> FloatArray:
-    m, n, _ = white.shape
+    m, n, dim = white.shape
     labels = generator(seed).permuted(np.tile(contrast, (n_permutations, 1)), axis=1)
     reached = np.ones(n)  # the labels as they are
-    width = max(BLOCK // (3 * n_permutations), 1)
+    width = max(BLOCK // (dim * n_permutations), 1)
     with serial_blas():
         for first in range(0, n, width):
             block = slice(first, first + width)
-            differences = (labels @ white[:, block].reshape(m, -1)).reshape(n_permutations, -1, 3)
+            differences = (labels @ white[:, block].reshape(m, -1)).reshape(n_permutations, -1, dim)
             drawn = share * np.einsum("pij,pij->pi", differences, differences)
             reached[block] += (drawn >= q[block] * (1 - 1e-9)).sum(axis=0)
     return reached / (n_permutations + 1)
@@ -154,90 +150,3 @@ def _parametric(q: FloatArray, rank: IntArray, m: int) -> FloatArray:
     with np.errstate(divide="ignore"):
         ratio = q / (1 - q) * free / np.maximum(rank, 1)
     return np.where(rank > 0, f.sf(ratio, np.maximum(rank, 1), free), 1.0)
-
-
-@dataclass(frozen=True, eq=False)
-class ShapeRegression:
-    """Regression of m aligned shapes on q variables: shape = mean + Σ (variable − its mean) · coefficient."""
-
-    #: share of the variance of shape that the variables describe, and the probability of as large a share if they tell
-    #: nothing about shape, from permutations
-    r_squared: float
-    p_value: float
-    n_permutations: int
-    seed: int  #: draws them
-    mean: FloatArray  #: (n, 3)
-    coefficients: FloatArray  #: (q, n, 3) displacement for one unit of each variable
-    #: (m, q) regression scores of Drake & Klingenberg (2008): how far each shape lies from the mean in the direction of
-    #: each coefficient, in the units of the shapes; against the variable, they show what it describes
-    scores: FloatArray
-
-
-def shape_regression(
-    aligned: FloatArray,
-    variables: ArrayLike,
-    weights: FloatArray | None = None,
-    *,
-    n_permutations: int = N_PERMUTATIONS,
-    seed: int = 0,
-) -> ShapeRegression:
-    """Regress shapes on variables, such as the logarithm of their centroid size (allometry).
-
-    Parameters
-    ----------
-    aligned : (m, n, 3) array of float
-        Shapes moved onto their mean, such as ``generalised_procrustes(...).aligned``; for allometry with sizes removed.
-    variables : (m,) or (m, q) array_like of float
-        Their values. Groups are columns of 0 and 1, of all groups but one.
-    weights : (n,) array of float, optional
-        Weight of each vertex, such as `CorrespondedShapes.area_weights`; by default all are equal.
-    n_permutations, seed : int
-        Number of random exchanges of the values between shapes, and what draws them; see `group_test`.
-
-    Notes
-    -----
-    Goodall's Procrustes regression. A permutation takes O(m² q) time.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> size = np.linspace(0, 1, 12)
-    >>> shapes = size[:, None, None] * np.ones((5, 3)) + 0.01 * rng.normal(size=(12, 5, 3))
-    >>> found = shape_regression(shapes, size)
-    >>> round(found.r_squared, 2), found.p_value
-    (1.0, 0.0002)
-    """
-    values = numbers_of(variables, "variables", InputError)
-    values = values[:, None] if values.ndim == 1 else values
-    m = len(aligned)
-    if values.ndim != 2 or len(values) != m or not np.isfinite(values).all():
-        remedy = f"give a finite number for each of the {m} shapes"
-        raise InputError(f"variables have shape {values.shape}; {remedy}")
-    if m < FEWEST:
-        raise InputError(f"{m} shapes are too few for a regression; give {FEWEST} or more")
-    if n_permutations < 1:
-        raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
-    centred = values - values.mean(axis=0)
-    basis, singular, _ = np.linalg.svd(centred, full_matrices=False)
-    scale = np.abs(values).max(initial=0.0) * np.sqrt(m)
-    if not len(singular) or singular[-1] <= LEAST_SHARE * max(singular[0], scale):
-        raise InputError("the variables do not vary, or one depends on the others; leave it out")
-    # sums of squares over vertices and coordinates (Goodall 1991; Anderson 2001): with an orthonormal basis B (m, q) of
-    # the centred variables and the scalar products P (m, m) of shapes, those explained are tr(Bᵀ P B), of all tr P. An
-    # exchange of values permutes the rows of B: O(m² q), and no vertex
-    share = shares_of(aligned, weights)
-    mean = aligned.mean(axis=0)
-    about_mean = aligned - mean
-    coefficients = np.tensordot(np.linalg.pinv(centred), about_mean, 1)
-    products = scalar_products(about_mean, share)
-    explained = float(np.einsum("iq,ij,jq->", basis, products, basis))
-    total = float(np.trace(products))
-    reached = 1  # the values as they are
-    for order in generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1):
-        permuted = basis[order]
-        reached += float(np.einsum("iq,iq->", permuted, products @ permuted)) >= explained * (1 - 1e-9)
-    length = np.sqrt(np.einsum("i,qij,qij->q", share, coefficients, coefficients))
-    along = coefficients / np.where(length > 0, length, 1.0)[:, None, None]
-    scores = np.einsum("i,mij,qij->mq", share, about_mean, along)
-    r_squared, p_value = explained / total if total > 0 else 0.0, reached / (n_permutations + 1)
-    return ShapeRegression(r_squared, p_value, n_permutations, seed, mean, coefficients, scores)

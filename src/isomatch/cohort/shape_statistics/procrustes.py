@@ -24,9 +24,9 @@ MOST_ITERATIONS = 1000
 class ProcrustesAlignment:
     """Shapes after generalised Procrustes analysis: ``scales[s] * vertices[s] @ rotations[s].T + translations[s]``."""
 
-    aligned: FloatArray  #: (m, n, 3)
-    rotations: FloatArray  #: (m, 3, 3)
-    translations: FloatArray  #: (m, 3)
+    aligned: FloatArray  #: (m, n, d), in tangent space if that was asked for
+    rotations: FloatArray  #: (m, d, d)
+    translations: FloatArray  #: (m, d)
     scales: FloatArray  #: (m,), all 1 if the scale is kept
     #: root mean square distance from the centroid that every shape was given; None if the scale is kept
     size: float | None
@@ -34,7 +34,7 @@ class ProcrustesAlignment:
 
     @property
     def mean(self) -> FloatArray:
-        """(n, 3) mean of the aligned shapes."""
+        """(n, d) mean of the aligned shapes."""
         return np.asarray(self.aligned.mean(axis=0))
 
 
@@ -43,6 +43,7 @@ def generalised_procrustes(
     weights: FloatArray | None = None,
     scale: Scale = "keep",
     *,
+    tangent: bool = False,
     most_iterations: int = MOST_ITERATIONS,
 ) -> ProcrustesAlignment:
     """Move shapes so that the sum of squared distances from their mean is least.
@@ -53,13 +54,15 @@ def generalised_procrustes(
 
     Parameters
     ----------
-    vertices : (m, n, 3) array of float
-        Corresponding vertices of m shapes, all finite.
+    vertices : (m, n, d) array of float
+        Corresponding vertices or landmarks of m shapes in d = 2 or 3 dimensions, all finite.
     weights : (n,) array of float, optional
         Weight of each vertex, such as `CorrespondedShapes.area_weights`; by default all are equal.
     scale : {"keep", "remove"}
         Whether shapes are only moved, or also brought to one size: the root of the mean squared distance from the
         centroid becomes the geometric mean of those of all shapes.
+    tangent : bool
+        Project the aligned shapes, without size, on the space tangent to all shapes of that size at their mean.
     most_iterations : int
         After so many, shapes that still move end in a `NotConvergedError`.
 
@@ -86,7 +89,15 @@ def generalised_procrustes(
     # the common turn that is nearest to none
     rotations = _nearest_rotations(rotations.sum(axis=0)) @ rotations
     translations = centroids.mean(axis=0) - scales[:, None] * np.einsum("sij,sj->si", rotations, centroids)
-    aligned = centred @ rotations.transpose(0, 2, 1) + centroids.mean(axis=0)
+    aligned = centred @ rotations.transpose(0, 2, 1)
+    if tangent:
+        if size is None:
+            raise SettingError("shapes with their sizes have no tangent space; remove the scale")
+        mean = aligned.mean(axis=0)
+        mean *= size / np.sqrt(np.einsum("i,ij,ij->", share, mean, mean))
+        along = np.einsum("i,ij,sij->s", share, mean, aligned) / size**2
+        aligned += (1 - along)[:, None, None] * mean  # the part along the mean becomes the mean
+    aligned += centroids.mean(axis=0)
     return ProcrustesAlignment(aligned, rotations, translations, scales, size, n_iterations)
 
 
@@ -114,7 +125,7 @@ def procrustes_distances(
 def aligned_to(
     target: FloatArray, vertices: FloatArray, weights: FloatArray, size: float | None = None
 ) -> FloatArray:
-    """Move one shape (n, 3) onto another, after bringing it to a size, if one is given."""
+    """Move one shape (n, d) onto another, after bringing it to a size, if one is given."""
     share = shares_of(target[None], weights)
     centre = share @ target
     centred = (vertices - share @ vertices)[None]
@@ -125,7 +136,7 @@ def aligned_to(
 
 
 def shares_of(vertices: FloatArray, weights: FloatArray | None) -> FloatArray:
-    """(n,) share of each vertex of shapes (m, n, 3) in all weights (n,), by default 1 / n; `SettingError` of others."""
+    """(n,) share of each vertex of shapes (m, n, d) in all weights (n,), by default 1 / n; `SettingError` of others."""
     n = vertices.shape[1]
     if weights is None:
         return np.full(n, 1 / n)
@@ -155,23 +166,23 @@ def _positive_sizes(centred: FloatArray, share: FloatArray) -> FloatArray:
 
 
 def scalar_products(parts: FloatArray, share: FloatArray) -> FloatArray:
-    """Weighted scalar products (m, m) of displacements (m, n, 3)."""
+    """Weighted scalar products (m, m) of displacements (m, n, d)."""
     rows = (parts * np.sqrt(share)[:, None]).reshape(len(parts), -1)
     with serial_blas():
         return np.asarray(rows @ rows.T)
 
 
 def _products(centred: FloatArray, share: FloatArray) -> FloatArray:
-    """Weighted products XᵀWY of each pair of shapes, (m, m, 3, 3)."""
-    m = len(centred)
+    """Weighted products XᵀWY of each pair of shapes, (m, m, d, d)."""
+    m, _, d = centred.shape
     require_memory(3 * 72.0 * m**2, f"Procrustes analysis of {m} shapes", "use fewer shapes")
-    rows = centred.transpose(0, 2, 1).reshape(3 * m, -1) * np.sqrt(share)
+    rows = centred.transpose(0, 2, 1).reshape(d * m, -1) * np.sqrt(share)
     with serial_blas():
-        return np.ascontiguousarray((rows @ rows.T).reshape(m, 3, m, 3).transpose(0, 2, 1, 3))
+        return np.ascontiguousarray((rows @ rows.T).reshape(m, d, m, d).transpose(0, 2, 1, 3))
 
 
 def _nearest_rotations(products: FloatArray) -> FloatArray:
-    """Rotations (…, 3, 3) that maximise the trace of their products with given matrices."""
+    """Rotations (…, d, d) that maximise the trace of their products with given matrices."""
     return np.swapaxes(nearest_rotation(products), -1, -2)
 
 
@@ -180,7 +191,7 @@ def _pair_distances(products: FloatArray, mirrored: bool = False) -> FloatArray:
     # min over R of |X Rᵀ − Y|² = |X|² + |Y|² − 2 (σ₁ + σ₂ ± σ₃) with singular values σ of XᵀWY, and − where its
     # determinant is negative, for then the best orthogonal matrix is a reflection (Kabsch 1976)
     values = np.linalg.svd(products, compute_uv=False)
-    values[..., 2] *= np.where((np.linalg.det(products) < 0) != mirrored, -1.0, 1.0)
+    values[..., -1] *= np.where((np.linalg.det(products) < 0) != mirrored, -1.0, 1.0)
     squares = np.einsum("ssii->s", products)
     distances = np.sqrt(np.maximum(squares[:, None] + squares - 2 * values.sum(axis=-1), 0.0))
     if not mirrored:
@@ -189,7 +200,7 @@ def _pair_distances(products: FloatArray, mirrored: bool = False) -> FloatArray:
 
 
 def _converged(products: FloatArray, most: int) -> tuple[FloatArray, int]:
-    """Rotations (m, 3, 3) of all shapes onto their mean, and the number of iterations."""
+    """Rotations (m, d, d) of all shapes onto their mean, and the number of iterations."""
     medoid = int((_pair_distances(products) ** 2).sum(axis=1).argmin())
     rotations = _nearest_rotations(products[:, medoid])
     own = np.einsum("ssij->sij", products)

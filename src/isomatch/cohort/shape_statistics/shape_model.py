@@ -39,16 +39,16 @@ FORMAT = ArrayFormat(
     version=1,
     arrays={
         "names": Stored("text"),
-        "mean": Stored("float", ("n", 3)),
+        "mean": Stored("float", ("n", "d")),
         "faces": Stored("integer", ("f", 3), index_of="n"),
         "weights": Stored("float", ("n",)),
-        "modes": Stored("float", ("k", "n", 3)),
+        "modes": Stored("float", ("k", "n", "d")),
         "variances": Stored("float", ("k",), positive=True),
         "scores": Stored("float", ("m", "k")),
         "size": Stored("float", positive=True, group="size"),
         "structures": Stored("text", group="structures"),
     },
-    filled=("n", "f", "m"),
+    filled=("n", "m"),
 )
 
 
@@ -111,7 +111,7 @@ class ShapeModel:
 
     names: tuple[str, ...]  #: of the shapes
     mean: FloatArray  #: (n, 3)
-    faces: IntArray  #: (f, 3)
+    faces: IntArray  #: (f, 3); none of landmarks
     weights: FloatArray  #: (n,) weight of each vertex in all distances; the sum is 1
     #: (k, n, 3) displacements of the vertices, orthonormal in the weighted scalar product, in decreasing order of
     #: variance; as many as are needed to describe all shapes, at most m − 1
@@ -131,13 +131,19 @@ class ShapeModel:
 
     @classmethod
     def fit(
-        cls, shapes: CorrespondedShapes, scale: Scale = "keep", weights: Weighting = "area"
+        cls,
+        shapes: CorrespondedShapes,
+        scale: Scale = "keep",
+        weights: Weighting = "area",
+        *,
+        tangent: bool = False,
     ) -> ShapeModel:
         """Align shapes and find their modes.
 
         Vertices that were not measured are where the mean of the others is, see `filled`; whether size is part of the
-        shape, see `generalised_procrustes`. With ``weights="area"``, a vertex counts by its share of the area, so that
-        the model does not depend on how densely the surface is sampled; with "uniform" all count alike.
+        shape, and whether it is projected on a tangent space, see `generalised_procrustes`. With ``weights="area"``, a
+        vertex counts by its share of the area, so that the model does not depend on how densely the surface is sampled;
+        with "uniform" all count alike.
 
         Notes
         -----
@@ -148,7 +154,7 @@ class ShapeModel:
         n = shapes.n_vertices
         share = shapes.area_weights if weights == "area" else np.full(n, 1 / n)
         shapes = filled(shapes, share, scale)
-        superimposed = generalised_procrustes(shapes.vertices, share, scale)
+        superimposed = generalised_procrustes(shapes.vertices, share, scale, tangent=tangent)
         mean = superimposed.mean
         about_mean, about_centre = superimposed.aligned - mean, mean - share @ mean
         with serial_blas():

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,12 +14,20 @@ import numpy as np
 
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch._core.cached import cached_property
-from isomatch._core.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
+from isomatch._core.errors import (
+    FormatError,
+    LandmarkError,
+    MeshError,
+    MissingFileError,
+    NotConvergedError,
+    some,
+)
 from isomatch._core.files import legible
 from isomatch._core.texts import natural_order, read_csv
 from isomatch.cohort.shape_statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.correspondence import Correspondence
 from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far
+from isomatch.landmarks import Landmarks
 from isomatch.surfaces import Mesh
 
 MIRRORED = "_mirrored"  # appended to the names of shapes that are mirror images
@@ -46,7 +54,7 @@ def structure_of(mesh: Mesh, part: slice) -> Mesh:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CorrespondedShapes:
-    """Shapes in one topology: vertex i of one corresponds to vertex i of every other.
+    """Shapes in one topology, or landmarks: vertex i of one corresponds to vertex i of every other.
 
     Examples
     --------
@@ -56,18 +64,22 @@ class CorrespondedShapes:
     """
 
     names: tuple[str, ...]  #: one for each of the m shapes; no two are the same
-    vertices: FloatArray  #: (m, n, 3) positions of their vertices, in one unit, all finite
-    faces: IntArray  #: (f, 3) 0-based vertex indices of the triangles that they share
+    #: (m, n, 3) positions of their vertices, in one unit, all finite; of landmarks, also (m, n, 2)
+    vertices: FloatArray
+    #: (f, 3) 0-based vertex indices of the triangles that they share; landmarks have none
+    faces: IntArray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
     left_out: tuple[str, ...] = ()  #: which shapes were left out, each with the reason
     #: (m, n) which vertices have a counterpart on the shape, rather than a place that continues those around them; by
     #: default all
     measured: BoolArray | None = None
     #: of subjects of several surfaces, see `stacked`: the number of vertices of each structure, in their order
     structures: Mapping[str, int] = field(default_factory=dict)
+    landmarks: Landmarks | None = None  #: those of one of the shapes, with their names and curves
 
     def __post_init__(self) -> None:
         vertices = numbers_of(self.vertices, "vertices", MeshError)
-        if vertices.ndim != 3 or vertices.shape[2:] != (3,) or len(vertices) != len(self.names):
+        dims = (3,) if len(self.faces) else (2, 3)
+        if vertices.ndim != 3 or vertices.shape[2] not in dims or len(vertices) != len(self.names):
             expected = f"({len(self.names)}, n, 3): a row x, y, z for each vertex of each named shape"
             raise MeshError(f"vertices have shape {vertices.shape}, expected {expected}")
         if not len(vertices):
@@ -79,9 +91,9 @@ class CorrespondedShapes:
         if len(bad):
             problem = f"shape {self.names[bad[0]]} has vertices without a position ({len(bad)} such shapes)"
             raise MeshError(f"{problem}; leave it out, as CorrespondedShapes.of_meshes does")
-        mesh = Mesh(vertices[0], self.faces)
-        if not mesh.n_faces:
-            raise MeshError("the shapes have no faces; give meshes")
+        faces = (
+            Mesh(vertices[0], self.faces).sound_faces if len(self.faces) else np.zeros((0, 3), dtype=np.int64)
+        )
         vertices.flags.writeable = False
         measured = None if self.measured is None else np.asarray(self.measured, dtype=bool)
         if measured is not None and measured.shape != vertices.shape[:2]:
@@ -91,11 +103,11 @@ class CorrespondedShapes:
         if self.structures and sum(self.structures.values()) != vertices.shape[1]:
             remedy = "give those of each structure"
             raise MeshError(f"{self.structures} are not {vertices.shape[1]} vertices; {remedy}")
-        vars(self).update(names=tuple(self.names), vertices=vertices, faces=mesh.sound_faces)
+        vars(self).update(names=tuple(self.names), vertices=vertices, faces=faces)
         vars(self).update(left_out=tuple(self.left_out), measured=measured)
 
     def __repr__(self) -> str:
-        return f"CorrespondedShapes({len(self)} shapes of {self.n_vertices} vertices)"
+        return f"CorrespondedShapes({len(self)} shapes of {self.n_vertices} {self.points})"
 
     def __len__(self) -> int:
         return len(self.names)
@@ -120,7 +132,7 @@ class CorrespondedShapes:
         if not ordered:
             raise MeshError("no shapes; give at least one")
         outlines = dict(polygons or {n: Polygons.of_triangles(mesh.faces) for n, mesh in ordered.items()})
-        forms = {n: (mesh.n_vertices, _form(outlines[n])) for n, mesh in ordered.items()}
+        forms = {n: (mesh.n_vertices, _form(outlines[n]), len(outlines[n])) for n, mesh in ordered.items()}
         common = _most_common(forms.values())
         masks = dict(measured or {})
         kept, left_out = {}, []
@@ -136,6 +148,8 @@ class CorrespondedShapes:
                 kept[name] = mesh
         if not kept:
             raise MeshError("; ".join(["no shapes", *left_out, "give at least one"]))
+        if not common[2]:
+            raise MeshError("the shapes have no faces; give meshes, or read points as landmarks")
         positions = np.array([mesh.vertices for mesh in kept.values()])
         windings = {name: _digest(outlines[name].corners) for name in kept}
         usual = _most_common(windings.values())
@@ -143,6 +157,52 @@ class CorrespondedShapes:
         everything = np.ones(positions.shape[1], dtype=bool)
         own = np.array([masks.get(name, everything) for name in kept])
         return cls(tuple(kept), positions, faces, tuple(left_out), own, dict(structures or {}))
+
+    @classmethod
+    def of_landmarks(cls, specimens: Mapping[str, Landmarks]) -> CorrespondedShapes:
+        """Take landmarks of specimens, see `read_specimens`, as shapes; those without a place are not measured.
+
+        `LandmarkError` if specimens have other landmarks, or one has a place in none of them.
+
+        Examples
+        --------
+        >>> CorrespondedShapes.of_landmarks({"a": Landmarks([[0, 0], [1, 0]]), "b": Landmarks([[0, 0], [2, 0]])})
+        CorrespondedShapes(2 shapes of 2 landmarks)
+        """
+        if not specimens:
+            raise LandmarkError("no specimens; give the landmarks of at least one")
+        names, first = tuple(specimens), next(iter(specimens.values()))
+        if other := [n for n in names if specimens[n].positions.shape != first.positions.shape]:
+            raise LandmarkError(f"{other[0]} has other landmarks than {names[0]}; give the same of each")
+        at = np.array([each.positions for each in specimens.values()])
+        placed = np.isfinite(at).all(axis=2)
+        if len(nowhere := np.flatnonzero(~placed.any(axis=0))):
+            named = first.names[nowhere[0]] or nowhere[0] + 1
+            raise LandmarkError(f"the landmark {named} has a place in no specimen; leave it out")
+        if len(few := np.flatnonzero(placed.mean(axis=1) < LEAST_MEASURED)):
+            told = f"{names[few[0]]} lacks {(~placed[few[0]]).sum()} of {len(first)} landmarks"
+            raise LandmarkError(f"{told}, more than half; leave it out")
+        at = np.where(placed[:, :, None], at, np.nanmean(at, axis=1, keepdims=True))
+        return cls(names, at, measured=placed, landmarks=first)
+
+    @property
+    def points(self) -> str:
+        """What corresponds: vertices, or landmarks."""
+        return "vertices" if len(self.faces) else "landmarks"
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """Names of the landmarks, numbers from 1 where they have none; numbers from 0 of vertices."""
+        if self.landmarks is None:
+            return tuple(map(str, range(self.n_vertices)))
+        return tuple(name or str(i) for i, name in enumerate(self.landmarks.names, start=1))
+
+    @property
+    def links(self) -> IntArray:
+        """(l, 2) landmarks that follow each other on the curves, as the lines of a wireframe."""
+        curves = self.landmarks.curves if self.landmarks else ()
+        ways = [(*curve.rows, *(curve.rows[:1] if curve.closed else ())) for curve in curves]
+        return np.array([pair for way in ways for pair in pairwise(way)], dtype=np.int64).reshape(-1, 2)
 
     @property
     def seen(self) -> BoolArray:
@@ -158,8 +218,11 @@ class CorrespondedShapes:
     def area_weights(self) -> FloatArray:
         """(n,) share of each vertex in the area, averaged over the shapes; the sum is 1.
 
-        Of several structures, each has the same sum, so that large ones do not drown small ones.
+        Of several structures, each has the same sum, so that large ones do not drown small ones. All landmarks count
+        alike.
         """
+        if not len(self.faces):
+            return np.full(self.n_vertices, 1 / self.n_vertices)
         shares = np.zeros(self.n_vertices)
         parts = slices_of(self.structures or {"": self.n_vertices}).values()
         for i, name in enumerate(self.names):
@@ -197,7 +260,7 @@ class CorrespondedShapes:
         images, seen = self.vertices.copy(), self.seen.copy()
         for shape, image, there, sides in zip(self.vertices, images, seen, left_right):
             held = sides.matched
-            other = sides.pull_back(shape, fill=0.0) * [-1.0, 1.0, 1.0]
+            other = sides.pull_back(shape, fill=0.0) * [-1.0, *np.ones(shape.shape[1] - 1)]
             image[held] = aligned_to(shape, other, held / held.sum())[held]
             there[:] = there[sides.vertices] & held
         names = (*self.names, *(name + MIRRORED for name in self.names))

@@ -187,8 +187,11 @@ def keeps(attribute: Attribute) -> bool:
     return attribute.domain != "corner" or attribute.kind == "uv" or attribute.values.ndim == 1
 
 
-def write(asset: Asset, binary: bool | None = None) -> bytes:
-    """Write a PLY file, binary or text, by default as it was read; a new one little endian, in double precision."""
+def write(asset: Asset, binary: bool | None = None, single: bool = False) -> bytes:
+    """Write a PLY file, binary or text, by default as it was read; a new one little endian, in double precision.
+
+    If ``single``, it has no doubles, which some programs do not read.
+    """
     document = asset.document if isinstance(asset.document, PlyDocument) else PlyDocument()
     byte_order = document.byte_order if binary is None else (document.byte_order or "<") if binary else ""
     is_single = document.positions == "f4" and not asset.needs_doubles
@@ -201,6 +204,13 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
     face = _properties(asset, "face", (corners,), document.of_faces, document.names)
     elements = {"vertex": Element(vertex, len(asset.points)), "face": Element(face, len(polygons))}
     elements |= document.elements
+    if single:
+        for name, element in elements.items():
+            plain = [
+                replace(each, type=np.dtype("f4")) if each.type.str[1:] == "f8" else each
+                for each in element.columns
+            ]
+            elements[name] = Element(tuple(plain), element.n_rows)
     encoding = next(word for word, order in _BYTE_ORDERS.items() if order == byte_order)
     comments, lines = document.comments, asset.frame.lines if asset.frame else ()
     told = Frame.of_lines(*map(_text_of, comments)) or Frame()

@@ -25,7 +25,7 @@ class MeshFormat:
 
     read: Callable[[bytes, str], Mesh]  # the bytes of a file and its name, which is for messages
     write: Callable[..., bytes]  # an asset, and the options that the format has, by keyword
-    options: frozenset[str] = frozenset()  # of `write_mesh` that it has: "binary"
+    options: frozenset[str] = frozenset()  # that it has: "binary" of `write_mesh`, "single" precision
     read_asset: Callable[[bytes, str], Asset] | None = None  # by default points and triangles alone
     keeps: Callable[[Attribute], bool] = lambda attribute: False  # whether it has a place for an attribute
     single: frozenset[str] = frozenset()  # kinds of attributes of which it has only one
@@ -79,7 +79,7 @@ FORMATS: dict[str, MeshFormat] = {
     ".obj": MeshFormat(
         obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, has_names=True, **_PLAIN
     ),
-    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps),
+    ".ply": MeshFormat(ply.read, ply.write, _BINARY | {"single"}, ply.read_asset, ply.keeps),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset, keeps_frame=_fits_title, **_SINGLE),
     ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),
     ".gltf": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=False), **_GLTF),

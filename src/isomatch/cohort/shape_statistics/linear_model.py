@@ -1,0 +1,471 @@
+"""Linear models of shape: formulas, tests of their terms and of pairs of groups by permuted residuals, classification."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import minimize_scalar
+from scipy.special import boxcox
+
+from isomatch._core.arrays import FloatArray, numbers_of
+from isomatch._core.errors import InputError, SettingError
+from isomatch._core.first_use import package
+from isomatch._core.settings import generator
+from isomatch._core.texts import natural_order
+from isomatch._core.threads import serial_blas
+from isomatch.cohort.shape_statistics.procrustes import scalar_products, shares_of
+
+N_PERMUTATIONS = 4999
+BLOCK = 2**21  # numbers in memory at a time
+FEWEST = 3  # shapes: two differ along any variable
+POWERS = (-5.0, 5.0)  # of a Box–Cox transformation
+LEAST_SHARE = 1e-9  # of the largest singular value of the variables: one with less depends on the others
+HELD = 0.95  # share of the variance that the modes of a classification hold
+MISSING = {"", "na", "n/a", "nan"}  # cells without a value, in lower case
+
+Terms = tuple[tuple[str, ...], ...]
+
+
+class TermTest(NamedTuple):
+    """A row of the analysis of variance: a term, "residuals" or "total"; nan where a row has no such value."""
+
+    term: str
+    degrees: int
+    squares: float  # sum over shapes, in squared units of these: root mean square over vertices
+    mean_square: float
+    r_squared: float
+    f: float
+    z: float  # standard deviations of F from its mean under permutations, after a Box–Cox transformation
+    p_value: float
+
+
+class PairTest(NamedTuple):
+    """How far two groups are apart: their means, or how they change with a variable."""
+
+    of: str  # the factor, or the term of own slopes
+    first: str
+    second: str
+    distance: float  # of the means, or of the slopes for one unit of the variable, in the units of the shapes
+    angle: float  # between slopes, in degrees; nan of means
+    z: float
+    p_value: float
+    adjusted_p: float  # for the number of pairs (Holm 1979)
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeDesign:
+    """The variables of a formula, for m shapes."""
+
+    formula: str
+    terms: Terms  #: the variables of each, single ones first
+    #: (m, q) numbers of each variable; of a factor, a column of 0 and 1 for each level but the first
+    codes: Mapping[str, FloatArray]
+    levels: Mapping[str, tuple[str, ...]]  #: of each factor
+
+    @classmethod
+    def of(cls, formula: str, table: Mapping[str, Sequence[object]]) -> ShapeDesign:
+        """Read a formula such as ``size * group + age`` of columns (m,) of a table.
+
+        ``+`` joins terms, ``a:b`` is what a and b have together, ``a * b`` is ``a + b + a:b``, ``log(a)`` the natural
+        logarithm, ``factor(a)`` takes numbers as names of groups. Columns with words are factors. `InputError` if a
+        column does not exist, lacks a value, or does not vary.
+
+        Examples
+        --------
+        >>> design = ShapeDesign.of("age * sex", {"age": [1, 2, 3], "sex": ["f", "m", "f"]})
+        >>> design.names, design.codes["sex"].ravel().tolist()
+        (['age', 'sex', 'age:sex'], [0.0, 1.0, 0.0])
+        """
+        found: dict[tuple[str, ...], None] = {}
+        factors = re.findall(r"factor\s*\(\s*(.+?)\s*\)", formula)
+        plain = re.sub(r"factor\s*\(\s*(.+?)\s*\)", r"\1", formula.rpartition("~")[2])
+        for part in plain.split("+"):
+            crossed = [tuple(each.strip() for each in factor.split(":")) for factor in part.split("*")]
+            for n in range(1, len(crossed) + 1):
+                for chosen in combinations(crossed, n):
+                    term = tuple(dict.fromkeys(name for names in chosen for name in names))
+                    if not any({*term} == {*other} for other in found):
+                        found[term] = None
+        terms = sorted(found, key=len)
+        codes, levels = dict[str, FloatArray](), dict[str, tuple[str, ...]]()
+        for name in dict.fromkeys(name for term in terms for name in term):
+            codes[name], levels[name] = _coded(name, formula, table, name in factors)
+        return cls(formula, tuple(terms), codes, {name: own for name, own in levels.items() if own})
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the terms."""
+        return [":".join(term) for term in self.terms]
+
+    def columns(self, term: tuple[str, ...], codes: Mapping[str, FloatArray] | None = None) -> FloatArray:
+        """Products (m, q) of the codes of the variables of a term, by default of all shapes."""
+        own = [(codes or self.codes)[name] for name in term]
+        return reduce(lambda a, b: (a[:, :, None] * b[:, None]).reshape(len(a), -1), own)
+
+    def row(self, changed: Mapping[str, FloatArray], slope: str = "") -> FloatArray:
+        """Coefficients of a mean, at the means of numbers and over all levels alike but for changed codes; of a slope."""
+        codes = {}
+        for name, code in self.codes.items():
+            levels = self.levels.get(name)
+            usual = np.full(code.shape[1], 1 / len(levels)) if levels else code.mean(axis=0)
+            codes[name] = np.atleast_2d(changed.get(name, usual))
+        codes |= {slope: np.ones((1, 1))} if slope else {}
+        rows = [self.columns(term, codes)[0] * (not slope or slope in term) for term in self.terms]
+        return np.concatenate([[0.0 if slope else 1.0], *rows])
+
+
+def _coded(
+    name: str, formula: str, table: Mapping[str, Sequence[object]], is_factor: bool
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Code (m, q) of a variable, and its levels if it is a factor."""
+    call = None if name in table else re.fullmatch(r"log\s*\(\s*(.+?)\s*\)", name)
+    column = call[1] if call else name
+    if column not in table:
+        told = f"there is no variable {column!r}" if column else "a variable is missing"
+        known = f"the table has {', '.join(table)[:80]}"
+        raise InputError(f"{formula!r}: {told}; {known}; write a formula such as size * group + age")
+    cells = [str(cell).strip() for cell in table[column]]
+    if lacking := [i for i, cell in enumerate(cells) if cell.lower() in MISSING]:
+        raise InputError(f"{column} has no value of {len(lacking)} of the shapes; give it, or leave them out")
+    try:
+        numbers = np.array([float(cell) for cell in cells])
+    except ValueError:
+        numbers = np.zeros(0)
+    if is_factor or not len(numbers):
+        levels = tuple(sorted({*cells}, key=natural_order))
+        if call:
+            raise InputError(f"{formula!r}: {column} has words, as {cells[0]!r}, which have no logarithm")
+        if len(levels) < 2:
+            raise InputError(f"{column} has one group, {levels[0]!r}; give two or more")
+        return np.array([[float(cell == level) for level in levels[1:]] for cell in cells]), levels
+    if call:
+        if not (numbers > 0).all():
+            raise InputError(f"{formula!r}: {column} has values not above 0, which have no logarithm")
+        numbers = np.log(numbers)
+    if not np.isfinite(numbers).all() or np.ptp(numbers) <= LEAST_SHARE * np.abs(numbers).max(initial=0.0):
+        raise InputError(f"{column} does not vary, or has a value that is not finite; leave it out")
+    return numbers[:, None], ()
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeAnova:
+    """Analysis of variance of shapes by the terms of a model, each after those before it, and of pairs of groups."""
+
+    rows: tuple[TermTest, ...]  #: of the terms in their order, of the residuals, and of all
+    pairs: tuple[PairTest, ...]  #: of each factor and of each term of own slopes
+    n_permutations: int
+    seed: int  #: draws them
+
+
+def shape_anova(
+    aligned: FloatArray,
+    design: ShapeDesign,
+    weights: FloatArray | None = None,
+    *,
+    n_permutations: int = N_PERMUTATIONS,
+    seed: int = 0,
+) -> ShapeAnova:
+    """Test what each term of a model describes of the variance of shapes, beside the terms before it.
+
+    Parameters
+    ----------
+    aligned : (m, n, d) array of float
+        Shapes moved onto their mean, such as ``generalised_procrustes(...).aligned``.
+    design : ShapeDesign
+        The terms, and their variables for each shape.
+    weights : (n,) array of float, optional
+        Weight of each vertex; by default all are equal.
+    n_permutations, seed : int
+        Number of random exchanges of residuals between shapes, and what draws them; see `group_test`.
+
+    Raises
+    ------
+    InputError
+        If shapes are too few, a group has one, or a term depends on those before it.
+
+    Notes
+    -----
+    Sequential sums of squares; Collyer, Sekora & Adams, *A method for analysis of phenotypic change for phenotypes
+    described by high-dimensional data*, Heredity 2015. Residuals of the model of the terms before are permuted and added
+    to what it describes, and F is compared; for pairs, the terms of the factor are left out, and means at the mean of
+    other variables compared, or slopes with the term of own slopes left out. A permutation takes O(m² q) time for q
+    columns.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> age = np.linspace(0, 1, 12)
+    >>> shapes = age[:, None, None] + 0.01 * rng.normal(size=(12, 5, 3))
+    >>> found = shape_anova(shapes, ShapeDesign.of("age + sex", {"age": age, "sex": [*"fm"] * 6}))
+    >>> [(row.term, row.degrees, round(row.r_squared, 2)) for row in found.rows]
+    [('age', 1, 1.0), ('sex', 1, 0.0), ('residuals', 9, 0.0), ('total', 11, 1.0)]
+    """
+    m = len(aligned)
+    if any(len(code) != m for code in design.codes.values()):
+        raise InputError(f"the variables are not of {m} shapes; give a value for each")
+    for name, levels in design.levels.items():
+        counts = design.codes[name].sum(axis=0)
+        if alone := [level for level, n in zip(levels, [m - counts.sum(), *counts]) if n < 2]:
+            remedy = "give two or more of each group, or leave it out"
+            raise InputError(f"{name} {alone[0]!r} has one shape; {remedy}")
+    products = scalar_products(aligned - aligned.mean(axis=0), shares_of(aligned, weights))
+    return _tested(products, design, n_permutations, seed)
+
+
+def _tested(products: FloatArray, design: ShapeDesign, n_permutations: int, seed: int) -> ShapeAnova:
+    m = len(products)
+    if m < FEWEST:
+        raise InputError(f"{m} shapes are too few for a regression; give {FEWEST} or more")
+    if n_permutations < 1:
+        raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
+    blocks = [design.columns(term) for term in design.terms]
+    parts = [*_orthonormal_parts(blocks, m)]
+    if idle := [name for name, part in zip(design.names, parts[1:]) if not part.shape[1]]:
+        raise InputError(f"{idle[0]} does not vary, or depends on the variables before it; leave it out")
+    whole = np.hstack(parts)
+    free = m - whole.shape[1]
+    if free < 1:
+        wanted = f"{design.formula!r}, which has {whole.shape[1]} coefficients"
+        raise InputError(f"{m} shapes are too few for {wanted}; give more shapes, or fewer terms")
+    orders = generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1)
+    orders = np.vstack([np.arange(m), orders])
+    total, rows = float(np.trace(products)), list[TermTest]()
+    residual = max(total - float(np.einsum("iq,ij,jq->", whole, products, whole)), 0.0)
+    for i, name in enumerate(design.names, start=1):
+        # of Y* = H Y + Π E, with residuals E = (I − H) Y of the terms before, a basis U of what the term adds explains
+        # ‖Uᵀ Π E‖², and the residuals of all are ‖E‖² − ‖Qᵀ Π E‖², with a basis Q of all
+        left = _residual_products(products, np.hstack(parts[:i]))
+        squares = explained_squares(parts[i], left, orders)
+        around = np.maximum(np.trace(left) - explained_squares(whole, left, orders), 0.0)
+        own, degrees = float(squares[0]), parts[i].shape[1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            f = np.nan_to_num(squares / degrees / (around / free), nan=0.0, posinf=np.inf)
+        row = name, degrees, own, own / degrees, own / (total or 1.0)
+        rows.append(TermTest(*row, float(f[0]), *_compared(f)))
+    none = np.nan, np.nan, np.nan
+    rows.append(TermTest("residuals", free, residual, residual / free, residual / (total or 1.0), *none))
+    rows.append(TermTest("total", m - 1, total, np.nan, 1.0, *none))
+    # groups are compared by their means, and by the slopes of a number, of each factor alone
+    of_one = [
+        each for each in design.terms if len(each) < 3 and sum(name in design.levels for name in each) == 1
+    ]
+    pairs = [pair for term in of_one for pair in _pairs(design, blocks, products, orders, term)]
+    return ShapeAnova(tuple(rows), tuple(pairs), n_permutations, seed)
+
+
+def _orthonormal_parts(blocks: Sequence[FloatArray], m: int) -> Iterator[FloatArray]:
+    """Yield orthonormal bases (m, r) of constants, and of what each block of columns (m, q) adds to those before."""
+    basis = np.full((m, 1), m**-0.5)
+    yield basis
+    for block in blocks:
+        scale = np.linalg.norm(block, axis=0).max(initial=0.0)
+        for _ in range(2):  # the second removes what rounding left of the first
+            block = block - basis @ (basis.T @ block)
+        own, singular, _ = np.linalg.svd(block, full_matrices=False)
+        own = own[:, singular > LEAST_SHARE * scale]
+        basis = np.hstack([basis, own])
+        yield own
+
+
+def _residual_products(products: FloatArray, basis: FloatArray) -> FloatArray:
+    """Scalar products (m, m) of shapes without what an orthonormal basis (m, r) describes."""
+    left = products - basis @ (basis.T @ products)
+    return np.asarray(left - (left @ basis) @ basis.T)
+
+
+def explained_squares(basis: FloatArray, products: FloatArray, orders: FloatArray) -> FloatArray:
+    """Squares (p,) that a basis (m, r) explains of shapes with given products (m, m) in each order (p, m)."""
+    width = max(BLOCK // max(basis.size, 1), 1)
+    with serial_blas():
+        found = []
+        for first in range(0, len(orders), width):
+            # shape i goes to place orders[i], which permutes the rows of the basis
+            permuted = basis[orders[first : first + width]]
+            found.append(np.einsum("pmr,pmr->p", permuted, products @ permuted))
+    return np.concatenate(found)
+
+
+def _compared(values: FloatArray) -> tuple[float, float]:
+    """Compare the first of some values with all: its standard deviate after a Box–Cox transformation, and p."""
+    p_value = float((values >= values[0] * (1 - 1e-9)).mean())
+    if not np.isfinite(values).all() or np.ptp(values[1:]) <= 1e-12 * np.abs(values).max():
+        return np.nan, p_value
+    positive = values if values.min() > 0 else values - values.min() + 1e-4
+    positive = np.clip(positive / np.exp(np.log(positive[1:]).mean()), 1e-30, 1e30)
+    # of values whose geometric mean is 1, the likeliest power leaves the least variance
+    power = minimize_scalar(lambda x: boxcox(positive[1:], x).var(), bounds=POWERS, method="bounded").x
+    like_normal = boxcox(positive, power)
+    deviation = float(like_normal.std())
+    return float((like_normal[0] - like_normal.mean()) / deviation) if deviation > 0 else np.nan, p_value
+
+
+def _pairs(
+    design: ShapeDesign, blocks: list[FloatArray], products: FloatArray, orders: FloatArray, of: Sequence[str]
+) -> list[PairTest]:
+    """Compare means, or slopes, of each pair of groups of a factor."""
+    m, factor = len(products), next(name for name in of if name in design.levels)
+    slope = next((name for name in of if name not in design.levels), "")
+    kept = [block for block, term in zip(blocks, design.terms) if not {*of} <= {*term}]
+    left = _residual_products(products, np.hstack([*_orthonormal_parts(kept, m)]))
+    # the mean, or slope, of a group is cᵀ Y with c = X⁺ᵀ l, and the distance of two √(dᵀ P d) of the difference d
+    inverse = np.linalg.pinv(np.hstack([np.ones((m, 1)), *blocks]))
+    levels = design.levels[factor]
+    codes = np.eye(len(levels))[:, 1:]
+    of_level = np.array([design.row({factor: code}, slope) @ inverse for code in codes])
+    found = []
+    for i, j in combinations(range(len(levels)), 2):
+        apart = of_level[j] - of_level[i]
+        drawn = np.sqrt(np.maximum(explained_squares(apart[:, None], left, orders), 0.0))
+        z, p_value = _compared(drawn)
+        (ii, ij), (_, jj) = (of_level[[i, j]] @ products @ of_level[[i, j]].T).tolist()
+        cosine = np.clip(ij / np.sqrt(max(ii * jj, 1e-300)), -1, 1)
+        angle = float(np.degrees(np.arccos(cosine))) if slope else np.nan
+        distance = float(np.sqrt(max(float(apart @ products @ apart), 0.0)))
+        found.append(PairTest(":".join(of), levels[i], levels[j], distance, angle, z, p_value, p_value))
+    # Holm: the i-th of n p-values in ascending order times n − i, none below the one before
+    ascending = np.argsort([pair.p_value for pair in found], kind="stable").tolist()
+    least = 0.0
+    for i, row in enumerate(ascending):
+        least = min(max(least, found[row].p_value * (len(found) - i)), 1.0)
+        found[row] = found[row]._replace(adjusted_p=least)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeRegression:
+    """Regression of m aligned shapes on q variables: shape = mean + Σ (variable − its mean) · coefficient."""
+
+    #: share of the variance of shape that the variables describe, and the probability of as large a share if they tell
+    #: nothing about shape, from permutations
+    r_squared: float
+    p_value: float
+    n_permutations: int
+    seed: int  #: draws them
+    mean: FloatArray  #: (n, 3)
+    coefficients: FloatArray  #: (q, n, 3) displacement for one unit of each variable
+    #: (m, q) regression scores of Drake & Klingenberg (2008): how far each shape lies from the mean in the direction of
+    #: each coefficient, in the units of the shapes; against the variable, they show what it describes
+    scores: FloatArray
+
+
+def shape_regression(
+    aligned: FloatArray,
+    variables: ArrayLike,
+    weights: FloatArray | None = None,
+    *,
+    n_permutations: int = N_PERMUTATIONS,
+    seed: int = 0,
+) -> ShapeRegression:
+    """Regress shapes on variables, such as the logarithm of their centroid size (allometry).
+
+    Parameters
+    ----------
+    aligned : (m, n, 3) array of float
+        Shapes moved onto their mean, such as ``generalised_procrustes(...).aligned``; for allometry with sizes removed.
+    variables : (m,) or (m, q) array_like of float
+        Their values. Groups are columns of 0 and 1, of all groups but one.
+    weights : (n,) array of float, optional
+        Weight of each vertex, such as `CorrespondedShapes.area_weights`; by default all are equal.
+    n_permutations, seed : int
+        Number of random exchanges of the values between shapes, and what draws them; see `group_test`.
+
+    Notes
+    -----
+    Goodall's Procrustes regression. A permutation takes O(m² q) time.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> size = np.linspace(0, 1, 12)
+    >>> shapes = size[:, None, None] * np.ones((5, 3)) + 0.01 * rng.normal(size=(12, 5, 3))
+    >>> found = shape_regression(shapes, size)
+    >>> round(found.r_squared, 2), found.p_value
+    (1.0, 0.0002)
+    """
+    values = numbers_of(variables, "variables", InputError)
+    values = values[:, None] if values.ndim == 1 else values
+    m = len(aligned)
+    if values.ndim != 2 or len(values) != m or not np.isfinite(values).all():
+        remedy = f"give a finite number for each of the {m} shapes"
+        raise InputError(f"variables have shape {values.shape}; {remedy}")
+    centred = values - values.mean(axis=0)
+    singular, scale = np.linalg.svd(centred, compute_uv=False), np.abs(values).max(initial=0.0) * np.sqrt(m)
+    if m >= FEWEST and (not len(singular) or singular[-1] <= LEAST_SHARE * max(singular[0], scale)):
+        raise InputError("the variables do not vary, or one depends on the others; leave it out")
+    share = shares_of(aligned, weights)
+    mean = aligned.mean(axis=0)
+    about_mean = aligned - mean
+    design = ShapeDesign("the variables", (("variables",),), {"variables": values}, {})
+    whole = _tested(scalar_products(about_mean, share), design, n_permutations, seed).rows[0]
+    coefficients = np.tensordot(np.linalg.pinv(centred), about_mean, 1)
+    length = np.sqrt(np.einsum("i,qij,qij->q", share, coefficients, coefficients))
+    along = coefficients / np.where(length > 0, length, 1.0)[:, None, None]
+    scores = np.einsum("i,mij,qij->mq", share, about_mean, along)
+    of_whole = whole.r_squared, whole.p_value, n_permutations, seed
+    return ShapeRegression(*of_whole, mean, coefficients, scores)
+
+
+class Classification(NamedTuple):
+    """Canonical variates of groups of shapes, and how well shapes are told apart that had no part in them."""
+
+    groups: tuple[str, ...]
+    variates: FloatArray  # (m, k) of each shape, in standard deviations within groups
+    predicted: tuple[str, ...]  # the group that the others give for each shape
+    counts: FloatArray  # (g, g) shapes of each group, by the group predicted
+    n_modes: int  # how many modes are used
+
+    @property
+    def share_right(self) -> float:
+        """Share of the shapes whose group is predicted."""
+        return float(np.trace(self.counts) / self.counts.sum())
+
+
+def classify(scores: FloatArray, groups: Sequence[str]) -> Classification:
+    """Find the directions in which groups differ most, over how they vary, and predict the group of each shape left out.
+
+    Parameters
+    ----------
+    scores : (m, k) array of float
+        Scores of the shapes along the modes of a model, in decreasing order of variance.
+    groups : sequence of str
+        Their groups, two or more, of two shapes or more.
+
+    Notes
+    -----
+    Linear discriminants of the first modes: as many as hold 95 % of the variance, and at most half of m minus the number
+    of groups, so that the covariance within groups is known. Groups count alike. Each shape is predicted by discriminants
+    of all others. Needs scikit-learn, of the extra ``statistics``.
+
+    Examples
+    --------
+    >>> found = classify(np.array([[0.0], [0.1], [0.2], [5.0], [5.1], [5.3]]), [*"aaabbb"])
+    >>> found.share_right, found.variates.shape
+    (1.0, (6, 1))
+    """
+    m, labels = len(scores), np.asarray(groups, dtype=str)
+    names, of, counts = np.unique(labels, return_inverse=True, return_counts=True)
+    g = len(names)
+    if g < 2 or counts.min() < 2 or len(labels) != m:
+        told = ", ".join(f"{name!r} of {count}" for name, count in zip(names.tolist(), counts))
+        raise InputError(f"groups {told} for {m} shapes; give two groups or more, of two shapes or more")
+    discriminant: Any = package("sklearn.discriminant_analysis", "statistics", "canonical variates")
+    selection: Any = package("sklearn.model_selection", "statistics", "canonical variates")
+    held = np.cumsum((scores**2).sum(axis=0)) / max((scores**2).sum(), 1e-300)
+    n_modes = max(min(int(np.searchsorted(held, HELD)) + 1, (m - g) // 2, scores.shape[1]), 1)
+    used = scores[:, :n_modes]
+    model = discriminant.LinearDiscriminantAnalysis(priors=np.full(g, 1 / g))
+    with warnings.catch_warnings(action="ignore"):  # of modes in which shapes of a group do not differ
+        predicted = selection.cross_val_predict(model, used, labels, cv=selection.LeaveOneOut())
+        variates = model.fit(used, labels).transform(used)
+    within = variates - np.array([variates[of == i].mean(axis=0) for i in range(g)])[of]
+    variates = variates / np.sqrt(np.maximum((within**2).sum(axis=0) / (m - g), 1e-300))
+    table = np.array([[(predicted[of == i] == name).sum() for name in names] for i in range(g)])
+    return Classification(tuple(names.tolist()), variates, tuple(map(str, predicted)), table, n_modes)

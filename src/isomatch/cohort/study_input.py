@@ -1,0 +1,188 @@
+"""What a study of shapes is made of: meshes or landmarks, a table of their subjects, and what is doubtful in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+from unicodedata import normalize
+
+import numpy as np
+
+from isomatch._core.errors import FormatError, InputError
+from isomatch._core.files import opened
+from isomatch._core.texts import decoded, read_csv, separated
+from isomatch.cohort import shape_statistics
+from isomatch.cohort.map_file import require_unchanged
+from isomatch.cohort.plan import Layout
+from isomatch.cohort.shape_statistics import CORRESPONDED, MISSING, CorrespondedShapes, Criterion, Doubt, Slid
+from isomatch.io import FORMATS, meshes_among
+from isomatch.landmarks import Curve, is_of_landmarks, read_landmark_pairs, read_specimens
+
+TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
+Table = dict[str, dict[str, str]]  # cells of each shape, by their columns; those without a value are empty
+
+
+class Study(NamedTuple):
+    """Shapes of a source, what a table says of them, doubts, and notes."""
+
+    shapes: CorrespondedShapes
+    table: Table
+    doubts: list[Doubt]
+    notes: list[str]
+    slid: Sequence[Slid] = ()
+
+    @property
+    def groups(self) -> dict[str, str]:
+        """The group of each shape that has one."""
+        return {name: group for name, cells in self.table.items() if (group := cells.get("group", ""))}
+
+
+def is_landmark_study(source: Path) -> bool:
+    """Tell whether shapes of a source are landmarks: a file of these, or a folder of such files without meshes."""
+    if not source.is_dir():
+        return source.suffix.lower() not in FORMATS and is_of_landmarks(source)
+    has_meshes = (
+        (source / CORRESPONDED).is_dir() or Layout(source).plan.exists() or meshes_among(source.iterdir())
+    )
+    return not has_meshes and is_of_landmarks(source)
+
+
+def read_study(
+    source: Path,
+    table: Path | None,
+    columns: Sequence[str] = ("group",),
+    *,
+    wireframe: Path | None = None,
+    slide: Criterion | None = None,
+) -> Study:
+    """Read the shapes of a folder of meshes or of a collection, one mesh, or landmarks, with a table of subjects.
+
+    The table has the given columns. Only landmarks slide, along their curves and patch, and have a wireframe.
+    """
+    slid = list[Slid]()
+    if is_landmark_study(source):
+        shapes, slid = _landmarks(source, wireframe, slide)
+    elif (slide or wireframe) and source.exists():
+        raise InputError(f"{source}: has meshes; --slide and --wireframe are for files of landmarks")
+    else:
+        require_unchanged(Layout(source), ["corresponded"])
+        shapes = shape_statistics.read_shapes([source] if source.is_file() else source)
+    cells = read_table(table, shapes.names, shapes.left_out, columns) if table else {}
+    doubts = shape_statistics.doubtful_shapes(shapes)
+    notes = [f"left out: {reason}" for reason in shapes.left_out]
+    for own in (source / structure for structure in shapes.structures or ("",)):
+        told = _doubts(own / "pairs.csv", shapes.names) + _reflected(own / "shapes.csv", shapes.names)
+        notes += [f"{own.name}: {note}" if shapes.structures else note for note in told]
+    return Study(shapes, cells, list(doubts), notes, slid)
+
+
+def _landmarks(
+    source: Path, wireframe: Path | None, slide: Criterion | None
+) -> tuple[CorrespondedShapes, list[Slid]]:
+    """Read landmarks as shapes, slide semilandmarks, and join those that the wireframe names."""
+    specimens, slid = read_specimens(source), list[Slid]()
+    first = next(iter(specimens.values()))
+    if slide:
+        if not any(len(curve.rows) > 2 for curve in first.curves) and not first.patch:
+            remedy = f"give a table {source.stem}_sliders.csv or {source.stem}_surfaces.csv beside it"
+            raise InputError(f"{source}: has no curves nor points of a surface that could slide; {remedy}")
+        given = np.array([each.positions for each in specimens.values()])
+        found = shape_statistics.slid_semilandmarks(given, None, first.curves, first.patch, criterion=slide)
+        slid = found.of_each([*specimens], given)
+        specimens = {n: replace(specimens[n], positions=at) for n, at in zip(specimens, found.positions)}
+    if wireframe:
+        links = tuple(Curve("", pair) for pair in read_landmark_pairs(wireframe, first.names))
+        specimens = {name: replace(each, curves=links) for name, each in specimens.items()}
+    return CorrespondedShapes.of_landmarks(specimens), slid
+
+
+def told_doubts(doubts: Iterable[Doubt]) -> list[str]:
+    """Put doubts in words."""
+    return [f"{' and '.join(doubt.names)} {doubt.reason}" for doubt in doubts]
+
+
+def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
+    """Say which shapes of a collection rest on a map that may be wrong."""
+    if not pairs.is_file():
+        return []
+    outcomes: dict[str, set[str]] = {name: set() for name in names}
+    for row in read_csv(pairs):
+        for end in ("source", "target"):
+            outcomes.get(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
+    doubtful = {name: ", ".join(sorted(own)) for name, own in outcomes.items() if own and not own & TRUSTED}
+    return [f"{name} may be matched wrongly: {doubts}" for name, doubts in doubtful.items()]
+
+
+def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
+    """Say which shapes of a collection are mirror images of those in their files."""
+    lines = read_csv(table) if table.is_file() else []
+    turned = [name for line in lines if line.get("reflected") and (name := line.get("name")) in names]
+    return [f"mirror images of the surfaces in their files: {', '.join(turned)}"] if turned else []
+
+
+def read_groups(path: Path, names: Iterable[str], left_out: Sequence[str] = ()) -> dict[str, str]:
+    """Read the group of each shape from a table; shapes whose cell is empty, or NA, have none."""
+    table = read_table(path, names, left_out)
+    return {name: cells["group"] for name, cells in table.items() if cells["group"]}
+
+
+def read_table(
+    path: Path, names: Iterable[str], left_out: Sequence[str] = (), columns: Sequence[str] = ("group",)
+) -> Table:
+    """Read what a table, as spreadsheets write them, says of shapes: cells by column, empty where there is no value."""
+    # The columns name and those asked for, among others, or name and group without a header; names may be those of files.
+    # A line that begins with # is a comment, unless a shape has that name. Rows of shapes that were left out, with
+    # reasons, are passed over.
+    names_of = {normalize("NFC", name): name for name in names}
+    table: Table = {}
+    head: list[str] | None = None
+    wanted = ",".join(["name", *columns])
+    with opened(path) as file:
+        rows, _ = separated(decoded(file.read()), str(path))
+    for number, row in rows:
+        if not any(row):
+            continue
+        where, shown = f"{path}:{number}", ",".join(row)[:80]
+        if row[0].startswith("#") and normalize("NFC", row[0]) not in names_of:
+            continue
+        if head is None:
+            lower = [cell.lower() for cell in row]
+            if {"name", *columns} <= {*lower}:
+                head = [low if low in ("name", "group") else cell for low, cell in zip(lower, row)]
+                continue
+            if len(row) < 2 or any(row[2:]) or columns != ("group",):
+                told = f"is not a shape and its {' and '.join(columns) or 'values'}"
+                raise FormatError(
+                    f"{where}: {shown!r} {told}; write {wanted}, or a header with these columns"
+                )
+            head = ["name", "group"]
+        cells = {column: "" if cell.lower() in MISSING else cell for column, cell in zip(head, row)}
+        name = row[head.index("name")] if head.index("name") < len(row) else ""
+        if not name or not {*columns} <= {*cells}:
+            raise FormatError(
+                f"{where}: {shown!r} is not a shape and its {' and '.join(columns)}; write {wanted}"
+            )
+        shape = names_of.get(normalize("NFC", name)) or names_of.get(normalize("NFC", _stem(name)))
+        if shape is None:
+            if any(reason.startswith(f"{each}: ") for reason in left_out for each in (name, _stem(name))):
+                continue
+            raise FormatError(f"{where}: no shape is named {name!r}; shapes are named like their files")
+        for column, cell in cells.items():
+            if column != "name" and table.setdefault(shape, cells)[column] != cell:
+                other = table[shape][column]
+                told = f"{name!r} is in {column} {cell!r} and in {other!r}; give each shape one {column}"
+                raise FormatError(f"{where}: {told}")
+    return table
+
+
+def _stem(name: str) -> str:
+    """Name of a shape from that of its file."""
+    last = name.replace("\\", "/").rpartition("/")[2]
+    suffix = Path(last).suffix
+    return (
+        last.removesuffix(suffix)
+        if suffix.lower() in (*FORMATS, ".fcsv", ".json", ".pts", ".pp", ".tps")
+        else last
+    )
