@@ -6,6 +6,7 @@ from itertools import combinations
 import pytest
 
 from isomatch import InputError
+from isomatch._core.errors import IsomatchError
 from isomatch.cohort import Collection
 from isomatch.cohort.jobs import Run
 from isomatch.cohort.plan import entries_of, pairs_of, tiles_of
@@ -55,7 +56,7 @@ def test_a_list_names_shapes_relative_to_its_folder(folder):
     ],
 )
 def test_bad_lists(lines, complaint, folder):
-    with pytest.raises(InputError, match=complaint):
+    with pytest.raises(IsomatchError, match=complaint):
         entries_of(write_list(folder / "list.csv", *lines))
 
 
@@ -77,7 +78,7 @@ def test_patterns():
     ],
 )
 def test_bad_lists_of_pairs(lines, complaint, tmp_path):
-    with pytest.raises(InputError, match=complaint):
+    with pytest.raises(IsomatchError, match=complaint):
         pairs_of(NAMES, write_list(tmp_path / "pairs.csv", *lines), None)
 
 

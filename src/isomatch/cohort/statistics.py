@@ -12,9 +12,8 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, InputError, IsomatchError
-from isomatch._core.files import opened
 from isomatch._core.stage_timer import Progress
-from isomatch._core.texts import decoded, read_csv, separated
+from isomatch._core.tables import NO_TEXT, read_csv, read_table
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.map_file import require_unchanged
@@ -277,42 +276,33 @@ def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
 
 
 def read_groups(path: Path, names: Iterable[str], left_out: Sequence[str] = ()) -> dict[str, str]:
-    """Read the group of each shape from a table, as spreadsheets write them; shapes whose cell is empty have none."""
-    # Columns name and group, among others, or these two without a header; names may be those of files. A line that begins
-    # with # is a comment, unless a shape has that name. Rows of shapes that were left out, with reasons, are passed over.
+    """Read the group of each shape from a table, as spreadsheets and R write them; none of those without a value."""
+    # Columns name and group, among others, or these two without a header; names may be those of files. Rows of shapes
+    # that were left out, with reasons, are passed over.
     names_of = {normalize("NFC", name): name for name in names}
+    spared = [name for name in (*names_of, *names_of.values()) if name.startswith("#")]
+    table = read_table(path, spared)
+    titled = table.titled({"name", "group"})
+    named = titled.column("name", *[""] * (titled.titles[:1] == ("",)))  # or the names of rows, of R
+    at = titled.column("group")
+    i, j = (0, 1) if named is None or at is None else (named, at)
+    table = table if named is None or at is None else titled
     labels: dict[str, str] = {}
-    columns: tuple[int, int] | None = None
-    with opened(path) as file:
-        rows, _ = separated(decoded(file.read()), str(path))
-    for number, row in rows:
-        if not any(row):
-            continue
-        where, shown = f"{path}:{number}", ",".join(row)[:80]
-        if row[0].startswith("#") and normalize("NFC", row[0]) not in names_of:
-            continue
-        if columns is None:
-            lower = [cell.lower() for cell in row]
-            is_header = "name" in lower and "group" in lower
-            columns = (lower.index("name"), lower.index("group")) if is_header else (0, 1)
-            if is_header:
-                continue
-            if len(row) < 2 or any(row[2:]):
-                raise FormatError(
-                    f"{where}: {shown!r} is not a shape and its group; write name,group, or a header with these columns"
-                )
-        if len(row) <= max(columns):
-            raise FormatError(f"{where}: {shown!r} is not a shape and its group; write name,group")
-        name, group = (row[column] for column in columns)
+    for row in table.filled:
+        if len(row.cells) <= max(i, j) or (not table.titles and any(row.cells[2:])):
+            table.refuse(
+                row, "is not a shape and its group; write name,group, or a header with these columns"
+            )
+        where = f"{path}:{row.line}"
+        name, group = row.cells[i], "" if row.cells[j].lower() in NO_TEXT else row.cells[j]
         shape = names_of.get(normalize("NFC", name)) or names_of.get(normalize("NFC", _stem(name)))
         if shape is None:
             if any(reason.startswith(f"{each}: ") for reason in left_out for each in (name, _stem(name))):
                 continue
             raise FormatError(f"{where}: no shape is named {name!r}; shapes are named like their files")
         if labels.setdefault(shape, group) != group:
-            raise FormatError(
-                f"{where}: {name!r} is in group {group!r} and in {labels[shape]!r}; give each shape one group"
-            )
+            both = f"in group {group!r} and in {labels[shape]!r}"
+            raise FormatError(f"{where}: {name!r} is {both}; give each shape one group")
     return {name: group for name, group in labels.items() if group}
 
 

@@ -16,7 +16,8 @@ from scipy.sparse.csgraph import laplacian
 from isomatch._core.arrays import BoolArray, FloatArray
 from isomatch._core.errors import InputError, IsomatchError
 from isomatch._core.files import legible, made_folder, staged
-from isomatch._core.texts import natural_order, read_csv, write_csv
+from isomatch._core.tables import read_csv
+from isomatch._core.texts import natural_order, write_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surfaces_written

@@ -124,7 +124,7 @@ def meshes_among(paths: Iterable[Path]) -> list[Path]:
     """
     seen = [path for path in paths if not path.name.startswith(".")]
     found = [path for path in seen if path.suffix.lower() in FORMATS]
-    found = found or [path for path in seen if path.suffix.lower() in (".xyz", ".pcd")]
+    found = found or [path for path in seen if path.suffix.lower() in (".xyz", ".asc", ".pcd")]
     return sorted((path for path in found if path.is_file()), key=lambda path: natural_order(str(path)))
 
 

@@ -16,7 +16,8 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
 from isomatch._core.files import legible
-from isomatch._core.texts import natural_order, read_csv
+from isomatch._core.tables import read_csv
+from isomatch._core.texts import natural_order
 from isomatch.cohort.shape_statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.correspondence import Correspondence
 from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far

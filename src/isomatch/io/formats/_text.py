@@ -202,7 +202,7 @@ def read_lines(
     # A comment begins at the first byte of a line, or after a blank; its bytes may be of any encoding, and line ends of
     # any kind. If continued, a line that ends in a backslash goes on in the next. The rest of lines that begin with a
     # named keyword is a name, which may contain any #.
-    if data.startswith(tuple(MARKS)):
+    if data.startswith(tuple(MARKS)) or b"\0" in data[:_HEAD]:
         data = decoded(data).encode()
     text = data.translate(_BLANKS).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not text.endswith(b"\n"):

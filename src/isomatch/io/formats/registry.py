@@ -97,6 +97,7 @@ FORMATS: dict[str, MeshFormat] = {
 
 CLOUDS: dict[str, Callable[[bytes, str], Asset]] = {
     ".xyz": clouds.read_xyz,
+    ".asc": clouds.read_xyz,
     ".pcd": clouds.read_pcd,
     ".npy": clouds.read_npy,
 }
