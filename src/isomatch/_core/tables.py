@@ -160,7 +160,10 @@ class Table:
                     row,
                     f"has more cells than the columns {told!r}; put quotes around a cell with a separator",
                 )
-            found.append(dict(zip(titles, [*row.cells, *[""] * len(titles)])))
+            record = dict(zip(titles, [*row.cells, *[""] * len(titles)]))
+            if empty := [name for name in required if not record[name]]:
+                table.refuse(row, f"has nothing in the column {empty[0]!r}; write it, or remove the line")
+            found.append(record)
         return found
 
     def require_width(self, width: int | None = None) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, InputError, IsomatchError
+from isomatch._core.skipped import noted
 from isomatch._core.stage_timer import Progress
 from isomatch._core.tables import NO_TEXT, read_csv, read_table
 from isomatch.cohort import shape_statistics
@@ -103,7 +104,7 @@ def statistics(
         notes += why_not
         unlabelled = [name for name in own.names if groups and name not in labels]
         if unlabelled:
-            notes.append(f"without a group: {', '.join(unlabelled)}")
+            notes.append(noted(f"without a group: {', '.join(unlabelled)}"))
         done = iter(range(len(shapes)))
         geodesic = shape_statistics.geodesic_distortions(
             shapes,
@@ -244,7 +245,7 @@ def read_specimens(folder: Path, groups: Path | None) -> Specimens:
     shapes = shape_statistics.read_shapes([folder] if folder.is_file() else folder)
     labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
     doubts = shape_statistics.doubtful_shapes(shapes)
-    notes = [f"left out: {reason}" for reason in shapes.left_out]
+    notes = [noted(f"left out: {reason}") for reason in shapes.left_out]
     for own in (folder / structure for structure in shapes.structures or ("",)):
         told = _doubts(own / "pairs.csv", shapes.names) + _reflected(own / "shapes.csv", shapes.names)
         notes += [f"{own.name}: {note}" if shapes.structures else note for note in told]
@@ -357,6 +358,9 @@ def series(
         names = [name for name in order if name in meshes]
         notes = [f"left out: {reason}" for reason in shapes.left_out]
         notes += [f"missing: {name}; see shapes.csv" for name in order if name not in meshes]
+        notes += told_doubts(
+            doubt for doubt in shape_statistics.doubtful_shapes(shapes) if doubt.kind == "units"
+        )
         for note in notes:
             to.warn(note)
         if len(names) < 2:
