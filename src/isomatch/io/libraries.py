@@ -259,6 +259,8 @@ def to_pyvista(asset: Asset) -> Any:
         mesh.field_data[name] = [text]
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
+        if not len(attribute):  # which pyvista refuses
+            continue
         data[attribute.name] = attribute.plain
         if attribute.kind == "uv" and attribute.domain == "point":
             data.active_texture_coordinates_name = attribute.name

@@ -144,7 +144,7 @@ class NumberRows:
 
     def columns(self, first: int | IntArray, width: int) -> FloatArray:
         """Return ``width`` numbers of each row from a column on, (rows, width), nan where the row has no more."""
-        table = np.full((len(self.counts), width), np.nan)
+        table = np.full((len(self.counts), max(width, 0)), np.nan)
         for i in range(width):
             said = self.counts > first + i
             table[said, i] = self.values[(self.starts + first + i)[said]]
