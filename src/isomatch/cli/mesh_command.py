@@ -23,7 +23,7 @@ from isomatch.cli.inputs import Force, Json, Output, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import say, say_json
 from isomatch.io import FORMATS, as_written, files_beside, meshes_among, read_as_far
-from isomatch.repair import without_seams
+from isomatch.repair import Repair, without_seams
 
 NUMBERS = 50  # columns of a table beside the names
 LEAST_LEFT = 0.1  # share of the vertices; triangle soups have six times as many as meshes
@@ -191,7 +191,7 @@ def _refusal(verb: Verb, mesh: isomatch.Mesh) -> str | None:
     return None
 
 
-def _require_something_left(file: Path, repaired: isomatch.Repair, weld: float | None) -> None:
+def _require_something_left(file: Path, repaired: Repair, weld: float | None) -> None:
     """Raise `MeshError` if nothing is left to write; tell if most is gone."""
     after, n_before = repaired.mesh, len(repaired.new_index)
     what = "points" if not after.n_vertices else "faces" if not after.n_faces else ""
@@ -268,5 +268,6 @@ def _whole(file: Path, output: Path) -> Path | isomatch.Asset:
     mesh_format = FORMATS.get(output.suffix.lower())
     if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
         return file
-    shown, _ = as_written(output, isomatch.read_asset(file, sound=False))
+    named = output.with_name(output.name.lower().replace(".surf.gii", ".gii"))  # values are taken off later
+    shown, _ = as_written(named, isomatch.read_asset(file, sound=False))
     return replace(shown.placed, parts=(), document=shown.document)

@@ -8,6 +8,7 @@ from isomatch.io.appearance import (
 )
 from isomatch.io.asset import TURN, Asset, Axes, Frame, Part
 from isomatch.io.attribute import Attribute, Domain, Kind, linear_of, srgb_of, told_apart, without_labels
+from isomatch.io.formats.gifti import with_structure_of
 from isomatch.io.formats.gltf import with_key_weights_of
 from isomatch.io.formats.gltf_carried import animation_channels, is_posed, with_skin_of
 from isomatch.io.formats.registry import FORMATS, MeshFormat
@@ -88,6 +89,7 @@ __all__ = [
     "with_key_weights_of",
     "with_looks_of",
     "with_skin_of",
+    "with_structure_of",
     "with_texture",
     "with_tiles",
     "without_labels",

@@ -12,7 +12,7 @@ import numpy as np
 from isomatch._core.arrays import AnyArray, IntArray
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, unused_name
-from isomatch.io.formats import gltf_carried, obj
+from isomatch.io.formats import gifti, gltf_carried, obj
 from isomatch.io.formats.gltf import GltfDocument
 from isomatch.io.formats.obj import ObjDocument
 from isomatch.io.formats.ply import TEXTURE_NUMBER, PlyDocument
@@ -122,7 +122,7 @@ def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
         asset = (_in_obj if own is ObjDocument else _in_ply)(asset, materials, path.stem)
     document = asset.document
     if not isinstance(document, ObjDocument | PlyDocument) or not isinstance(document, own):
-        return asset, {}
+        return gifti.values_beside(path, asset)
     libraries = document.library_names if isinstance(document, ObjDocument) else ()
     names, files = _beside(document.files, libraries, path)
     return replace(asset, document=document.with_renamed_files(names)), files

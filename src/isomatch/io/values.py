@@ -38,7 +38,7 @@ class ValuesFormat:
 
     # of the bytes of a file, its name, and the surface that they belong to, if that is known
     read: Callable[[bytes, str, Asset | None], tuple[Attribute, ...]]
-    write: Callable[[Sequence[Attribute]], bytes]
+    write: Callable[[Sequence[Attribute], Asset | None], bytes]
     keeps: Callable[[Attribute], bool] = lambda attribute: attribute.domain != "corner"
     is_single: bool = False  # whether it holds only one attribute
     has_names: bool = False  # of labels
@@ -95,12 +95,14 @@ def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
         raise FormatError(f"{path}: {attribute!r} has no place in a {Path(path).suffix} file")
 
 
-def write_attributes(path: str | os.PathLike[str], attributes: Sequence[Attribute]) -> tuple[Attribute, ...]:
+def write_attributes(
+    path: str | os.PathLike[str], attributes: Sequence[Attribute], surface: Asset | None = None
+) -> tuple[Attribute, ...]:
     """Write values to a file of their own, if it has a place for one; return what is not there, or "names of" one.
 
     An existing file is replaced. Numbers that seem to be labels are written as such where the format has only labels, and
     labels as numbers where it has only these. GIFTI has no place for skinning weights and for values of corners and
-    faces, FreeSurfer but for labels (``.annot``) and scalars.
+    faces, FreeSurfer but for labels (``.annot``) and scalars. GIFTI names the anatomical structure of the ``surface``.
     """
     path = Path(path)
     values_format = _format_of(path)
@@ -115,7 +117,7 @@ def write_attributes(path: str | os.PathLike[str], attributes: Sequence[Attribut
         if attribute.names and not (values_format.has_names and place.kind == "label"):
             left.append(replace(attribute, name=f"names of {attribute.name}"))
     if kept:
-        data = values_format.write(kept)
+        data = values_format.write(kept, surface)
         with replaced(path) as file:
             file.write(data)
     return tuple(left)
@@ -155,7 +157,7 @@ def _read_array(data: bytes, name: str, surface: Asset | None) -> tuple[Attribut
     return (Attribute(title, "point", guessed_kind(title, values), values),)
 
 
-def _write_array(attributes: Sequence[Attribute]) -> bytes:
+def _write_array(attributes: Sequence[Attribute], surface: Asset | None) -> bytes:
     """Write the values of one attribute as a ``.npy`` file."""
     file = BytesIO()
     np.save(file, _words_or_numbers(*attributes), allow_pickle=False)
@@ -231,7 +233,7 @@ def _index(table: Table, at: int, n_rows: Sequence[int]) -> tuple[IntArray, int]
     return np.array(held) - base, n
 
 
-def _write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
+def _write_table(attributes: Sequence[Attribute], surface: Asset | None, mark: str = ",") -> bytes:
     """Write a line of names, and a row for each point, with a mark between the columns."""
     names, columns = [], []
     for attribute in attributes:
