@@ -19,6 +19,7 @@ from isomatch._core.texts import natural_order
 from isomatch.io.appearance import as_written, left_looks
 from isomatch.io.asset import ASKED, TOLD, Asset
 from isomatch.io.attribute import Attribute, told_apart
+from isomatch.io.formats.ply import renamed
 from isomatch.io.formats.registry import CLOUDS, FORMATS, UNREAD, MeshFormat, format_of, naming
 from isomatch.io.libraries import read_geometry
 from isomatch.io.polygons import merged_corners
@@ -246,6 +247,8 @@ def write_asset(
         told = f"{asset.frame}; positions are turned to {mesh_format.axes}" if turned else str(asset.frame)
         name = f"the frame of the coordinates ({told})"
         left.append(Attribute(name, "point", "vector", asset.frame.matrix))
+    if path.suffix.lower() == ".ply":
+        left += renamed(replace(asset, attributes=tuple(kept)))
     options = {} if binary is None else {"binary": binary}
     data = mesh_format.write(replace(asset, attributes=told_apart(kept)), **options)
     for each, content in {**beside, path: data}.items():

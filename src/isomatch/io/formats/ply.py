@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from isomatch.io.formats import _text
 from isomatch.io.formats._reading import content_beside, unexpected
 from isomatch.io.formats._text import TextLines
 from isomatch.io.materials import picture_in
-from isomatch.io.polygons import Polygons, Renumbering, spans
+from isomatch.io.polygons import Polygons, Renumbering, spans, triangles_of_strips
 from isomatch.surfaces import Mesh
 
 _TYPES = {
@@ -160,6 +161,29 @@ class PlyDocument:
         )
 
 
+def with_names_of(asset: Asset, giver: object) -> Asset:
+    """Return an asset of a PLY file whose new attributes have the names of properties of another PLY document."""
+    if not (isinstance(asset.document, PlyDocument) and isinstance(giver, PlyDocument)):
+        return asset
+    own = asset.document
+    taken = {name for members in own.names.values() for name in members} | {
+        each.name for each in own.of_points
+    }
+    new = {key: each for key, each in giver.names.items() if key not in own.names and taken.isdisjoint(each)}
+    return replace(asset, document=replace(own, names={**new, **own.names}))
+
+
+def renamed(asset: Asset) -> list[Attribute]:
+    """Return the attributes whose names lose their blanks, named so."""
+    own = asset.document.names if isinstance(asset.document, PlyDocument) else {}
+    lost = [
+        each
+        for each in asset.attributes
+        if re.search(r"\s", each.name) and (each.name, each.domain) not in own
+    ]
+    return [replace(each, name=f"the blanks in the name {each.name}") for each in lost]
+
+
 def read(data: bytes, name: str) -> Mesh:
     """Read a PLY file; properties and elements other than positions and faces are ignored."""
     elements = _elements(data, name)[0]
@@ -172,6 +196,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     elements, order, comments, encoding = _elements(data, name)
     points, (corners, sizes, index_list) = _positions(elements, name), _polygons(elements, name)
     vertex, face = elements.pop("vertex"), elements.pop("face", Element())
+    elements.pop("tristrips", None)
     of_points, point_names, point_lists = _attributes(vertex, "point", "xyz", sizes)
     of_faces, face_names, face_lists = _attributes(face, "face", (index_list,), sizes)
     single = {each.type.str[1:] for each in vertex.columns if each.name == "x"} == {"f4"}
@@ -413,8 +438,6 @@ def _mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple
 
 
 def _positions(elements: Mapping[str, Element], name: str) -> FloatArray:
-    if "tristrips" in elements:
-        raise unexpected(f"{name}:1", "triangles in element 'face'", "'tristrips'", "export faces instead")
     vertex = elements.get("vertex", Element())
     column = {each.name: each.values for each in vertex.columns if each.counts is None}
     if missing := [axis for axis in "xyz" if axis not in column]:
@@ -425,6 +448,19 @@ def _positions(elements: Mapping[str, Element], name: str) -> FloatArray:
 
 def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, IntArray, str]:
     """Read the corners of all faces, concatenated, the number of corners of each, and the name of the list."""
+    if "face" not in elements and "tristrips" in elements:
+        lists = [each for each in elements["tristrips"].columns if each.counts is not None]
+        if not lists or not _text.is_whole(lists[0].values).all():
+            expected = "a list of whole numbers of points in element 'tristrips'"
+            raise unexpected(f"{name}:1", expected, "none", "export faces instead")
+        corners = lists[0].values.astype(np.int64)
+        ends = np.union1d(
+            np.flatnonzero(corners < 0), np.cumsum(np.append(0, cast(IntArray, lists[0].counts))) - 0.5
+        )
+        strip = np.searchsorted(ends, np.arange(len(corners)), side="right")
+        sizes = np.bincount(strip[corners >= 0], minlength=1)
+        triangles, _ = triangles_of_strips(corners[corners >= 0], sizes)
+        return triangles.ravel(), np.full(len(triangles), 3), _INDEX_LISTS[0]
     if "face" not in elements:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), _INDEX_LISTS[0]
     face = elements["face"]
