@@ -40,7 +40,38 @@ def looks_of(asset: Asset) -> Looks | None:
     used = [name for name in names if name]
     look = np.array([used.index(name) if name else -1 for name in names], dtype=np.int64)
     materials = tuple(look_of.get(name) or Look(name, _UNDEFINED) for name in used)
-    return Looks(look[place][asset.polygons.of_triangle], materials)
+    return _tiled(asset, Looks(look[place][asset.polygons.of_triangle], materials))
+
+
+def _tiled(asset: Asset, materials: Looks) -> Looks:
+    """Return materials whose pictures have <UDIM> in their names as one for each tile that triangles lie in."""
+    tiled = [
+        i
+        for i, look in enumerate(materials.looks)
+        if any(len(obj.tiles_of(p.name)) > 1 for p in look.pictures)
+    ]
+    uv = next(iter(asset.of_kind("uv")), None)
+    if not tiled or uv is None or not isinstance(asset.document, ObjDocument):
+        return materials
+    polygons, files = asset.polygons, asset.document.files
+    rows = polygons.corner_of_triangle if uv.domain == "corner" else polygons.triangles
+    column, row = np.floor(np.nan_to_num(uv.values[rows][..., :2].mean(axis=1))).clip(0, 9).astype(int).T
+    looks, of_triangle = list(materials.looks), materials.of_triangle.copy()
+    for i in tiled:
+        for tile in np.unique((column + 10 * row)[materials.of_triangle == i]).tolist():
+            here = (materials.of_triangle == i) & (column + 10 * row == tile)
+            layers = [
+                each.picture
+                and replace(each, picture=Picture.among(files, obj.tiles_of(each.picture.name)[tile]))
+                for each in materials.looks[i].layers
+            ]
+            base, *glow = (new or old for new, old in zip(layers, materials.looks[i].layers))
+            of_triangle[here] = len(looks)
+            looks.append(Look(materials.looks[i].name, base, *glow))
+    # those of all tiles, which no triangle shows, are left out
+    kept = [i for i in range(len(looks)) if i not in tiled]
+    place = np.append(np.cumsum(np.isin(np.arange(len(looks)), kept)) - 1, -1)
+    return Looks(place[of_triangle], tuple(looks[i] for i in kept))
 
 
 def _textures_of(asset: Asset, document: PlyDocument) -> Looks | None:
