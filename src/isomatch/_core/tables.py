@@ -176,15 +176,24 @@ class Table:
                 )
 
     def require_one_reading(self) -> None:
-        """Raise a `FormatError` if commas may be those of decimals or separate whole numbers."""
+        """Raise a `FormatError` if commas may be those of decimals or separate numbers, or blanks be within texts."""
+        rows = self.filled
+        if not rows:
+            return
+        if self.separator == BLANKS and not any('"' in row.text for row in rows):
+            kinds = [
+                all(self.number(cell) is not None for cell in column)
+                for column in zip(*(r.cells for r in rows))
+            ]
+            if not (any(kinds) if self.titles else all(kinds)):
+                self.refuse(rows[0], "is one text with blanks, or several; put quotes around texts")
         # 1,5 2,7 3,5 below one name can be the rows that R counts; 4,5 4,7 below none one column
-        rows = [row for row in self.rows if row.cells]
-        parts = [re.fullmatch(r"(\d+),(\d+)", ",".join(row.cells), re.ASCII) for row in rows]
+        parts = [re.fullmatch(r"([+-]?\d+),(\d+)", ",".join(row.cells), re.ASCII) for row in rows]
         if self.separator not in (",", _NONE) or not all(parts):
             return
         counts = [int(part[1]) for part in parts if part]
-        is_counted = len(counts) > _FEW and counts == [*range(1, len(counts) + 1)]
-        if (len(self.titles) == 1 and is_counted) or (not self.titles and len({*counts}) < len(counts)):
+        is_counted = counts in ([*range(len(counts))], [*range(1, len(counts) + 1)])
+        if (len(self.titles) == 1 and is_counted and len(counts) > _FEW) or not (self.titles or is_counted):
             self.refuse(
                 rows[0],
                 "is one number with a decimal comma, or two; write decimal points, or name the columns",
@@ -302,7 +311,7 @@ def _is_comment(line: str, spared: Collection[str]) -> bool:
 
 def _untailed(line: str) -> str:
     """Return a line without a comment after numbers."""
-    numbers = re.split(r"\s[#%]", line, maxsplit=1)[0] if "#" in line or "%" in line else line
+    numbers = re.split(r" [#%]", line, maxsplit=1)[0] if "#" in line or "%" in line else line
     return numbers if _NUMBERS.fullmatch(numbers) else line
 
 
@@ -360,7 +369,8 @@ def _separator_of(lines: list[tuple[int, str]], name: str) -> str:
     fitting = [each for each, rows in split.items() if _is_even(rows, each)]
     words = split[BLANKS]
     if BLANKS in fitting and not {";", "\t"} & {*fitting}:
-        commas = [cell for row in words for cell in row.cells if "," in cell]
+        plain = (word[2] for _, line in head for word in _WORDS.finditer(line))  # not in quotes
+        commas = [word for word in plain if word and "," in word]
         if all(map(_WITH_COMMA.fullmatch, commas)) or "," not in fitting:
             return BLANKS
     if "\t" in fitting and BLANKS in fitting and ";" not in fitting:

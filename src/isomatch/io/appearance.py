@@ -60,18 +60,19 @@ def _tiled(asset: Asset, materials: Looks) -> Looks:
     for i in tiled:
         for tile in np.unique((column + 10 * row)[materials.of_triangle == i]).tolist():
             here = (materials.of_triangle == i) & (column + 10 * row == tile)
-            layers = [
-                each.picture
-                and replace(each, picture=Picture.among(files, obj.tiles_of(each.picture.name)[tile]))
-                for each in materials.looks[i].layers
-            ]
-            base, *glow = (new or old for new, old in zip(layers, materials.looks[i].layers))
+            of_tile = (_of_tile(each, tile, files) for each in materials.looks[i].layers)
             of_triangle[here] = len(looks)
-            looks.append(Look(materials.looks[i].name, base, *glow))
+            looks.append(Look(materials.looks[i].name, *of_tile))
     # those of all tiles, which no triangle shows, are left out
     kept = [i for i in range(len(looks)) if i not in tiled]
     place = np.append(np.cumsum(np.isin(np.arange(len(looks)), kept)) - 1, -1)
     return Looks(place[of_triangle], tuple(looks[i] for i in kept))
+
+
+def _of_tile(layer: Layer, tile: int, files: Mapping[str, bytes]) -> Layer:
+    """Return a layer with the picture of a tile, from 0, if its own has one for each."""
+    names = obj.tiles_of(layer.picture.name) if layer.picture else []
+    return replace(layer, picture=Picture.among(files, names[tile])) if len(names) > 1 else layer
 
 
 def _textures_of(asset: Asset, document: PlyDocument) -> Looks | None:
