@@ -26,7 +26,9 @@ def tables(draw, n=7):
     separator = draw(st.sampled_from([",", ";", "\t", " "]))
     comma = separator != "," and draw(st.booleans())
     has_names = draw(st.booleans())
-    index = draw(st.sampled_from(["none", "none", "vertex 0", "vertex 1", "pandas", "R csv", "R table", "shuffled"]))
+    index = draw(
+        st.sampled_from(["none", "none", "vertex 0", "vertex 1", "pandas", "R csv", "R table", "shuffled"])
+    )
     index = index if has_names else "none"
     quote = draw(st.sampled_from([csv.QUOTE_MINIMAL, csv.QUOTE_NONNUMERIC]))
     quote = csv.QUOTE_NONNUMERIC if index.startswith("R") or separator == " " else quote
@@ -50,10 +52,17 @@ def tables(draw, n=7):
     text = io.StringIO()
     writer = csv.writer(text, delimiter=separator, quoting=quote, lineterminator="\n")
     for row in [names] * has_names + rows:
-        if len(row) == 1 and row[0] == "":  # as csv and pandas write it; R and spreadsheets leave the line empty
+        if (
+            len(row) == 1 and row[0] == ""
+        ):  # as csv and pandas write it; R and spreadsheets leave the line empty
             text.write(draw(st.sampled_from(['""\n', "\n"])))
         else:
-            writer.writerow([each.text if isinstance(each, _Number) and quote == csv.QUOTE_MINIMAL else each for each in row])
+            writer.writerow(
+                [
+                    each.text if isinstance(each, _Number) and quote == csv.QUOTE_MINIMAL else each
+                    for each in row
+                ]
+            )
     content = text.getvalue().replace("\n", draw(st.sampled_from(["\n", "\r\n"])))
     encoding = draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252"]))
     return Written(content.encode(encoding), columns)
@@ -86,3 +95,22 @@ def _column(draw, n):
     for i in draw(st.sets(st.integers(0, n - 1), max_size=2)):
         values[i] = None
     return values
+
+
+@st.composite
+def clouds(draw, n=5):
+    """A cloud of ``n`` points, with or without names of columns, in any order if they have names."""
+    numbers = st.integers(-30000, 30000).map(lambda i: i / 1000)
+    points = draw(st.lists(st.tuples(numbers, numbers, numbers), min_size=n, max_size=n))
+    separator = draw(st.sampled_from([",", ";", "\t", " ", "   ", ", "]))
+    comma = "," not in separator and draw(st.booleans())
+    header = draw(st.sampled_from(["", "x y z", "Z,Y,X", "# y z x", "//X Y Z", "z x y quality"]))
+    names = [name.strip("#/").lower() for name in header.replace(",", " ").split() if name.strip("#/")]
+    order = ["xyz".find(name) for name in names] or [0, 1, 2]
+    rows = [[str(0.25 if axis < 0 else point[axis]) for axis in order] for point in points]
+    lines = [separator.join(row) for row in rows]
+    lines = [line.replace(".", ",") for line in lines] if comma else lines
+    first = header.replace(",", " ").replace(" ", separator) if header[:1] not in "#/" else header
+    text = draw(st.sampled_from(["\n", "\r\n"])).join([*[first] * bool(header), *lines])
+    encoding = draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-le"]))
+    return Written(text.encode(encoding), {"points": points})

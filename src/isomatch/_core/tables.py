@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import dropwhile
+from itertools import dropwhile, zip_longest
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -120,13 +120,16 @@ class Table:
             return False
         if first[0] == "" and len(first) > 1:
             return True
+        columns = [*zip_longest(*(row.cells for row in filled[:_HEAD]), fillvalue="")]
+        plain = [{self.number(cell) for cell in column} for column in columns]
+        if any(None not in kinds and not all(np.isnan(each) for each in kinds) for kinds in plain):
+            return True
         for lengths in (range(len(others), len(others) + self.n_after + 1), [sum(map(bool, filled))]):
             if any(n in n_rows for n in lengths) != any(n + 1 in n_rows for n in lengths):
                 return any(n in n_rows for n in lengths)
         if any(re.match(r"[-+.]?\d", cell) for cell in first):
             return False
-        is_unlike = any(self.is_number(cell) for row in filled[:_HEAD] for cell in row.cells)
-        return bool(filled) and (is_unlike or not any(row.cells == [*first] for row in filled))
+        return bool(filled) and not any(row.cells == [*first] for row in filled)
 
     def without_row_names(self) -> Table:
         """Leave out a first column without a name that counts the rows, which is said; `FormatError` if it does not."""
@@ -295,13 +298,10 @@ def table_of(text: str, name: str, spared: Collection[str] = ()) -> Table:
     cells = [cell for row in rows for cell in row.cells if "," in cell or "." in cell]
     has_commas = any(map(_WITH_COMMA.fullmatch, cells)) and not any(map(_WITH_POINT.fullmatch, cells))
     first = next((row.line for row in rows if row.cells), 0)
-    before = [line for number, line in lines if number < first and _MARK.match(line)][-1:]
-    titles = [
-        cell
-        for line in before
-        for row in rows_of([(0, _MARK.sub("", line))], separator, name)
-        for cell in row.cells
-    ]
+    before = [_MARK.sub("", line) for number, line in lines if number < first and _MARK.match(line)][-1:]
+    width = len(rows[0].cells) if rows else 0
+    split = [rows_of([(0, line)], each, name, False)[0].cells for line in before for each in (separator, BLANKS)]
+    titles = next((cells for cells in split if len(cells) == width), [])
     return Table(name, rows, separator, has_commas and separator != ",", told=(*titles,), n_after=n_after)
 
 
@@ -331,16 +331,20 @@ def _without_marked(rows: list[Row], spared: Collection[str]) -> list[Row]:
 def _are_row_names(rows: list[Row], width: int) -> bool:
     """Whether rows that are longer by one than the names of the columns begin with names of rows, as R writes them."""
     names = [row.cells[0] for row in rows]
-    return len({*names}) == len(names) and all(len(row.cells) == width + 1 for row in rows)
+    is_counted = names == [str(i) for i in range(1, len(names) + 1)]
+    is_told = is_counted or all(row.text.lstrip().startswith('"') for row in rows)
+    return is_told and len({*names}) == len(names) and all(len(row.cells) == width + 1 for row in rows)
 
 
-def rows_of(lines: Iterable[tuple[int, str]], separator: str, name: str) -> list[Row]:
+def rows_of(lines: Iterable[tuple[int, str]], separator: str, name: str, strict: bool = True) -> list[Row]:
     """Split lines, with their numbers, into cells."""
     lines = [*lines]
     if separator == BLANKS:
         return [Row(number, _words(line), line) for number, line in lines]
     rows, last = list[Row](), 0
-    reader = csv.reader((f"{line}\n" for _, line in lines), delimiter=separator, skipinitialspace=True)
+    reader = csv.reader(
+        (f"{line}\n" for _, line in lines), delimiter=separator, skipinitialspace=True, strict=strict
+    )
     try:
         for row in reader:
             number, text = lines[last]
@@ -365,7 +369,7 @@ def _words(line: str) -> list[str]:
 def _separator_of(lines: list[tuple[int, str]], name: str) -> str:
     # a tab after an apostrophe is one that was escaped
     head = [(number, line.replace("'\t", "'")) for number, line in lines if line.strip()][:_HEAD]
-    split: dict[str, list[Row]] = {each: rows_of(head, each, name) for each in (*_SEPARATORS, BLANKS)}
+    split: dict[str, list[Row]] = {each: rows_of(head, each, name, False) for each in (*_SEPARATORS, BLANKS)}
     fitting = [each for each, rows in split.items() if _is_even(rows, each)]
     words = split[BLANKS]
     if BLANKS in fitting and not {";", "\t"} & {*fitting}:

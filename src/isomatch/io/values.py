@@ -204,8 +204,8 @@ def _index(table: Table, at: int, n_rows: Sequence[int]) -> tuple[IntArray, int]
     found = [table.whole(row.cells[at]) for row in rows]
     held = [number for number in found if number is not None and number >= 0]
     bad = next((row for row, number in zip(rows, found) if number is None or number < 0), None)
-    last = {number: row for row, number in zip(rows, found)}
-    twice = next((row for row, number in zip(rows, found) if last[number] is not row), None)
+    first = dict(zip(reversed(found), reversed(rows)))
+    twice = next((row for row, number in zip(rows, found) if first[number] is not row), None)
     if not what and (bad or twice):
         return None
     if wrong := bad or twice:
