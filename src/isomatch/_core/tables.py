@@ -32,7 +32,7 @@ _NUMBER = re.compile(rf"{_PLAIN}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNOR
 _WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?", re.ASCII)
 _WITH_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d{1,4})?", re.ASCII)
 _WORDS = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')
-_COMMENT = re.compile(r"\s*(?:#|//|%)(?=\s|$)")
+_COMMENT = re.compile(r"\s*(?://|[#%](?=\s|$))")
 _MARK = re.compile(r"\s*(?:#|//)\s*")
 _NUMBERS = re.compile(r"[-+0-9.,;\seE]+")  # after which # begins a comment
 logger = logging.getLogger(__name__)
