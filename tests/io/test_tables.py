@@ -16,7 +16,7 @@ from isomatch.io import read_attributes
 MESH = Mesh(np.random.default_rng(0).random((7, 3)), [[0, 1, 2], [1, 2, 3], [2, 3, 4]])
 SURFACE = Asset.of_mesh(MESH)
 examples = settings(
-    max_examples=100, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck)
+    max_examples=30, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck)
 )
 
 
@@ -212,7 +212,7 @@ def test_positions_that_are_not_told_are_refused(tmp_path, text, message):
         read_asset(tmp_path / "a.xyz")
 
 
-@settings(examples, max_examples=50)
+@settings(examples, max_examples=20)
 @given(data=st.binary(max_size=60))
 def test_any_bytes_give_values_or_a_named_error(tmp_path_factory, data):
     for name, read in (("t.csv", lambda path: read_attributes(path, SURFACE)), ("t.xyz", read_asset)):

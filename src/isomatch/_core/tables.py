@@ -300,7 +300,9 @@ def table_of(text: str, name: str, spared: Collection[str] = ()) -> Table:
     first = next((row.line for row in rows if row.cells), 0)
     before = [_MARK.sub("", line) for number, line in lines if number < first and _MARK.match(line)][-1:]
     width = len(rows[0].cells) if rows else 0
-    split = [rows_of([(0, line)], each, name, False)[0].cells for line in before for each in (separator, BLANKS)]
+    split = [
+        rows_of([(0, line)], each, name, False)[0].cells for line in before for each in (separator, BLANKS)
+    ]
     titles = next((cells for cells in split if len(cells) == width), [])
     return Table(name, rows, separator, has_commas and separator != ",", told=(*titles,), n_after=n_after)
 

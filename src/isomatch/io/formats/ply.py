@@ -179,7 +179,7 @@ def renamed(asset: Asset) -> list[Attribute]:
     lost = [
         each
         for each in asset.attributes
-        if re.search(r"\s", each.name) and (each.name, each.domain) not in own
+        if re.search(r"[\x00-\x20]", each.name) and (each.name, each.domain) not in own
     ]
     return [replace(each, name=f"the blanks in the name {each.name}") for each in lost]
 
@@ -300,7 +300,7 @@ def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[st
     for i in range(2, len(lines) - 1):
         text = lines[i : i + 1].texts[0]
         most = 4 if text.split()[1:2] == [b"list"] else 2
-        match [word.decode(encoding, "replace").strip() for word in text.split(None, most)]:
+        match [word.strip().decode(encoding, "replace") for word in text.split(None, most)]:
             case ["comment" | "obj_info", *_]:
                 comments.append(text.decode("utf-8", "surrogateescape"))
             case ["element", element, n_rows] if _text.is_count(n_rows) and element not in declared:
@@ -559,7 +559,7 @@ def _members(attribute: Attribute, values: AnyArray, taken: set[str]) -> tuple[s
     for name, each, members in () if is_corner else _GROUPS:
         if len(members) == width and (name == attribute.name or each == kind == "colour"):
             names.append(members)
-    stem = re.sub(r"[\s\x00-\x20\x7f]+", "_", attribute.name) or "_"  # most readers know no blanks in names
+    stem = re.sub(r"[\x00-\x20\x7f]+", "_", attribute.name) or "_"  # most readers know no blanks in names
     while not (free := [members for members in names if taken.isdisjoint(members)]):
         names = [(stem,) if is_corner or values.ndim == 1 else tuple(f"{stem}_{i}" for i in range(width))]
         stem += "_"
