@@ -142,6 +142,9 @@ def test_whole_numbers_may_be_written_as_floats(tmp_path):
     assert read_integers(tmp_path / "a.txt", 1, "is none").tolist() == [[1], [2], [100000], [-1]]
     (tmp_path / "a.txt").write_text('"","x"\n"1",5\n"2",7\n')
     assert read_integers(tmp_path / "a.txt", 1, "is none").tolist() == [[5], [7]]
+    (tmp_path / "a.txt").write_text("# of two\n\n4\n\n5\n")
+    with pytest.raises(FormatError, match=r"a\.txt:4: '' is none"):
+        read_integers(tmp_path / "a.txt", 1, "is none")
     (tmp_path / "a.txt").write_text("1.5\n")
     with pytest.raises(FormatError, match=r"a\.txt:1: '1\.5' is none"):
         read_integers(tmp_path / "a.txt", 1, "is none")

@@ -121,8 +121,8 @@ class Table:
         if first[0] == "" and len(first) > 1:
             return True
         columns = [*zip_longest(*(row.cells for row in filled[:_HEAD]), fillvalue="")]
-        plain = [{self.number(cell) for cell in column} for column in columns]
-        if any(None not in kinds and not all(np.isnan(each) for each in kinds) for kinds in plain):
+        numbers = [[self.number(cell) for cell in column] for column in columns]
+        if any(None not in each and not np.isnan(np.array(each, dtype=float)).all() for each in numbers):
             return True
         for lengths in (range(len(others), len(others) + self.n_after + 1), [sum(map(bool, filled))]):
             if any(n in n_rows for n in lengths) != any(n + 1 in n_rows for n in lengths):
@@ -254,7 +254,8 @@ def read_integers(path: Path, width: int, wanted: str) -> IntArray:
     if len(table.titles) == width + 1:
         table = table.without_row_names()
     found = []
-    for row in table.filled:
+    # one number stands for its place, which an empty line would shift
+    for row in table.filled if width > 1 else dropwhile(lambda row: not row.cells, table.rows):
         numbers = [table.whole(cell) for cell in row.cells]
         whole = [number for number in numbers if number is not None]
         if len(whole) != width or len(numbers) != width:

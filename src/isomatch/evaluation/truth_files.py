@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -215,4 +216,5 @@ def read_table(path: Path, columns: int = 1) -> FloatArray:
     if table.width < columns or not table.filled:
         found = f"{len(table.filled)} rows of {table.width} numbers"
         raise FormatError(f"{path}: {found}, expected rows of {columns}; copy or export it again")
+    table = replace(table, rows=table.filled) if columns > 1 else table
     return np.column_stack([table.numbers(i) for i in range(table.width)])
