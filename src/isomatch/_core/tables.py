@@ -86,15 +86,13 @@ class Table:
         Rows that have one cell more than it begin with the names that R gives them. ``n_rows`` are the numbers of rows
         that there may be without it.
         """
-        if self._are_known(self.told, known):
-            return replace(self, titles=self.told)
         rows = [*dropwhile(lambda row: not row.cells, self.rows)]
         if not rows:
             return self
         first, *others = rows
         cells = [_MARK.sub("", first.cells[0], count=1), *first.cells[1:]]
         if not (always or self._are_known(cells, known) or self._is_header(first.cells, others, n_rows)):
-            return self
+            return replace(self, titles=self.told if self._are_known(self.told, known) else ())
         longer = [row for row in others if any(row.cells[len(cells) :])]
         if (
             longer
@@ -169,9 +167,9 @@ class Table:
             found.append(record)
         return found
 
-    def require_width(self, width: int | None = None) -> None:
-        """Raise a `FormatError` for the first row that has not so many cells, by default as many as the first."""
-        width = width or len(self.titles) or next((len(row.cells) for row in self.rows if row.cells), 0)
+    def require_width(self) -> None:
+        """Raise a `FormatError` for the first row that has not as many cells as the names, or as the first."""
+        width = len(self.titles) or next((len(row.cells) for row in self.rows if row.cells), 0)
         for row in self.filled:
             if len(row.cells) < width or any(row.cells[width:]):
                 self.refuse(
