@@ -68,9 +68,9 @@ def marked(path, target_path=None):
 
 
 FILES = {
-    "landmarks.txt": (b"# mine\n1 2\n3 4 # tail\n5 6\n", marked),
+    "landmarks.txt": (b"# mine\n1, 2\n3 4 # tail\n5\t6\n", marked),
     "landmarks.csv": (b"name,source,target\nnose,1,2\ntail,3,0\n", marked),
-    "positions.txt": (b"0, 0, 0, 1, 0, 0\n1,1,0,0,1,0\n", marked),
+    "positions.txt": (b"0 0 0 1 0 0\n1,1,0,0,1,0\n", marked),
     "nose.mrk.json": (SLICER, lambda path: marked(path, path)),
     "nose.fcsv": (FIDUCIALS, lambda path: marked(path, path)),
     "nose.pp": (PICKED, lambda path: marked(path, path)),

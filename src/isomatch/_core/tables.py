@@ -292,6 +292,8 @@ def table_of(text: str, name: str, spared: Collection[str] = ()) -> Table:
     while kept and not kept[-1][1].strip(" "):
         kept.pop()
     n_after = max(n_lines - len(kept) - 1, 0)
+    if {*map(_is_of_numbers, (line for _, line in kept[:_HEAD] if line.strip()))} == {",", BLANKS}:  # by hand
+        kept = [(number, line.replace(",", " ")) for number, line in kept]
     separator = told if told and told in _SEPARATORS else _separator_of(kept, name)
     rows = _without_marked(rows_of(kept, separator, name), spared)
     cells = [cell for row in rows for cell in row.cells if "," in cell or "." in cell]
@@ -308,6 +310,12 @@ def table_of(text: str, name: str, spared: Collection[str] = ()) -> Table:
 
 def _is_comment(line: str, spared: Collection[str]) -> bool:
     return _COMMENT.match(line) is not None and not line.startswith(tuple(spared))
+
+
+def _is_of_numbers(line: str) -> str:
+    """Return what separates the numbers of a line, commas or blanks alone; nothing of another line."""
+    kinds = ((",", r"\s*,\s*"), (BLANKS, r"\s+"))
+    return next((mark for mark, gap in kinds if re.fullmatch(rf"\s*{_PLAIN}(?:{gap}{_PLAIN})+\s*", line)), "")
 
 
 def _untailed(line: str) -> str:
