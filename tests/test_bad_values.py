@@ -19,7 +19,7 @@ from isomatch import (
 from isomatch._core.errors import FormatError, LandmarkError, MapError, MeshError, SettingError
 from isomatch._core.memory import GIB, memory_budget
 from isomatch._core.settings import generator
-from isomatch._core.texts import read_integers
+from isomatch._core.tables import read_integers
 from isomatch._core.threads import n_threads
 from isomatch.matching.priors import checked_landmarks
 from isomatch_lab.sets import benchmark_set
@@ -113,7 +113,7 @@ def test_files_that_are_none(tmp_path, make):
         "map.txt": Correspondence.load,
         "basis.npz": DistanceBasis.load,
         "config.toml": Config.from_file,
-        "pairs.txt": lambda path: read_integers(path, 2, lambda number, line: None),
+        "pairs.txt": lambda path: read_integers(path, 2, "is no pair"),
     }
     for name, reader in readers.items():
         with pytest.raises(FormatError, match="regular"):

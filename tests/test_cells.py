@@ -5,7 +5,8 @@ import csv
 import numpy as np
 import pytest
 
-from isomatch._core.texts import joined, read_csv, separated, write_csv
+from isomatch._core.tables import read_csv, table_of
+from isomatch._core.texts import joined, write_csv
 from isomatch.io import Attribute, read_attributes, write_attributes
 
 FORMULAS = ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\tx", "\r=1", "'=1", "''@a"]
@@ -34,8 +35,8 @@ def test_any_other_text_is_written_as_it_is(tmp_path, word):
 
 def test_cells_are_read_as_they_were_meant():
     words = [word for word in (*FORMULAS, *PLAIN) if word == word.strip()]
-    rows, _ = separated(joined([["n"] * len(words), words]), "a.csv")
-    assert rows[1][1] == words
+    table = table_of(joined([["n"] * len(words), words]), "a.csv")
+    assert table.rows[1].cells == words
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".tsv"])

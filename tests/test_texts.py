@@ -1,16 +1,22 @@
 """Small rules about texts and choices: encodings, order of names, names of files, separators, indices, ties."""
 
 import numpy as np
+import pytest
 
 from isomatch._core.errors import some
 from isomatch._core.files import legible
-from isomatch._core.texts import encoding_of, joined, natural_order, separated, unescaped
+from isomatch._core.texts import decoded, encoding_of, joined, natural_order, unescaped
 from isomatch._core.ties import first_largest, first_of_rank
 
 
 def test_an_encoding_is_found_by_the_bytes():
     assert encoding_of("Füße".encode()) == "utf-8"
     assert encoding_of("Füße".encode("latin-1")) == "cp1252"
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "utf-16", "utf-32", "utf-8-sig"])
+def test_a_text_is_read_in_any_unicode_with_or_without_a_mark(encoding):
+    assert decoded("name;Füße\na;1,5\n".encode(encoding)) == "name;Füße\na;1,5\n"
 
 
 def test_names_sort_as_people_count():
@@ -25,13 +31,6 @@ def test_bytes_of_names_that_are_no_letters_can_be_told():
 def test_an_apostrophe_is_taken_off_formulas_alone():
     assert [unescaped(cell) for cell in ("'=1+1", "'tis")] == ["=1+1", "'tis"]
     assert joined([["name", "depth"], ["=1+1", -0.5], ["-a", "-2"]]) == "name,depth\n'=1+1,-0.5\n'-a,-2\n"
-
-
-def test_the_separator_gives_most_rows_of_one_length():
-    assert separated("depth;width\n1,5;0,25\n", "a.csv") == (
-        [(1, ["depth", "width"]), (2, ["1,5", "0,25"])],
-        ";",
-    )
 
 
 def test_many_indices_are_counted():

@@ -151,7 +151,7 @@ def test_what_does_not_fit_is_told(folder, capsys):
         ("depth;bend\n1,5;0,25\n2,5;\n3,5;0,5\n", {"depth": [1.5, 2.5, 3.5], "bend": [0.25, np.nan, 0.5]}),
         ("1,5\t0,25\n2,5\t0,75\n3,5\t0,5\n", {"t_0": [1.5, 2.5, 3.5], "t_1": [0.25, 0.75, 0.5]}),
         ("depth\n1,5\n2,5\n3,5\n", {"depth": [1.5, 2.5, 3.5]}),
-        ("side;depth\na,b;1.5\nc;1,000\nd;2\n", {"side": ["a,b", "c", "d"], "depth": ["1.5", "1,000", "2"]}),
+        ("side;depth\na,b;1.5\nc;1e3\nd;2\n", {"side": ["a,b", "c", "d"], "depth": [1.5, 1000, 2]}),
         ("sep=;\nside;depth\na;1\nb;2\nc;3\n", {"side": ["a", "b", "c"], "depth": [1, 2, 3]}),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 
 from isomatch import read_mesh
 from isomatch._core.files import legible
-from isomatch._core.texts import read_csv
+from isomatch._core.tables import read_csv
 from isomatch.cli import main
 from isomatch.cohort import Collection
 from small_collections import run

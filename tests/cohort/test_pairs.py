@@ -6,6 +6,7 @@ from itertools import combinations
 import pytest
 
 from isomatch import InputError
+from isomatch._core.errors import IsomatchError
 from isomatch.cohort import Collection
 from isomatch.cohort.jobs import Run
 from isomatch.cohort.plan import entries_of, pairs_of, tiles_of
@@ -49,13 +50,13 @@ def test_a_list_names_shapes_relative_to_its_folder(folder):
         ([["path"]], "no shapes that can be read"),
         ([["file"], ["a.off"]], "has no column 'path'"),
         ([["path"], ["a.off"], ["x/a.ply"]], "several shapes are named a"),
-        ([["name", "path"], ["a__b", "a.off"]], "a__b cannot be names of shapes"),
-        ([["name", "path"], ["../a", "a.off"]], "cannot be names of shapes"),
-        ([["name", "path"], ["a_", "a.off"], ["_b", "b.ply"]], "a_ cannot be names of shapes"),
+        ([["name", "path"], ["a__b", "a.off"]], "'a__b' cannot be the name of a shape"),
+        ([["name", "path"], ["../a", "a.off"]], "cannot be the name of a shape"),
+        ([["name", "path"], ["a_", "a.off"], ["_b", "b.ply"]], "'a_' cannot be the name of a shape"),
     ],
 )
 def test_bad_lists(lines, complaint, folder):
-    with pytest.raises(InputError, match=complaint):
+    with pytest.raises(IsomatchError, match=complaint):
         entries_of(write_list(folder / "list.csv", *lines))
 
 
@@ -77,7 +78,7 @@ def test_patterns():
     ],
 )
 def test_bad_lists_of_pairs(lines, complaint, tmp_path):
-    with pytest.raises(InputError, match=complaint):
+    with pytest.raises(IsomatchError, match=complaint):
         pairs_of(NAMES, write_list(tmp_path / "pairs.csv", *lines), None)
 
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from isomatch import Correspondence, Mesh, Outcome, read_mesh, write_mesh
-from isomatch._core.texts import read_csv
+from isomatch._core.tables import read_csv
 from isomatch.cli import main
 from isomatch.cohort import Collection, PairMaps, finish
 from isomatch.cohort.ledger import ShapeRow, writing_ledger

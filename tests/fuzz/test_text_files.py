@@ -2,18 +2,23 @@
 
 import io
 import json
+from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mutations import fuzzed, mutated
 from scipy.io import savemat
 
-from isomatch import Config, Correspondence, Mesh, read_landmarks
+from isomatch import Config, Correspondence, Landmarks, Mesh, read_asset, read_landmarks
 from isomatch._core.errors import IsomatchError
 from isomatch.cli.inputs import read_config
+from isomatch.cohort.plan import entries_of
+from isomatch.cohort.statistics import read_groups
+from isomatch.cohort.subjects import structures_of
 from isomatch.evaluation import read_indices, read_truth
+from isomatch.io import read_attributes
 from isomatch_lab.evaluation.ledger import FILE, IDENTITY, identity_of, read_rows
 from isomatch_lab.sets import FolderSettings, tosca
 from isomatch_lab.sets.pair_list import PairList
@@ -149,6 +154,30 @@ def test_settings_of_any_type(data):
         Config.from_dict({name: value})
     except IsomatchError:
         return
+
+
+DOOR = {
+    "values.csv": (b"vertex,part,depth\n0,1,0.5\n1,NA,2.5\n3,2,7\n", read_attributes),
+    "groups.csv": (b'"name";"group"\n"a";"m"\n"b";NA\n', lambda path: read_groups(path, "ab")),
+    "list.csv": (b"\xef\xbb\xbfname;path\r\n007;a.ply\r\n", entries_of),
+    "subjects.csv": (b"subject,structure,file\ns1,bone,a.ply\ns2,bone,b.ply\n", structures_of),
+    "cloud.xyz": (b"//X Y Z R G B\n0,5 1 2 3 4 5\n1,5 1 2 3 4 5\n", read_asset),
+    "marks.csv": (b'"","name","x","y","z"\n"1","a",0,0,0\n"2","b",NA,NA,NA\n', Landmarks.read),
+    "marks.fcsv": (FIDUCIALS, Landmarks.read),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", DOOR)
+@settings(fuzzed, max_examples=300)
+@given(data=st.data())
+def test_two_thousand_tables_clouds_and_marks(folder, name, data):
+    """Only a named error may come of a changed one."""
+    seed, read = DOOR[name]
+    path = folder / name
+    path.write_bytes(data.draw(mutated(seed) | st.binary(max_size=80)))
+    with suppress(IsomatchError):
+        read(path)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Attributes of equal, reserved or strange names: none is lost, renames another or makes a file unreadable."""
 
+import re
+
 import numpy as np
 import pytest
 from made import POINTS, POLYGONS
@@ -25,7 +27,10 @@ def test_ply_keeps_values_of_any_name(tmp_path, name, binary):
     part = Attribute(name, "face", "label", [1, 2, 3, 4])
     at_corners = Attribute(name, "corner", "scalar", np.arange(15.0))
     asset = carrying(scalar(name), *others, part, at_corners)
-    assert write_asset(tmp_path / "a.ply", asset, binary=binary) == ()
+    left = {each.name for each in write_asset(tmp_path / "a.ply", asset, binary=binary)}
+    assert left == {
+        f"the blanks in the name {each.name}" for each in asset.attributes if re.search(r"\s", each.name)
+    }
     again = read_asset(tmp_path / "a.ply")
     assert np.array_equal(again.points, POINTS)
     assert len(again.attributes) == 5

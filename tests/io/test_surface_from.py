@@ -110,10 +110,6 @@ def test_without_faces_the_vertices_are_points(tmp_path):
         (meshio.Mesh(VERTICES, [("tetra", [[0, 1, 2, 3]])]), "no triangles, quads or polygons but tetra"),
         ((VERTICES, [[0, 1, 2, 3]]), r"faces have shape \(1, 4\), .* split polygons"),
         ((VERTICES[:, :2], TRIANGLES), r"vertices have shape \(6, 2\), expected \(n, 3\)"),
-        (
-            pyvista.PolyData(VERTICES, strips=[4, 0, 1, 3, 2]),
-            r"strips of triangles; call its triangulate\(\)",
-        ),
     ],
 )
 def test_what_is_no_surface(given, message):

@@ -17,7 +17,13 @@ from tempfile import NamedTemporaryFile
 from threading import Lock
 from typing import BinaryIO
 
-from isomatch._core.errors import FormatError, IsomatchError, MissingFileError, UnwritableFileError
+from isomatch._core.errors import (
+    FormatError,
+    InputError,
+    IsomatchError,
+    MissingFileError,
+    UnwritableFileError,
+)
 
 _OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)  # the first: it is no regular file
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
@@ -229,6 +235,25 @@ def legible(name: str) -> str:
     if not _HALF_LETTER.search(name):
         return name
     return _HALF_LETTER_OR_PERCENT.sub(lambda match: f"%{ord(match[0]) & 0xFF:02X}", name)
+
+
+_OF_DEVICES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³])(\s*\..*)?", re.IGNORECASE)  # on Windows
+_NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|\x00-\x1f]')
+_LONGEST_NAME = 200  # bytes, which leave room for suffixes; most systems have 255
+
+
+def require_names(names: Iterable[str], what: str, where: object, remedy: str) -> None:
+    """Raise `InputError` for names of ``what`` that cannot be those of files or would lead out of their folder."""
+    for name in names:
+        if not name or _NOT_IN_NAMES.search(name) or name.startswith(".") or name != name.strip().rstrip("."):
+            why = 'files are named by it, so give no / \\ : * ? " < > |, nor dots or blanks at its ends'
+        elif _OF_DEVICES.fullmatch(name):
+            why = "files of this name are devices on Windows"
+        elif len(name.encode("utf-8", "surrogateescape")) > _LONGEST_NAME:
+            why = f"it has more than {_LONGEST_NAME} bytes"
+        else:
+            continue
+        raise InputError(f"{where}: {name[:80]!r} cannot be the name of a {what}: {why}; {remedy}")
 
 
 def ignores_case(folder: Path) -> bool:

@@ -1,4 +1,4 @@
-"""Texts and tables in texts, of unknown origin: their encoding, their lines and their cells."""
+"""Texts of unknown origin: their encoding and lines; names in their order; tables and JSON as they are written."""
 
 from __future__ import annotations
 
@@ -6,24 +6,19 @@ import csv
 import json
 import math
 import re
-from array import array
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from io import StringIO
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-import numpy as np
-
-from isomatch._core.arrays import IntArray
-from isomatch._core.errors import FormatError
 from isomatch._core.files import contents, write_text
 
 # encodings by the bytes that a text begins with
-MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
-SEPARATORS = ";\t,"  # of cells; the comma last, as it may be that of decimals
-Rows = list[tuple[int, list[str]]]
+MARKS = {
+    b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16",
+}  # fmt: skip
+_HEAD = 1000  # bytes by which an encoding without a mark is found
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")  # how a formula of a spreadsheet begins, also when it is escaped
 
 
@@ -42,6 +37,11 @@ def read_text(path: Path) -> str:
 
 def decoded(text: bytes) -> str:
     """Read a text in the encoding that is found by `encoding_of`, without the mark that it may begin with."""
+    for i, encoding in enumerate(("utf-16-be", "utf-16-le")):  # of letters of Europe every second byte is 0
+        if text.startswith((*MARKS,)):
+            break
+        if 2 * text[i:_HEAD:2].count(0) > len(text[i:_HEAD:2]) and not text[1 - i : _HEAD : 2].count(0):
+            return text.decode(encoding, errors="replace")
     return text.decode(encoding_of(text), errors="replace")
 
 
@@ -55,17 +55,6 @@ def encoding_of(text: bytes) -> str:
             text.decode(encoding)
             return encoding
     return "latin-1"
-
-
-def read_integers(path: Path, width: int, refuse: Callable[[int, str], NoReturn]) -> IntArray:
-    """Read (rows, width) integers, separated by a comma or blanks; ``refuse`` another line, by its number and text."""
-    integers = array("q")
-    for number, line in text_lines(path):
-        words = line.replace(",", " ").split()
-        if len(words) != width or not all(map(is_whole_number, words)):
-            refuse(number, line)
-        integers.extend(map(int, words))
-    return np.array(integers, dtype=np.int64).reshape(-1, width)
 
 
 def natural_order(name: str) -> list[tuple[str, int]]:
@@ -101,40 +90,6 @@ def _escaped(cell: object) -> object:
 def unescaped(cell: str) -> str:
     """Return a text without the apostrophe that `joined` puts before it."""
     return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
-
-
-def separated(text: str, name: str, separators: Iterable[str] = SEPARATORS) -> tuple[Rows, str]:
-    """Split lines, numbered from 1, by the separator that gives most rows of one length of 2 and more; return it too."""
-
-    def split(separator: str) -> Rows:
-        reader = csv.reader(StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
-        try:
-            return [(reader.line_num, [unescaped(cell.strip()) for cell in row]) for row in reader if row]
-        except csv.Error as error:
-            message = f"{name}:{reader.line_num}: not a table ({error}); write cells separated by commas"
-            raise FormatError(message) from None
-
-    # a first line sep=; of a spreadsheet program says which it is
-    if text[:4].lower() == "sep=" and text[4:5] in tuple(SEPARATORS):
-        return split(text[4])[1:], text[4]
-
-    def n_alike(table: tuple[Rows, str]) -> int:
-        return max(Counter(len(row) for _, row in table[0] if len(row) > 1).values(), default=0)
-
-    return max(((split(each), each) for each in separators), key=n_alike)
-
-
-def read_csv(path: Path) -> list[dict[str, str]]:
-    """Read a table whose first line names the columns; a cell that a line lacks is empty; `FormatError` if it is none."""
-    reader = csv.DictReader(StringIO(read_text(path), newline=""), restval="")
-    try:
-        reader.fieldnames = [unescaped(name) for name in reader.fieldnames or ()]
-        return [  # under None are the further cells of a line, a list
-            {name: unescaped(cell) if name is not None else cell for name, cell in row.items()}
-            for row in reader
-        ]
-    except csv.Error as error:
-        raise FormatError(f"{path}: not a table ({error}); write cells separated by commas") from None
 
 
 def write_csv(path: Path, rows: Iterable[Mapping[str, object]], columns: Collection[str]) -> None:

@@ -18,7 +18,8 @@ from isomatch._core.array_file import write_arrays
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import FormatError, SettingError, some
 from isomatch._core.files import write_text
-from isomatch._core.texts import is_whole_number, joined, text_lines
+from isomatch._core.tables import read_integers
+from isomatch._core.texts import is_whole_number, joined, read_text, text_lines
 from isomatch.cli.inputs import Force, Output, Seed, Weld, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_table
@@ -314,14 +315,16 @@ def words_of(text: str, option: str) -> list[str]:
 
 def word_pairs(path: Path) -> list[tuple[str, str]]:
     """Read a pair of points from each line."""
+    no_pair = (
+        f"is not a pair; write two 0-based vertex indices, separated by a comma or blank; each is {NOTATION}"
+    )
+    if ":" not in read_text(path):
+        return [(str(a), str(b)) for a, b in read_integers(path, 2, no_pair).tolist()]
     pairs = []
     for number, line in text_lines(path):
         words = _words(line)
         if len(words) != 2:
-            raise FormatError(
-                f"{path}:{number}: {line[:80]!r} is not a pair; write two 0-based vertex indices, separated by a comma "
-                f"or blank; each is {NOTATION}"
-            )
+            raise FormatError(f"{path}:{number}: {line[:80]!r} {no_pair}")
         pairs.append((words[0], words[1]))
     return pairs
 

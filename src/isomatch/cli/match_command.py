@@ -42,7 +42,7 @@ from isomatch.cli.results import (
     say_result,
 )
 from isomatch.cli.terminal import TALK, Talk, part, say, say_rows
-from isomatch.io import files_beside
+from isomatch.io import Attribute, files_beside, with_structure_of
 from isomatch.settings import Hypotheses, Orientation, RefinementName, Resolution, Start
 
 N_JUDGED = 500  # source vertices, drawn with seed 0, whose images a demo compares with the ground truth
@@ -210,7 +210,9 @@ def _to_wrap(
             raise MeshError(f"{path}: has no faces, which --as-mesh needs; give a mesh, or leave it out")
     require_writable(as_mesh, shapes[1], rounded)
     assets = [isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1], sound=False)]
-    return assets, list(files_beside(as_mesh, assets[0]))
+    assets[0] = with_structure_of(*assets)
+    measured = Attribute("expected_error", "point", "scalar", np.zeros(len(assets[0].points)))
+    return assets, list(files_beside(as_mesh, assets[0].with_attributes(measured)))
 
 
 def choose(folder: Path, number: int, /, *, details: Details = False, talk: Talk = TALK) -> None:

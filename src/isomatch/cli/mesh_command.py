@@ -17,14 +17,16 @@ from rich.console import Console
 import isomatch
 from isomatch import shapes, spectral
 from isomatch._core.array_file import write_arrays
+from isomatch._core.skipped import tell_skipped
 from isomatch.cli.distance_command import N_COLUMNS
 from isomatch.cli.inputs import Force, Json, Output, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import say, say_json
 from isomatch.io import FORMATS, as_written, files_beside, meshes_among, read_as_far
-from isomatch.repair import without_seams
+from isomatch.repair import Repair, without_seams
 
 NUMBERS = 50  # columns of a table beside the names
+LEAST_LEFT = 0.1  # share of the vertices; triangle soups have six times as many as meshes
 LEAST_NAME = 12  # columns of a name, however narrow the terminal is
 
 Verb = Literal["distance", "basis", "match"]
@@ -189,6 +191,19 @@ def _refusal(verb: Verb, mesh: isomatch.Mesh) -> str | None:
     return None
 
 
+def _require_something_left(file: Path, repaired: Repair, weld: float | None) -> None:
+    """Raise `MeshError` if nothing is left to write; tell if most is gone."""
+    after, n_before = repaired.mesh, len(repaired.new_index)
+    what = "points" if not after.n_vertices else "faces" if not after.n_faces else ""
+    far = f"--weld {weld:g} is in the units of the file; " if weld else ""
+    if what == "points" or (what and isomatch.read_mesh(file).n_faces):
+        raise isomatch.MeshError(
+            f"{file}: no {what} would be left, so nothing is written; {far}see isomatch check"
+        )
+    if far and after.n_vertices < LEAST_LEFT * n_before:
+        tell_skipped(f"{file}: {after.n_vertices} of {n_before} vertices are left; {far}see isomatch check")
+
+
 _INDICES = ("vertex_index", "new_index", "polygon_index", "face_index")
 
 
@@ -234,6 +249,7 @@ def repair(
             without_base=without_base,
         )
         asset = cast(isomatch.Asset, repaired.asset)
+        _require_something_left(file, repaired, weld)
         beside = files_beside(output, asset)
         with claimed_files(*beside, force=force):
             left = [attribute.name for attribute in isomatch.write_asset(output, asset, rounded=rounded)]
@@ -252,5 +268,6 @@ def _whole(file: Path, output: Path) -> Path | isomatch.Asset:
     mesh_format = FORMATS.get(output.suffix.lower())
     if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
         return file
-    shown, _ = as_written(output, isomatch.read_asset(file, sound=False))
+    named = output.with_name(output.name.lower().replace(".surf.gii", ".gii"))  # values are taken off later
+    shown, _ = as_written(named, isomatch.read_asset(file, sound=False))
     return replace(shown.placed, parts=(), document=shown.document)

@@ -72,7 +72,7 @@ def say_wrapped(record: dict[str, Any]) -> None:
         f"the target with the faces of the source; {record['turned']:.2%} of them are turned over, almost no edge is "
         f"stretched by more than {record['stretch']:.2f} ×, vertices are {record['distance']:.2%} of the size (√area) "
         "off on average",
-        f"materials: {', '.join(record['files_beside'])}" if record["files_beside"] else "",
+        f"beside it: {', '.join(record['files_beside'])}" if record["files_beside"] else "",
         f"{extended} vertices have no counterpart and are placed by those around them" if extended else "",
     ]
     say_rows(("", line) for line in lines)

@@ -14,15 +14,18 @@ from cyclopts.exceptions import CycloptsError
 
 from isomatch import __version__
 from isomatch._core.errors import IsomatchError
+from isomatch._core.skipped import telling_once
 from isomatch.cli.terminal import complain, print_anything
 
 DONE, BAD, MISUSED, INTERRUPTED = 0, 1, 2, 130
+STRICT = "--strict"  # an option of all commands
 
 app = App(
     name="isomatch",
     help=(
         "Point-to-point correspondence between near-isometric surfaces. Maps are found from geodesic distances, "
-        "curvature and spectral signatures, and refined with vertex positions and normals."
+        "curvature and spectral signatures, and refined with vertex positions and normals. With --strict, what a command "
+        "would leave out or suppose is an error."
     ),
     version=__version__,
     default_parameter=Parameter(negative=()),
@@ -59,6 +62,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     print_anything()
     words = sys.argv[1:] if argv is None else list(argv)
+    strict = STRICT in words
+    words = [word for word in words if word != STRICT]
     if not words or words[0] not in OWN:
         # of other packages, such as isomatch_lab
         others = {each.name: each.value for each in entry_points(group="isomatch.commands")}
@@ -72,7 +77,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except CycloptsError as error:
         return _complain(f"{error} See isomatch --help.", MISUSED)
     try:
-        command(*bound.args, **bound.kwargs)
+        with telling_once(strict):
+            command(*bound.args, **bound.kwargs)
     except IsomatchError as error:
         return _complain(str(error), BAD)
     except OSError as error:

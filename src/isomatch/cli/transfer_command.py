@@ -135,7 +135,7 @@ def _written(output: Path, asset: isomatch.Asset, names: Collection[str], rounde
     if not holds_values(output):
         return [attribute.name for attribute in isomatch.write_asset(output, asset, rounded=rounded)]
     carried = [attribute for attribute in asset.attributes if attribute.name in names]
-    left = [attribute.name for attribute in write_attributes(output, carried)]
+    left = [attribute.name for attribute in write_attributes(output, carried, asset)]
     if set(names) <= set(left):
         no_place = f"a {output.suffix} file has no place for {', '.join(left)}"
         reason = no_place if left else "nothing was carried"

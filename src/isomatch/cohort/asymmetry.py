@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, InputError, MeshError, SettingError
 from isomatch._core.stage_timer import Progress
-from isomatch._core.texts import read_csv
+from isomatch._core.tables import read_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surface_as_written
@@ -114,7 +114,7 @@ def asymmetry(
         maps, about, unsure = list[Correspondence](), [dict[str, Any]()] * len(cohort), ""
         scans = Collection.open(source) if Layout(source).plan.exists() else None
         if pairs:
-            named = [(row.get("left") or "", row.get("right") or "") for row in read_csv(pairs)]
+            named = [(row["left"], row["right"]) for row in read_csv(pairs, ("left", "right"))]
             both = shape_statistics.paired_sides(cohort, named)
             notes += [f"{name} has no partner" for name in cohort.names if name not in {*sum(named, ())}]
         elif left_right and not is_mesh:

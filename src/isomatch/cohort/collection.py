@@ -25,7 +25,7 @@ from isomatch.cohort.plan import (
     entries_of,
     pairs_of,
     require_files_of_their_own,
-    unusable_names,
+    require_shape_names,
 )
 from isomatch.cohort.unusual_shapes import OTHERS, checked_units
 from isomatch.cohort.workers import Workers
@@ -142,8 +142,7 @@ class Collection(Plan):
             shapes = tuple(Entry(name, Path(file)) for name, file in plan["shapes"].items())
             config = Config.from_dict(plan["config"])
             generator(plan["seed"])
-            if bad := unusable_names(plan["shapes"]):
-                raise ValueError(f"{', '.join(bad)} cannot be names of shapes")
+            require_shape_names(plan["shapes"], str(path))
             turned = plan.get("reflect", ())
             turned = turned if turned == "auto" else tuple(map(str, turned))
             units = checked_units(plan.get("units", {}), plan["shapes"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -19,6 +18,7 @@ from scipy.spatial import cKDTree
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import InputError, IsomatchError
 from isomatch._core.files import claimed, legible, made_folder, replaced
+from isomatch._core.skipped import tell_skipped
 from isomatch._core.stage_timer import Progress
 from isomatch._core.texts import write_csv
 from isomatch.cohort.collection import Collection
@@ -50,7 +50,7 @@ PER_ROW = 6
 RESOLUTION = 220.0  # pixels per √area
 RADIUS = 0.02  # √area: of a dot
 GREY = 0.82
-logger = logging.getLogger(__name__)
+SAME_PLACE = 1e-4  # of the extent of landmarks: by which two files of them may differ
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,10 @@ def write_landmark_tables(
 def landmark_files(marks: Path, collection: Collection, template: str | None) -> dict[str, Path]:
     """Find the file of landmarks of each shape that has one, in the order of the shapes, and what is wrong with them."""
     names = collection.names
-    present = {legible(path.name): path for path in (marks.iterdir() if marks.is_dir() else [marks])}
+    seen = [
+        path for path in (marks.iterdir() if marks.is_dir() else [marks]) if not path.name.startswith(".")
+    ]
+    present = {legible(path.name): path for path in seen}
     of = {name: [present[name + suffix] for suffix in SUFFIXES if name + suffix in present] for name in names}
     files = {name: paths[0] for name, paths in of.items() if paths}
     if not files and isfile(marks):
@@ -179,9 +182,29 @@ def landmark_files(marks: Path, collection: Collection, template: str | None) ->
         raise InputError(
             f"{marks}: no landmarks of a shape of the collection; give a folder of files such as {names[0]}.mrk.json"
         )
+    used = {path for paths in of.values() for path in paths} | {*files.values()}
+    if others := sorted(path.name for path in seen if path not in used):
+        tell_skipped(f"{marks}: {', '.join(others)} left out, named like no shape of the collection")
     for name, path in files.items():  # what is wrong with them is told before anything is done
-        Landmarks.read(path, collection.paths[name])
+        own = Landmarks.read(path, collection.paths[name])
+        for other in of.get(name, ())[1:]:
+            if not _are_alike(own, other, collection.paths[name]):
+                tell_skipped(
+                    f"{name} has the landmarks of {path.name}; {other.name}, which has others, is left out"
+                )
     return files
+
+
+def _are_alike(own: Landmarks, other: Path, surface: Path) -> bool:
+    """Whether another file of a shape has the same landmarks, but for the digits of text."""
+    try:
+        found = Landmarks.read(other, surface)
+    except IsomatchError:
+        return False
+    size = np.ptp(own.positions[own.placed], axis=0).max(initial=0.0) if own.placed.any() else 0.0
+    return found.names == own.names and np.allclose(
+        found.positions, own.positions, rtol=0, atol=SAME_PLACE * size, equal_nan=True
+    )
 
 
 def write_tables(
@@ -345,7 +368,7 @@ def collected_landmarks(
         except IsomatchError as error:
             if name in files:
                 raise
-            logger.warning("%s is left out: %s", name, error)
+            tell_skipped(f"{name} is left out: {error}")
             continue
         if marks is not None:
             yield name, marks

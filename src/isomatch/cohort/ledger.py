@@ -13,7 +13,8 @@ from typing import Any, ClassVar, Literal, Self
 
 from isomatch._core.errors import FormatError, UnwritableFileError
 from isomatch._core.files import claimed
-from isomatch._core.texts import read_csv, write_csv
+from isomatch._core.tables import read_csv
+from isomatch._core.texts import write_csv
 from isomatch.matching import MatchResult, Outcome
 
 State = Literal["todo", "failed", "done"]

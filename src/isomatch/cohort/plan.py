@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,8 +21,9 @@ from scipy.spatial.distance import cdist
 from isomatch._core.arrays import FloatArray
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import InputError
-from isomatch._core.files import UNFINISHED, ignores_case, legible, remove_unfinished
-from isomatch._core.texts import read_csv
+from isomatch._core.files import UNFINISHED, ignores_case, legible, remove_unfinished, require_names
+from isomatch._core.skipped import tell_skipped
+from isomatch._core.tables import read_csv
 from isomatch.cohort.ledger import (
     N_EIGENVALUES,
     N_QUANTILES,
@@ -45,8 +45,6 @@ N_OTHERS = 1000  # shapes with which each is compared, to find the medoid
 BETWEEN = "__"  # of two names, in the name of the file of their maps
 PATTERNS = ("star", "all", "chain", "ring")
 SIDE = 8  # shapes at either side of the tiles that shards are cut from
-# on Windows, whatever the suffix
-_OF_DEVICES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9])(\..*)?", re.IGNORECASE)
 _NAMED = "give a list.csv with columns name and path"
 
 
@@ -255,44 +253,41 @@ def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry
     if not isinstance(shapes, str | Path):
         given = (each if isinstance(each, Entry) else Path(each) for each in shapes)
         entries = [each if isinstance(each, Entry) else Entry(legible(each.stem), each) for each in given]
-    elif str(shapes).endswith(".csv"):
+    elif str(shapes).lower().endswith(".csv") and not Path(shapes).is_dir():
         entries = _in_table(Path(shapes))
     else:
         folder = Path(shapes)
         paths = folder.iterdir() if folder.is_dir() else map(Path, glob(str(shapes)))
         entries = [Entry(legible(path.stem), path) for path in meshes_among(paths)]
+        inner = [each.name for each in sorted(folder.iterdir()) if each.is_dir()] if folder.is_dir() else []
+        if within := [name for name in inner if meshes_among((folder / name).iterdir())]:
+            tell_skipped(
+                f"{folder}: the surfaces in its folders {', '.join(within)} are left out; give one folder"
+            )
     if not entries:
         remedy = "give a folder, a quoted pattern or a list.csv"
         raise InputError(f"{shapes}: no shapes that can be read; {remedy}")
     names = [entry.name for entry in entries]
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise InputError(f"{shapes}: several shapes are named {', '.join(twice)}; {_NAMED}")
-    if bad := unusable_names(names):
-        why = f"they are parts of file names, joined by {BETWEEN!r}"
-        raise InputError(f"{shapes}: {', '.join(bad)} cannot be names of shapes: {why}; {_NAMED}")
-    if devices := [name for name in names if _OF_DEVICES.fullmatch(name)]:
-        why = "files of such names are devices on Windows"
-        raise InputError(f"{shapes}: {', '.join(devices)} cannot be names of shapes: {why}; {_NAMED}")
+    require_shape_names(names, str(shapes))
     return tuple(entries)
 
 
 def _in_table(path: Path) -> list[Entry]:
-    rows = read_csv(path)
-    if rows and "path" not in rows[0]:
-        raise InputError(f"{path}: has no column 'path'; its first line names the columns, such as name,path")
+    rows = read_csv(path, ("path",), ("name",), "its first line names the columns, such as name,path")
     files = [path.parent / row["path"] for row in rows]
     return [Entry(row.get("name") or legible(file.stem), file) for row, file in zip(rows, files)]
 
 
-def unusable_names(names: Iterable[str]) -> list[str]:
-    """List the names that cannot be parts of names of files, or would make the same one: a_ and b, a and _b."""
-    names = list(names)
+def require_shape_names(names: Collection[str], where: str) -> None:
+    """Raise `InputError` for names that cannot be parts of names of files, or make the same one: a_ and b, a and _b."""
+    require_names(names, "shape", where, _NAMED)
     mixed = any(name.startswith("_") for name in names)
-    return [
-        name
-        for name in names
-        if not name or BETWEEN in name or (mixed and name.endswith("_")) or set(name) & set('/\\:*?"<>|')
-    ]
+    for name in names:
+        if BETWEEN in name or (mixed and name.endswith("_")):
+            why = f"two are joined by {BETWEEN!r} in names of files"
+            raise InputError(f"{where}: {name!r} cannot be the name of a shape: {why}; {_NAMED}")
 
 
 def require_files_of_their_own(names: Iterable[str], folder: Path) -> None:
@@ -321,8 +316,8 @@ def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[P
 
 
 def _listed(path: Path, names: Collection[str]) -> list[Pair]:
-    rows = read_csv(path)
-    if not rows or not {"source", "target"} <= set(rows[0]):
+    rows = read_csv(path, ("source", "target"), (), "give columns source and target, named in the first line")
+    if not rows:
         raise InputError(f"{path}: no pairs; give columns source and target, named in the first line")
     pairs = [(row["source"], row["target"]) for row in rows]
     if strangers := sorted({name for pair in pairs for name in pair} - set(names)):

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from isomatch._core.errors import InputError, IsomatchError, MeshError, SettingError
-from isomatch._core.files import claimed, write_text
+from isomatch._core.files import claimed, require_names, write_text
 from isomatch._core.stage_timer import Progress
 from isomatch._core.texts import json_text
 from isomatch.cohort import shape_statistics
@@ -425,6 +425,7 @@ def complete_file(
         values = {name: getattr(completed, name) for name in ("standard_deviation", "expected_error")}
         scalars = [Attribute(name, "point", "scalar", np.asarray(each)) for name, each in values.items()]
         left: tuple[Attribute, ...] = ()
+        require_names(prior.structures, "structure", model, "make the model again")
         for name, own in shape_statistics.slices_of(prior.structures).items() if shape.is_dir() else ():
             output.mkdir(parents=True, exist_ok=True)
             mesh = shape_statistics.structure_of(completed.mesh, own)

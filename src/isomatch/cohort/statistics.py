@@ -12,6 +12,7 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import InputError, IsomatchError, MissingDependencyError
+from isomatch._core.skipped import noted
 from isomatch._core.stage_timer import Progress
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
@@ -122,7 +123,7 @@ def statistics(
         notes += why_not
         unlabelled = [name for name in own.names if labels and name not in labels]
         if unlabelled:
-            notes.append(f"without a group: {', '.join(unlabelled)}")
+            notes.append(noted(f"without a group: {', '.join(unlabelled)}"))
         fit = partial(_linear, modelled, study=study, log_sizes=np.log(sizes), seed=seed, notes=notes)
         by_group = fit("factor(group)") if labels else None
         linear, classes = fit(model) if model else by_group, _classified(modelled, labels, notes)
@@ -363,6 +364,9 @@ def series(
         names = [name for name in order if name in meshes]
         notes = [f"left out: {reason}" for reason in shapes.left_out]
         notes += [f"missing: {name}; see shapes.csv" for name in order if name not in meshes]
+        notes += told_doubts(
+            doubt for doubt in shape_statistics.doubtful_shapes(shapes) if doubt.kind == "units"
+        )
         for note in notes:
             to.warn(note)
         if len(names) < 2:

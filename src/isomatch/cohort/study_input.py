@@ -10,13 +10,14 @@ from unicodedata import normalize
 
 import numpy as np
 
+from isomatch._core import tables
 from isomatch._core.errors import FormatError, InputError
-from isomatch._core.files import opened
-from isomatch._core.texts import decoded, read_csv, separated
+from isomatch._core.skipped import noted
+from isomatch._core.tables import NO_TEXT, read_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.map_file import require_unchanged
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.shape_statistics import CORRESPONDED, MISSING, CorrespondedShapes, Criterion, Doubt, Slid
+from isomatch.cohort.shape_statistics import CORRESPONDED, CorrespondedShapes, Criterion, Doubt, Slid
 from isomatch.io import FORMATS, meshes_among
 from isomatch.landmarks import Curve, is_of_landmarks, read_landmark_pairs, read_specimens
 
@@ -71,7 +72,7 @@ def read_study(
         shapes = shape_statistics.read_shapes([source] if source.is_file() else source)
     cells = read_table(table, shapes.names, shapes.left_out, columns) if table else {}
     doubts = shape_statistics.doubtful_shapes(shapes)
-    notes = [f"left out: {reason}" for reason in shapes.left_out]
+    notes = [noted(f"left out: {reason}") for reason in shapes.left_out]
     for own in (source / structure for structure in shapes.structures or ("",)):
         told = _doubts(own / "pairs.csv", shapes.names) + _reflected(own / "shapes.csv", shapes.names)
         notes += [f"{own.name}: {note}" if shapes.structures else note for note in told]
@@ -132,49 +133,38 @@ def read_table(
     path: Path, names: Iterable[str], left_out: Sequence[str] = (), columns: Sequence[str] = ("group",)
 ) -> Table:
     """Read what a table, as spreadsheets write them, says of shapes: cells by column, empty where there is no value."""
-    # The columns name and those asked for, among others, or name and group without a header; names may be those of files.
-    # A line that begins with # is a comment, unless a shape has that name. Rows of shapes that were left out, with
-    # reasons, are passed over.
+    # The columns name and those asked for, among others, or name and group without a header; names may be those of files,
+    # or those that R gives to rows. Rows of shapes that were left out, with reasons, are passed over.
     names_of = {normalize("NFC", name): name for name in names}
-    table: Table = {}
-    head: list[str] | None = None
-    wanted = ",".join(["name", *columns])
-    with opened(path) as file:
-        rows, _ = separated(decoded(file.read()), str(path))
-    for number, row in rows:
-        if not any(row):
-            continue
-        where, shown = f"{path}:{number}", ",".join(row)[:80]
-        if row[0].startswith("#") and normalize("NFC", row[0]) not in names_of:
-            continue
-        if head is None:
-            lower = [cell.lower() for cell in row]
-            if {"name", *columns} <= {*lower}:
-                head = [low if low in ("name", "group") else cell for low, cell in zip(lower, row)]
-                continue
-            if len(row) < 2 or any(row[2:]) or columns != ("group",):
-                told = f"is not a shape and its {' and '.join(columns) or 'values'}"
-                raise FormatError(
-                    f"{where}: {shown!r} {told}; write {wanted}, or a header with these columns"
-                )
-            head = ["name", "group"]
-        cells = {column: "" if cell.lower() in MISSING else cell for column, cell in zip(head, row)}
-        name = row[head.index("name")] if head.index("name") < len(row) else ""
-        if not name or not {*columns} <= {*cells}:
-            raise FormatError(
-                f"{where}: {shown!r} is not a shape and its {' and '.join(columns)}; write {wanted}"
-            )
+    spared = [name for name in (*names_of, *names_of.values()) if name.startswith("#")]
+    untitled = tables.read_table(path, spared)
+    titled = untitled.titled({"name", *columns})
+    lower = [title.lower() if title.lower() in ("name", "group") else title for title in titled.titles]
+    if "name" not in lower and lower[:1] == [""]:
+        lower[0] = "name"
+    has_titles = {"name", *columns} <= {*lower}
+    if not has_titles and columns != ("group",):
+        wanted = ",".join(["name", *columns])
+        raise FormatError(
+            f"{path}: has no columns {wanted} but {', '.join(lower)[:80]!r}; name them in the first line"
+        )
+    head, rows = (lower, titled) if has_titles else (["name", "group"], untitled)
+    found: Table = {}
+    for row in rows.filled:
+        if len(row.cells) < len(head) or any(row.cells[len(head) :]):
+            rows.refuse(row, f"is not a shape and its {' and '.join(columns)}; write {','.join(head)}")
+        cells = {column: "" if cell.lower() in NO_TEXT else cell for column, cell in zip(head, row.cells)}
+        name, where = row.cells[head.index("name")], f"{path}:{row.line}"
         shape = names_of.get(normalize("NFC", name)) or names_of.get(normalize("NFC", _stem(name)))
         if shape is None:
             if any(reason.startswith(f"{each}: ") for reason in left_out for each in (name, _stem(name))):
                 continue
             raise FormatError(f"{where}: no shape is named {name!r}; shapes are named like their files")
         for column, cell in cells.items():
-            if column != "name" and table.setdefault(shape, cells)[column] != cell:
-                other = table[shape][column]
-                told = f"{name!r} is in {column} {cell!r} and in {other!r}; give each shape one {column}"
+            if column != "name" and found.setdefault(shape, cells)[column] != cell:
+                told = f"{name!r} is in {column} {cell!r} and in {found[shape][column]!r}; give each shape one {column}"
                 raise FormatError(f"{where}: {told}")
-    return table
+    return found
 
 
 def _stem(name: str) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Collection as Names
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
+from unicodedata import normalize
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
@@ -15,8 +17,10 @@ from scipy.sparse.csgraph import laplacian
 
 from isomatch._core.arrays import BoolArray, FloatArray
 from isomatch._core.errors import InputError, IsomatchError
-from isomatch._core.files import legible, made_folder, staged
-from isomatch._core.texts import natural_order, read_csv, write_csv
+from isomatch._core.files import legible, made_folder, require_names, staged
+from isomatch._core.skipped import tell_skipped
+from isomatch._core.tables import read_table
+from isomatch._core.texts import natural_order, write_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surfaces_written
@@ -41,18 +45,34 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
     """List the files of subjects by structure, see `run`; none of what is one surface each."""
     path = Path(source)
     listed = list[tuple[str, str, Path]]()
+    columns = ("subject", "structure", "file")
     if path.suffix.lower() == ".csv" and path.is_file():
-        rows = [row for row in read_csv(path) if {"subject", "structure", "file"} <= set(row)]
-        listed = [(row["subject"], row["structure"], path.parent / row["file"]) for row in rows]
+        table = read_table(path)
+        if {*columns} <= {title.lower() for title in table.titled(always=True).titles}:
+            rows = table.records(columns, (), "give these columns")
+            listed = [(row["subject"], row["structure"], path.parent / row["file"]) for row in rows]
     elif path.is_dir() and not meshes_among(path.iterdir()):
         folders = [each for each in path.iterdir() if each.is_dir() and not each.name.startswith(".")]
-        listed = [(each.name, file.stem, file) for each in folders for file in meshes_among(each.iterdir())]
+        found_in = {each: meshes_among(each.iterdir()) for each in folders}
+        listed = [(each.name, file.stem, file) for each, files in found_in.items() for file in files]
+        if empty := sorted(each.name for each, files in found_in.items() if listed and not files):
+            tell_skipped(f"{path}: {', '.join(empty)} left out, with no surface that can be read")
     found: dict[str, dict[str, Path]] = {}
     for subject, structure, file in sorted(listed, key=lambda row: [*map(natural_order, row[1::-1])]):
         own = found.setdefault(legible(structure), {})
         if legible(subject) in own:
             raise InputError(f"{source}: {subject} has {structure} twice; keep one")
         own[legible(subject)] = file.resolve()
+    require_names(found, "structure", source, "name it otherwise")
+    require_names(
+        {name for files in found.values() for name in files}, "subject", source, "name it otherwise"
+    )
+    for names in (found, {name: None for files in found.values() for name in files}):
+        alike = [name for name, n in Counter(map(_folded, names)).items() if n > 1]
+        if twice := [name for name in names if _folded(name) in alike]:
+            raise InputError(
+                f"{source}: {', '.join(twice)} differ in case or accents alone; name them alike, or otherwise"
+            )
     # structures that few subjects have which lack one that most have: perhaps it is the same
     usual = [each for each, files in found.items() if 2 * len(files) > len({row[0] for row in listed})]
     for structure, files in found.items():
@@ -64,6 +84,10 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
             same = f"may be the same as {' or '.join(lacked)}" if lacked else "is in no other subject"
             raise InputError(f"{who} {same}; name structures alike, or take it out")
     return found
+
+
+def _folded(name: str) -> str:
+    return normalize("NFC", name).casefold()
 
 
 def subject_collections(

@@ -20,6 +20,7 @@ from isomatch._core.errors import InputError, UnwritableFileError
 from isomatch._core.files import is_of_one_file, legible
 from isomatch._core.first_use import package
 from isomatch._core.processes import begin_worker, worker_processes
+from isomatch._core.skipped import tell_skipped
 from isomatch._core.stage_timer import Progress, two_arguments
 from isomatch._core.threads import n_threads
 
@@ -240,7 +241,11 @@ class Listener:
     @classmethod
     def of(cls, progress: Progress | None, warn: Warn | None) -> Listener:
         """Take what a user gave; steps that nobody wants to know are not told."""
-        return cls(two_arguments(progress) if progress else lambda step, share: None, warn or logger.warning)
+
+        def told(message: str) -> None:
+            tell_skipped(message, warn or logger.warning)
+
+        return cls(two_arguments(progress) if progress else lambda step, share: None, told)
 
     def part(self, first: float, last: float) -> Listener:
         """Make the steps of a part of the work go from one share of it to another."""

@@ -22,7 +22,7 @@ from isomatch._core.array_file import (
 from isomatch._core.arrays import AnyArray, IntArray
 from isomatch._core.errors import FormatError, SettingError
 from isomatch._core.files import opened, replaced
-from isomatch._core.texts import read_integers
+from isomatch._core.tables import read_integers
 
 DIRECTION = "source -> target"
 FORMAT = ArrayFormat(
@@ -136,10 +136,7 @@ def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:
     if header:
         require_known_version(path, int(header["version"] or FIRST_VERSION), FORMAT.version)
 
-    def refuse(number: int, line: str) -> NoReturn:
-        raise FormatError(f"{path}:{number}: {line[:40]!r} is not a target vertex; {_LINES}")
-
-    image = read_integers(path, 1, refuse)[:, 0]
+    image = read_integers(path, 1, f"is not a target vertex; {_LINES}")[:, 0]
     if header and len(image) != int(header["n_source"]):
         raise FormatError(
             f"{path}: {len(image)} lines for the {header['n_source']} source vertices of its header; "

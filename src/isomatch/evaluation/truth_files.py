@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from itertools import chain
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 
+from isomatch._core import tables
 from isomatch._core.array_file import read_array, read_mat
 from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import FormatError, some
-from isomatch._core.texts import read_integers, text_lines
 from isomatch.correspondence import IndexBase, index_base, read_map
 from isomatch.surfaces import Mesh, PrecisePoints
 
@@ -84,39 +84,32 @@ def read_marked(of_source: Path, of_target: Path, target: Mesh) -> Truth:
 def _table(path: Path, n_source: int) -> FloatArray | None:
     """Columns (rows, 2 or 4) of a file; None if it is a map, with one column."""
     suffix = path.suffix.lower()
-    tables: list[AnyArray]
+    arrays: list[AnyArray] = []
     n_maps = 0
     if suffix == ".npz":
         return None
     if suffix == ".npy":
-        tables = [read_array(path)]
+        arrays = [read_array(path)]
     elif suffix == ".mat":
-        tables = [x for x in read_mat(path, "a truth", EXPECTED).values() if isinstance(x, np.ndarray)]
-        n_maps = sum(np.squeeze(x).shape == (n_source,) and x.dtype.kind in "iuf" for x in tables)
+        arrays = [x for x in read_mat(path, "a truth", EXPECTED).values() if isinstance(x, np.ndarray)]
+        n_maps = sum(np.squeeze(x).shape == (n_source,) and x.dtype.kind in "iuf" for x in arrays)
     else:
-        _, first = next(text_lines(path), (0, ""))
-        if len(first.replace(",", " ").split()) == 2:
-            return _integers(path, 2, "a pair; write a source vertex and a target vertex").astype(np.float64)
-        tables = [_text_table(path)] if len(first.replace(",", " ").split()) == 4 else []
-    tables = [x for x in tables if x.ndim == 2 and x.dtype.kind in "iuf"]
-    tables = [x for x in tables if x.shape[1] == 2 or x.shape == (n_source, 4)]
-    if len(tables) + n_maps * bool(tables) > 1:
+        width = len(next((row.cells for row in tables.read_table(path).titled().filled), []))
+        if width == 2:
+            pair = "is not a pair; write a source vertex and a target vertex"
+            return tables.read_integers(path, 2, pair).astype(np.float64)
+        arrays = [read_table(path, 4)] if width == 4 else []
+    arrays = [x for x in arrays if x.ndim == 2 and x.dtype.kind in "iuf"]
+    arrays = [x for x in arrays if x.shape[1] == 2 or x.shape == (n_source, 4)]
+    if len(arrays) + n_maps * bool(arrays) > 1:
         raise FormatError(f"{path}: several arrays could be the truth; save it alone")
-    return tables[0].astype(np.float64) if tables else None
-
-
-def _text_table(path: Path) -> FloatArray:
-    try:
-        rows = [list(map(float, line.replace(",", " ").split())) for _, line in text_lines(path)]
-        return np.array(rows, dtype=np.float64)
-    except ValueError as error:
-        raise FormatError(f"{path}: cannot be read ({error}); {EXPECTED}") from None
+    return arrays[0].astype(np.float64) if arrays else None
 
 
 def _of_map(path: Path, source: Mesh, target: Mesh, counts_from: int | None) -> Truth:
     n_source = source.n_vertices
     if path.suffix.lower() == WITH_MASK:
-        image = _integers(path, 1, "a vertex; write one on each line")[:, 0]
+        image = tables.read_integers(path, 1, "is not a vertex; write one on each line")[:, 0]
         if len(image) == n_source + target.n_vertices:
             return _of_image(path, image[:n_source], target, None, IndexBase(0))
     reading = read_map(path, target.n_vertices, n_source, counts_from=counts_from, allow_doubt=True)
@@ -124,13 +117,6 @@ def _of_map(path: Path, source: Mesh, target: Mesh, counts_from: int | None) -> 
     precise = (reading.map.barycentric.max(axis=1) < 1).any()
     points = PrecisePoints(reading.map.faces, reading.map.barycentric) if precise else None
     return _of_image(path, reading.map.vertices, target, points, base)
-
-
-def _integers(path: Path, columns: int, wanted: str) -> IntArray:
-    def refuse(number: int, line: str) -> NoReturn:
-        raise FormatError(f"{path}:{number}: {line[: 40 * columns]!r} is not {wanted}")
-
-    return read_integers(path, columns, refuse)
 
 
 def _of_image(
@@ -224,20 +210,11 @@ def counted_from(first: int, path: Path, indices: AnyArray) -> IntArray:
 
 
 def read_table(path: Path, columns: int = 1) -> FloatArray:
-    """Numbers of a text file, (rows, at least ``columns``); ``#`` and ``%`` start comments, commas count as blanks."""
-    rows = (line.replace(",", " ").partition("%")[0] for _, line in text_lines(path))
-    rows = (row for row in rows if row.strip())
-    first = next(rows, "")
-    try:
-        table = (
-            np.loadtxt(chain([first], rows), dtype=np.float64, comments=None, ndmin=2)
-            if first
-            else np.zeros((0, columns))
-        )
-    except ValueError as error:
-        raise FormatError(f"{path}: cannot be read ({error}); expected rows of numbers") from None
-    if table.shape[1] < columns or not len(table):
-        raise FormatError(
-            f"{path}: {len(table)} rows of {table.shape[1]} numbers, expected rows of {columns}; copy or export it again"
-        )
-    return table
+    """Numbers of a text file, (rows, at least ``columns``); ``#`` and ``%`` start comments."""
+    table = tables.read_table(path).titled()
+    table.require_width()
+    if table.width < columns or not table.filled:
+        found = f"{len(table.filled)} rows of {table.width} numbers"
+        raise FormatError(f"{path}: {found}, expected rows of {columns}; copy or export it again")
+    table = replace(table, rows=table.filled) if columns > 1 else table
+    return np.column_stack([table.numbers(i) for i in range(table.width)])

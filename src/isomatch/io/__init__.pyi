@@ -8,8 +8,10 @@ from isomatch.io.appearance import (
 )
 from isomatch.io.asset import TURN, Asset, Axes, Frame, Part
 from isomatch.io.attribute import Attribute, Domain, Kind, linear_of, srgb_of, told_apart, without_labels
+from isomatch.io.formats.gifti import with_structure_of
 from isomatch.io.formats.gltf import with_key_weights_of
 from isomatch.io.formats.gltf_carried import animation_channels, is_posed, with_skin_of
+from isomatch.io.formats.ply import with_names_of
 from isomatch.io.formats.registry import FORMATS, MeshFormat
 from isomatch.io.libraries import asset_from, to_meshio, to_open3d, to_pyvista, to_trimesh
 from isomatch.io.materials import (
@@ -87,7 +89,9 @@ __all__ = [
     "unread_files",
     "with_key_weights_of",
     "with_looks_of",
+    "with_names_of",
     "with_skin_of",
+    "with_structure_of",
     "with_texture",
     "with_tiles",
     "without_labels",

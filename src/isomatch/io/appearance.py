@@ -12,7 +12,7 @@ import numpy as np
 from isomatch._core.arrays import AnyArray, IntArray
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, unused_name
-from isomatch.io.formats import gltf_carried, obj
+from isomatch.io.formats import gifti, gltf_carried, obj
 from isomatch.io.formats.gltf import GltfDocument
 from isomatch.io.formats.obj import ObjDocument
 from isomatch.io.formats.ply import TEXTURE_NUMBER, PlyDocument
@@ -40,7 +40,39 @@ def looks_of(asset: Asset) -> Looks | None:
     used = [name for name in names if name]
     look = np.array([used.index(name) if name else -1 for name in names], dtype=np.int64)
     materials = tuple(look_of.get(name) or Look(name, _UNDEFINED) for name in used)
-    return Looks(look[place][asset.polygons.of_triangle], materials)
+    return _tiled(asset, Looks(look[place][asset.polygons.of_triangle], materials))
+
+
+def _tiled(asset: Asset, materials: Looks) -> Looks:
+    """Return materials whose pictures have <UDIM> in their names as one for each tile that triangles lie in."""
+    tiled = [
+        i
+        for i, look in enumerate(materials.looks)
+        if any(len(obj.tiles_of(p.name)) > 1 for p in look.pictures)
+    ]
+    uv = next(iter(asset.of_kind("uv")), None)
+    if not tiled or uv is None or not isinstance(asset.document, ObjDocument):
+        return materials
+    polygons, files = asset.polygons, asset.document.files
+    rows = polygons.corner_of_triangle if uv.domain == "corner" else polygons.triangles
+    column, row = np.floor(np.nan_to_num(uv.values[rows][..., :2].mean(axis=1))).clip(0, 9).astype(int).T
+    looks, of_triangle = list(materials.looks), materials.of_triangle.copy()
+    for i in tiled:
+        for tile in np.unique((column + 10 * row)[materials.of_triangle == i]).tolist():
+            here = (materials.of_triangle == i) & (column + 10 * row == tile)
+            of_tile = (_of_tile(each, tile, files) for each in materials.looks[i].layers)
+            of_triangle[here] = len(looks)
+            looks.append(Look(materials.looks[i].name, *of_tile))
+    # those of all tiles, which no triangle shows, are left out
+    kept = [i for i in range(len(looks)) if i not in tiled]
+    place = np.append(np.cumsum(np.isin(np.arange(len(looks)), kept)) - 1, -1)
+    return Looks(place[of_triangle], tuple(looks[i] for i in kept))
+
+
+def _of_tile(layer: Layer, tile: int, files: Mapping[str, bytes]) -> Layer:
+    """Return a layer with the picture of a tile, from 0, if its own has one for each."""
+    names = obj.tiles_of(layer.picture.name) if layer.picture else []
+    return replace(layer, picture=Picture.among(files, names[tile])) if len(names) > 1 else layer
 
 
 def _textures_of(asset: Asset, document: PlyDocument) -> Looks | None:
@@ -122,7 +154,7 @@ def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
         asset = (_in_obj if own is ObjDocument else _in_ply)(asset, materials, path.stem)
     document = asset.document
     if not isinstance(document, ObjDocument | PlyDocument) or not isinstance(document, own):
-        return asset, {}
+        return gifti.values_beside(path, asset)
     libraries = document.library_names if isinstance(document, ObjDocument) else ()
     names, files = _beside(document.files, libraries, path)
     return replace(asset, document=document.with_renamed_files(names)), files

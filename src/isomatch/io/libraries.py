@@ -16,7 +16,7 @@ from isomatch.io.appearance import with_one_texture, with_texture
 from isomatch.io.asset import Asset, Frame
 from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.io.materials import png_of, texture_on
-from isomatch.io.polygons import Polygons, split_at_seams
+from isomatch.io.polygons import Polygons, split_at_seams, triangles_of_strips
 
 _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
 
@@ -83,8 +83,15 @@ def _polydata(mesh: Any, points: Any, faces: Any) -> Geometry:
     flat = np.asarray(faces, dtype=np.int64)
     if flat.ndim == 2:
         return _triangles(mesh, points, flat)
-    if getattr(mesh, "n_strips", 0):
-        raise MeshError(f"the {type(mesh).__name__} has strips of triangles; call its triangulate() first")
+    corners, sizes = _unpadded(flat)
+    others = {"vertex": getattr(mesh, "n_verts", 0), "line": getattr(mesh, "n_lines", 0)}
+    rows = sum(others.values()) + np.arange(len(sizes))
+    strips = _unpadded(np.asarray(mesh.strips, dtype=np.int64)) if getattr(mesh, "n_strips", 0) else None
+    return polygons_of(points, corners, sizes, rows, others, strips)
+
+
+def _unpadded(flat: IntArray) -> tuple[IntArray, IntArray]:
+    """Part what is stored as a number of corners and these, one after the other, into corners and numbers."""
     starts = np.arange(0, flat.size, flat[0] + 1) if flat.size else flat
     if flat.size and (flat.size % (flat[0] + 1) or (flat[starts] != flat[0]).any()):
         sizes, at = flat.tolist(), [0]
@@ -93,9 +100,7 @@ def _polydata(mesh: Any, points: Any, faces: Any) -> Geometry:
         starts = np.array(at)
     corners = np.ones(flat.size, dtype=bool)
     corners[starts] = False
-    others = {"vertex": getattr(mesh, "n_verts", 0), "line": getattr(mesh, "n_lines", 0)}
-    rows = sum(others.values()) + np.arange(len(starts))
-    return polygons_of(points, flat[corners], flat[starts], rows, others)
+    return flat[corners], flat[starts]
 
 
 def _blocks(mesh: Any, points: Any, cells: Any) -> Geometry:
@@ -115,9 +120,18 @@ def _blocks(mesh: Any, points: Any, cells: Any) -> Geometry:
 
 
 def polygons_of(
-    points: AnyArray, corners: IntArray, sizes: IntArray, rows: IntArray, others: Mapping[str, int]
+    points: AnyArray,
+    corners: IntArray,
+    sizes: IntArray,
+    rows: IntArray,
+    others: Mapping[str, int],
+    strips: tuple[IntArray, IntArray] | None = None,  # corners and sizes, of cells after all others
 ) -> Geometry:
     """Leave out what has fewer than three corners, and refuse what has no polygons but other cells than vertices."""
+    if strips:
+        triangles, of = triangles_of_strips(*strips)
+        corners, sizes = np.append(corners, triangles), np.append(sizes, np.full(len(triangles), 3))
+        rows = np.append(rows, of + len(rows) + sum(others.values()))
     kept = sizes >= 3
     others = {**others, "of fewer than three corners": int((~kept).sum())}
     if not len(sizes) and {kind for kind, n in others.items() if n} - {"vertex", "line"}:
@@ -167,6 +181,13 @@ def attributes_of(
     arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None
 ) -> Iterator[Attribute]:
     """Make attributes of arrays whose meaning is not told, without those that hold no numbers or words."""
+    return (attribute for _, attribute in named_attributes(arrays, domain, rows))
+
+
+def named_attributes(
+    arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None
+) -> Iterator[tuple[str, Attribute]]:
+    """Make the same, each after the name of its array."""
     for title, values in arrays.items():
         name, array = str(title), np.asarray(values) if rows is None else np.asarray(values)[rows]
         if array.dtype.kind not in "biufU" or array.ndim not in (1, 2):
@@ -176,7 +197,15 @@ def attributes_of(
         kind = guessed_kind(name, array)
         standard = {"normal": "normal", "uv": "uv", "colour": "color"}.get(kind, name)
         is_standard = name.lower().rstrip("s").replace(" ", "") in (*_STANDARD, standard)
-        yield Attribute(standard if is_standard else name, domain, kind, array)
+        yield name, Attribute(standard if is_standard else name, domain, kind, array)
+
+
+@dataclass(frozen=True)
+class ArrayDocument:
+    """The names of the arrays that attributes were read from, and the arrays of a file that are of no points or cells."""
+
+    names: Mapping[tuple[str, Domain], str] = field(default_factory=dict)
+    fields: Mapping[str, AnyArray] = field(default_factory=dict)
 
 
 Attributes = Callable[[Any, Geometry], Iterator[Attribute]]  # of a mesh, once its geometry is read
@@ -255,15 +284,24 @@ def to_pyvista(asset: Asset) -> Any:
     split = _at_points(asset)
     cells = np.insert(split.polygons.corners, split.polygons.starts, split.polygons.sizes)
     mesh = pyvista.PolyData(split.points, cells if len(cells) else None)
-    for name, text in _space_of(asset).items():
-        mesh.field_data[name] = [text]
+    document = asset.document if isinstance(asset.document, ArrayDocument) else ArrayDocument()
+    for name, values in {
+        **document.fields,
+        **{key: [text] for key, text in _space_of(asset).items()},
+    }.items():
+        mesh.field_data[name] = values
+    taken = {each.name for each in split.attributes if (each.name, each.domain) not in document.names}
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
-        data[attribute.name] = attribute.plain
+        if not len(attribute):  # which pyvista refuses
+            continue
+        name = document.names.get((attribute.name, attribute.domain), attribute.name)
+        name = attribute.name if name in taken else name
+        data[name] = attribute.plain
         if attribute.kind == "uv" and attribute.domain == "point":
-            data.active_texture_coordinates_name = attribute.name
+            data.active_texture_coordinates_name = name
         if attribute.kind == "normal":
-            data.active_normals_name = attribute.name
+            data.active_normals_name = name
     return mesh
 
 

@@ -158,6 +158,16 @@ class Polygons:
         return np.repeat(np.arange(len(self)), self.sizes)
 
 
+def triangles_of_strips(corners: IntArray, sizes: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the triangles (m, 3) of strips, every second turned over, and the strip (m,) of each."""
+    counts = np.maximum(sizes - 2, 0)
+    first = spans(np.cumsum(sizes) - sizes, counts)
+    triangles = corners[first[:, None] + np.arange(3)]
+    is_odd = spans(np.zeros(len(counts), dtype=np.int64), counts) % 2 == 1
+    triangles[is_odd] = triangles[is_odd][:, [1, 0, 2]]
+    return triangles, np.repeat(np.arange(len(sizes)), counts)
+
+
 def spans(starts: IntArray, counts: IntArray) -> IntArray:
     """Concatenate the ranges start, start + 1, … of the given lengths."""
     before = np.cumsum(counts) - counts

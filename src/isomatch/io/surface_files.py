@@ -14,11 +14,13 @@ from numpy.typing import ArrayLike
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import DescriptorError, FormatError, IsomatchError, MeshError
 from isomatch._core.files import contents, replaced
+from isomatch._core.skipped import tell_skipped
 from isomatch._core.texts import natural_order
 from isomatch.io.appearance import as_written, left_looks
 from isomatch.io.asset import ASKED, TOLD, Asset
 from isomatch.io.attribute import Attribute, told_apart
-from isomatch.io.formats.registry import FORMATS, MeshFormat, format_of, naming
+from isomatch.io.formats.ply import renamed
+from isomatch.io.formats.registry import CLOUDS, FORMATS, UNREAD, MeshFormat, format_of, naming
 from isomatch.io.libraries import read_geometry
 from isomatch.io.polygons import merged_corners
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
@@ -123,8 +125,15 @@ def meshes_among(paths: Iterable[Path]) -> list[Path]:
     Points alone, as text or PCD, are kept where there is nothing else: beside surfaces, they are values or landmarks.
     """
     seen = [path for path in paths if not path.name.startswith(".")]
+    for path in seen:
+        suffix = path.suffix.lower()
+        if suffix in UNREAD:
+            tell_skipped(f"{path}: left out, as {suffix} files are not read; {UNREAD[suffix]}")
+        elif suffix in {*FORMATS, *CLOUDS} and not path.is_file():
+            what = "leads nowhere" if path.is_symlink() and not path.exists() else "is not a file"
+            tell_skipped(f"{path}: left out, as it {what}")
     found = [path for path in seen if path.suffix.lower() in FORMATS]
-    found = found or [path for path in seen if path.suffix.lower() in (".xyz", ".pcd")]
+    found = found or [path for path in seen if path.suffix.lower() in (".xyz", ".asc", ".pcd")]
     return sorted((path for path in found if path.is_file()), key=lambda path: natural_order(str(path)))
 
 
@@ -239,6 +248,8 @@ def write_asset(
         told = f"{asset.frame}; positions are turned to {mesh_format.axes}" if turned else str(asset.frame)
         name = f"the frame of the coordinates ({told})"
         left.append(Attribute(name, "point", "vector", asset.frame.matrix))
+    if path.suffix.lower() == ".ply":
+        left += renamed(replace(asset, attributes=tuple(kept)))
     options = {} if binary is None else {"binary": binary}
     if rounded and "single" in mesh_format.options:
         options["single"] = True

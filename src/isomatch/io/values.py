@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import os
-from collections.abc import Callable, Collection, Sequence
-from contextlib import suppress
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from io import BytesIO
@@ -13,18 +14,22 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch._core.arrays import AnyArray
+from isomatch._core.arrays import AnyArray, IntArray
 from isomatch._core.errors import DescriptorError, FormatError
 from isomatch._core.files import contents, replaced
-from isomatch._core.texts import SEPARATORS, decoded, encoding_of, joined, separated
+from isomatch._core.tables import NO_TEXT, Row, Table, table_of
+from isomatch._core.texts import decoded, encoding_of, joined
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, Kind, guessed_kind, told_apart
 from isomatch.io.formats import freesurfer, gifti
 from isomatch.io.formats._reading import reading, unexpected
-from isomatch.io.formats._text import number_of
 
-_INDEX_NAMES = ("", "index", "vertex", "vertex_index", "point", "node", "unnamed: 0")
-_BLANK = {"", "nan", "na", "n/a", "#n/a", "none", "null"}
+_VERTEX_NAMES = ("vertex", "vertex_index", "vertex_id", "vertexid", "point", "point_id", "node")
+_FACE_NAMES = ("face", "face_index", "polygon", "polygon_index", "triangle", "cell", "element")
+_WEAK_NAMES = ("index", "unnamed: 0", "id")  # of points or of polygons
+_NAMED = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}
+_IN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,]\d{3})*(?:[.,]\d+)?", re.ASCII)
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,7 @@ class ValuesFormat:
 
     # of the bytes of a file, its name, and the surface that they belong to, if that is known
     read: Callable[[bytes, str, Asset | None], tuple[Attribute, ...]]
-    write: Callable[[Sequence[Attribute]], bytes]
+    write: Callable[[Sequence[Attribute], Asset | None], bytes]
     keeps: Callable[[Attribute], bool] = lambda attribute: attribute.domain != "corner"
     is_single: bool = False  # whether it holds only one attribute
     has_names: bool = False  # of labels
@@ -90,12 +95,14 @@ def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
         raise FormatError(f"{path}: {attribute!r} has no place in a {Path(path).suffix} file")
 
 
-def write_attributes(path: str | os.PathLike[str], attributes: Sequence[Attribute]) -> tuple[Attribute, ...]:
+def write_attributes(
+    path: str | os.PathLike[str], attributes: Sequence[Attribute], surface: Asset | None = None
+) -> tuple[Attribute, ...]:
     """Write values to a file of their own, if it has a place for one; return what is not there, or "names of" one.
 
     An existing file is replaced. Numbers that seem to be labels are written as such where the format has only labels, and
     labels as numbers where it has only these. GIFTI has no place for skinning weights and for values of corners and
-    faces, FreeSurfer but for labels (``.annot``) and scalars.
+    faces, FreeSurfer but for labels (``.annot``) and scalars. GIFTI names the anatomical structure of the ``surface``.
     """
     path = Path(path)
     values_format = _format_of(path)
@@ -110,7 +117,7 @@ def write_attributes(path: str | os.PathLike[str], attributes: Sequence[Attribut
         if attribute.names and not (values_format.has_names and place.kind == "label"):
             left.append(replace(attribute, name=f"names of {attribute.name}"))
     if kept:
-        data = values_format.write(kept)
+        data = values_format.write(kept, surface)
         with replaced(path) as file:
             file.write(data)
     return tuple(left)
@@ -150,7 +157,7 @@ def _read_array(data: bytes, name: str, surface: Asset | None) -> tuple[Attribut
     return (Attribute(title, "point", guessed_kind(title, values), values),)
 
 
-def _write_array(attributes: Sequence[Attribute]) -> bytes:
+def _write_array(attributes: Sequence[Attribute], surface: Asset | None) -> bytes:
     """Write the values of one attribute as a ``.npy`` file."""
     file = BytesIO()
     np.save(file, _words_or_numbers(*attributes), allow_pickle=False)
@@ -164,31 +171,69 @@ def _words_or_numbers(attribute: Attribute) -> AnyArray:
 def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
     """Read columns of a text; those without a header are named by the file."""
     n_rows = (len(surface.points), len(surface.polygons)) if surface else ()
-    rows, may_have_commas = _rows_of(decoded(data), name)
-    if not rows or any(len(row) != len(rows[0]) for row in rows):
-        content = "rows of different lengths" if rows else "nothing"
-        raise unexpected(name, "columns of one row for each point", content, "export it again")
-    has_header = _has_header(rows, n_rows, may_have_commas)
-    titles = rows.pop(0) if has_header else []
-    stem = Path(name).stem
-    columns = [_column(list(cells), may_have_commas) for cells in zip(*rows)]
-    first = columns[0]  # named vertex, index or nothing, different whole numbers say which point a row is of
-    is_named = len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES
-    is_whole = first.dtype.kind == "i" and bool(first.min(initial=0) >= 0)
-    is_index = is_named and is_whole and len(np.unique(first)) == len(first)
-    titles = titles or ([stem] if len(columns) == 1 else [f"{stem}_{i}" for i in range(len(columns))])
+    table = table_of(decoded(data), name).titled({*_VERTEX_NAMES, *_FACE_NAMES}, n_rows=n_rows)
+    if not table.filled:
+        raise unexpected(name, "columns of one row for each point", "nothing", "export it again")
+    table.require_width()
+    table.require_one_reading()
+    names = (*_VERTEX_NAMES, *_FACE_NAMES, *_WEAK_NAMES)
+    at = table.column(*names) if table.width > 1 else None
+    if at is None and table.width > 1 and table.titles[:1] == ("",):
+        at = 0
+    index = None if at is None else _index(table, at, n_rows)
+    # empty lines are rows without a value, where there are no others that say of what they are
+    missing = Row(0, [], "")
+    after = (table.rows + i * [missing] for i in range(table.n_after + 1))
+    choices = [*after, table.filled, [*dropwhile(lambda row: not row.cells, table.rows)]]
+    rows = next((each for each in choices if len(each) in n_rows), choices[-1])
+    table = replace(table, rows=table.filled if index else rows)
+    titles, stem = table.titles, Path(name).stem
+    titles = titles or ((stem,) if table.width == 1 else tuple(f"{stem}_{i}" for i in range(table.width)))
+    columns = {i: _column(table, i) for i in range(table.width) if index is None or i != at}
     attributes = [
-        Attribute(title or f"{stem}_{i}", "point", guessed_kind(title, column), column)
-        for i, (title, column) in enumerate(zip(titles[is_index:], columns[is_index:]))
+        Attribute(titles[i] or f"{stem}_{i}", "point", guessed_kind(titles[i], column), column)
+        for i, column in columns.items()
     ]
-    if is_index:
-        total = int(first.max(initial=-1)) + 1
-        n = next((n for n in n_rows if n >= total), total)
-        attributes = [each.spread(first, n) for each in attributes]
-    return told_apart(attributes)
+    return told_apart([each.spread(*index) for each in attributes] if index else attributes)
 
 
-def _write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
+def _index(table: Table, at: int, n_rows: Sequence[int]) -> tuple[IntArray, int] | None:
+    """Return which point or polygon, from 0, each row is of, and their number; None if a column does not say that."""
+    title, rows = table.titles[at], table.filled
+    what = next((each for names, each in _NAMED.items() if title.lower() in names), "")
+    found = [table.whole(row.cells[at]) for row in rows]
+    held = [number for number in found if number is not None and number >= 0]
+    bad = next((row for row, number in zip(rows, found) if number is None or number < 0), None)
+    first = dict(zip(reversed(found), reversed(rows)))
+    twice = next((row for row, number in zip(rows, found) if first[number] is not row), None)
+    if not what and (bad or twice):
+        return None
+    if wrong := bad or twice:
+        table.refuse(
+            wrong, f"is not of one {what}: {title!r} has whole numbers from 0, each once; correct the line"
+        )
+    most, least, count = max(held), min(held), len(held)
+    is_counted = [*range(1, count + 1)] == sorted(held)
+    if title.lower() == "id" and not (is_counted or [*range(count)] == sorted(held)):
+        return None
+    faces = n_rows[1:] if what != "vertex" and (what or (count not in n_rows[:1] and count in n_rows)) else ()
+    n = next(iter(faces or n_rows), count if is_counted else most + 1)
+    base = int(least > 0 and (most == n or (is_counted and count == n)))
+    if most - base >= n:
+        table.refuse(
+            rows[held.index(most)],
+            f"is of {title!r} {most}, and there are {n}; give the values of this surface",
+        )
+    if is_counted and not base:
+        row = rows[held.index(most)]
+        table.refuse(
+            row, f"is the last of {title!r}, which may count from 0 or from 1 as there are {n}; count from 0"
+        )
+    logger.warning("%s: column %r is taken to count %s from %d", table.name, title, what or "rows", base)
+    return np.array(held) - base, n
+
+
+def _write_table(attributes: Sequence[Attribute], surface: Asset | None, mark: str = ",") -> bytes:
     """Write a line of names, and a row for each point, with a mark between the columns."""
     names, columns = [], []
     for attribute in attributes:
@@ -199,48 +244,20 @@ def _write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
     return joined([names, *zip(*columns)], mark).encode(errors="backslashreplace")
 
 
-def _rows_of(text: str, name: str) -> tuple[list[list[str]], bool]:
-    """Split lines at a mark of the first one, or at blanks; say whether numbers may have decimal commas."""
-    lines = [line for line in text.splitlines() if line.strip()]
-    lines = list(dropwhile(lambda line: line.strip() == "#" or line.startswith("# "), lines))
-    marks = [each for each in SEPARATORS if lines and each in lines[0]]
-    if marks:
-        rows, mark = separated("\n".join(lines), name, marks)
-        return [row for _, row in rows], mark != ","
-    words = [line.split() for line in lines]
-    is_table = all(len(row) == len(words[0]) for row in words)
-    return words if is_table else [[line.strip()] for line in lines], True
-
-
-def _has_header(rows: list[list[str]], n_rows: Collection[int], may_have_commas: bool) -> bool:
-    """Whether the first line is one of names, by the number of rows, if that is known, or by numbers that follow it."""
-
-    def is_number(cell: str) -> bool:
-        with suppress(ValueError):
-            number_of(cell, may_have_commas)
-            return True
-        return False
-
-    first, *others = rows
-    if any(map(is_number, first)):
-        return False
-    if len(first) > 1 and first[0].lower() in _INDEX_NAMES:
-        return True
-    if (len(rows) in n_rows) != (len(rows) - 1 in n_rows):
-        return len(rows) not in n_rows
-    return bool(others) and (any(map(is_number, others[0])) or not any(row == first for row in others))
-
-
-def _column(cells: list[str], may_have_commas: bool) -> AnyArray:
-    """Return whole numbers, numbers with nan for blanks, or texts; commas are decimal if there are no points."""
-    if any("_" in cell for cell in cells):
-        return np.array(cells)
-    with suppress(ValueError, OverflowError):
-        return np.array([int(cell) for cell in cells], dtype=np.int64)
-    has_commas = may_have_commas and not any("." in cell for cell in cells)
-    with suppress(ValueError):
-        return np.array([np.nan if cell.lower() in _BLANK else number_of(cell, has_commas) for cell in cells])
-    return np.array(cells)
+def _column(table: Table, i: int) -> AnyArray:
+    """Return whole numbers, numbers with nan where there is none, or texts."""
+    cells = [row.cells[i] if i < len(row.cells) else "" for row in table.rows]
+    numbers = [table.number(cell) for cell in cells]
+    is_text = [number is None or re.fullmatch(r"[+-]?0\d+", cell) for cell, number in zip(cells, numbers)]
+    if not any(is_text):
+        whole = [table.whole(cell) if re.fullmatch(r"[+-]?\d+", cell) else None for cell in cells]
+        return np.array(numbers, dtype=np.float64) if None in whole else np.array(whole, dtype=np.int64)
+    fractions = [number for number in numbers if number is not None and np.isfinite(number) and number % 1]
+    if fractions or all(
+        number is not None or _IN_THOUSANDS.fullmatch(cell) for cell, number in zip(cells, numbers)
+    ):
+        table.numbers(i)  # which refuses the text
+    return np.array(["" if cell.lower() in NO_TEXT else cell for cell in cells])
 
 
 def _on_points(kind: Kind) -> Callable[[Attribute], bool]:

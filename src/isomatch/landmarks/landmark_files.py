@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import logging
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,17 +16,16 @@ import numpy as np
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, LandmarkError
 from isomatch._core.files import contents
-from isomatch._core.texts import is_whole_number, read_text, unescaped
+from isomatch._core.tables import NO_NUMBER, NO_TEXT, Row, Table, read_table, rows_of
+from isomatch._core.texts import is_whole_number, read_text
 from isomatch.io import TURN, Axes, Frame
 
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
 AXES = "x", "y", "z"
-NAMES, VERTICES = ("name", "label", "id"), ("vertex", "index")
+NAMES, VERTICES = ("name", "label", "id", "landmark"), ("vertex", "index")
 CURVES = "Curve", "ClosedCurve"  # of 3D Slicer
-# cells of a point without a position, in words and in numbers
-NOWHERE = {"", "na", "n/a", "nan", "none", "null", "-", "–", "−", "--", "?"}
-NO_NUMBER = 9999.0  # or −9999, in all three coordinates, as of programs for morphometrics
+NOWHERE = 9999.0  # or −9999, in all three coordinates of a point without a position, as of programs for morphometrics
 
 logger = logging.getLogger(__name__)
 
@@ -56,29 +53,29 @@ def marked_pairs(path: Path) -> list[tuple[MarkedPoint, MarkedPoint]]:
         raise FormatError(
             f"{path}: has the points of one shape only; give the file of the target's points too"
         )
-    columns: list[list[int]] | None = None
+    table = read_table(path).titled({"source", "target", "source_x"})
+    columns = _pair_columns(table) if table.titles else None
     pairs = []
-    for where, cells, line in _cells(path):
-        if columns is None and _is_header(cells):
-            columns = _pair_columns([cell.lower() for cell in cells], where)
-            continue
-        if columns is None and len(cells) not in (2, 6):
-            raise FormatError(f"{where}: {line[:80]!r} is not a landmark; {PAIRS}")
-        half = len(cells) // 2
+    for row in table.filled:
+        half, odd = divmod(len(row.cells), 2)
+        if columns is None and (odd or half not in (1, 3)):
+            table.refuse(row, f"is not a landmark; {PAIRS}")
         chosen = columns or [list(range(half)), list(range(half, 2 * half))]
-        a, b = (_place(cells, side, where, line, PAIRS) for side in chosen)
+        a, b = (_place_in(table, row, side, PAIRS) for side in chosen)
+        where = f"{path}:{row.line}"
         pairs.append((MarkedPoint("", a, where), MarkedPoint("", b, where)))
     return pairs
 
 
-def _pair_columns(header: list[str], where: str) -> list[list[int]]:
+def _pair_columns(table: Table) -> list[list[int]]:
     axes = [[f"{side}_{axis}" for axis in AXES] for side in ("source", "target")]
-    for columns in ([["source"], ["target"]], axes):
-        if all(name in header for names in columns for name in names):
-            return [[header.index(name) for name in names] for names in columns]
+    for named in ([["source"], ["target"]], axes):
+        found = [[table.column(name) for name in names] for names in named]
+        if all(i is not None for columns in found for i in columns):
+            return [[i for i in columns if i is not None] for columns in found]
     raise FormatError(
-        f"{where}: the header {', '.join(header)[:80]!r} has neither the columns source, target nor source_x, source_y, "
-        "source_z, target_x, target_y, target_z"
+        f"{table.name}:{table.titles_line}: the header {', '.join(table.titles)[:80]!r} has neither the columns source, "
+        "target nor source_x, source_y, source_z, target_x, target_y, target_z"
     )
 
 
@@ -95,29 +92,44 @@ def _reader(path: Path) -> Callable[[Path], list[MarkedPoint]] | None:
 
 
 def _text_points(path: Path) -> list[MarkedPoint]:
+    table = read_table(path).titled({*AXES, *VERTICES})
+    at = [i for axis in AXES if (i := table.column(axis)) is not None]
+    vertex = table.column(*VERTICES)
+    place = at if len(at) == len(AXES) else [] if vertex is None else [vertex]
+    if table.titles and not place:
+        told = ", ".join(table.titles)[:80]
+        raise FormatError(f"{path}:{table.titles_line}: the header {told!r} has neither x, y, z nor vertex")
+    columns = {each: i for each in ("curve", "closed") if (i := table.column(each)) is not None}
+    name = table.column(*NAMES, *[""] * (table.titles[:1] == ("",)))
+    columns |= {} if name is None else {"name": name}
     points = []
-    place: list[int] | None = None
-    column: dict[str, int] = {}
-    for where, cells, line in _cells(path):
-        if place is None and _is_header(cells):
-            header = [cell.lower() for cell in cells]
-            column = {each: header.index(each) for each in (*NAMES, "curve", "closed") if each in header}
-            vertex = [header.index(each) for each in VERTICES if each in header]
-            place = [header.index(each) for each in AXES if each in header]
-            if len(place) != 3:
-                place = vertex[:1]
-            if not place:
-                raise FormatError(f"{where}: the header {line[:80]!r} has neither x, y, z nor vertex")
-            continue
-        chosen = list(range(len(cells))) if place is None else place
+    for row in table.filled:
+        chosen = place or list(range(len(row.cells)))
         if len(chosen) not in (1, 3):
-            raise FormatError(f"{where}: {line[:80]!r} is not a point; {POINTS}")
-        at = _place(cells, chosen, where, line, POINTS, may_miss=True)
-        texts = {each: cells[i] for each, i in column.items() if i < len(cells)}
-        name = next((texts[each] for each in NAMES if each in texts), "")
+            table.refuse(row, f"is not a point; {POINTS}")
+        texts = {each: row.cells[i] for each, i in columns.items() if i < len(row.cells)}
         closed = texts.get("closed", "").lower() in ("1", "true", "yes")
-        points.append(MarkedPoint(name, at, where, curve=texts.get("curve", ""), closed=closed))
+        curve = "" if texts.get("curve", "").lower() in NO_TEXT else texts["curve"]
+        placed = _place_in(table, row, chosen, POINTS, may_miss=True)
+        points.append(
+            MarkedPoint(texts.get("name", ""), placed, f"{path}:{row.line}", curve=curve, closed=closed)
+        )
     return points
+
+
+def _place_in(
+    table: Table, row: Row, columns: list[int], remedy: str, may_miss: bool = False
+) -> tuple[float, ...]:
+    """Return the place that some cells of a row tell, see `_place`."""
+    cells = [row.cells[i] if i < len(row.cells) else "?" * (not may_miss) for i in columns]
+    plain = [_plain_number(table, cell, is_vertex=len(columns) == 1) for cell in cells]
+    return _place(plain, [*range(len(plain))], f"{table.name}:{row.line}", row.text.strip(), remedy, may_miss)
+
+
+def _plain_number(table: Table, cell: str, is_vertex: bool) -> str:
+    """Return a number with a decimal point, and a whole one, of a vertex, without; other texts as they are."""
+    number = table.whole(cell) if is_vertex else table.number(cell)
+    return cell if number is None or not np.isfinite(number) else repr(number)
 
 
 def _slicer_markups(path: Path) -> list[MarkedPoint]:
@@ -160,11 +172,13 @@ def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
             continue
         if not line.strip():
             continue
-        row = dict(zip(columns, _split(line, where, ",")))
+        row = dict(
+            zip(columns, [cell for each in rows_of([(number, line)], ",", str(path)) for cell in each.cells])
+        )
         try:
             axes = _axes(said)
             cells = [row[axis].strip().lower() for axis in AXES]
-            at = _in_lps([None if cell in NOWHERE else float(cell) for cell in cells], axes)
+            at = _in_lps([None if cell in NO_NUMBER else float(cell) for cell in cells], axes)
         except (KeyError, ValueError):
             raise FormatError(
                 f"{where}: {line[:80]!r} has no position in its columns {', '.join(columns)[:80]}"
@@ -183,7 +197,7 @@ def _in_lps(position: Any, axes: Axes) -> tuple[float, ...]:
     at = np.array([np.nan if each is None else float(each) for each in position])
     if at.shape != (3,) or np.isinf(at).any():
         raise ValueError("a position has three finite numbers")
-    if np.isnan(at).any() or (np.abs(at) == NO_NUMBER).all():
+    if np.isnan(at).any() or (np.abs(at) == NOWHERE).all():
         return ()
     return tuple((TURN * at if axes == "RAS" else at).tolist())
 
@@ -231,49 +245,12 @@ def _freesurfer_label(path: Path) -> list[MarkedPoint]:
     return points
 
 
-def _cells(path: Path) -> Iterator[tuple[str, list[str], str]]:
-    """Cells of each line of a text, with where it is and the line itself."""
-    # a header says what separates them; below it, a name may have a #, in quotes also as its first letter, which
-    # otherwise starts a comment
-    separator: str | None = None
-    has_header, is_first = False, True
-    for number, text in enumerate(StringIO(read_text(path)), start=1):
-        line = text.strip() if has_header and not text.startswith("#") else text.partition("#")[0].strip()
-        if not line:
-            continue
-        where = f"{path}:{number}"
-        cells = _split(line, where, separator)
-        if is_first and _is_header(cells):
-            has_header, separator = True, _separator(line)
-        is_first = False
-        yield where, cells, line
-
-
-def _separator(line: str) -> str | None:
-    return next((each for each in "\t;," if each in line), None)
-
-
-def _split(line: str, where: str, separator: str | None = None) -> list[str]:
-    separator = separator or _separator(line)
-    if separator is None:
-        return line.split()
-    try:
-        return [unescaped(cell.strip()) for cell in next(csv.reader([line], delimiter=separator))]
-    except csv.Error as error:
-        raise FormatError(f"{where}: {error}") from None
-
-
-def _is_header(cells: list[str]) -> bool:
-    """Tell whether a line names columns: no cell begins like a number."""
-    return all(re.match(r"[A-Za-z_]", cell) and cell.lower() not in NOWHERE for cell in cells)
-
-
 def _place(
     cells: list[str], columns: list[int], where: str, line: str, remedy: str, may_miss: bool = False
 ) -> tuple[float, ...]:
     """Return the vertex index, or the position, in some cells; nothing of a point without a place, if it ``may_miss``."""
     chosen = [cells[column] if column < len(cells) else "" for column in columns]
-    if may_miss and max(columns) < len(cells) and all(cell.lower() in NOWHERE for cell in chosen):
+    if may_miss and max(columns) < len(cells) and all(cell.lower() in NO_NUMBER for cell in chosen):
         return ()
     numbers: list[float] = []
     for cell in chosen:
@@ -283,7 +260,7 @@ def _place(
         numbers.append(int(cell) if len(chosen) == 1 else float(cell))
     if not np.isfinite(numbers).all():
         raise FormatError(f"{where}: {line[:80]!r} is not finite; {remedy}")
-    is_missing = may_miss and len(numbers) == 3 and all(abs(number) == NO_NUMBER for number in numbers)
+    is_missing = may_miss and len(numbers) == 3 and all(abs(number) == NOWHERE for number in numbers)
     return () if is_missing else tuple(numbers)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ from scipy.spatial import cKDTree
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import LandmarkError
+from isomatch._core.skipped import tell_skipped
 from isomatch.correspondence import geometric_median
 from isomatch.io import TURN, Asset, Axes, Frame, SurfaceLike, read_asset, surface_from
 from isomatch.landmarks.curves import respaced_curve
@@ -29,8 +29,6 @@ from isomatch.landmarks.landmark_files import (
 )
 from isomatch.landmarks.specimen_files import specimen_points
 from isomatch.surfaces import Graph, Mesh, PointCloud, nearest_on_surface
-
-logger = logging.getLogger(__name__)
 
 COMMON = 0.5  # share of a template's expected error that all have in common; measured with 3, 6, 19
 
@@ -335,11 +333,19 @@ def read_landmarks(
         here, there = [a for a, _ in pairs], [b for _, b in pairs]
     else:
         files = map(Path, (path, target_path))
-        here, there = ([point for point in specimen_points(file)[0] if point.at] for file in files)
+        here, there = map(_placed_points, files)
         here, there = _joined(here, there, f"{first} and {target_path}")
     if not here:
         raise LandmarkError(f"{first}: no landmarks; {PAIRS if target_path is None else POINTS}")
     return np.column_stack([_vertices(here, source, "source"), _vertices(there, target, "target")])
+
+
+def _placed_points(path: Path) -> list[MarkedPoint]:
+    """Read the points of a file that have a place, and tell of the others."""
+    points = specimen_points(path)[0]
+    if lost := [point.name or point.where for point in points if not point.at]:
+        tell_skipped(f"{path}: without a place, so left out: {', '.join(lost)}")
+    return [point for point in points if point.at]
 
 
 def nearest_landmarks(
@@ -427,7 +433,8 @@ def _joined(
             )
     alone = len(here) + len(there) - 2 * len(shared)
     if alone:
-        logger.warning("%s: %d points without a partner of their name are left out", files, alone)
+        names = ", ".join(sorted(named[0].keys() ^ named[1].keys()))
+        tell_skipped(f"{files}: {alone} points without a partner of their name are left out: {names}")
     return [named[0][name] for name in shared], [named[1][name] for name in shared]
 
 
@@ -509,7 +516,7 @@ def _rows_of(several: Sequence[Landmarks]) -> list[list[int | None]]:
                 "templates with different landmarks, of which several have one name, or none; give each a name of its own"
             )
         if alone := set(names) ^ set(place):
-            logger.warning("not in all templates: %s", ", ".join(sorted(alone))[:200])
+            tell_skipped(f"not in all templates: {', '.join(sorted(alone))}")
         rows.append([place.get(name) for name in names])
     return rows
 

@@ -12,8 +12,9 @@ import numpy as np
 from isomatch._core.arrays import IntArray
 from isomatch._core.errors import FormatError
 from isomatch._core.files import legible
-from isomatch._core.texts import SEPARATORS, read_text, separated
-from isomatch.landmarks.landmark_files import NO_NUMBER, NOWHERE, MarkedPoint, marked_points
+from isomatch._core.tables import NO_NUMBER, table_of
+from isomatch._core.texts import read_text
+from isomatch.landmarks.landmark_files import NOWHERE, MarkedPoint, marked_points
 
 SPECIMEN = ("specimen", "individual", "subject", "shape")  # columns of long tables
 LANDMARK = ("landmark", "point", "label", "name")
@@ -58,7 +59,7 @@ def _point(
     cells: Sequence[str], where: str, name: str = "", curve: str = "", scale: float = 1.0
 ) -> MarkedPoint:
     """Make a point of cells with numbers, or of words that say that it has no place."""
-    if all(cell.lower() in NOWHERE for cell in cells):
+    if all(cell.lower() in NO_NUMBER for cell in cells):
         return MarkedPoint(name, (), where, curve=curve)
     try:
         at = tuple(float(cell) for cell in cells)
@@ -68,7 +69,7 @@ def _point(
         raise FormatError(
             f"{where}: {' '.join(cells)[:80]!r} is no position; write 2 or 3 numbers, or NA for none"
         )
-    at = () if all(abs(x) == NO_NUMBER for x in at) else tuple(x * scale for x in at)
+    at = () if all(abs(x) == NOWHERE for x in at) else tuple(x * scale for x in at)
     return MarkedPoint(name, at, where, curve=curve)
 
 
@@ -202,14 +203,15 @@ def _morphologika(text: str, path: Path) -> Iterator[Read]:
 
 def rows_of(text: str, path: Path) -> tuple[list[str], list[tuple[str, list[str]]]]:
     """Split a table into its header and its rows, with where each is; numbers have points for decimals."""
-    rows, separator = separated(text, str(path), f"{SEPARATORS} ")
-    if not rows:
-        return [], []
-    head, width = rows[0][1], max(len(row) for _, row in rows)
-    head = [""] * (width - len(head)) + head  # R writes no name above those of its rows
-    if separator != ",":
-        rows = [(at, [re.sub(r"^([+-]?\d*),(\d+)", r"\1.\2", cell) for cell in row]) for at, row in rows]
-    return head, [(f"{path}:{at}", row) for at, row in rows[1:] if any(row)]
+    table = table_of(text, str(path)).titled(always=True)
+    rows = []
+    for row in table.filled:
+        numbers = [table.number(cell) for cell in row.cells]
+        cells = [
+            cell if x is None or x != x else cell.replace(",", ".") for cell, x in zip(row.cells, numbers)
+        ]
+        rows.append((f"{path}:{row.line}", cells))
+    return [*table.titles], rows
 
 
 def _table(text: str, path: Path) -> list[Read]:

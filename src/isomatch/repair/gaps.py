@@ -19,6 +19,8 @@ NEAR = 0.3  # of the median side: above, distances are those of a surface
 LEAST_SHARE, FEWEST = 0.05, 4  # of the vertices of the boundary, and vertices, that nearly coincide
 # quantiles of the lengths of sides, and of the small distances, where single ones fill the gap
 SHORT, MOST = 0.02, 0.95
+# points near a piece of a side that are looked at one by one, the shortest piece, and points at once
+MOST_NEAR, PIECE, AT_ONCE = 16, 1 / 64, 2**22
 N_NEAREST = 8  # vertices among which one is sought that no side joins
 
 
@@ -98,20 +100,49 @@ def t_junctions(points: FloatArray, polygons: Polygons, survivor: IntArray, free
     points = scaled
     start, end = points[sides[:, 0]], points[sides[:, 1]]
     lengths = np.linalg.norm(end - start, axis=1)
-    found = cKDTree(points[vertices]).query_ball_point((start + end) / 2, lengths / 2)
-    side = np.repeat(np.arange(len(sides)), [len(each) for each in found])
-    vertex = vertices[np.concatenate([*found, []]).astype(np.int64)]
-    along, to = (end - start)[side], points[vertex] - start[side]
-    share = np.einsum("ij,ij->i", to, along) / np.maximum(lengths[side] ** 2, np.finfo(float).tiny)
-    off = np.linalg.norm(to - share[:, None] * along, axis=1)
-    inside = (off <= ON_EDGE * lengths[side]) & (share > END) & (share < 1 - END)
+    side, near, share = _on_sides(points[vertices], start, end, lengths)
+    vertex = vertices[near]
     # no polygon has a corner twice, as one with a flat corner would
     of, n = polygons.of_corner, len(points)
     in_range = (polygons.corners >= 0) & (polygons.corners < n)
     own = np.where(in_range, survivor[polygons.corners.clip(0, n - 1)], n)
-    inside &= ~np.isin(of[corners[side]] * (n + 1) + vertex, of * (n + 1) + own)
-    order = np.lexsort([share[inside], corners[side[inside]]])
-    return TJunctions(vertex[inside][order], corners[side[inside]][order], share[inside][order])
+    new = ~np.isin(of[corners[side]] * (n + 1) + vertex, of * (n + 1) + own)
+    order = np.lexsort([share[new], corners[side[new]]])
+    return TJunctions(vertex[new][order], corners[side[new]][order], share[new][order])
+
+
+def _on_sides(
+    points: FloatArray, start: FloatArray, end: FloatArray, lengths: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Find the points (n, 3) on the middle of sides, each pair once: the side, the point, and where on the side."""
+    # in balls around pieces of the sides; those that hold many points, as of other sheets, are halved
+    tree, span = cKDTree(points), end - start
+    side, low, high = np.arange(len(start)), np.full(len(start), END), np.full(len(start), 1 - END)
+    found, shares = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+    while len(side):
+        middle = (low + high) / 2
+        centres, radii = (
+            start[side] + middle[:, None] * span[side],
+            ((high - low) / 2 + ON_EDGE) * lengths[side],
+        )
+        counts = tree.query_ball_point(centres, radii, return_length=True)
+        few = (counts <= MOST_NEAR) | (high - low <= PIECE)
+        held = np.flatnonzero(few & (counts > 0))
+        for rows in np.array_split(held, 1 + counts[held].sum() // AT_ONCE):  # lists take much memory
+            lists = tree.query_ball_point(centres[rows], radii[rows])
+            near = np.concatenate([*lists, []]).astype(np.int64)
+            of = np.repeat(side[rows], counts[rows])
+            to, squared = points[near] - start[of], np.maximum(lengths[of] ** 2, np.finfo(float).tiny)
+            share = np.einsum("ij,ij->i", to, span[of]) / squared
+            off = np.linalg.norm(to - share[:, None] * span[of], axis=1)
+            inside = (off <= ON_EDGE * lengths[of]) & (share > END) & (share < 1 - END)
+            found.append(of[inside] * len(points) + near[inside])
+            shares.append(share[inside])
+        side, low, high, middle = (np.tile(each[~few], 2) for each in (side, low, high, middle))
+        half = np.arange(len(side)) < len(side) // 2
+        low, high = np.where(half, low, middle), np.where(half, middle, high)
+    pairs, first = np.unique(np.concatenate(found), return_index=True)
+    return pairs // max(len(points), 1), pairs % max(len(points), 1), np.concatenate(shares)[first]
 
 
 def free_sides(polygons: Polygons, survivor: IntArray, is_sound: BoolArray | None = None) -> Sides:

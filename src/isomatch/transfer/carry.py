@@ -21,6 +21,7 @@ from isomatch.io import (
     unread_files,
     with_key_weights_of,
     with_looks_of,
+    with_names_of,
     with_skin_of,
     without_labels,
 )
@@ -159,6 +160,7 @@ def carry_attributes(
             notes.append("the skeleton is posed, and the surface is bound to it so; pose it back before")
     if "key" in kinds:
         asset = with_key_weights_of(asset, giver.document)
+    asset = with_names_of(asset, giver.document)
     if animation_channels(asset) < animation_channels(receiver):
         notes.append("animations of joints and shape keys that the receiver had before are left out")
     left = {attribute.name for attribute in asset.attributes}

@@ -23,7 +23,9 @@ from isomatch._core.errors import (
     some,
 )
 from isomatch._core.files import legible
-from isomatch._core.texts import natural_order, read_csv
+from isomatch._core.skipped import tell_skipped
+from isomatch._core.tables import read_csv
+from isomatch._core.texts import natural_order
 from isomatch.cohort.shape_statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.correspondence import Correspondence
 from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far
@@ -300,9 +302,13 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
     assets = {legible(file.stem): read_as_far(file) for file in files}
     masks = {name: _measured(file, assets[name]) for file in files if (name := legible(file.stem))}
-    measured = {name: own for name, own in masks.items() if own is not None}
     meshes = {name: Mesh(each.placed_points, each.polygons.triangles) for name, each in assets.items()}
-    polygons = {name: each.polygons for name, each in assets.items()}
+    if any(each.n_faces for each in meshes.values()):
+        for name in [name for name, each in meshes.items() if not each.n_faces]:
+            tell_skipped(f"{name}: left out, as it has no faces")
+            del meshes[name]
+    polygons = {name: assets[name].polygons for name in meshes}
+    measured = {name: own for name, own in masks.items() if own is not None and name in meshes}
     table = files[0].parent / STRUCTURES if files else Path(STRUCTURES)
     structures = _structures_in(table) if files and table.exists() else {}
     return CorrespondedShapes.of_meshes(meshes, measured, polygons, structures)

@@ -144,7 +144,7 @@ class NumberRows:
 
     def columns(self, first: int | IntArray, width: int) -> FloatArray:
         """Return ``width`` numbers of each row from a column on, (rows, width), nan where the row has no more."""
-        table = np.full((len(self.counts), width), np.nan)
+        table = np.full((len(self.counts), max(width, 0)), np.nan)
         for i in range(width):
             said = self.counts > first + i
             table[said, i] = self.values[(self.starts + first + i)[said]]
@@ -202,7 +202,7 @@ def read_lines(
     # A comment begins at the first byte of a line, or after a blank; its bytes may be of any encoding, and line ends of
     # any kind. If continued, a line that ends in a backslash goes on in the next. The rest of lines that begin with a
     # named keyword is a name, which may contain any #.
-    if data.startswith(tuple(MARKS)):
+    if data.startswith(tuple(MARKS)) or b"\0" in data[:_HEAD]:
         data = decoded(data).encode()
     text = data.translate(_BLANKS).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not text.endswith(b"\n"):

@@ -57,7 +57,8 @@ def _arrays(path: Path) -> dict[str, object]:
     if len(sizes) != len(types) or (sizes < 0).any() or sizes.sum() != len(corners):
         raise ValueError("its cells do not fit their declared number")
     is_polygon = np.isin(types, (_TRIANGLE, _POLYGON, _QUAD))
-    others, counts = np.unique(types[~is_polygon], return_counts=True)
+    is_strip = (types == _STRIP) & isinstance(data, vtkCommonDataModel.vtkPolyData)  # which come last there
+    others, counts = np.unique(types[~is_polygon & ~is_strip], return_counts=True)
     names = [vtkCommonDataModel.vtkCellTypes.GetClassNameFromTypeId(int(kind)) for kind in others]
     points, held = data.GetPoints(), data.GetFieldData()
     fields = {each.GetName(): each for each in map(held.GetAbstractArray, range(held.GetNumberOfArrays()))}
@@ -70,11 +71,13 @@ def _arrays(path: Path) -> dict[str, object]:
         "others": np.array([name.removeprefix("vtk").lower() for name in names], dtype=str),
         "counts": counts,
         "is_polygons": isinstance(data, vtkCommonDataModel.vtkPolyData),
-        "fields": np.array(list(fields), dtype=str),
+        "strip_corners": corners[np.repeat(is_strip, sizes)],
+        "strip_sizes": sizes[is_strip],
         "text_names": np.array(list(texts), dtype=str),
         "texts": np.array(list(texts.values()), dtype=str),
         **_numbered("point", data.GetPointData()),
         **_numbered("cell", data.GetCellData()),
+        **_numbered("field", held),
     }
 
 

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
 
-from isomatch._core.arrays import AnyArray
+from isomatch._core.arrays import AnyArray, FloatArray
 from isomatch._core.first_use import package
-from isomatch.io.asset import Asset
-from isomatch.io.attribute import Attribute
+from isomatch._core.tables import BLANKS, Table, table_of
+from isomatch._core.texts import decoded
+from isomatch.io.asset import Asset, Frame
+from isomatch.io.attribute import Attribute, Kind, told_apart
 from isomatch.io.formats._reading import Room, damaged, reading, unexpected
 from isomatch.io.formats._text import read_lines, told_frame
 from isomatch.io.polygons import Polygons
 
 _SPREAD = 0.05  # by which the length of a normal may be off, as of few digits
-_WORDS = re.compile(rb"[ \t]*(?://|[A-DF-Za-df-z_])[^\n]*")  # a line that names the columns; E is in numbers
+_POSITIONS = ("x", "y", "z")
+_HEAD = 2**16  # letters
+_COUNT = re.compile(r"\s*(\d{1,18})[ \t]*\r?\n")  # of the rows, before them
+_NAMED: dict[tuple[str, ...], tuple[str, Kind]] = {
+    ("r", "g", "b"): ("color", "colour"),
+    ("red", "green", "blue"): ("color", "colour"),
+    ("nx", "ny", "nz"): ("normal", "normal"),
+    ("normal_x", "normal_y", "normal_z"): ("normal", "normal"),
+}
 _POINTS = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")
 _LONGEST_HEADER = 2**16  # bytes
 _NORMAL = ("normal_x", "normal_y", "normal_z")
@@ -24,24 +35,87 @@ _NO_POLYGONS = Polygons([], [])
 
 
 def read_xyz(data: bytes, name: str) -> Asset:
-    """Read rows of x, y, z, and what follows: bytes of a colour, a normal, or other numbers."""
-    # a line that names the columns, or the number of the rows before them, is passed over
-    data, notes = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n"), list[str]()
-    if heading := _WORDS.match(data):
-        data = data[heading.end() :]
-        notes.append(f"the first line is taken as names: {heading[0].decode(errors='replace')}")
-    lines_of_numbers = (line for line in data.split(b"\n") if line.strip() and line.lstrip()[:1] != b"#")
-    first = next(lines_of_numbers, b"")
-    for mark in (b";", b","):
-        if first.count(mark) > 1:  # which no decimal comma is
-            data = data.replace(mark, b" ")
-    lines = read_lines(name, data, before=1 if heading else 0)
-    if len(lines) > 1 and lines.row(0).strip() == str(len(lines) - 1):
-        lines = lines[1 : len(lines)]
-    rows = lines.parse()
-    points = rows.leading(3, "at least 3 numbers x y z of a point")
-    others = rows.columns(3, max(int(rows.counts.max(initial=3)) - 3, 0))
-    return Asset(points, _NO_POLYGONS, _columns(others), notes=tuple(notes), frame=told_frame(data))
+    """Read rows of x, y, z by the names of columns or in this order, and what follows: a colour, a normal, or numbers."""
+    frame, text, notes = told_frame(data), re.sub(r"\r\r?\n|\r", "\n", decoded(data)), list[str]()
+    counted = _COUNT.match(text)
+    if counted and int(counted[1]) != text[counted.end() :].rstrip().count("\n") + 1:
+        counted = None
+    before = counted[0].count("\n") if counted else 0
+    text = text[counted.end() :] if counted else text
+    # names of columns and separators are told by the first lines
+    end = text.find("\n", _HEAD)
+    head = table_of(text if end < 0 else text[:end], name)
+    table = head.titled(_POSITIONS)
+    width = len(table.filled[0].cells) if table.filled else 0
+    is_row = table.rows is not head.rows
+    if {*_POSITIONS} <= {title.lower() for title in table.titles}:
+        notes.append(f"the columns are taken as {', '.join(filter(None, table.titles))}")
+    elif table.titles and (not is_row or len(head.filled[0].cells) != width):
+        notes += [f"the first line is taken as a title: {head.filled[0].text.strip()}"] * is_row
+        table = replace(table, titles=())
+    first = table.filled[0].line - 1 if table.filled else 0
+    lines = _plain(text.split("\n")[first:] if first else [text], table)
+    rows = read_lines(name, lines, before=before + first).parse()
+    rows.leading(3, "at least 3 numbers x y z of a point")
+    values = rows.columns(0, int(rows.counts.max(initial=3)))
+    values = values[:, ~(np.isnan(values).all(axis=0) & (np.arange(values.shape[1]) > 2))]
+    return _cloud(values, table, notes, frame)
+
+
+def _plain(lines: list[str], table: Table) -> bytes:
+    """Write the numbers of lines as they are read fast: separated by blanks, with decimal points, nan for no number."""
+    text = "\n".join(lines).replace('"', "").replace("−", "-")
+    if table.separator != BLANKS:
+        mark = re.escape(table.separator)
+        text = re.sub(rf"(?m)(?<={mark})[ \t]*(?={mark}|$)|^[ \t]*(?={mark})", "nan", text)
+        text = text.replace(table.separator, " ")
+    return (text.replace(",", ".") if table.has_decimal_commas else text).encode()
+
+
+def _cloud(values: FloatArray, table: Table, notes: list[str], frame: Frame | None) -> Asset:
+    """Make a cloud of columns, by their names if they have some; `FormatError` if these are not of positions."""
+    titles = [title.lower() for title in table.titles]
+    at = [titles.index(axis) for axis in "xyz" if axis in titles]
+    if titles and (len(at) < 3 or len(titles) != values.shape[1]):
+        raise unexpected(
+            table.name, "columns x, y, z", ", ".join(table.titles)[:80], "name them so in the first line"
+        )
+    counts = np.arange(len(values))
+    if (
+        not titles
+        and values.shape[1] > 3
+        and len(values) > 2
+        and (values[:, 0] - values[0, 0] == counts).all()
+    ):
+        found = "a first column that counts the rows"
+        raise unexpected(table.name, "x, y, z", found, "name the columns in the first line, such as id x y z")
+    others = [i for i in range(values.shape[1]) if i not in (at or [0, 1, 2]) and titles[i : i + 1] != [""]]
+    names = [table.titles[i] for i in others] if at else []
+    attributes = list[Attribute]()
+    for axes, (name, kind) in _NAMED.items():
+        lower = [each.lower() for each in names]
+        if {*axes} <= {*lower} and not any(each.name == name for each in attributes):
+            chosen = [lower.index(axis) for axis in axes]
+            three = values[:, [others[i] for i in chosen]]
+            if (
+                kind == "normal"
+                or _are_bytes(three)
+                or 0 <= three.min(initial=0) <= three.max(initial=1) <= 1
+            ):
+                three = three.astype(np.uint8) if kind == "colour" and _are_bytes(three) else three
+                attributes.append(Attribute(name, "point", kind, three))
+                others = [x for i, x in enumerate(others) if i not in chosen]
+                names = [x for i, x in enumerate(names) if i not in chosen]
+    if at:
+        attributes += [
+            Attribute(title or f"column {i + 1}", "point", "scalar", values[:, i])
+            for i, title in zip(others, names)
+        ]
+    else:
+        attributes += _columns(values[:, 3:])
+    return Asset(
+        values[:, at or [0, 1, 2]], _NO_POLYGONS, told_apart(attributes), notes=(*notes,), frame=frame
+    )
 
 
 def read_npy(data: bytes, name: str) -> Asset:

@@ -73,7 +73,7 @@ def write(asset: Asset) -> bytes:
         return path.read_bytes()
 
 
-def write_attributes(attributes: Sequence[Attribute]) -> bytes:
+def write_attributes(attributes: Sequence[Attribute], surface: Asset | None = None) -> bytes:
     """Write the labels of one attribute as an annotation, its scalars as a curvature."""
     freesurfer, (attribute,) = _package(), attributes
     with on_disk(b"", "") as path:

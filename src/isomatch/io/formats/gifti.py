@@ -23,6 +23,8 @@ from isomatch.io.polygons import Polygons
 _PIECE = 2**20  # bytes that are unpacked at a time
 _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
 _NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
+_STRUCTURE = ("AnatomicalStructurePrimary", "AnatomicalStructureSecondary")
+_SURFACE = ".surf.gii"
 VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
 """What stands before ``.gii`` in the names of files without a surface."""
 # by codes of NIfTI
@@ -72,9 +74,38 @@ def read_attributes(data: bytes, name: str, surface: Asset | None) -> tuple[Attr
         return _values(image, len(surface.points) if surface else None, str(title))[0]
 
 
-def write_attributes(attributes: Sequence[Attribute]) -> bytes:
-    """Write values on points without a surface."""
-    return _written(attributes, [], GiftiDocument())
+def write_attributes(attributes: Sequence[Attribute], surface: Asset | None = None) -> bytes:
+    """Write values on points without a surface, which tells the anatomical structure that they are of."""
+    return _written(attributes, [], GiftiDocument(structure_of(surface) if surface else {}))
+
+
+def structure_of(surface: Asset) -> dict[str, str]:
+    """Return the meta data by which a file of GIFTI tells which part of the anatomy it is of."""
+    document = surface.document if isinstance(surface.document, GiftiDocument) else GiftiDocument()
+    return {
+        name: text for name, text in {**document.of_file, **document.of_points}.items() if name in _STRUCTURE
+    }
+
+
+def with_structure_of(asset: Asset, other: Asset) -> Asset:
+    """Return an asset that is of the part of the anatomy of another one, if that tells it."""
+    if not (told := structure_of(other)) or not isinstance(asset.document, GiftiDocument | None):
+        return asset
+    document = asset.document or GiftiDocument()
+    return replace(asset, document=replace(document, of_points={**document.of_points, **told}))
+
+
+def values_beside(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
+    """Take the values off a surface to be written to a ``.surf.gii`` file, which has a place for none, into others."""
+    if not path.name.lower().endswith(_SURFACE):
+        return asset, {}
+    held = dict[str, list[Attribute]]()
+    for each in filter(keeps, asset.attributes):
+        kind = {"label": ".label", "scalar": ".func", "colour": ".rgba"}.get(each.kind, ".vector")
+        held.setdefault(f"{path.name[: -len(_SURFACE)]}{kind}.gii", []).append(each)
+    kept = tuple(each for each in asset.attributes if not keeps(each))
+    files = {path.with_name(name): write_attributes(values, asset) for name, values in held.items()}
+    return replace(asset, attributes=kept), files
 
 
 def keeps(attribute: Attribute) -> bool:

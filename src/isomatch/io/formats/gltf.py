@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from operator import itemgetter
@@ -46,6 +46,9 @@ class GltfDocument:
     polygons: Polygons
     uv_names: Mapping[int, str] = field(default_factory=dict)  # by the numbers that materials look them up by
     former: object = None  # the document of another format that the asset had before
+    coloured: frozenset[tuple[int, str]] = (
+        frozenset()
+    )  # meshes with the keys of their colours, which may be white
 
     @property
     def data(self) -> GltfData:
@@ -67,7 +70,8 @@ class GltfDocument:
         kept = [i for i, place in enumerate(self.places) if has_points[place[2]]]
         places = tuple((mesh, i, int(part[old])) for mesh, i, old in (self.places[each] for each in kept))
         of_triangle = np.searchsorted(kept, of_triangle)
-        return GltfDocument(self.json, self.blob, places, of_triangle, after.polygons, self.uv_names, former)
+        place = {"places": places, "place_of_triangle": of_triangle, "polygons": after.polygons}
+        return replace(self, **place, former=former)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
@@ -114,13 +118,18 @@ def _read(gltf: GltfData) -> Asset:
     of_triangle = np.repeat(np.arange(len(places)), [len(each) for each in faces[1:]])
     for mesh in {mesh for mesh, *_ in places}:
         set_keys(gltf.json, mesh, key_names(meshes[mesh]), {})
+    coloured = set[tuple[int, str]]()
     for mesh, i, _ in places:
+        coloured |= {
+            (mesh, key) for key in meshes[mesh]["primitives"][i]["attributes"] if key.startswith("COLOR_")
+        }
         primitive = meshes[mesh]["primitives"][i]
         primitive["attributes"] = {}
         for key in ("indices", "targets", "mode"):
             primitive.pop(key, None)
     gltf.without_unused()
-    document = GltfDocument(gltf.json, bytes(gltf.blob), tuple(places), of_triangle, polygons, names)
+    blob, told = bytes(gltf.blob), frozenset(coloured)
+    document = GltfDocument(gltf.json, blob, tuple(places), of_triangle, polygons, names, coloured=told)
     numbered = told_apart(attributes, of_all=True)
     frame = Frame.of_named({name: str(text) for name, text in extras_of(gltf.json["asset"]).items()})
     return Asset(np.concatenate(points), polygons, numbered, tuple(parts), document, frame=frame)
@@ -250,15 +259,22 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
         listed = list(group)
         rows = slice(ends[part], ends[part + 1])
         keys = {"POSITION": _add_positions(gltf, (asset.points - middle)[split.source[rows]])}
+        skipped = dict[str, Attribute]()
         for attribute in split.attributes:
             here = attribute.at(np.arange(rows.start, rows.stop)) if n_parts > 1 else attribute
-            if here.kind == "key" or (n_parts > 1 and _is_missing(here)):
+            if here.kind == "key":
                 continue
-            if here.kind == "weights":
+            key = "" if here.kind == "weights" else _key_of(here, keys, numbers)
+            if n_parts > 1 and _is_missing(here) and (mesh, key) not in document.coloured:
+                skipped[key] = here
+            elif here.kind == "weights":
                 _write_weights(gltf, keys, here, mesh)
             else:
-                key = _key_of(here, keys, numbers)
                 keys[key] = _add_values(gltf, key, here)
+        for key in _keys_before(keys):
+            white = Attribute("color", "point", "colour", np.ones((rows.stop - rows.start, 3), np.float32))
+            nowhere = Attribute("uv", "point", "uv", np.zeros((rows.stop - rows.start, 2), np.float32))
+            keys[key] = _add_values(gltf, key, skipped.get(key, white if key[0] == "C" else nowhere))
         shown = [each for each in listed if len(each[1])] or listed[:1]
         transform = asset.parts[part].transform if asset.parts else None
         primitives = [gltf.json["meshes"][mesh]["primitives"][i] for (_, i, _), _ in shown]
@@ -275,6 +291,13 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
     if others | named != had:
         gltf.json["asset"]["extras"] = others | named
     return _gltf_data.packed(gltf, is_glb)
+
+
+def _keys_before(keys: Iterable[str]) -> list[str]:
+    """List the keys of lower numbers that colours and texture coordinates need: COLOR_1 is valid beside COLOR_0 alone."""
+    found = (re.fullmatch(r"(COLOR|TEXCOORD)_(\d+)", key) for key in keys)
+    before = [f"{each[1]}_{i}" for each in found if each for i in range(int(each[2]))]
+    return [key for key in dict.fromkeys(before) if key not in {*keys}]
 
 
 def middles(asset: Asset) -> FloatArray:

@@ -33,6 +33,9 @@ _BLOCK = re.compile(rb"(?m)^#MRGB[ \t]+((?:[0-9A-Fa-f]{8})+)[ \t]*$")
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 """Options of a picture, with the most numbers that follow each."""
 _WORDS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
+_UDIM = re.compile("<udim>", re.IGNORECASE)
+TILES = range(1001, 1101)
+"""Numbers of the tiles of texture coordinates: 1001 + u + 10 v."""
 _PICTURES = ("map_", "bump", "disp", "decal", "norm", "refl")
 
 
@@ -280,12 +283,9 @@ def _read_libraries(document: ObjDocument, folder: Path) -> dict[str, bytes]:
             libraries[name] = content
     for library in libraries.values():
         for keyword, rest in _statements(library):
-            name = _options(rest)[1]
-            if (
-                keyword.startswith(_PICTURES)
-                and (content := content_beside(name, folder, picture_in)) is not None
-            ):
-                pictures[name] = content
+            for name in tiles_of(_options(rest)[1]) if keyword.startswith(_PICTURES) else ():
+                if (content := content_beside(name, folder, picture_in)) is not None:
+                    pictures[name] = content
     return libraries | pictures
 
 
@@ -320,10 +320,19 @@ def renamed(library: bytes, names: Mapping[str, str]) -> bytes:
     for line in _lines(library):
         keyword, _, rest = line.strip().replace("\t", " ").partition(" ")
         name = _options(rest.strip())[1]
-        if keyword.lower().startswith(_PICTURES) and name in names and name in line:
-            line = f"{line[: line.rindex(name)]}{names[name]}"
+        tiles = dict(zip(map(str, TILES), tiles_of(name)))
+        known = [(tile, names[each]) for tile, each in tiles.items() if each in names]
+        if keyword.lower().startswith(_PICTURES) and known and name in line:
+            (tile, new), is_tiled = known[0], len(tiles) > 1
+            line = f"{line[: line.rindex(name)]}{'<UDIM>'.join(new.rsplit(tile, 1)) if is_tiled else new}"
         lines.append(line)
     return _encoded("\n".join(lines), encoding_of(library))
+
+
+def tiles_of(name: str) -> list[str]:
+    """Names of the pictures of all tiles, if a name has <UDIM> in place of their numbers; or the name alone."""
+    parts = _UDIM.split(name)
+    return [str(tile).join(parts) for tile in TILES] if len(parts) > 1 else [name]
 
 
 def _encoded(text: str, encoding: str) -> bytes:

@@ -5,23 +5,26 @@ The package plyfile 1.1 takes 4 to 30 times as long, has no integers of 64 bits,
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
 from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import FormatError, MeshError
+from isomatch._core.texts import encoding_of
 from isomatch.io.asset import Asset, Frame
 from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.io.formats import _text
 from isomatch.io.formats._reading import content_beside, unexpected
 from isomatch.io.formats._text import TextLines
 from isomatch.io.materials import picture_in
-from isomatch.io.polygons import Polygons, Renumbering, spans
+from isomatch.io.polygons import Polygons, Renumbering, spans, triangles_of_strips
 from isomatch.surfaces import Mesh
 
 _TYPES = {
@@ -47,6 +50,7 @@ _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("uv", "uv", ("u", "v")),
     ("uv", "uv", ("texture_u", "texture_v")),
 )
+_KEPT = "ply_header"  # bytes that are no UTF-8 come back, and halves of letters become escapes
 _CORNER_UV = "texcoord"
 TEXTURE_NUMBER = "texnumber"
 """The property of faces that says which of several pictures they show."""
@@ -121,6 +125,7 @@ class PlyDocument:
     """What a PLY file holds beside points, polygons and attributes, and how it is written."""
 
     byte_order: str = "<"
+    encoding: str = "utf-8"  # of the names of properties
     comments: tuple[str, ...] = ()
     positions: str = "f8"
     index_list: str = "vertex_indices"
@@ -156,6 +161,29 @@ class PlyDocument:
         )
 
 
+def with_names_of(asset: Asset, giver: object) -> Asset:
+    """Return an asset of a PLY file whose new attributes have the names of properties of another PLY document."""
+    if not (isinstance(asset.document, PlyDocument) and isinstance(giver, PlyDocument)):
+        return asset
+    own = asset.document
+    taken = {name for members in own.names.values() for name in members} | {
+        each.name for each in own.of_points
+    }
+    new = {key: each for key, each in giver.names.items() if key not in own.names and taken.isdisjoint(each)}
+    return replace(asset, document=replace(own, names={**new, **own.names}))
+
+
+def renamed(asset: Asset) -> list[Attribute]:
+    """Return the attributes whose names lose their blanks, named so."""
+    own = asset.document.names if isinstance(asset.document, PlyDocument) else {}
+    lost = [
+        each
+        for each in asset.attributes
+        if re.search(r"[\x00-\x20]", each.name) and (each.name, each.domain) not in own
+    ]
+    return [replace(each, name=f"the blanks in the name {each.name}") for each in lost]
+
+
 def read(data: bytes, name: str) -> Mesh:
     """Read a PLY file; properties and elements other than positions and faces are ignored."""
     elements = _elements(data, name)[0]
@@ -165,14 +193,17 @@ def read(data: bytes, name: str) -> Mesh:
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read a PLY file with all properties of its vertices and faces, and its other elements as they are."""
-    elements, order, comments = _elements(data, name)
+    elements, order, comments, encoding = _elements(data, name)
     points, (corners, sizes, index_list) = _positions(elements, name), _polygons(elements, name)
     vertex, face = elements.pop("vertex"), elements.pop("face", Element())
+    elements.pop("tristrips", None)
     of_points, point_names, point_lists = _attributes(vertex, "point", "xyz", sizes)
     of_faces, face_names, face_lists = _attributes(face, "face", (index_list,), sizes)
     single = {each.type.str[1:] for each in vertex.columns if each.name == "x"} == {"f4"}
     names, positions = {**point_names, **face_names}, "f4" if single else "f8"
-    document = PlyDocument(order, comments, positions, index_list, names, point_lists, face_lists, elements)
+    document = PlyDocument(
+        order, encoding, comments, positions, index_list, names, point_lists, face_lists, elements
+    )
     pictures = {each: content_beside(each, Path(name).parent, picture_in) for each in document.textures}
     document = replace(document, files={each: data for each, data in pictures.items() if data is not None})
     frame = Frame.of_lines(*map(_text_of, comments))
@@ -224,7 +255,31 @@ def write(asset: Asset, binary: bool | None = None, single: bool = False) -> byt
             count = "" if each.count_type is None else f"list {_LETTERS[each.count_type.str[1:]]} "
             header.append(f"property {count}{_LETTERS[each.type.str[1:]]} {each.name}")
     body = [_rows(element, byte_order) for element in elements.values()]
-    return b"".join(["\n".join([*header, "end_header\n"]).encode("latin-1", "backslashreplace"), *body])
+    return b"".join([*_encoded([*header, "end_header"], document.encoding), *body])
+
+
+def _encoded(header: list[str], encoding: str) -> list[bytes]:
+    """Encode the lines of a header: comments as they were read, others so, or in UTF-8 if that has not all letters."""
+    try:
+        "".join(line for line in header if not _is_comment(line)).encode(encoding)
+    except UnicodeEncodeError:
+        encoding = "utf-8"
+    lines = (line.encode("utf-8" if _is_comment(line) else encoding, _KEPT) for line in header)
+    return [octets + b"\n" for octets in lines]
+
+
+def _escape(error: UnicodeError) -> tuple[bytes | str, int]:
+    try:
+        return codecs.lookup_error("surrogateescape")(error)
+    except UnicodeError:
+        return codecs.lookup_error("backslashreplace")(error)
+
+
+codecs.register_error(_KEPT, _escape)
+
+
+def _is_comment(line: str) -> bool:
+    return line.startswith(("comment", "obj_info"))
 
 
 def _text_of(comment: str) -> str:
@@ -237,9 +292,14 @@ def _texture_of(comment: str) -> str:
     return name.strip() if keyword.lower() == "texturefile" else ""
 
 
-def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[str, ...]]:
-    """Read all elements, the byte order, which is empty of text, and the comments."""
+def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[str, ...], str]:
+    """Read all elements, the byte order, which is empty of text, the comments, and the encoding of names."""
+    # names are in UTF-8, or in another encoding; only blanks of ASCII part words, and the last one is all that follows,
+    # as names of groups of Blender have blanks
     lines, n_bytes = _header_lines(data, name)
+    encoding = encoding_of(
+        b"\n".join(text for text in lines.texts if not text.startswith((b"comment", b"obj_info")))
+    )
     words = lines.row(1).split() if len(lines) > 1 else []
     if len(words) != 3 or words[0] != "format" or words[1] not in _BYTE_ORDERS:
         lines.fail(1, f"'format' and one of {', '.join(_BYTE_ORDERS)}")
@@ -248,9 +308,11 @@ def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[st
     columns: list[Column] = []
     comments: list[str] = []
     for i in range(2, len(lines) - 1):
-        match lines.row(i).split():
+        text = lines[i : i + 1].texts[0]
+        most = 4 if text.split()[1:2] == [b"list"] else 2
+        match [word.strip().decode(encoding, "replace") for word in text.split(None, most)]:
             case ["comment" | "obj_info", *_]:
-                comments.append(lines.row(i))
+                comments.append(text.decode("utf-8", "surrogateescape"))
             case ["element", element, n_rows] if _text.is_count(n_rows) and element not in declared:
                 columns = []
                 declared[element] = int(n_rows), columns
@@ -267,7 +329,7 @@ def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[st
         if i - len(comments) > _MOST_DECLARED:
             lines.fail(i, f"at most {_MOST_DECLARED} elements and properties", "remove those not needed")
     read_body = _in_binary if order else _in_text
-    return read_body(data, name, n_bytes, len(lines), declared), order, tuple(comments)
+    return read_body(data, name, n_bytes, len(lines), declared), order, tuple(comments), encoding
 
 
 def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
@@ -386,8 +448,6 @@ def _mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple
 
 
 def _positions(elements: Mapping[str, Element], name: str) -> FloatArray:
-    if "tristrips" in elements:
-        raise unexpected(f"{name}:1", "triangles in element 'face'", "'tristrips'", "export faces instead")
     vertex = elements.get("vertex", Element())
     column = {each.name: each.values for each in vertex.columns if each.counts is None}
     if missing := [axis for axis in "xyz" if axis not in column]:
@@ -398,6 +458,19 @@ def _positions(elements: Mapping[str, Element], name: str) -> FloatArray:
 
 def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, IntArray, str]:
     """Read the corners of all faces, concatenated, the number of corners of each, and the name of the list."""
+    if "face" not in elements and "tristrips" in elements:
+        lists = [each for each in elements["tristrips"].columns if each.counts is not None]
+        if not lists or not _text.is_whole(lists[0].values).all():
+            expected = "a list of whole numbers of points in element 'tristrips'"
+            raise unexpected(f"{name}:1", expected, "none", "export faces instead")
+        corners = lists[0].values.astype(np.int64)
+        ends = np.union1d(
+            np.flatnonzero(corners < 0), np.cumsum(np.append(0, cast(IntArray, lists[0].counts))) - 0.5
+        )
+        strip = np.searchsorted(ends, np.arange(len(corners)), side="right")
+        sizes = np.bincount(strip[corners >= 0], minlength=1)
+        triangles, _ = triangles_of_strips(corners[corners >= 0], sizes)
+        return triangles.ravel(), np.full(len(triangles), 3), _INDEX_LISTS[0]
     if "face" not in elements:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), _INDEX_LISTS[0]
     face = elements["face"]
@@ -496,7 +569,7 @@ def _members(attribute: Attribute, values: AnyArray, taken: set[str]) -> tuple[s
     for name, each, members in () if is_corner else _GROUPS:
         if len(members) == width and (name == attribute.name or each == kind == "colour"):
             names.append(members)
-    stem = re.sub("[^!-~]+", "_", attribute.name) or "_"  # no blanks in PLY, and no letters but of ASCII
+    stem = re.sub(r"[\x00-\x20\x7f]+", "_", attribute.name) or "_"  # most readers know no blanks in names
     while not (free := [members for members in names if taken.isdisjoint(members)]):
         names = [(stem,) if is_corner or values.ndim == 1 else tuple(f"{stem}_{i}" for i in range(width))]
         stem += "_"

@@ -97,10 +97,23 @@ FORMATS: dict[str, MeshFormat] = {
 
 CLOUDS: dict[str, Callable[[bytes, str], Asset]] = {
     ".xyz": clouds.read_xyz,
+    ".asc": clouds.read_xyz,
     ".pcd": clouds.read_pcd,
     ".npy": clouds.read_npy,
 }
 """The reader of each suffix of files with points alone, which are not written."""
+
+
+UNREAD = {
+    **dict.fromkeys(
+        (".fbx", ".blend", ".dae", ".3ds", ".usd", ".usda", ".usdc", ".usdz"), "export it as GLB"
+    ),
+    **dict.fromkeys(
+        (".wrl", ".x3d", ".3mf", ".ctm", ".step", ".stp", ".iges", ".igs", ".mz3"), "export it as PLY"
+    ),
+    **dict.fromkeys((".bin", ".las", ".laz", ".e57", ".ptx"), "save it as PLY"),
+}
+"""What to do with files of surfaces and clouds that are not read, by their suffixes."""
 
 
 def format_of(path: Path, reading: bool = False) -> MeshFormat:
@@ -112,7 +125,8 @@ def format_of(path: Path, reading: bool = False) -> MeshFormat:
         return _with_attributes(CLOUDS[suffix], ply.write)
     told = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
     known = ", ".join([*FORMATS, *CLOUDS] if reading else FORMATS)
-    raise FormatError(f"{path}: {told} is not a mesh format; use one of {known}")
+    remedy = f"{UNREAD[suffix]}, or one of {known}" if suffix in UNREAD else f"use one of {known}"
+    raise FormatError(f"{path}: {told} is not a mesh format; {remedy}")
 
 
 @contextmanager

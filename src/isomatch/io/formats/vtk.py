@@ -18,10 +18,10 @@ from isomatch._core.arrays import AnyArray
 from isomatch._core.errors import FormatError, MeshError
 from isomatch._core.first_use import package
 from isomatch._core.memory import room_for
-from isomatch.io.asset import COMMENTS, Asset, Frame
+from isomatch.io.asset import COMMENTS, SPACE, Asset, Frame
 from isomatch.io.attribute import told_apart
 from isomatch.io.formats._reading import damaged, on_disk, reading
-from isomatch.io.libraries import attributes_of, polygons_of, to_pyvista
+from isomatch.io.libraries import ArrayDocument, named_attributes, polygons_of, to_pyvista
 
 # time that a file may take, and more for large ones; a triangle takes 0.5 s, a million points in 20 MB of VTP 1.9 s
 SECONDS, BYTES_A_SECOND = 60.0, 1e6
@@ -49,17 +49,29 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
         n_more = declared - len(stored["sizes"])  # legacy files of version 5 count one more
         if n_more not in ((0, 1) if suffix == ".vtk" else (0,)):
             raise damaged(name, what, f"{len(stored['sizes'])} polygons, {declared} declared")
-    if suffix == ".vtk" and _MARK not in (*stored["point_names"], *stored["cell_names"], *stored["fields"]):
+    if suffix == ".vtk" and _MARK not in (
+        *stored["point_names"],
+        *stored["cell_names"],
+        *stored["field_names"],
+    ):
         raise damaged(name, what, "it is cut short, or an array is shorter than declared")
     with reading(name, what):
-        cells = polygons_of(stored["points"], stored["corners"], stored["sizes"], stored["rows"], others)
-        of_points = attributes_of(_named(stored, "point"), "point")
-        attributes = [*of_points, *attributes_of(_named(stored, "cell"), "face", cells.rows)]
+        points, corners, sizes, rows = (stored[each] for each in ("points", "corners", "sizes", "rows"))
+        strips = stored["strip_corners"], stored["strip_sizes"]
+        cells = polygons_of(points, corners, sizes, rows, others, strips)
+        of_points = named_attributes(_named(stored, "point"), "point")
+        named = [*of_points, *named_attributes(_named(stored, "cell"), "face", cells.rows)]
+        attributes = told_apart(each for _, each in named)
+        names = {(each.name, each.domain): name for each, (name, _) in zip(attributes, named)}
+        fields = {
+            name: each for name, each in _named(stored, "field").items() if name not in (SPACE, COMMENTS)
+        }
+        document = ArrayDocument(names, fields)
         told = dict(zip(stored["text_names"].tolist(), stored["texts"].tolist()))
         if suffix == ".vtk":  # its second line is a title
             told[COMMENTS] = data.split(b"\n", 2)[1].decode(errors="replace")
         frame = Frame.of_named(told)
-        return Asset(cells.points, cells.polygons, told_apart(attributes), notes=cells.notes, frame=frame)
+        return Asset(cells.points, cells.polygons, attributes, (), document, cells.notes, frame)
 
 
 def _stored(data: bytes, name: str, suffix: str, what: str) -> Mapping[str, AnyArray]:
@@ -92,7 +104,8 @@ def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
         raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
     mesh = to_pyvista(asset)
     if suffix == ".vtk":  # where the title tells it
-        mesh.field_data.clear()
+        for name in (asset.frame or Frame()).named:
+            mesh.field_data.pop(name, None)
     with on_disk(b"", suffix) as path:
         (mesh.cast_to_unstructured_grid() if suffix == ".vtu" else mesh).save(path, binary=binary)
         if suffix != ".vtk" or not (title := (asset.frame or Frame()).title(TITLE)):
