@@ -8,7 +8,7 @@ from isomatch.cli import main
 from isomatch.cohort import Collection
 from isomatch.cohort.landmarks import landmark_files
 from isomatch.cohort.plan import entries_of
-from isomatch.cohort.statistics import read_specimens
+from isomatch.cohort.study_input import read_study
 from isomatch.cohort.subjects import structures_of
 from shapes import icosphere
 
@@ -112,7 +112,8 @@ def test_marks_of_no_shape_and_two_files_of_one_are_named(scans, caplog, other):
 def test_a_shape_without_a_group_or_faces_is_named(scans, caplog):
     (scans.parent / "groups.csv").write_text('"name","group"\n"a","m"\n"b",NA\n')
     write_mesh(scans / "empty.off", Mesh([[0.0, 0, 0]], []))
-    shapes, labels, *_ = read_specimens(scans, scans.parent / "groups.csv")
+    study = read_study(scans, scans.parent / "groups.csv")
+    shapes, labels = study.shapes, study.groups
     assert (shapes.names, labels) == (("a", "b"), {"a": "m"})
     assert "empty: left out, as it has no faces" in caplog.text
 

@@ -152,7 +152,10 @@ def read_table(
     found: Table = {}
     for row in rows.filled:
         if len(row.cells) < len(head) or any(row.cells[len(head) :]):
-            rows.refuse(row, f"is not a shape and its {' and '.join(columns)}; write {','.join(head)}")
+            rows.refuse(
+                row,
+                f"is not a shape and its {' and '.join(columns)}; write {','.join(head)}, or a header with these columns",
+            )
         cells = {column: "" if cell.lower() in NO_TEXT else cell for column, cell in zip(head, row.cells)}
         name, where = row.cells[head.index("name")], f"{path}:{row.line}"
         shape = names_of.get(normalize("NFC", name)) or names_of.get(normalize("NFC", _stem(name)))

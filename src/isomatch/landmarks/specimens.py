@@ -15,10 +15,11 @@ from scipy.spatial import cKDTree
 from isomatch._core.arrays import IntArray
 from isomatch._core.errors import FormatError, LandmarkError, MissingFileError
 from isomatch._core.files import legible
-from isomatch._core.texts import natural_order, read_text
+from isomatch._core.tables import read_table
+from isomatch._core.texts import natural_order
 from isomatch.landmarks.landmark_files import MarkedPoint
 from isomatch.landmarks.landmarks import Curve, Landmarks, landmarks_of
-from isomatch.landmarks.specimen_files import SEVERAL, Read, landmark_numbers, rows_of, specimens_in
+from isomatch.landmarks.specimen_files import SEVERAL, Read, landmark_numbers, specimens_in
 
 SAME_PLACE = (
     1e-4  # of a specimen's centroid size over √m: two points that are nearer in all specimens are one
@@ -155,19 +156,17 @@ def curves_of_sliders(path: Path, m: int) -> tuple[Curve, ...]:
 
 def read_landmark_pairs(path: Path, names: Sequence[str]) -> list[tuple[int, int]]:
     """Read pairs of landmarks, by their names or by their numbers from 1, of a table with two columns, as rows from 0."""
-    _, rows = rows_of(f"left,right\n{read_text(path)}", path)
+    table = read_table(path)
     number = {name: i for i, name in enumerate(names) if name}
     number |= {str(i): i - 1 for i in range(1, len(names) + 1) if str(i) not in number}
     pairs = list[tuple[int, int]]()
-    for at, (_, row) in enumerate(rows, start=1):
-        cells = [cell for cell in row if cell]
-        if at == 1 and len(cells) == 2 and not {*cells} & {*number}:
+    for row in table.filled:
+        cells = [cell for cell in row.cells if cell]
+        if row is table.filled[0] and len(cells) == 2 and not {*cells} & {*number}:
             continue  # a header
         if len(cells) != 2 or not {*cells} <= {*number}:
-            told = f"{','.join(row)[:80]!r} is no pair of landmarks"
-            raise FormatError(
-                f"{path}:{at}: {told}; write two of their names, or numbers from 1 to {len(names)}"
-            )
+            remedy = f"write two of their names, or numbers from 1 to {len(names)}"
+            table.refuse(row, f"is no pair of landmarks; {remedy}")
         pairs.append((number[cells[0]], number[cells[1]]))
     return pairs
 
