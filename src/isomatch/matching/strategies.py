@@ -309,7 +309,7 @@ VIA = Strategy("via", "parts", "wholes are given", lambda *_: None)  # see `solv
 COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC, BOTH_SIDES
 MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED
 LITTLE_MISSING = CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
-TWO_PARTS = AS_IT_IS, OVERLAPPING
+TWO_PARTS = AS_IT_IS, BOTH_SIDES, OVERLAPPING
 STRATEGIES = {strategy.name: strategy for strategy in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS, VIA)}
 """What each strategy claims, by its name, which `MatchResult.way` records."""
 

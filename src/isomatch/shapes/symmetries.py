@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -82,10 +82,9 @@ def find_symmetries(
         return ()
     to_anchors = between[:, anchors]
     starts = np.array([nearest_rows(between[:, images], to_anchors) for images in assigned])
-    moving = [*starts]
     for _ in range(ROUNDS):
-        moving = _distinct_maps(closest_point_images(few, few, np.array(moving), STEPS), between)
-    alignments = iterative_closest_points(few, few, np.array(moving), 0) if moving else []
+        starts = _distinct_maps(closest_point_images(few, few, starts, STEPS), between)
+    alignments = iterative_closest_points(few, few, starts, 0)
     self_maps: list[tuple[Symmetry, FloatArray]] = []
 
     def add(rotation: FloatArray) -> None:
@@ -136,13 +135,13 @@ def farthest_rows(distances: FloatArray, count: int, first: Sequence[int] = ()) 
     return np.array(rows)
 
 
-def _distinct_maps(image_rows: Iterable[IntArray], distances: FloatArray) -> list[IntArray]:
-    """Keep the first of maps that nearly coincide, and none that is nearly the identity."""
+def _distinct_maps(image_rows: IntArray, distances: FloatArray) -> IntArray:
+    """Keep the first of maps (h, r) that nearly coincide, and none that is nearly the identity."""
     kept = [np.arange(len(distances))]
     for rows in image_rows:
         if all(distances[rows, other].mean() >= SAME_START for other in kept):
             kept.append(rows)
-    return kept[1:]
+    return np.array(kept[1:], dtype=np.int64).reshape(-1, len(distances))
 
 
 def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySettings) -> IntArray:
