@@ -45,6 +45,8 @@ class TiesParameters:
     # the same of spectral residuals; 0.26 to 0.35; docs/lab/benchmarks.md, symmetry
     spectral_residual_noise: float = 0.25  # spectral residual
     score_noise: float = 0.04  # score: the same of scores; 0.04 to 0.09; docs/lab/benchmarks.md, symmetry
+    # costs below are equal; rotations of a flat ring onto itself cost up to 5e-6, maps between poses from 3e-4
+    cost_noise: float = 1e-5  # cost of `verify`
     least_region: float = 0.01  # share of vertices: a region below says nothing; chosen: ten of 1000
 
 

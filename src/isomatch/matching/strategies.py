@@ -20,7 +20,7 @@ from isomatch.matching.isometric.candidates import is_sure
 from isomatch.matching.isometric.isometry import IsometricMatch, Isometry, image_of, torn
 from isomatch.matching.maps import Candidate
 from isomatch.matching.model import Match, MatchingModel, origin_of
-from isomatch.matching.parameters import SAME_MAP, SCREENING, STRATEGY
+from isomatch.matching.parameters import SAME_MAP, SCREENING, STRATEGY, TIES
 from isomatch.matching.partial.part import Part, PartSide
 from isomatch.matching.partial.two_parts import TwoParts
 from isomatch.matching.pipeline import finish, match_under, search_under
@@ -44,7 +44,6 @@ from isomatch.shapes import (
 # shapes as they are, whichever strategy found it; evidence says how sure it is, and compares only maps that tie.
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS  # nothing else is worth trying
 OF_USERS = {"matrix", "function"}  # names of engines of the user's own distances
-NO_COST = 1e-12  # of a shape on its copy, so that a lead is finite
 
 
 @dataclass(eq=False)
@@ -440,7 +439,7 @@ def _verified_best(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
         )
 
     second = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf)
-    lead = second / max(costs[best], NO_COST)
+    lead = second / max(costs[best], TIES.cost_noise)
     told = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
     solution = solutions[best].led(lead if lead > 1.0 else 1.0)  # 1 also where nothing can be verified
     closed = attempts.matches.get(CLOSED.name)

@@ -16,7 +16,7 @@ from isomatch.matching.isometric.candidates import is_another
 from isomatch.matching.isometric.isometry import IsometricMatch, Isometry
 from isomatch.matching.maps import Fit
 from isomatch.matching.model import Proposals
-from isomatch.matching.parameters import EXCHANGE
+from isomatch.matching.parameters import EXCHANGE, TIES
 from isomatch.matching.selection import Ranking
 from isomatch.matching.verify import inverse, verifier_of
 
@@ -102,9 +102,11 @@ class BothSides(Isometry):
             against = first if against in (None, best.fit) else against
             if is_another(self, best.fit, first):
                 ratio = np.inf
+        least = max(best.cost, TIES.cost_noise)
         for each in verified:
-            if is_another(self, each.fit, best.fit) and each.cost < ratio * best.cost:
-                ratio, against = each.cost / best.cost, each.fit
+            over = max(each.cost, least) / least
+            if over < ratio and is_another(self, each.fit, best.fit):
+                ratio, against = over, each.fit
         return ratio, against
 
     def _refine_locally(self, fit: Fit, image: BodyVertices) -> Fit:
