@@ -39,6 +39,12 @@ from isomatch.visualization.summary import JUDGED, outcome_colour
 
 COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 
+VERDICTS = {
+    "right": Outcome.CONVERGED,
+    "doubtful": Outcome.SYMMETRY_AMBIGUOUS,
+    "wrong": Outcome.LOW_CONFIDENCE,
+}  # outcomes whose colours the verdicts have
+DIFFERENCE = "distance from the judged map"
 _HELPED_BY_LANDMARKS = (Outcome.PRIORS_CONTRADICTED, Outcome.SYMMETRY_AMBIGUOUS, Outcome.LOW_CONFIDENCE)
 
 
@@ -54,6 +60,7 @@ def write_report(
     layers: Mapping[str, ArrayLike] | None = None,
     landmarks: ArrayLike | None = None,
     command: str = COMMAND,
+    said: Mapping[str, str] | None = None,
 ) -> None:
     """Write the report of a match: one HTML file that loads nothing from the network.
 
@@ -79,6 +86,8 @@ def write_report(
         lack are left out.
     command : str
         Command that matches again with the saved landmarks, to be copied.
+    said : mapping of str to str, optional
+        ``headline``, ``sureness``, ``advice`` and ``colour`` in place of those of the result.
 
     Raises
     ------
@@ -111,7 +120,7 @@ def write_report(
         names,
         scene,
         pairs,
-        **parts_of(scene, result),
+        **(parts_of(scene, result) | {name: escape(text) for name, text in (said or {}).items()}),
         picture=f'<img src="{still}" alt="{SEEN.format("Source", "target")}">' if still else "",
         picking=" checked" if helped else "",
         landmarks=_list(command, shown=helped or bool(len(pairs))),
@@ -154,7 +163,13 @@ def write_judgement(
         result,
         names=names,
         facts={"the map that was judged, alternative 1": str(judgement)},
-        layers={"distance from the judged map": judgement.distance},
+        layers={DIFFERENCE: judgement.distance},
+        said={
+            "headline": sentence(f"{judgement}."),
+            "sureness": f"Alternative 1 is the map that was judged. The colour “{DIFFERENCE}” shows where both differ.",
+            "advice": "",
+            "colour": outcome_colour(VERDICTS[judgement.verdict]),
+        },
     )
 
 
@@ -168,6 +183,7 @@ def write_landmark_picker(
     facts: Mapping[str, object] | None = None,
     landmarks: ArrayLike | None = None,
     command: str = COMMAND,
+    said: Mapping[str, str] | None = None,
 ) -> None:
     """Write the report of a match that found no map, for a reason: both shapes in 3D, to pick landmarks for another.
 
