@@ -31,7 +31,7 @@ def asymmetry(
 ) -> None:
     """Measure how far shapes are from their mirror images, where, and what of it all shapes have in common.
 
-    The exit code is 1, after all files are written, if a map from left to right is not sure.
+    The exit code is 4, after all files are written, if a map from left to right is not sure.
 
     Args:
         shapes: A mesh; or a folder of meshes in one topology, or the folder of isomatch collect; or landmarks: a .tps,

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from isomatch import cohort
-from isomatch.cli.collect_finished import add, export, landmarks, say_landmarks
+from isomatch.cli.collect_finished import add, export, landmarks
 from isomatch.cli.collect_options import (
     Executor,
     Jobs,
@@ -20,7 +20,7 @@ from isomatch.cli.collect_options import (
     units_of,
 )
 from isomatch.cli.collect_state import agree, retry, say_cohort, status
-from isomatch.cli.inputs import ConfigFile, Output, Seed, read_config
+from isomatch.cli.inputs import ConfigFile, Output, Seed, read_config, read_outcomes
 from isomatch.cli.terminal import TALK, Talk, complain
 
 collect = App(name="collect", default_parameter=Parameter(negative=()))
@@ -47,6 +47,7 @@ def run(
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
     keep_contacts: Annotated[bool, Parameter(negative="--no-keep-contacts")] = True,
     reports: Reports = "doubtful",
+    fail_on: str | None = None,
     config: ConfigFile = None,
     seed: Seed = 0,
     talk: Talk = TALK,
@@ -75,8 +76,11 @@ def run(
             landmarks.
         agree: Once all pairs are matched, replace maps that the others contradict, see isomatch collect agree; by default
             only if all pairs are. Maps of shards are compared by that command.
+        fail_on: Outcomes of maps that make the exit code 4, after all files are written, as of isomatch match. Where
+            shapes or pairs failed it is 3 in any case; with --strict the first of them ends the run.
         keep_contacts: Of subjects, keep points together that lie on each other in the template; see contacts.csv.
     """
+    refused = read_outcomes(fail_on)
     how: dict[str, Any] = {"config": read_config(config), "seed": seed, "reports": reports, "agree": agree}
     how |= {"landmarks": landmarks, "semilandmarks": semilandmarks, "keep_contacts": keep_contacts}
     how |= {"shard": shard_of(shard), "executor": executor, "jobs": jobs, "time_limit": time_limit}
@@ -92,6 +96,4 @@ def run(
             progress=tell,
             warn=complain,
         )
-    say_cohort(found, talk)
-    if found.landmarks and not (talk.quiet or talk.json or talk.json_lines):
-        say_landmarks(found.landmarks)
+    say_cohort(found, talk, refused)

@@ -137,7 +137,7 @@ def match(
         output: Folder for map.npz, map.txt, result.json, map.png, report.html, and alternative_1.npz … for isomatch
             choose; with --both also map_back.npz. Without a map, picker.html.
         both: Also find the map of the other direction, map_back.npz; both together take about 1.3 times as long as one.
-        fail_on: Outcomes that make the exit code 1, after all files are written: low-confidence, mirror-image,
+        fail_on: Outcomes that make the exit code 4, after all files are written: low-confidence, mirror-image,
             symmetry-ambiguous, priors-contradicted, partial, converged; several with commas. With --both, that of either
             direction counts.
         report: Whether to write report.html.

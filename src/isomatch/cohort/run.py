@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from isomatch._core.errors import InputError, MemoryBudgetError
+from isomatch._core.skipped import noted
 from isomatch._core.stage_timer import Progress
 from isomatch.cohort import combine
 from isomatch.cohort.collection import Collection
@@ -164,7 +165,7 @@ def run(
     carried, gaps = None, list[Gap]()
     with workers_of(executor, jobs, time_limit) as workers:
         for structure, collection in structures.items():
-            to.tell(structure, 0.0)
+            to.tell(f"{structure}: starting" if structure else "starting", 0.0)
             for where in collection.rows().damaged:
                 to.warn(f"{where} is no row of a collection, and is ignored")
             follow(collection.run(workers, shard=shard), to)
@@ -231,6 +232,8 @@ def follow(events: Iterable[Event], to: Listener) -> None:
     again = Counter[tuple[str, str]]()
     for event in events:
         to.tell(*event.told)
+        if event.state == "failed":
+            noted(event.told[0])
         again.update((event.what, reason) for reason in event.again)
         if isinstance(event.row, Outlier):
             to.warn(f"{event.name} {event.row.reason}")
