@@ -215,17 +215,28 @@ def _to_wrap(
     return assets, list(files_beside(as_mesh, assets[0].with_attributes(measured)))
 
 
-def choose(folder: Path, number: int, /, *, details: Details = False, talk: Talk = TALK) -> None:
+def choose(
+    folder: Path,
+    number: int,
+    source: Path | None = None,
+    target: Path | None = None,
+    /,
+    *,
+    details: Details = False,
+    talk: Talk = TALK,
+) -> None:
     """Make an alternative the map: refine and measure it, and replace the files of the result.
 
     The former map becomes alternative 1, and the other alternatives follow. A map of the other direction is removed;
     the file of --as-mesh stays what it was.
 
     Args:
-        folder: Folder that isomatch match wrote. The two meshes are read from where they were then.
+        folder: Folder that isomatch match wrote.
         number: Number of the alternative in the report, from 1.
+        source: The mesh that was matched, if it is not where it was, as seen from the folder or from here.
+        target: The mesh to which it was matched, likewise.
     """
-    earlier = Earlier.read(folder)
+    earlier = Earlier.read(folder, source, target)
     inputs, landmarks = earlier.inputs, earlier.inputs.landmarks or None
     with talk.progress() as tell, earlier.folder.claimed(force=True):
         tell("reading", 0.0)
