@@ -50,7 +50,10 @@ def served(monkeypatch):
 def test_a_missing_package_is_named_at_once(name, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, name, None)
     assert main(["open", "nowhere.ply", "either.ply"]) == 1
-    assert f"isomatch open needs the package {name}; pip install 'isomatch[open]'" in capsys.readouterr().err
+    assert (
+        f"isomatch open needs the package {name}; in the checkout of isomatch, pip install '.[open]'"
+        in capsys.readouterr().err
+    )
 
 
 def test_the_browser_gets_an_address_that_works_once_and_may_take_long(shapes, served, monkeypatch, capsys):

@@ -226,7 +226,7 @@ def test_landmarks_are_carried_there_and_back(folder, capsys):
     assert main([*argv, there, "-o", str(folder / "wrong.csv")]) == 1
     assert "taken as landmarks of the source, see --to" in capsys.readouterr().err
     assert main([*argv, there, "-o", str(folder / "wrong.ply")]) == 1
-    assert "'.ply' is none of a file of landmarks" in capsys.readouterr().err
+    assert "'.ply' is not that of a landmark file" in capsys.readouterr().err
     assert main([*argv, there, "-o", back, "--force", "--bake", "64"]) == 1
     assert "--landmarks are carried alone" in capsys.readouterr().err
     assert main(["transfer", *names, "-o", back, "--curve-points", "9"]) == 1

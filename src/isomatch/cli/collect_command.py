@@ -66,11 +66,10 @@ def run(
         shard: i/n: match the i-th of n parts of the pairs. Runs of other parts may go on at the same time, on other
             machines.
         reflect: Shapes to match as their mirror images. auto: those that fit clearly better so, as left ones among right
-            ones; none; or their names, separated by commas, or a file with a name on each line. By default as before, at
-            first none.
+            ones; none; or their names, separated by commas, or a file of them. Default: as in the last run, first none.
         units: Units of shapes that are in others than most, such as scan7=mm,scan9=cm: um, mm, cm, m or in. They are
             brought to that of all others, which is found by their sizes, or given first: m,scan7=mm. none: all are in one
-            unit. By default as before.
+            unit. Default: as in the last run.
         landmarks: File of landmarks and curves of the template, as of 3D Slicer, or folder of such files of several
             shapes, named like them: the folder landmarks gets a file for each shape, and tables; see isomatch collect
             landmarks.

@@ -13,7 +13,7 @@ from isomatch.cli.collect_options import Executor, Jobs, Marked, Reports, names_
 from isomatch.cli.inputs import Force, Rounded
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.statistics_model import say_scored
-from isomatch.cli.terminal import TALK, IncompleteError, Talk, complain, failed_of, say
+from isomatch.cli.terminal import TALK, Talk, complain, require_complete, say
 
 
 def landmarks(
@@ -128,8 +128,7 @@ def add(
         say(f"the maps: {found.folder / 'index.html'}; {folder} is as it was, but for {found.folder.name}")
 
     talk.result({**found.record, "files": found.files}, summary)
-    if failed := [*found.record["left_out"], *found.record["status"]["failures"]]:
-        raise IncompleteError(f"{failed_of(failed)}; all else is in {found.folder}")
+    require_complete([*found.record["left_out"], *found.record["status"]["failures"]], found.folder)
 
 
 def say_landmarks(tables: cohort.LandmarkTables) -> None:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from isomatch import NotConvergedError, Outcome, cohort, visualization
 from isomatch.cli.collect_finished import say_landmarks
 from isomatch.cli.collect_options import Executor, Jobs, Reports, TimeLimit
-from isomatch.cli.terminal import TALK, IncompleteError, Talk, complain, failed_of, say, say_rows
+from isomatch.cli.terminal import TALK, Talk, complain, require_complete, say, say_rows
 
 OUTCOMES = 26  # columns of a number of pairs with their outcome
 
@@ -85,10 +85,7 @@ def say_cohort(
 
     talk.result(found.to_json(status), summary, is_answer=is_answer)
     failed = [f"{each} of {name}" if name else each for name, own in status.items() for each in own.failures]
-    if failed:
-        raise IncompleteError(
-            f"{failed_of(failed)}; all else is in {found.folder}, isomatch collect status says why"
-        )
+    require_complete(failed, found.folder)
     for outcome in refused:
         if count := sum(each.outcomes.get(outcome.name, 0) for each in status.values()):
             raise NotConvergedError(f"{count} of the maps: {outcome.value}; all files are in {found.folder}")

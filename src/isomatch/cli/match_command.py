@@ -215,16 +215,7 @@ def _to_wrap(
     return assets, list(files_beside(as_mesh, assets[0].with_attributes(measured)))
 
 
-def choose(
-    folder: Path,
-    number: int,
-    source: Path | None = None,
-    target: Path | None = None,
-    /,
-    *,
-    details: Details = False,
-    talk: Talk = TALK,
-) -> None:
+def choose(folder: Path, number: int, /, *meshes: Path, details: Details = False, talk: Talk = TALK) -> None:
     """Make an alternative the map: refine and measure it, and replace the files of the result.
 
     The former map becomes alternative 1, and the other alternatives follow. A map of the other direction is removed;
@@ -233,10 +224,9 @@ def choose(
     Args:
         folder: Folder that isomatch match wrote.
         number: Number of the alternative in the report, from 1.
-        source: The mesh that was matched, if it is not where it was, as seen from the folder or from here.
-        target: The mesh to which it was matched, likewise.
+        meshes: Source and target, if they are not where they were, as seen from the folder or from here.
     """
-    earlier = Earlier.read(folder, source, target)
+    earlier = Earlier.read(folder, *meshes)
     inputs, landmarks = earlier.inputs, earlier.inputs.landmarks or None
     with talk.progress() as tell, earlier.folder.claimed(force=True):
         tell("reading", 0.0)

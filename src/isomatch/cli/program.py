@@ -20,37 +20,27 @@ from isomatch.cli.terminal import IncompleteError, complain, print_anything
 DONE, BAD, MISUSED, INCOMPLETE, UNSURE, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit codes
 STRICT = "--strict"  # an option of all commands
 
-# the commands of each group, with the place of each and an example
-COMMANDS = {
-    "Match": {
-        "match": ("match_command:match", "match a.ply b.ply -o result"),
-        "choose": ("match_command:choose", "choose result 1"),
-        "demo": ("match_command:demo", "demo"),
-    },
-    "Look": {
-        "open": ("open_command:open_page", "open a.ply b.ply"),
-        "evaluate": ("evaluate_command:evaluate", "evaluate map.txt a.ply b.ply"),
-        "check": ("mesh_command:check", "check scans"),
-    },
-    "Use": {
-        "transfer": ("transfer_command:transfer", "transfer result/map.npz a.glb b.glb -o a_like_b.glb"),
-        "repair": ("mesh_command:repair", "repair scan.ply -o mended.ply"),
-    },
-    "Many": {
-        "collect": ("collect_command:collect", "collect scans -o cohort"),
-        "statistics": ("statistics_command:statistics", "statistics cohort -o statistics"),
-        "asymmetry": ("asymmetry_command:asymmetry", "asymmetry cohort -o asymmetry"),
-    },
-    "Measure": {
-        "distance": ("distance_command:distance", "distance a.ply --from 0 -o distances.csv"),
-        "basis": ("distance_command:basis", "basis a.ply -o basis.npz"),
-    },
-    "Develop": {"info": ("machine_command:info", "info"), "warm": ("machine_command:warm", "warm")},
-}
-OWN = {name: f"isomatch.cli.{place}" for each in COMMANDS.values() for name, (place, _) in each.items()}
-EXAMPLES = {name: example for each in COMMANDS.values() for name, (_, example) in each.items()}
-_ORDERED = {title: Group.create_ordered(title) for title in COMMANDS}
-GROUPS = {name: _ORDERED[title] for title, each in COMMANDS.items() for name in each}
+COMMANDS = (  # the group, the place and an example of each, which begins with its name
+    ("Match", "match_command:match", "match a.ply b.ply -o result"),
+    ("Match", "match_command:choose", "choose result 1"),
+    ("Match", "match_command:demo", "demo"),
+    ("Look", "open_command:open_page", "open a.ply b.ply"),
+    ("Look", "evaluate_command:evaluate", "evaluate map.txt a.ply b.ply"),
+    ("Look", "mesh_command:check", "check scans"),
+    ("Use", "transfer_command:transfer", "transfer result/map.npz a.glb b.glb -o a_like_b.glb"),
+    ("Use", "mesh_command:repair", "repair scan.ply -o mended.ply"),
+    ("Many", "collect_command:collect", "collect scans -o cohort"),
+    ("Many", "statistics_command:statistics", "statistics cohort -o statistics"),
+    ("Many", "asymmetry_command:asymmetry", "asymmetry cohort -o asymmetry"),
+    ("Measure", "distance_command:distance", "distance a.ply --from 0 -o distances.csv"),
+    ("Measure", "distance_command:basis", "basis a.ply -o basis.npz"),
+    ("Develop", "machine_command:info", "info"),
+    ("Develop", "machine_command:warm", "warm"),
+)
+EXAMPLES = {example.split()[0]: example for _, _, example in COMMANDS}
+OWN = {name: f"isomatch.cli.{place}" for name, (_, place, _) in zip(EXAMPLES, COMMANDS)}
+_ORDERED = {title: Group.create_ordered(title) for title in dict.fromkeys(each[0] for each in COMMANDS)}
+GROUPS = {name: _ORDERED[title] for name, (title, *_) in zip(EXAMPLES, COMMANDS)}
 
 app = App(
     name="isomatch",

@@ -14,7 +14,7 @@ from typing import Any
 
 import isomatch
 from isomatch import matching, visualization
-from isomatch._core.errors import FormatError, MissingFileError
+from isomatch._core.errors import FormatError, InputError, MissingFileError
 from isomatch._core.files import claimed, contents, made_folder, staged, write_text
 from isomatch._core.texts import json_text
 from isomatch.cli.inputs import Surface, read_surface
@@ -198,10 +198,8 @@ def described(result: isomatch.MatchResult) -> dict[str, Any]:
 
 def _seen_from(folder: Path, mesh: Path) -> str:
     """Write the path of a mesh as seen from a folder, so that both can be moved; one that was given whole is kept."""
-    try:
-        return str(mesh) if mesh.is_absolute() else relpath(mesh, folder)
-    except ValueError:  # on another drive
-        return str(mesh.resolve())
+    same_drive = mesh.absolute().drive == folder.absolute().drive
+    return relpath(mesh, folder) if same_drive and not mesh.is_absolute() else str(mesh.absolute())
 
 
 def _found(folder: Path, seen: str, typed: str) -> Path:
@@ -244,6 +242,8 @@ class Earlier:
             )
         seen = fields.get("meshes")
         seen = map(str, seen) if isinstance(seen, list) and len(seen) == 2 else ("", "")
+        if len(meshes) not in (0, 2):
+            raise InputError(f"{folder}: give both meshes after it, source and target, or none")
         names = zip(meshes or (None, None), seen, (fields["source"], fields["target"]))
         ends = [given or _found(folder, *told) for given, *told in names]
         inputs = Inputs(ends[0], ends[1], fields["match_again"], fields["landmarks"])

@@ -8,10 +8,11 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from io import TextIOWrapper
+from pathlib import Path
 from textwrap import wrap
 from threading import Event, Thread
 from typing import Annotated, Any, TypeAlias
@@ -70,10 +71,12 @@ class IncompleteError(IsomatchError):
     """Some of many shapes failed; all that is made of the others is written."""
 
 
-def failed_of(names: Sequence[str]) -> str:
-    """Say how many shapes and pairs failed, and name the first."""
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return f"{len(names)} shapes or pairs failed: {', '.join(names[:MOST_NAMED])}{more}"
+def require_complete(failed: Sequence[str], folder: Path) -> None:
+    """Raise `IncompleteError` if shapes or pairs failed, and name the first."""
+    if failed:
+        more = f" and {len(failed) - MOST_NAMED} more" if len(failed) > MOST_NAMED else ""
+        told = f"{len(failed)} shapes or pairs failed: {', '.join(failed[:MOST_NAMED])}{more}"
+        raise IncompleteError(f"{told}; all else is in {folder}, isomatch collect status says why")
 
 
 def say_table(rows: Iterable[tuple[str, ...]]) -> None:
@@ -142,13 +145,11 @@ def _lines_on(console: Console, clock: _Clock) -> Iterator[Tell]:
             console.file.write(f"{now}  {printable(clock.stage)}  {clock.share:.0%}  {clock}\n")
             console.file.flush()
 
-    writer = Thread(target=write, daemon=True)
-    writer.start()
+    Thread(target=write, daemon=True).start()
     try:
         yield clock.tell
     finally:
         ended.set()
-        writer.join()
 
 
 @Parameter(name="*")
@@ -182,11 +183,9 @@ class Talk:
 
         if self.json_lines:
             yield tell_event
-        elif self.verbose:
-            with _log_on(console):
+        elif self.verbose or self.quiet:
+            with _log_on(console) if self.verbose else nullcontext():
                 yield lambda stage, share: None
-        elif self.quiet:
-            yield lambda stage, share: None
         elif console.is_terminal:
             clock = _Clock()
             columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), clock

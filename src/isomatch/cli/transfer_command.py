@@ -49,8 +49,8 @@ def transfer(
             of one target vertex on each line, an .npy or .mat.
         source: Mesh that the map starts from.
         target: Mesh that the map goes to.
-        output: Surface file to write: what receives, with the data of the other. Its own format keeps everything. Or a
-            file for the data alone: .annot, .label.gii, .func.gii, .shape.gii, lh.thickness, .npy, .csv.
+        output: Surface file to write: what receives, with the data of the other; all is kept in the format of its own
+            file. Or a file for the data alone: .annot, .label.gii, .func.gii, .shape.gii, lh.thickness, .npy, .csv.
         data: What to carry, separated by commas: labels, colours, scalars, vectors, normals, uv, weights, keys, names of
             attributes, or all (default; with --values, all of these files).
         values: File of labels or numbers of the mesh that gives, one for each point or face, in the formats of --output.

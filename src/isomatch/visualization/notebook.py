@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from isomatch._core.arrays import IntArray
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MapError, MeshError
-from isomatch._core.first_use import package
+from isomatch._core.first_use import install_command, package
 from isomatch._core.stage_timer import notebook_shell
 from isomatch.correspondence import Correspondence
 from isomatch.matching import BothDirections, MatchResult, Outcome, Quality
@@ -263,7 +263,7 @@ def _listed(settings: Mapping[str, Any]) -> str:
 SANDBOX = "allow-scripts allow-downloads"  # the page reaches neither the notebook nor anything else
 FETCHED = "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
 STATIC = (
-    "To have the pairs that you click in Python, install <code>isomatch[notebook]</code> and show the result again. "
+    f"To have clicked pairs in Python: <code>{install_command('notebook')}</code>, and show the result again. "
     "Until then, save the list and read it:"
 )
 MATCH_AGAIN = "match(source, target, landmarks=view.landmarks)"
