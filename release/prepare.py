@@ -92,6 +92,7 @@ def places(release: Release) -> list[Place]:
         Place("CHANGELOG.md", f"## [{release.version}] - {{}}", release.date or "unreleased"),
         Place("README.md", "[CITATION.cff](CITATION.cff), DOI {}. MIT licence.", release.doi, ""),
         Place("docs/install.md", "$ git clone {} isomatch", release.address or "REPOSITORY_URL"),
+        Place("src/isomatch/_core/first_use.py", 'PACKAGE = "{}"', "isomatch" if release.indexes else "."),
         Place("pyproject.toml", 'Source = "{}"', release.address),
         Place("release/recipe.yaml", '  version: "{}"', release.version),
         Place("release/recipe.yaml", "  homepage: {}", release.address),

@@ -10,6 +10,7 @@ import isomatch
 from corresponded import moved
 from data import real_file
 from isomatch.cli import main
+from isomatch.cohort.asymmetry import _below_error, _sides, _told
 from isomatch.cohort.shape_statistics import CorrespondedShapes
 from isomatch_lab.procedural import creature
 from shapes import icosphere
@@ -35,6 +36,35 @@ def write(folder, radius, names=None):
 def sides(tmp_path):
     (tmp_path / "sides.txt").write_text("".join(f"{i}\n" for i in OTHER))
     return ["--left-right", str(tmp_path / "sides.txt")]
+
+
+def shape(name, asymmetry, **error):
+    return {"name": name, "asymmetry": asymmetry, **error}
+
+
+def test_what_is_below_the_error_of_the_maps_is_not_shown():
+    a, b, c = shape("a", 0.1, map_error=0.2), shape("b", 0.13, map_error=0.18), shape("c", 0.4, map_error=0.2)
+    told, shown = _below_error([a, b])
+    assert told.startswith("no asymmetry is shown: it is below the error of the maps")
+    assert (told[-33:], shown) == ("(0.1 to 0.13, errors 0.18 to 0.2)", [])
+    told, shown = _below_error([a, c])
+    assert told.startswith("no asymmetry is shown in a: ")
+    assert shown == [c]
+    assert _below_error([shape("a", 0.1), c]) == (
+        "",
+        [shape("a", 0.1), c],
+    )  # sides that were given have no error
+    record = {"anova": [], "n_individuals": 1, "shapes": [a], "size_anova": [], "notes": ["n"]}
+    assert _told(record) == [_below_error([a])[0], "note: n"]
+
+
+def test_sides_are_left_and_right_where_all_pairs_of_landmarks_agree():
+    vertices = np.array([[-1.0, 0, 0], [1, 0, 0], [-2, 1, 0], [2, 1, 0], [0, 3, 0]])
+    x, left_first = np.array([1.0, 0, 0]), np.array([[0, 1], [2, 3], [4, 4]])
+    assert _sides(x, vertices, left_first) == ("the right side", "the left side")
+    assert _sides(-x, vertices, left_first) == ("the left side", "the right side")
+    for pairs in (None, np.array([[0, 1], [3, 2]]), np.array([[4, 4]])):
+        assert _sides(x, vertices, pairs) == ("the +x side", "the −x side")
 
 
 @pytest.mark.long
@@ -147,7 +177,7 @@ def test_left_and_right_organs(tmp_path, capsys):
 def test_a_map_that_is_not_sure_is_told_and_fails(tmp_path, capsys):
     isomatch.write_mesh(tmp_path / "ball.ply", SPHERE)
     out = tmp_path / "out"
-    assert main(["asymmetry", str(tmp_path / "ball.ply"), "-o", str(out)]) == 1
+    assert main(["asymmetry", str(tmp_path / "ball.ply"), "-o", str(out)]) == 4
     said = capsys.readouterr().err
     assert "Left and right are not sure: ball (symmetry ambiguous)" in said
     assert "--landmarks" in said

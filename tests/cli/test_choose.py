@@ -2,12 +2,14 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import isomatch
 from isomatch.cli import main
+from isomatch.cli.results import Earlier
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import Alternative
 
@@ -53,6 +55,37 @@ def matched(shapes, tmp_path_factory):
 @pytest.fixture
 def result(matched, tmp_path):
     return shutil.copytree(matched, tmp_path / "result")
+
+
+def test_a_result_finds_its_meshes_after_cd_and_after_a_move(tmp_path, monkeypatch):
+    names = ["a.ply", "b.ply"]
+    record = {
+        "source": "a.ply",
+        "target": "b.ply",
+        "match_again": "",
+        "origin": "",
+        "landmarks": [],
+        "seed": 0,
+    }
+    record |= {"alternatives": [], "config": {}, "files": {}, "meshes": ["../a.ply", str(tmp_path / "b.ply")]}
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "result").mkdir()
+    (tmp_path / "result" / "result.json").write_text(json.dumps(record))
+    for name in names:
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    earlier = Earlier.read(Path("../result"))
+    assert [Path.resolve(path) for path in vars(earlier.inputs).values() if isinstance(path, Path)] == [
+        tmp_path / name for name in names
+    ]
+    shutil.move(tmp_path / "result", tmp_path / "elsewhere" / "moved")
+    with pytest.raises(isomatch.MissingFileError, match=r"a\.ply: no such file.*give both meshes"):
+        Earlier.read(Path("moved"))
+    assert (
+        Earlier.read(Path("moved"), *(tmp_path / name for name in names)).inputs.source == tmp_path / "a.ply"
+    )
+    shutil.move(tmp_path / "a.ply", tmp_path / "elsewhere" / "moved" / "a.ply")  # as of a downloaded result
+    assert Earlier.read(Path("moved")).inputs.source == Path("moved/a.ply")
 
 
 @pytest.mark.long

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from matplotlib.image import imread
 from scipy.io import savemat
 
 import isomatch
-from isomatch.cli import app, main
+from isomatch.cli import Talk, app, main, program, terminal
 from isomatch.datasets import example_pair, ground_truth
 from shapes import icosphere
 
@@ -84,11 +85,11 @@ def test_quiet_prints_nothing_and_no_report_writes_none(matching, tmp_path, caps
 @pytest.mark.long
 def test_verbose_writes_the_log(matching, capsys):
     assert matching("--verbose") == 0
-    assert "ms  refinement" in capsys.readouterr().err
+    assert "INFO  refinement" in capsys.readouterr().err
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("word", "code"), [("low-confidence,ambiguous", 1), ("contradicted", 0)])
+@pytest.mark.parametrize(("word", "code"), [("low-confidence,ambiguous", 4), ("contradicted", 0)])
 def test_an_outcome_can_fail_after_all_files_are_written(word, code, tmp_path, monkeypatch, capsys):
     """A ball has every symmetry."""
     monkeypatch.chdir(tmp_path)
@@ -233,7 +234,7 @@ def test_evaluate_with_a_reference_says_whether_a_map_is_right(shapes, monkeypat
     wrong = evaluated(capsys, " ".join(command))
     assert (wrong["verdict"], wrong["regions"] != []) == ("wrong", True)
     assert wrong["given"]["cost"] > 2 * wrong["reference"]["cost"]
-    assert main([*command, "--fail-on", "wrong"]) == 1
+    assert main([*command, "--fail-on", "wrong"]) == 4
     told = capsys.readouterr()
     assert "descriptor distance" in told.out
     assert "wrong: it costs" in told.err
@@ -367,3 +368,48 @@ def test_points_without_faces_are_matched_and_drawn(tmp_path, monkeypatch, shape
     isomatch.write_mesh("few.ply", isomatch.Mesh(np.eye(3), []))
     assert main(["match", "few.ply", "b.ply", "-o", "other"]) == 1
     assert "few.ply: has no faces, and its points have shape (3, 3)" in capsys.readouterr().err
+
+
+def test_the_clock_tells_rate_and_time_left_of_steps_that_are_counted(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("isomatch.cli.terminal.time.monotonic", lambda: now[0])
+    clock = terminal._Clock()
+    for seconds, stage in ((50, "looked at 3 of 3: a"), (60, "matched 1 of 5: b"), (70, "matched 2 of 5: c")):
+        now[0] = seconds
+        clock.tell(stage, 1.0)
+    assert str(clock) == "0:01:10, 6 a minute, 0:00:30 left"
+    now[0] = 75
+    assert str(clock) == "0:01:15, 6 a minute, 0:00:25 left"
+    clock.tell("writing", 0.0)
+    assert str(clock) == "0:01:15"
+
+
+def test_without_a_terminal_there_are_dated_lines(monkeypatch, capsys):
+    monkeypatch.setattr(terminal, "LINES_APART", 0.01)
+    with Talk().progress() as tell:
+        tell("matched 1 of 4: a", 0.25)
+        time.sleep(0.1)
+    lines = capsys.readouterr().err.splitlines()
+    dated = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\S+  matched 1 of 4: a  25%  0:00:00.*"
+    assert re.fullmatch(dated, lines[-1])
+    with Talk(quiet=True).progress() as tell:
+        tell("matched 1 of 4: a", 0.25)
+        time.sleep(0.05)
+    assert capsys.readouterr().err == ""
+
+
+def test_every_command_has_a_group_an_example_and_short_options(capsys):
+    assert main(["--help"]) == 0
+    said = capsys.readouterr().out
+    titles = ("Match", "Look", "Use", "Many", "Measure", "Develop")
+    places = [said.index(f"─ {title} ─") for title in titles]
+    assert places == sorted(places)
+    for name, example in program.EXAMPLES.items():
+        app.parse_args(example.split(), exit_on_error=False, print_error=False)
+        assert example.split()[0] == name
+    assert main(["match", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "Example: isomatch match a.ply b.ply -o result" in said
+    assert all(option in said for option in ("--quiet -q", "--verbose -v", "--json -j", "--force -f"))
+    assert main(["-V"]) == 0
+    assert capsys.readouterr().out == f"{isomatch.__version__}\n"

@@ -50,7 +50,10 @@ def served(monkeypatch):
 def test_a_missing_package_is_named_at_once(name, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, name, None)
     assert main(["open", "nowhere.ply", "either.ply"]) == 1
-    assert f"isomatch open needs the package {name}; pip install 'isomatch[open]'" in capsys.readouterr().err
+    assert (
+        f"isomatch open needs the package {name}; in the checkout of isomatch, pip install '.[open]'"
+        in capsys.readouterr().err
+    )
 
 
 def test_the_browser_gets_an_address_that_works_once_and_may_take_long(shapes, served, monkeypatch, capsys):
@@ -109,7 +112,8 @@ def test_a_result_is_written_and_packed_as_match_writes_it(shapes, served):
         json.loads(archive.read("result.json")),
     )
     assert set(archive.namelist()) == {path.name for path in (shapes / "out").iterdir()}
-    assert {**written, "files": 0} == {**packed, "files": 0}
+    assert written["meshes"] == ["../a.ply", "../b.ply"]
+    assert written | {"files": 0, "meshes": ["a.ply", "b.ply"]} == packed | {"files": 0}
     assert written["match_again"] == (
         "isomatch match a.ply b.ply --output out --config quick.toml --seed 3 --landmarks landmarks.txt --force"
     )

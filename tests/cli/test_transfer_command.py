@@ -10,9 +10,11 @@ import pytest
 from PIL import Image
 
 from corresponded import wrapped_as
-from isomatch import Asset, Correspondence, Mesh, match, read_asset, read_mesh, write_asset
+from isomatch import Asset, Correspondence, FormatError, Mesh, match, read_asset, read_mesh, write_asset
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
+from isomatch.cohort import PairMaps
+from isomatch.cohort.ledger import MapRecord
 from isomatch.datasets import example_pair
 from isomatch.io import Attribute, Frame, Polygons
 
@@ -70,6 +72,22 @@ def test_json_and_force(folder, capsys):
         "n_unmatched": 0,
         "n_across_seams": 0,
     }
+
+
+def test_the_maps_of_a_pair_of_a_collection_are_read_in_either_direction(folder, tmp_path):
+    meshes = [read_mesh(folder / f"{name}.ply") for name in ("source", "target")]
+    hashes = [mesh.content_hash for mesh in meshes]
+    there, back = Correspondence(range(9), 10, None, None, *hashes), Correspondence([*range(9), 8], 9)
+    PairMaps(there, back, MapRecord(source_hash=hashes[0], target_hash=hashes[1])).save(tmp_path / "a__b.npz")
+    for n_target, n_source, expected in ((10, 9, there), (9, 10, back), (None, None, there)):
+        found = Correspondence.load(tmp_path / "a__b.npz", n_target, n_source)
+        np.testing.assert_array_equal(found.vertices, expected.vertices)
+        assert found.shape == expected.shape
+    with pytest.raises(FormatError, match="onto a target of 10 vertices, not 7"):
+        Correspondence.load(tmp_path / "a__b.npz", 7)
+    both = Correspondence(range(9), 9, None, None, *hashes)
+    PairMaps(both, both, MapRecord(source_hash=hashes[0], target_hash=hashes[1])).save(folder / "map.npz")
+    assert transfer(folder) == 0
 
 
 def test_a_map_of_other_files_is_refused(folder, capsys):
@@ -208,7 +226,7 @@ def test_landmarks_are_carried_there_and_back(folder, capsys):
     assert main([*argv, there, "-o", str(folder / "wrong.csv")]) == 1
     assert "taken as landmarks of the source, see --to" in capsys.readouterr().err
     assert main([*argv, there, "-o", str(folder / "wrong.ply")]) == 1
-    assert "'.ply' is none of a file of landmarks" in capsys.readouterr().err
+    assert "'.ply' is not that of a landmark file" in capsys.readouterr().err
     assert main([*argv, there, "-o", back, "--force", "--bake", "64"]) == 1
     assert "--landmarks are carried alone" in capsys.readouterr().err
     assert main(["transfer", *names, "-o", back, "--curve-points", "9"]) == 1

@@ -140,7 +140,7 @@ def refused(cohort, capsys, *arguments):
     return capsys.readouterr().err
 
 
-def test_bad_subjects_are_all_named_before_anything_is_matched(cohort, tmp_path, capsys):
+def test_bad_subjects_are_all_named_and_the_others_are_added(cohort, tmp_path, capsys):
     body = lopsided_blob(LEVEL, 9)
     isomatch.write_mesh(tmp_path / "b1.ply", body)
     isomatch.write_mesh(tmp_path / "inches.ply", body.moved(body.vertices / 25.4))
@@ -150,7 +150,8 @@ def test_bad_subjects_are_all_named_before_anything_is_matched(cohort, tmp_path,
     isomatch.write_mesh(tmp_path / "points.ply", isomatch.Mesh(body.vertices, np.zeros((0, 3), dtype=int)))
     (tmp_path / "text.ply").write_text("no mesh")
     names = ("b1", "inches", "large", "little", "larger", "points", "text")
-    said = refused(cohort, capsys, *(tmp_path / f"{name}.ply" for name in names), cohort.files["b4"])
+    bad = [tmp_path / f"{name}.ply" for name in names if name != "larger"]
+    said = refused(cohort, capsys, *bad)
     assert "nothing is added" in said
     assert "b1 is a shape of the collection" in said
     assert "inches is 0.0" in said
@@ -159,8 +160,11 @@ def test_bad_subjects_are_all_named_before_anything_is_matched(cohort, tmp_path,
     assert "little is 0.4" in said
     assert "points.ply: has no surface" in said
     assert "text.ply:" in said
-    assert "larger is" not in said
-    assert "b4" not in said
+    collection = Collection.open(cohort.folder)
+    more, left_out = added(collection, [*bad, tmp_path / "larger.ply", cohort.files["b4"]])
+    assert more.names == ["b0", "larger", "b4"]
+    assert {*left_out} == {*names} - {"larger"}
+    shutil.rmtree(cohort.folder / "added")
     assert "no such file" in refused(cohort, capsys, tmp_path / "none.ply")
     assert "several shapes are named b4" in refused(cohort, capsys, cohort.files["b4"], cohort.files["b4"])
     assert "no shapes" in refused(cohort, capsys)
@@ -247,9 +251,9 @@ def test_mirror_images(made, tmp_path):
         tmp_path / "out", [made.files[n] for n in OLD], template="b0", config=made.config, reflect=["b0"]
     )
     finished(tmp_path / "out", [made.files[n] for n in OLD], template="b0", config=made.config)
-    more = added(collection, [made.files["b4"]])
+    more, _ = added(collection, [made.files["b4"]])
     assert more.reflect == ("b0",)  # as it was in the collection
-    assert added(collection, [made.files["b4"]], reflect="b4").reflect == ("b0", "b4")
+    assert added(collection, [made.files["b4"]], reflect="b4")[0].reflect == ("b0", "b4")
     with pytest.raises(SettingError, match="name those to reflect"):
         added(collection, [made.files["b4"]], reflect="auto")
 

@@ -120,8 +120,8 @@ def test_what_can_be_told_is_told_before_anything_is_matched(troubled):
         r"is \d+ times as large as the others: in mm, if they are in m\? \(--units millimetres=mm\)",
         told["millimetres"],
     )
-    assert told["twin"] == "is the same shape as good1; take one of them out"
-    assert told["same"] == "is the same file as good2; take one of them out"
+    assert told["twin"] == "is the same shape as good1; remove one of them"
+    assert told["same"] == "is the same file as good2; remove one of them"
     assert told["reflection"] == "is the mirror image of good4, the same shape reflected"
     assert told["hole"].startswith("has a hole, ")
 

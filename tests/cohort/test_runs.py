@@ -12,11 +12,16 @@ import pytest
 import isomatch
 from isomatch import Outcome, SettingError
 from isomatch._core.errors import InputError
-from isomatch.cli import main
-from isomatch.cohort import Collection, plan
+from isomatch._core.skipped import telling_once
+from isomatch.cli import Talk, main
+from isomatch.cli.collect_state import say_cohort
+from isomatch.cohort import Cohort, Collection, plan
 from isomatch.cohort import jobs as jobs_module
+from isomatch.cohort.jobs import Event
 from isomatch.cohort.ledger import PairRow, Rows, ShapeRow, writing_ledger
+from isomatch.cohort.run import follow
 from isomatch.cohort.study_page import write_table
+from isomatch.cohort.workers import Listener
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
 from small_collections import N, arrays_of, run
@@ -269,8 +274,26 @@ def test_a_damaged_plan_is_refused(copied, name, value):
 def test_failed_pairs_are_not_said_to_be_done(copied, capsys):
     with writing_ledger(copied.layout.ledger()) as ledger:
         ledger.put(("s1", "s3"), replace(ledger.rows.pairs["s1", "s3"], state="failed", error="no luck"))
-    assert main(["collect", "status", str(copied.folder)]) == 0
-    assert f"{len(PAIRS) - 1} of {len(PAIRS)} pairs matched, 1 failed" in capsys.readouterr().out
+    assert main(["collect", "status", str(copied.folder)]) == 3
+    said = capsys.readouterr()
+    assert f"{len(PAIRS) - 1} of {len(PAIRS)} pairs matched, 1 failed" in said.out
+    assert "1 shapes or pairs failed: s1 and s3" in said.err
+
+
+def test_outcomes_that_are_refused_are_another_exit_code_than_failures(copied):
+    found = Cohort.open(copied.folder)
+    (ending,) = {row.ending for row in copied.rows().pairs.values()}
+    say_cohort(found, Talk(quiet=True), tuple(each for each in isomatch.Outcome if each.name != ending))
+    with pytest.raises(isomatch.NotConvergedError, match=f"{len(PAIRS)} of the maps"):
+        say_cohort(found, Talk(quiet=True), (isomatch.Outcome[ending],))
+
+
+def test_a_strict_run_ends_with_the_first_failure(copied):
+    failed = replace(copied.rows().pairs["s1", "s3"], state="failed", error="no luck")
+    events = [Event("pair", ("s1", "s3"), failed, 1, 2)]
+    follow(events, Listener.of(None, None))
+    with telling_once(strict=True), pytest.raises(isomatch.InputError, match="s1 and s3, failed: no luck"):
+        follow(events, Listener.of(None, None))
 
 
 def test_a_folder_with_other_settings_is_refused(small, copied):

@@ -5,17 +5,25 @@ import errno
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import isomatch
+from isomatch import Outcome
 from isomatch._core.errors import InputError
 from isomatch.cli import main
 from isomatch.cohort import Collection
 from isomatch.cohort.shape_statistics import CorrespondedShapes, read_shapes, stacked
-from isomatch.cohort.subjects import contacts_kept, structures_of, subject_collections, subject_doubts
+from isomatch.cohort.subjects import (
+    contacts_kept,
+    sides_of,
+    structures_of,
+    subject_collections,
+    subject_doubts,
+)
 from shapes import icosphere
 from small_collections import QUICK, lopsided_blob
 
@@ -141,6 +149,79 @@ def test_from_files_to_shapes(folder, capsys):
     assert main(argv) == 0
     assert (out / "bone" / "maps" / "s1__s2.npz").stat().st_mtime_ns == kept
     assert sorted(path.stem for path in (out / "corresponded").glob("*.ply")) == ["s1", "s2", "s3", "s4"]
+
+
+class Structure(SimpleNamespace):
+    """A matched star: a template, the subjects that are reflected, and those whose maps are not sure."""
+
+    def rows(self):
+        known = (Outcome.CONVERGED, Outcome.SYMMETRY_AMBIGUOUS)
+        outcomes = {name: known[name in self.unsure] for name in self.names}
+        pairs = {
+            (self.template, name): SimpleNamespace(sides=[SimpleNamespace(outcome=each)])
+            for name, each in outcomes.items()
+        }
+        reflected = [name for name in self.names if name in self.turned]
+        return SimpleNamespace(reflected=lambda names: reflected, is_current=pairs.__contains__, pairs=pairs)
+
+    def chosen_template(self, rows):
+        return self.template
+
+
+def star(template, turned, unsure="", names="abcd"):
+    return Structure(template=template, turned=turned, unsure=unsure, names=list(names))
+
+
+def test_most_structures_decide_whether_a_subject_is_reflected_and_the_others_are_named():
+    assert sides_of({"A": star("a", "d"), "B": star("a", "d")}) == ({"d"}, [])
+    assert sides_of({"A": star("a", ""), "B": star("a", "")}) == (set(), [])
+    three = {"A": star("a", "d"), "B": star("a", "cd"), "C": star("a", "d")}
+    assert sides_of(three) == ({"d"}, [("B", "c")])
+    # what reflects none tells no sides, and a map that is not sure none of its subject
+    assert sides_of({"A": star("a", "d"), "B": star("a", ""), "C": star("a", "")}) == ({"d"}, [])
+    assert sides_of({"A": star("a", "d", unsure="c"), "B": star("a", "cd")}) == ({"c", "d"}, [])
+    # of a template of the other side, the others are reflected
+    assert sides_of({"A": star("a", "cd"), "B": star("c", "ab")}) == ({"c", "d"}, [])
+
+
+def test_the_layout_of_the_structures_has_a_vote():
+    unsure = {"A": star("a", "d", unsure="c"), "B": star("a", "d", unsure="c")}
+    assert sides_of(unsure, {"c", "d"}) == ({"c", "d"}, [])
+    assert sides_of(unsure, {"a", "b"}) == ({"c", "d"}, [])  # the template is among the mirror images of most
+    assert sides_of({"A": star("a", ""), "B": star("a", "")}, {"c"}) == ({"c"}, [])
+
+
+def one_side(out):
+    """Which subjects are reflected, and the template, as all structures have them."""
+    collections = [Collection.open(out / name) for name in ("bone", "cap")]
+    found = [(each.rows().reflected(each.names), each.chosen_template(each.rows())) for each in collections]
+    assert found[0] == found[1]
+    return found[0]
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("in_threads", "coarse_pictures")
+def test_a_subject_is_reflected_as_a_whole_and_stays_so(folder, capsys):
+    for subject in ("s2", "s4"):
+        changed(folder, subject, lambda points: points * [-1, 1, 1])
+    argv = [
+        "collect",
+        str(folder),
+        "-o",
+        str(folder.parent / "out"),
+        "--reports",
+        "none",
+        "--reflect",
+        "auto",
+    ]
+    argv += ["--config", str(folder.parent / "quick.toml")]
+    assert main(argv) == 0
+    turned, template = one_side(folder.parent / "out")
+    assert turned == (["s1", "s3", "s5"] if template in ("s2", "s4") else ["s2", "s4"])
+    maps = {path: path.stat().st_mtime_ns for path in (folder.parent / "out").glob("*/maps/*")}
+    assert main(argv) == 0
+    assert one_side(folder.parent / "out") == (turned, template)
+    assert {path: path.stat().st_mtime_ns for path in maps} == maps
 
 
 def with_a_sheet(tmp_path, subjects=("s1", "s2", "s3")):

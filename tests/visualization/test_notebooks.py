@@ -307,9 +307,9 @@ def test_the_view_asks_what_decides_between_the_maps_of_a_doubtful_result():
 @pytest.mark.skipif(HAS_ANYWIDGET, reason="anywidget is installed")
 def test_without_anywidget_the_view_says_how_clicks_come_back():
     view = result_of(BALL).show()
-    assert "isomatch[notebook]" in view._repr_html_()
+    assert ".[notebook]" in view._repr_html_()
     assert view._repr_mimebundle_()[0].keys() == {"text/plain", "text/html"}
-    with pytest.raises(MissingDependencyError, match=r"isomatch\[notebook\]"):
+    with pytest.raises(MissingDependencyError, match=r"\.\[notebook\]"):
         _ = view.landmarks
 
 

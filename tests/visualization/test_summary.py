@@ -42,6 +42,15 @@ def test_every_outcome_has_a_sentence_and_advice_without_jargon(sure, outcome):
     assert len(summary.headline) < 80
 
 
+def test_a_result_prints_as_its_summary_and_outside_a_notebook_says_how_it_is_shown(sure, caplog):
+    assert str(sure) == str(summary_of(sure))
+    assert repr(sure) == f"MatchResult(CONVERGED, {sure.map!r})"
+    shape = Mesh(icosphere(2).vertices, icosphere(2).faces)
+    unbound = replace(sure, map=replace(sure.map, source_hash="", target_hash=""))
+    unbound.show(shape, shape)
+    assert "write_report('report.html'" in caplog.text
+
+
 @pytest.mark.parametrize("outcome", Outcome)
 def test_settings_that_are_advised_exist(sure, outcome):
     summary = summary_of(replace(sure, outcome=outcome))

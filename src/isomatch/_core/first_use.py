@@ -56,6 +56,16 @@ def names_at_first_use(package: str) -> list[str]:
     return public
 
 
+# release/prepare.py writes it: the name in an index, or the folder of a checkout as long as there is none
+PACKAGE = "."
+
+
+def install_command(extra: str) -> str:
+    """Write the command that installs an extra."""
+    where = "in the checkout of isomatch, " if PACKAGE == "." else ""
+    return f"{where}pip install '{PACKAGE}[{extra}]'"
+
+
 def package(module: str, extra: str | None, what: str) -> Any:
     """Import a module of an optional package; `MissingDependencyError` if the ``extra``, or none, has to be installed."""
     try:
@@ -67,8 +77,8 @@ def package(module: str, extra: str | None, what: str) -> Any:
             raise MissingDependencyError(
                 f"{what} needs the package {name}, which cannot be loaded: {error}"
             ) from error
-        install = f"'isomatch[{extra}]'" if extra else name
-        raise MissingDependencyError(f"{what} needs the package {name}; pip install {install}") from None
+        install = install_command(extra) if extra else f"pip install {name}"
+        raise MissingDependencyError(f"{what} needs the package {name}; {install}") from None
 
 
 class PlotOptions(TypedDict, total=False):

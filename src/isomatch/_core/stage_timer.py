@@ -112,7 +112,7 @@ class _Shown:
         self._cell: Any = None
 
     def __call__(self, stage: str, share: float) -> None:
-        now, shell = time.perf_counter(), _notebook()
+        now, shell = time.perf_counter(), notebook_shell()
         cell = getattr(shell, "execution_count", None)
         if share < self._share or self._share == 1.0 or cell != self._cell:  # another computation
             self._since, self._bar, self._cell = now, None, cell
@@ -140,7 +140,7 @@ class _Shown:
             self._bar.update(told, raw=True)
 
 
-def _notebook() -> Any:
+def notebook_shell() -> Any:
     """Return the shell of the notebook in which the program runs, if it does."""
     python: Any = sys.modules.get("IPython")
     shell = python.get_ipython() if python else None

@@ -31,7 +31,7 @@ def asymmetry(
 ) -> None:
     """Measure how far shapes are from their mirror images, where, and what of it all shapes have in common.
 
-    The exit code is 1, after all files are written, if a map from left to right is not sure.
+    The exit code is 4, after all files are written, if a map from left to right is not sure.
 
     Args:
         shapes: A mesh; or a folder of meshes in one topology, or the folder of isomatch collect; or landmarks: a .tps,
@@ -44,7 +44,7 @@ def asymmetry(
             of all shapes, as a map; by default each shape is matched with its mirror image. Of landmarks, a table with
             pairs of left and right ones, by name or by number from 1; all others are in the middle.
         landmarks: Three or more pairs of vertices or positions of the first shape, one on each line: a point and its
-            counterpart on the other side; one in the middle is its own.
+            counterpart on the other side, the left one first; one in the middle is its own.
         individuals: Table with the columns name and group: shapes of one group are repeated measurements of one
             individual, which tell the error of measurement.
         scale: remove (default): all are brought to one size, and differ in shape alone. keep: size counts.

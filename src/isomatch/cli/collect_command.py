@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from isomatch import cohort
-from isomatch.cli.collect_finished import add, export, landmarks, say_landmarks
+from isomatch.cli.collect_finished import add, export, landmarks
 from isomatch.cli.collect_options import (
     Executor,
     Jobs,
@@ -20,7 +20,7 @@ from isomatch.cli.collect_options import (
     units_of,
 )
 from isomatch.cli.collect_state import agree, retry, say_cohort, status
-from isomatch.cli.inputs import ConfigFile, Output, Seed, read_config
+from isomatch.cli.inputs import ConfigFile, Output, Seed, read_config, read_outcomes
 from isomatch.cli.terminal import TALK, Talk, complain
 
 collect = App(name="collect", default_parameter=Parameter(negative=()))
@@ -47,6 +47,7 @@ def run(
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
     keep_contacts: Annotated[bool, Parameter(negative="--no-keep-contacts")] = True,
     reports: Reports = "doubtful",
+    fail_on: str | None = None,
     config: ConfigFile = None,
     seed: Seed = 0,
     talk: Talk = TALK,
@@ -65,18 +66,20 @@ def run(
         shard: i/n: match the i-th of n parts of the pairs. Runs of other parts may go on at the same time, on other
             machines.
         reflect: Shapes to match as their mirror images. auto: those that fit clearly better so, as left ones among right
-            ones; none; or their names, separated by commas, or a file with a name on each line. By default as before, at
-            first none.
+            ones; none; or their names, separated by commas, or a file of them. Default: as in the last run, first none.
         units: Units of shapes that are in others than most, such as scan7=mm,scan9=cm: um, mm, cm, m or in. They are
             brought to that of all others, which is found by their sizes, or given first: m,scan7=mm. none: all are in one
-            unit. By default as before.
+            unit. Default: as in the last run.
         landmarks: File of landmarks and curves of the template, as of 3D Slicer, or folder of such files of several
             shapes, named like them: the folder landmarks gets a file for each shape, and tables; see isomatch collect
             landmarks.
         agree: Once all pairs are matched, replace maps that the others contradict, see isomatch collect agree; by default
             only if all pairs are. Maps of shards are compared by that command.
+        fail_on: Outcomes of maps that make the exit code 4, after all files are written, as of isomatch match. Where
+            shapes or pairs failed it is 3 in any case; with --strict the first of them ends the run.
         keep_contacts: Of subjects, keep points together that lie on each other in the template; see contacts.csv.
     """
+    refused = read_outcomes(fail_on)
     how: dict[str, Any] = {"config": read_config(config), "seed": seed, "reports": reports, "agree": agree}
     how |= {"landmarks": landmarks, "semilandmarks": semilandmarks, "keep_contacts": keep_contacts}
     how |= {"shard": shard_of(shard), "executor": executor, "jobs": jobs, "time_limit": time_limit}
@@ -92,6 +95,4 @@ def run(
             progress=tell,
             warn=complain,
         )
-    say_cohort(found, talk)
-    if found.landmarks and not (talk.quiet or talk.json or talk.json_lines):
-        say_landmarks(found.landmarks)
+    say_cohort(found, talk, refused)

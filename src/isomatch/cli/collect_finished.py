@@ -13,7 +13,7 @@ from isomatch.cli.collect_options import Executor, Jobs, Marked, Reports, names_
 from isomatch.cli.inputs import Force, Rounded
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.statistics_model import say_scored
-from isomatch.cli.terminal import TALK, Talk, complain, say
+from isomatch.cli.terminal import TALK, Talk, complain, require_complete, say
 
 
 def landmarks(
@@ -104,8 +104,8 @@ def add(
 ) -> None:
     """Match new subjects with the template of a finished collection, and tell how unusual each is to its shape model.
 
-    All files that are there stay as they are: new ones are in the folder added, and nothing is fitted again. Run it again
-    to continue, or to add more.
+    Those that cannot be added are named, and the exit code is 3. All files that are there stay as they are: new ones are
+    in the folder added, and nothing is fitted again. Run it again to continue, or to add more.
 
     Args:
         folder: The folder of a collection.
@@ -128,6 +128,7 @@ def add(
         say(f"the maps: {found.folder / 'index.html'}; {folder} is as it was, but for {found.folder.name}")
 
     talk.result({**found.record, "files": found.files}, summary)
+    require_complete([*found.record["left_out"], *found.record["status"]["failures"]], found.folder)
 
 
 def say_landmarks(tables: cohort.LandmarkTables) -> None:

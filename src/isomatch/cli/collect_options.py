@@ -16,8 +16,8 @@ from isomatch.cohort import Semilandmarks
 Reports = Annotated[
     int | Literal["doubtful", "all", "none"],
     Parameter(
-        help="How many of the worst pairs get a report; all; none; or doubtful (default): those on the page that did not "
-        "converge, and three others."
+        help="Which pairs get a report: this many of the worst, all, none, or doubtful (default): those on the page that "
+        "did not converge, and three others."
     ),
 ]
 Jobs = Annotated[int | None, Parameter(help="Pairs at a time; by default one for each processor.")]

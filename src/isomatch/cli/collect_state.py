@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from isomatch import Outcome, cohort, visualization
+from isomatch import NotConvergedError, Outcome, cohort, visualization
+from isomatch.cli.collect_finished import say_landmarks
 from isomatch.cli.collect_options import Executor, Jobs, Reports, TimeLimit
-from isomatch.cli.terminal import TALK, Talk, complain, say, say_rows
+from isomatch.cli.terminal import TALK, Talk, complain, require_complete, say, say_rows
 
 OUTCOMES = 26  # columns of a number of pairs with their outcome
 
@@ -57,8 +58,13 @@ def agree(
     say_cohort(found, talk)
 
 
-def say_cohort(found: cohort.Cohort, talk: Talk, *, is_answer: bool = False) -> None:
-    """Tell how far collections are, in words or as JSON; as an answer, with all files that were damaged."""
+def say_cohort(
+    found: cohort.Cohort, talk: Talk, refused: tuple[Outcome, ...] = (), *, is_answer: bool = False
+) -> None:
+    """Tell how far collections are, in words or as JSON; as an answer, with all files that were damaged.
+
+    `IncompleteError` if shapes or pairs failed, `NotConvergedError` if maps ended as one of the refused outcomes.
+    """
     status = found.status(thorough=is_answer)
 
     def summary() -> None:
@@ -66,6 +72,8 @@ def say_cohort(found: cohort.Cohort, talk: Talk, *, is_answer: bool = False) -> 
             if name:
                 say(name, "bold")
             _say_status(status[name], each.layout)
+        if found.landmarks:
+            say_landmarks(found.landmarks)
         if "" in status:
             return
         for pair, own in found.contacts.items():
@@ -76,6 +84,11 @@ def say_cohort(found: cohort.Cohort, talk: Talk, *, is_answer: bool = False) -> 
         say(f"subjects of all structures: {folder / 'corresponded'}; go on with isomatch statistics {folder}")
 
     talk.result(found.to_json(status), summary, is_answer=is_answer)
+    failed = [f"{each} of {name}" if name else each for name, own in status.items() for each in own.failures]
+    require_complete(failed, found.folder)
+    for outcome in refused:
+        if count := sum(each.outcomes.get(outcome.name, 0) for each in status.values()):
+            raise NotConvergedError(f"{count} of the maps: {outcome.value}; all files are in {found.folder}")
 
 
 def _say_status(status: cohort.Status, layout: cohort.Layout) -> None:

@@ -76,7 +76,7 @@ def evaluate(
         points: Number of truth points to judge, drawn without replacement; all by default.
         reference: Without a truth, a map that is taken to be right, in place of isomatch's own.
         output: Without a truth, a page (.html) to write, with both maps and the regions in which they differ.
-        fail_on: Without a truth, verdicts that make the exit code 1: wrong, doubtful; both with a comma.
+        fail_on: Without a truth, verdicts that make the exit code 4: wrong, doubtful; both with a comma.
     """
     if target is None:
         files = map_file, truth, source, reference, output

@@ -18,7 +18,7 @@ from isomatch._core.errors import FormatError, IsomatchError, LandmarkError, Mes
 Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"
 
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
-Force = Annotated[bool, Parameter(help="Replace existing files.")]
+Force = Annotated[bool, Parameter(alias="-f", help="Replace existing files.")]
 Rounded = Annotated[
     bool,
     Parameter(
@@ -28,7 +28,8 @@ Rounded = Annotated[
 ]
 Seed = Annotated[int, Parameter(help="Seed of random choices.")]
 Json = Annotated[
-    bool, Parameter(help="Print JSON and nothing else: an object, of several files a list of them.")
+    bool,
+    Parameter(alias="-j", help="Print JSON and nothing else: an object, of several files a list of them."),
 ]
 Details = Annotated[
     bool, Parameter(help="Print every measure too, with its bound, and the seconds of each stage.")

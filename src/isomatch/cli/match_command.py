@@ -137,7 +137,7 @@ def match(
         output: Folder for map.npz, map.txt, result.json, map.png, report.html, and alternative_1.npz … for isomatch
             choose; with --both also map_back.npz. Without a map, picker.html.
         both: Also find the map of the other direction, map_back.npz; both together take about 1.3 times as long as one.
-        fail_on: Outcomes that make the exit code 1, after all files are written: low-confidence, mirror-image,
+        fail_on: Outcomes that make the exit code 4, after all files are written: low-confidence, mirror-image,
             symmetry-ambiguous, priors-contradicted, partial, converged; several with commas. With --both, that of either
             direction counts.
         report: Whether to write report.html.
@@ -215,17 +215,18 @@ def _to_wrap(
     return assets, list(files_beside(as_mesh, assets[0].with_attributes(measured)))
 
 
-def choose(folder: Path, number: int, /, *, details: Details = False, talk: Talk = TALK) -> None:
+def choose(folder: Path, number: int, /, *meshes: Path, details: Details = False, talk: Talk = TALK) -> None:
     """Make an alternative the map: refine and measure it, and replace the files of the result.
 
     The former map becomes alternative 1, and the other alternatives follow. A map of the other direction is removed;
     the file of --as-mesh stays what it was.
 
     Args:
-        folder: Folder that isomatch match wrote. The two meshes are read from where they were then.
+        folder: Folder that isomatch match wrote.
         number: Number of the alternative in the report, from 1.
+        meshes: Source and target, if they are not where they were, as seen from the folder or from here.
     """
-    earlier = Earlier.read(folder)
+    earlier = Earlier.read(folder, *meshes)
     inputs, landmarks = earlier.inputs, earlier.inputs.landmarks or None
     with talk.progress() as tell, earlier.folder.claimed(force=True):
         tell("reading", 0.0)

@@ -28,6 +28,7 @@ from isomatch.server import PageServer, Pairs, Session, require_server
 def open_page(
     source: Path,
     target: Path | None = None,
+    other: Path | None = None,
     /,
     *,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
@@ -45,7 +46,8 @@ def open_page(
 
     Args:
         source: Mesh to map from, or the folder of a result of isomatch match, to go on with it.
-        target: Mesh to map to; not with a folder.
+        target: Mesh to map to; with a folder, the mesh that was matched, if it is not where it was.
+        other: With a folder, the mesh to which it was matched, likewise.
         output: Folder into which the page saves the files that isomatch match writes. Without it, the page offers them
             as a download. A result that is opened is saved into its own folder; once there is another map, without its
             map back.
@@ -56,11 +58,11 @@ def open_page(
         seed: Seed of all that is drawn at random; 0 if it is left out. A result that is opened has its own.
     """
     require_server()
-    if target is None:
+    if target is None or other is not None:
         options = "-o", "--landmarks", "--target-landmarks", "--config", "--seed", "--force"
         values = output, landmarks, target_landmarks, config, seed, force or None
         _require_result(source, [option for option, value in zip(options, values) if value is not None])
-        earlier = Earlier.read(source)
+        earlier = Earlier.read(source, target, other)
         surfaces = earlier.surfaces()
         result = earlier.result(*surfaces)
         back = earlier.back(surfaces[0])
@@ -136,7 +138,8 @@ class _Files:
             results = ResultFolder(Path(folder))
             record = self._write(results, result, landmarks)
             names = {what: Path(path).name for what, path in record["files"].items()}
-            results.result.write_text(json_text({**record, "files": names}), encoding="utf-8")
+            beside = {"files": names, "meshes": list(self.inputs.names)}
+            results.result.write_text(json_text(record | beside), encoding="utf-8")
             for name in names.values():
                 zipped.write(results.folder / name, name)
         return archive.getvalue()

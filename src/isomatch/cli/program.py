@@ -9,16 +9,38 @@ from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 
-from cyclopts import App, Parameter
+from cyclopts import App, Group, Parameter
 from cyclopts.exceptions import CycloptsError
 
 from isomatch import __version__
-from isomatch._core.errors import IsomatchError
+from isomatch._core.errors import IsomatchError, NotConvergedError
 from isomatch._core.skipped import telling_once
-from isomatch.cli.terminal import complain, print_anything
+from isomatch.cli.terminal import IncompleteError, complain, print_anything
 
-DONE, BAD, MISUSED, INTERRUPTED = 0, 1, 2, 130
+DONE, BAD, MISUSED, INCOMPLETE, UNSURE, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit codes
 STRICT = "--strict"  # an option of all commands
+
+COMMANDS = (  # the group, the place and an example of each, which begins with its name
+    ("Match", "match_command:match", "match a.ply b.ply -o result"),
+    ("Match", "match_command:choose", "choose result 1"),
+    ("Match", "match_command:demo", "demo"),
+    ("Look", "open_command:open_page", "open a.ply b.ply"),
+    ("Look", "evaluate_command:evaluate", "evaluate map.txt a.ply b.ply"),
+    ("Look", "mesh_command:check", "check scans"),
+    ("Use", "transfer_command:transfer", "transfer result/map.npz a.glb b.glb -o a_like_b.glb"),
+    ("Use", "mesh_command:repair", "repair scan.ply -o mended.ply"),
+    ("Many", "collect_command:collect", "collect scans -o cohort"),
+    ("Many", "statistics_command:statistics", "statistics cohort -o statistics"),
+    ("Many", "asymmetry_command:asymmetry", "asymmetry cohort -o asymmetry"),
+    ("Measure", "distance_command:distance", "distance a.ply --from 0 -o distances.csv"),
+    ("Measure", "distance_command:basis", "basis a.ply -o basis.npz"),
+    ("Develop", "machine_command:info", "info"),
+    ("Develop", "machine_command:warm", "warm"),
+)
+EXAMPLES = {example.split()[0]: example for _, _, example in COMMANDS}
+OWN = {name: f"isomatch.cli.{place}" for name, (_, place, _) in zip(EXAMPLES, COMMANDS)}
+_ORDERED = {title: Group.create_ordered(title) for title in dict.fromkeys(each[0] for each in COMMANDS)}
+GROUPS = {name: _ORDERED[title] for name, (title, *_) in zip(EXAMPLES, COMMANDS)}
 
 app = App(
     name="isomatch",
@@ -28,28 +50,11 @@ app = App(
         "would leave out or suppose is an error."
     ),
     version=__version__,
+    version_flags=["--version", "-V"],
     default_parameter=Parameter(negative=()),
 )
-_BY_FILE = {
-    "match_command": ("match", "choose", "demo"),
-    "open_command": ("open",),
-    "transfer_command": ("transfer",),
-    "collect_command": ("collect",),
-    "statistics_command": ("statistics",),
-    "asymmetry_command": ("asymmetry",),
-    "distance_command": ("distance", "basis"),
-    "mesh_command": ("check", "repair"),
-    "evaluate_command": ("evaluate",),
-    "machine_command": ("info", "warm"),
-}
-_FUNCTIONS = {"open": "open_page"}  # of the commands that are not named as their function
-OWN = {
-    name: f"isomatch.cli.{file}:{_FUNCTIONS.get(name, name)}"
-    for file, names in _BY_FILE.items()
-    for name in names
-}
 for name, place in OWN.items():  # each is imported when it is called
-    app.command(place, name=name)
+    app.command(place, name=name, group=GROUPS[name])
 app.register_install_completion_command(
     help="Complete commands and options in the shell: writes a script and adds a line to the shell's start-up file."
 )
@@ -58,7 +63,8 @@ app.register_install_completion_command(
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command, by default that of the process, and return its exit code.
 
-    0 if it succeeded, 1 for bad input or a bad result, 2 for wrong usage.
+    0 if it succeeded, 1 if something cannot be read, computed or written, 2 for wrong usage, 3 if some shapes or pairs
+    failed, 4 if a result is not sure.
     """
     print_anything()
     words = sys.argv[1:] if argv is None else list(argv)
@@ -71,20 +77,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         for name, place in {**others, **OWN}.items() if is_list else others.items():
             if name in app:
                 del app[name]
-            app.command(place, name=name, help=_first_line(place) if is_list else None)
+            group = GROUPS.get(name, _ORDERED["Develop"])
+            app.command(place, name=name, group=group, help=_first_line(place) if is_list else None)
+    app.help_epilogue = f"Example: isomatch {EXAMPLES.get(words[0] if words else 'demo', 'demo')}"
     try:
         command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        return _complain(f"{error} See isomatch --help.", MISUSED)
+        asked = " ".join(("isomatch", *(error.command_chain or ())))
+        return _complain(f"{error} See {asked} --help.", MISUSED)
     try:
         with telling_once(strict):
             command(*bound.args, **bound.kwargs)
     except IsomatchError as error:
-        return _complain(str(error), BAD)
+        codes = {IncompleteError: INCOMPLETE, NotConvergedError: UNSURE}
+        return _complain(str(error), codes.get(type(error), BAD))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         where = f"{error.filename}: " if error.filename else ""
-        return _complain(f"{where}{reason}; check the name, the folder and its permissions", BAD)
+        wrong = "the name, the folder and its permissions"
+        if isinstance(error, FileExistsError):
+            reason, wrong = "is a file where a folder is to be", "the name"
+        return _complain(f"{where}{reason}; check {wrong}", BAD)
     except MemoryError as error:
         what, remedy = str(error) or "no more is given", "close other programs, or give smaller shapes"
         return _complain(f"memory does not suffice ({what}); {remedy}", BAD)

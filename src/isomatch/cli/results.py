@@ -8,12 +8,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from json import loads
 from math import nan
+from os.path import normpath, relpath
 from pathlib import Path
 from typing import Any
 
 import isomatch
 from isomatch import matching, visualization
-from isomatch._core.errors import FormatError
+from isomatch._core.errors import FormatError, InputError, MissingFileError
 from isomatch._core.files import claimed, contents, made_folder, staged, write_text
 from isomatch._core.texts import json_text
 from isomatch.cli.inputs import Surface, read_surface
@@ -127,6 +128,7 @@ class ResultFolder:
             "isomatch": isomatch.__version__,
             "source": str(inputs.source),
             "target": str(inputs.target),
+            "meshes": [_seen_from(self.folder, path) for path in (inputs.source, inputs.target)],
             "match_again": inputs.again,
             "landmarks": [list(pair) for pair in inputs.landmarks],
             **(more or {}),
@@ -194,6 +196,25 @@ def described(result: isomatch.MatchResult) -> dict[str, Any]:
     return {**result.to_dict(), "bounds": visualization.quality_bounds(result)}
 
 
+def _seen_from(folder: Path, mesh: Path) -> str:
+    """Write the path of a mesh as seen from a folder, so that both can be moved; one that was given whole is kept."""
+    same_drive = mesh.absolute().drive == folder.absolute().drive
+    return relpath(mesh, folder) if same_drive and not mesh.is_absolute() else str(mesh.absolute())
+
+
+def _found(folder: Path, seen: str, typed: str) -> Path:
+    """Find a mesh of a result: as seen from its folder, as it was typed, in the folder or beside it."""
+    name = Path(typed).name
+    places = [Path(normpath(folder / seen))] if seen else []
+    places += [Path(typed), folder / name, folder.parent / name]
+    for place in places:
+        if place.exists():
+            return place
+    raise MissingFileError(
+        f"{places[0]}: no such file; it is a mesh of the result {folder}: give both meshes after it, or put it back"
+    )
+
+
 _NEEDED: dict[str, type] = dict.fromkeys(("source", "target", "match_again", "origin"), str)
 _NEEDED |= {"landmarks": list, "alternatives": list, "config": dict, "files": dict, "seed": int}
 
@@ -207,8 +228,8 @@ class Earlier:
     inputs: Inputs
 
     @classmethod
-    def read(cls, folder: Path) -> Earlier:
-        """Read ``result.json``, and require what a match writes."""
+    def read(cls, folder: Path, *meshes: Path | None) -> Earlier:
+        """Read ``result.json``, and require what a match writes; meshes, if given, are where the shapes are now."""
         path = ResultFolder(folder).result
         text = contents(path)
         fields: dict[str, Any] = {}
@@ -219,8 +240,13 @@ class Earlier:
             raise FormatError(
                 f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
             )
-        ends = Path(fields["source"]), Path(fields["target"])
-        inputs = Inputs(*ends, fields["match_again"], fields["landmarks"])
+        seen = fields.get("meshes")
+        seen = map(str, seen) if isinstance(seen, list) and len(seen) == 2 else ("", "")
+        if len(meshes) not in (0, 2):
+            raise InputError(f"{folder}: give both meshes after it, source and target, or none")
+        names = zip(meshes or (None, None), seen, (fields["source"], fields["target"]))
+        ends = [given or _found(folder, *told) for given, *told in names]
+        inputs = Inputs(ends[0], ends[1], fields["match_again"], fields["landmarks"])
         return cls(ResultFolder(folder, report="report" in fields["files"]), fields, inputs)
 
     def surfaces(self) -> tuple[Surface, Surface]:

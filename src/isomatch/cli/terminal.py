@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from io import TextIOWrapper
+from pathlib import Path
 from textwrap import wrap
-from typing import Any, TypeAlias
+from threading import Event, Thread
+from typing import Annotated, Any, TypeAlias
 
 from cyclopts import Parameter
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
 from rich.table import Table
 from rich.text import Text
 
+from isomatch._core.errors import IsomatchError
 from isomatch._core.texts import finite, json_text
 
 Tell: TypeAlias = Callable[[str, float], None]
 
 WIDEST = 100  # columns of text; longer lines are hard to read
 LEAST_WIDTH = 20  # of a text, however narrow the terminal is
+MOST_NAMED = 5  # shapes and pairs in an error
 INDENT = 14  # columns of a label
 
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
@@ -61,6 +67,18 @@ def complain(message: str) -> None:
     sys.stderr.write(f"isomatch: {printable(' '.join(message.split()))}\n")
 
 
+class IncompleteError(IsomatchError):
+    """Some of many shapes failed; all that is made of the others is written."""
+
+
+def require_complete(failed: Sequence[str], folder: Path) -> None:
+    """Raise `IncompleteError` if shapes or pairs failed, and name the first."""
+    if failed:
+        more = f" and {len(failed) - MOST_NAMED} more" if len(failed) > MOST_NAMED else ""
+        told = f"{len(failed)} shapes or pairs failed: {', '.join(failed[:MOST_NAMED])}{more}"
+        raise IncompleteError(f"{told}; all else is in {folder}, isomatch collect status says why")
+
+
 def say_table(rows: Iterable[tuple[str, ...]]) -> None:
     """Print a table with rows of name, value and remarks."""
     rows = list(rows)
@@ -79,26 +97,84 @@ def say_json(value: Any) -> None:
     sys.stdout.write(json_text(value, ascii_only=True))
 
 
+class _Clock(ProgressColumn):
+    """How long the work has taken and, where a stage counts its steps, how fast they are and how long the rest takes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stage, self.share = "starting", 0.0
+        self._begun = self._last = self._since = time.monotonic()
+        self._kind, self._steps = "", [0, 0]
+
+    def tell(self, stage: str, share: float) -> None:
+        """Note a stage, such as "matched 3 of 8: a and b", and the share of it that is done."""
+        counted = _COUNTED.match(stage)
+        kind = counted[1] if counted else stage
+        if kind != self._kind:  # its first step has begun when the last one of another kind ended
+            self._kind, self._since = kind, self._last
+        self._steps = [int(counted[2]), int(counted[3])] if counted else [0, 0]
+        self.stage, self.share, self._last = stage, share, time.monotonic()
+
+    def __str__(self) -> str:
+        now = time.monotonic()
+        told = [str(timedelta(seconds=round(now - self._begun)))]
+        done, of = self._steps
+        if done and self._last > self._since:
+            seconds = (self._last - self._since) / done  # of a step
+            left = max((of - done) * seconds - (now - self._last), 0)
+            told += [f"{60 / seconds:.3g} a minute", f"{timedelta(seconds=round(left))} left"]
+        return ", ".join(told)
+
+    def render(self, task: Task) -> Text:
+        """Show it in a bar."""
+        return Text(str(self))
+
+
+_COUNTED = re.compile(r"(.+?) (\d+) of (\d+)")
+LINES_APART = 60.0  # seconds
+
+
+@contextmanager
+def _lines_on(console: Console, clock: _Clock) -> Iterator[Tell]:
+    """Give a function that notes a stage, and write a dated line every `LINES_APART`."""
+    ended = Event()
+
+    def write() -> None:
+        while not ended.wait(LINES_APART):
+            now = datetime.now().astimezone().isoformat(" ", "seconds")
+            console.file.write(f"{now}  {printable(clock.stage)}  {clock.share:.0%}  {clock}\n")
+            console.file.flush()
+
+    Thread(target=write, daemon=True).start()
+    try:
+        yield clock.tell
+    finally:
+        ended.set()
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Talk:
     """What a command tells.
 
     Args:
-        json: Print one JSON object and nothing else.
+        json: Print one JSON object, and nothing else on standard output.
         json_lines: Print one JSON object a line, an event for each stage, and the result as the last one.
-        quiet: Print neither progress nor a summary. Complaints are still printed, and what a command writes to no file.
+        quiet: Print neither progress nor a summary; only warnings, errors, and what a command writes to no file.
         verbose: Write the log of the library to standard error, instead of progress.
     """
 
-    json: bool = False
+    json: Annotated[bool, Parameter(alias="-j")] = False
     json_lines: bool = False
-    quiet: bool = False
-    verbose: bool = False
+    quiet: Annotated[bool, Parameter(alias="-q")] = False
+    verbose: Annotated[bool, Parameter(alias="-v")] = False
 
     @contextmanager
     def progress(self) -> Iterator[Tell]:
-        """Give a function that shows a stage and the share that is done, on standard error, if that is a terminal."""
+        """Give a function that shows a stage and the share that is done, on standard error.
+
+        A terminal has a bar; elsewhere, as in the log of a cluster, there is a dated line each minute.
+        """
         console, since = Console(stderr=True), time.perf_counter()
 
         def tell_event(stage: str, share: float) -> None:
@@ -107,16 +183,23 @@ class Talk:
 
         if self.json_lines:
             yield tell_event
-        elif self.verbose:
-            with _log_on(console):
+        elif self.verbose or self.quiet:
+            with _log_on(console) if self.verbose else nullcontext():
                 yield lambda stage, share: None
-        elif self.quiet or not console.is_terminal:
-            yield lambda stage, share: None
-        else:
-            columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
+        elif console.is_terminal:
+            clock = _Clock()
+            columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), clock
             with Progress(*columns, console=console, transient=True) as bar:
-                task = bar.add_task("", total=1.0)
-                yield lambda stage, share: bar.update(task, description=printable(stage), completed=share)
+                task = bar.add_task("starting", total=1.0)
+
+                def show(stage: str, share: float) -> None:
+                    clock.tell(stage, share)
+                    bar.update(task, description=printable(stage), completed=share)
+
+                yield show
+        else:
+            with _lines_on(console, _Clock()) as tell:
+                yield tell
 
     def result(self, record: dict[str, Any], summary: Callable[[], None], *, is_answer: bool = False) -> None:
         """Print plain values or a summary, as was asked for; an answer, all that a command gives, is always printed."""
@@ -136,7 +219,7 @@ def _say_line(value: dict[str, Any]) -> None:
 @contextmanager
 def _log_on(console: Console) -> Iterator[None]:
     logger, handler = logging.getLogger("isomatch"), logging.StreamHandler(console.file)
-    handler.setFormatter(logging.Formatter("%(relativeCreated)7d ms  %(message)s"))
+    handler.setFormatter(logging.Formatter("%(asctime)s  %(levelname)s  %(message)s"))
     level = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)

@@ -49,8 +49,8 @@ def transfer(
             of one target vertex on each line, an .npy or .mat.
         source: Mesh that the map starts from.
         target: Mesh that the map goes to.
-        output: Surface file to write: what receives, with the data of the other. Its own format keeps everything. Or a
-            file for the data alone: .annot, .label.gii, .func.gii, .shape.gii, lh.thickness, .npy, .csv.
+        output: Surface file to write: what receives, with the data of the other; all is kept in the format of its own
+            file. Or a file for the data alone: .annot, .label.gii, .func.gii, .shape.gii, lh.thickness, .npy, .csv.
         data: What to carry, separated by commas: labels, colours, scalars, vectors, normals, uv, weights, keys, names of
             attributes, or all (default; with --values, all of these files).
         values: File of labels or numbers of the mesh that gives, one for each point or face, in the formats of --output.
@@ -88,9 +88,9 @@ def transfer(
         words = [each.name for each in brought] or ["all"]
         if data:
             words = [word.strip() for word in data.split(",")]
-        n_target = None if map_file.suffix == ".npz" else len(assets[1].points)
-        # by which it is found among the arrays of a file
-        n_source = len(assets[0].points) if map_file.suffix == ".mat" else None
+        n_target = len(assets[1].points)
+        # by which it is found among the arrays of a file, or the maps of a pair
+        n_source = len(assets[0].points) if map_file.suffix in (".mat", ".npz") else None
         correspondence = isomatch.Correspondence.load(map_file, n_target, n_source)
         tell("carrying", 0.3)
         with naming_files(source=source, target=target):
@@ -174,7 +174,7 @@ def _transfer_landmarks(
     with talk.progress() as tell, claimed_files(output, force=force):
         tell("reading", 0.0)
         assets = isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1])
-        way = _read_map(map_file, assets[1])
+        way = _read_map(map_file, *(len(each.points) for each in assets))
         given, receiving = assets if to == "target" else assets[::-1]
         try:
             own = isomatch.Landmarks.read(landmarks, given)
@@ -199,13 +199,13 @@ def _transfer_landmarks(
     talk.result(record, lambda: _say_landmarks(record, carried, output))
 
 
-def _read_map(path: Path, target: isomatch.Asset) -> Any:
+def _read_map(path: Path, n_source: int, n_target: int) -> Any:
     """Read a map, with the expected errors if it has them."""
     if path.suffix != ".npz":
-        return isomatch.Correspondence.load(path, len(target.points))
+        return isomatch.Correspondence.load(path, n_target)
     with suppress(FormatError):
         return isomatch.MatchResult.load(path)
-    return isomatch.Correspondence.load(path)
+    return isomatch.Correspondence.load(path, n_target, n_source)
 
 
 def _supposed(

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch._core.arrays import FloatArray
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import FormatError, InputError, MeshError, SettingError
 from isomatch._core.stage_timer import Progress
 from isomatch._core.tables import read_csv
@@ -22,7 +22,7 @@ from isomatch.cohort.statistics import Scale, Weights
 from isomatch.cohort.statistics_folder import SCALES, VERSION, Results, StatisticsFolder, listed, tabulated
 from isomatch.cohort.study_input import read_study, told_doubts
 from isomatch.cohort.workers import Listener, Warn
-from isomatch.correspondence import UNMATCHED, Correspondence
+from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation
 from isomatch.landmarks import read_landmark_pairs, read_landmarks
 from isomatch.matching import Outcome
 from isomatch.settings import Config
@@ -112,6 +112,9 @@ def asymmetry(
         for line in first:
             to.warn(line)
         maps, about, unsure = list[Correspondence](), [dict[str, Any]()] * len(cohort), ""
+        hints: IntArray | None = None
+        if landmarks and is_mesh:
+            hints = read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
         scans = Collection.open(source) if Layout(source).plan.exists() else None
         if pairs:
             named = [(row["left"], row["right"]) for row in read_csv(pairs, ("left", "right"))]
@@ -125,7 +128,6 @@ def asymmetry(
             files = [left_right / f"{name}.npz" if inner else left_right for name in cohort.names]
             maps = [Correspondence.load(file, n, n) for file in files]
         else:
-            hints = landmarks and read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
             settings = {"landmarks": hints, "config": config, "seed": seed}
             maps, about, unsure = _matched(cohort, scans, settings, notes, to.part(0.1, 0.8))
         both = both if pairs else cohort.mirrored(maps)
@@ -139,7 +141,7 @@ def asymmetry(
         dimensions = counted if degrees == "dimensions" else (1, 1)
         found = shape_statistics.asymmetry(*aligned, share, dimensions=dimensions, **how)
         if is_mesh:
-            lines, words = _draw(new, both, maps, share, found)
+            lines, words = _draw(new, both, maps, share, found, hints)
         else:
             lines, words = _draw_landmarks(new, both, not maps, share, found)
         sizes, of_sizes = shape_statistics.centroid_sizes(both.vertices, share)[:, None, None], None
@@ -173,7 +175,7 @@ def asymmetry(
         columns = [name for name in lines[0] if not name.startswith("plane")]
         cells = [[line[name] for name in columns] for line in lines]
         sections = {
-            "To look at first": listed(record["doubts"]),
+            "To look at first": listed([*filter(None, [_below_error(lines)[0]]), *record["doubts"]]),
             "What was measured": f"<p>{MEASURED}</p>",
             "What was found": listed(sentences),
             "Where the variation lies": tabulated(HEADS, (row.values() for row in rows)) if rows else "",
@@ -292,17 +294,23 @@ def _draw(
     maps: list[Correspondence],
     share: FloatArray,
     found: Asymmetry,
+    left_right: IntArray | None = None,
 ) -> Drawn:
-    """Draw the asymmetry of meshes, and tell that of each."""
+    """Draw the asymmetry of meshes, all as the mean lies and in one scale, and tell that of each."""
     m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
     known, size = both.seen[:m] & both.seen[m:], _size(found, share)
     mean = both.mesh(0).moved(found.symmetric)
     normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # smoother than those of a shape
     outward = np.where(known, np.einsum("mij,ij->mi", found.components, normals), np.nan)
     planes = [shape_statistics.symmetry_plane(*each, share) for each in zip(both.vertices, maps)]
-    axes = ["xyz"[int(np.abs(normal).argmax())] for normal, _ in planes]
-    views = [{f"the +{axis} side": to, f"the −{axis} side": -to} for axis, (to, _) in zip(axes, planes)]
-    views = views or [{}] * m
+    sides = [_sides(normal, each, left_right) for each, (normal, _) in zip(both.vertices, planes)]
+    centred = found.symmetric - found.symmetric.mean(axis=0)
+    turns = [nearest_rotation((each - each.mean(axis=0)).T @ centred) for each in both.vertices[:m]]
+    views = [dict[str, FloatArray]()] * m
+    for i, ((normal, _), names) in enumerate(zip(planes, sides)):
+        to = normal @ turns[i]
+        seen = list(zip(names, (to, -to)))
+        views[i] = dict(seen if i == 0 or to @ next(iter(views[0].values())) > 0 else seen[::-1])
     if m > 1:
         held = np.where(known.any(axis=0), np.nan_to_num(outward), np.nan)
         common, own = held.mean(axis=0), held.std(axis=0)
@@ -311,9 +319,12 @@ def _draw(
         label = "standard deviation, along the normal"
         draw_values(new.picture("fluctuating"), mean, own, label, views=views[0])
         words |= {"directional": COMMON, "fluctuating": OWN}
-    for i in np.argsort(-found.amounts, kind="stable")[:MOST_DRAWN].tolist():
-        name = f"shapes/{both.names[i]}"
-        draw_values(new.picture(name), both.mesh(i), outward[i], HALF, views=views[i])
+    drawn = np.argsort(-found.amounts, kind="stable")[:MOST_DRAWN].tolist()
+    high = float(np.nanquantile(np.abs(outward[drawn]), 0.995))
+    for i in drawn:
+        name, mesh = f"shapes/{both.names[i]}", both.mesh(i)
+        mesh = mesh.moved(mesh.vertices @ turns[i])
+        draw_values(new.picture(name), mesh, outward[i], HALF, views=views[i], high=high)
         words[name] = f"{both.names[i]}: where its sides differ{WRONG if planes else ''}."
     for i, signed in enumerate(outward):
         mesh, most = both.mesh(i), int(np.nanargmax(np.abs(signed)))
@@ -324,17 +335,46 @@ def _draw(
         line["most_vertex"] = most
         if planes:
             normal, offset = planes[i]
-            line["most_side"] = list(views[i])[0 if mesh.vertices[most] @ normal > offset else 1]
+            line["most_side"] = sides[i][0 if mesh.vertices[most] @ normal > offset else 1]
             line |= dict(zip(("plane_x", "plane_y", "plane_z", "plane_offset"), (*normal.tolist(), offset)))
         lines.append(line if planes else line | {"left": both.names[m + i]})
     return lines, words
 
 
+def _sides(normal: FloatArray, vertices: FloatArray, left_right: IntArray | None) -> tuple[str, str]:
+    """Name the side to which a normal leads, and the other: left and right, if all pairs of vertices tell the same."""
+    if left_right is not None:
+        one, other = left_right[left_right[:, 0] != left_right[:, 1]].T
+        apart = (vertices[one] - vertices[other]) @ normal
+        if len(apart) and (apart > 0).all():
+            return "the left side", "the right side"
+        if len(apart) and (apart < 0).all():
+            return "the right side", "the left side"
+    axis = "xyz"[int(np.abs(normal).argmax())]
+    return f"the +{axis} side", f"the −{axis} side"
+
+
+def _below_error(lines: list[dict[str, Any]]) -> tuple[str, list[dict[str, Any]]]:
+    """Say which shapes show no asymmetry, because that of their maps would be as large; also return the others."""
+    below = [line for line in lines if line["asymmetry"] <= line.get("map_error", -np.inf)]
+    if not below:
+        return "", lines
+    ranges = []
+    for name in ("asymmetry", "map_error"):
+        least, most = (f"{of(line[name] for line in below):.3g}" for of in (min, max))
+        ranges.append(least if least == most else f"{least} to {most}")
+    named = "" if len(below) == len(lines) else f" in {', '.join(line['name'] for line in below)}"
+    told = f"no asymmetry is shown{named}: it is below the error of the maps from left to right"
+    return f"{told} ({ranges[0]}, errors {ranges[1]})", [line for line in lines if line not in below]
+
+
 def _told(record: dict[str, Any]) -> list[str]:
-    rows, n, told = record["anova"], record["n_individuals"], list[str]()
+    rows, n = record["anova"], record["n_individuals"]
+    first, shown = _below_error(record["shapes"])
+    told = [first] if first else []
     if rows:
         between, common, own = (f"{row['share']:.1%}" for row in rows[:3])
-        told = [
+        told += [
             f"{n} individuals: {between} of all variation is between them and symmetric, {common} is directional "
             f"asymmetry, the same in all, and {own} fluctuating, each in its own way",
             f"fluctuating asymmetry has {rows[2]['f']:.3g} times the mean square of the error of measurement, "
@@ -345,13 +385,15 @@ def _told(record: dict[str, Any]) -> list[str]:
             f"{record['share']:.1%} of the asymmetry is directional, p = {record['p_value']:.4g} "
             f"({record['n_permutations']} ways to mirror some of the individuals; no p is below {2.0 ** (1 - n):.2g})",
         ]
-    most = max(record["shapes"], key=lambda line: line["asymmetry"])
     if record["size_anova"]:
         sides, error = record["size_anova"][1], len(record["size_anova"]) > 3
         told.append(
             f"of the variation of sizes, {sides['share']:.1%} is directional, p = {sides['p_value']:.4g}"
             + (f", and {record['size_anova'][2]['share']:.1%} fluctuating" if error else "")
         )
+    if not shown:
+        return [*told, *(f"note: {note}" for note in record["notes"])]
+    most = max(shown, key=lambda line: line["asymmetry"])
     if "most_landmark" in most:
         told.append(
             f"{most['name']} is {most['asymmetry']:.4g} away from a symmetric shape (root mean square), "

@@ -66,12 +66,13 @@ class Collection(Plan):
         reflect: str | Iterable[str] | None = None,
         units: Mapping[str, str] | None = None,
         leader: Collection | None = None,
+        beside: Collection | None = None,
     ) -> Collection:
         """Make a collection, or continue one with the same settings.
 
-        Shapes may be added and taken out, and ``reflect``, ``units`` and ``leader`` may change; by default they are as
-        before. `SettingError` if the folder holds a collection with other settings, or either orientation is allowed,
-        which does not tell mirror images.
+        Shapes may be added and taken out, and ``reflect``, ``units``, ``leader`` and ``beside`` may change; by default
+        they are as before. `SettingError` if the folder holds a collection with other settings, or either orientation is
+        allowed, which does not tell mirror images.
 
         Parameters
         ----------
@@ -90,6 +91,9 @@ class Collection(Plan):
             A collection of surfaces beside these, with the same names, such as the bones of cartilages, which is run
             first. By default its template is that of this one. A map starts from that of its pair there, carried along
             (`isomatch.correspondence.carried_along`), unless that is doubtful; nothing else is searched.
+        beside : Collection, optional
+            A collection of other surfaces of the same subjects, which is run first: its template is by default that of
+            this one.
         """
         # workers may be in another folder
         entries = tuple(Entry(entry.name, entry.path.resolve()) for entry in entries_of(shapes))
@@ -106,7 +110,18 @@ class Collection(Plan):
         if pairs not in ("star", "all"):
             pairs_of(names, pairs, template)
         turned, units_of = _checked(reflect, names), checked_units(units or {}, names)
-        new = cls(layout.folder, entries, pairs, template, config or Config(), seed, turned, units_of, leader)
+        new = cls(
+            layout.folder,
+            entries,
+            pairs,
+            template,
+            config or Config(),
+            seed,
+            turned,
+            units_of,
+            leader,
+            beside,
+        )
         if layout.plan.exists():
             old = cls.open(folder)
             new._require_same(old)
@@ -117,6 +132,7 @@ class Collection(Plan):
             if units is None:
                 units_of = {name: unit for name, unit in old.units.items() if name in {OTHERS, *names}}
             new = replace(new, shapes=entries, reflect=turned, units=units_of, leader=leader or old.leader)
+            new = replace(new, beside=beside or old.beside)
         if new.reflect == "auto" and new.config.orientation == "any":
             raise SettingError(
                 "reflect = 'auto' finds mirror images by maps that must keep the orientation, and orientation = 'any' "
@@ -126,7 +142,9 @@ class Collection(Plan):
         files = {entry.name: str(entry.path) for entry in entries}
         plan: dict[str, object] = {"shapes": files, "pairs": pairs, "template": template}
         plan |= {"config": new.config.to_dict(), "seed": seed, "reflect": new.reflect, "units": new.units}
-        plan["leader"] = new.leader and os.path.relpath(new.leader.folder, layout.folder)
+        for name in _OTHERS:
+            other: Plan | None = getattr(new, name)
+            plan[name] = other and os.path.relpath(other.folder, layout.folder)
         text = json.dumps(plan, indent=2) + "\n"
         if not layout.plan.exists() or layout.plan.read_text(encoding="utf-8") != text:
             write_text(layout.plan, text)
@@ -147,8 +165,10 @@ class Collection(Plan):
             turned = turned if turned == "auto" else tuple(map(str, turned))
             units = checked_units(plan.get("units", {}), plan["shapes"])
             pairs, template, seed = (plan[name] for name in ("pairs", "template", "seed"))
-            leader = plan.get("leader") and cls.open(os.path.normpath(folder / plan["leader"]))
-            return cls(folder, shapes, pairs, template, config, seed, turned, units, leader)
+            others = {
+                name: plan.get(name) and cls.open(os.path.normpath(folder / plan[name])) for name in _OTHERS
+            }
+            return cls(folder, shapes, pairs, template, config, seed, turned, units, **others)
         except FileNotFoundError:
             raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
         except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:
@@ -227,6 +247,9 @@ class Collection(Plan):
             raise SettingError(
                 f"{self.folder}: holds a collection with other {', '.join(different)}; {remedy}"
             )
+
+
+_OTHERS = ("leader", "beside")  # other collections that a plan names
 
 
 def _checked(reflect: str | Iterable[str] | None, names: Sequence[str]) -> Literal["auto"] | tuple[str, ...]:

@@ -12,11 +12,10 @@ from functools import partial
 from hashlib import blake2b, file_digest
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from isomatch._core.array_file import ArrayFormat, Stored, save_arrays
+from isomatch._core.array_file import save_arrays
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, MapError
 from isomatch._core.files import opened
@@ -33,25 +32,11 @@ from isomatch.cohort.ledger import (
     writing_ledger,
 )
 from isomatch.cohort.plan import Layout
-from isomatch.correspondence import Correspondence
+from isomatch.correspondence import PAIR_FORMAT, SIDES, Correspondence, pair_parts
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh, reflected
 
 UNKNOWN = -1.0  # in a file, an error that is not known
-SIDES = ("there", "back")
-_ENDS = tuple(zip(SIDES, ("n_source", "n_target")))
-FORMAT = ArrayFormat(
-    what="the maps of a pair",
-    writer="isomatch collect",
-    version=1,
-    arrays={
-        "record": Stored("text"),
-        **{f"{side}_vertices": Stored("integer", (n,)) for side, n in _ENDS},
-        **{f"{side}_faces": Stored("integer", (n, 3)) for side, n in _ENDS},
-        **{f"{side}_barycentric": Stored("float", (n, 3)) for side, n in _ENDS},
-        **{f"{side}_expected_error": Stored("float", (n,), group="errors") for side, n in _ENDS},
-    },
-)
 KEPT = ("prepared", "maps", "corresponded", "landmarks")
 """Folders of the files that have a digest."""
 MISSING, CHANGED = "is missing", "was changed after it was written"
@@ -93,17 +78,15 @@ class PairMaps:
             errors = getattr(self, f"{side}_error")
             if errors is not None:
                 arrays[f"{side}_expected_error"] = np.nan_to_num(errors, nan=UNKNOWN).astype(np.float32)
-        save_arrays(path, FORMAT.version, arrays, compressed=True)
+        save_arrays(path, PAIR_FORMAT.version, arrays, compressed=True)
 
     @classmethod
     def load(cls, path: Path) -> PairMaps:
         """Read what `save` wrote; `FormatError` if it is missing (`MissingFileError`) or damaged."""
-        arrays = FORMAT.read(path)
+        arrays = PAIR_FORMAT.read(path)
         try:
-            told = json.loads(arrays["record"])
-            hashes, record = (told["source_hash"], told["target_hash"]), MapRecord.from_json(told)
-            there = _map(arrays, "there", len(arrays["back_vertices"]), *hashes)
-            back = _map(arrays, "back", len(arrays["there_vertices"]), *hashes[::-1])
+            record = MapRecord.from_json(json.loads(arrays["record"]))
+            there, back = (Correspondence(**parts) for parts in pair_parts(arrays))
         except (ValueError, KeyError, TypeError, MapError) as error:
             problem = f"{path}: not the maps of a pair ({error})"
             raise FormatError(f"{problem}; remove it and match again") from None
@@ -129,12 +112,6 @@ def as_matched(
     hashes = source.content_hash, target.content_hash
     points = correspondence.faces, correspondence.barycentric
     return Correspondence(correspondence.vertices, correspondence.n_target, *points, *hashes), source, target
-
-
-def _map(arrays: dict[str, Any], side: str, n_target: int, *hashes: str) -> Correspondence:
-    vertices, faces, weights = (arrays[f"{side}_{name}"] for name in ("vertices", "faces", "barycentric"))
-    weights = weights.astype(np.float64)
-    return Correspondence(vertices, n_target, faces, weights / weights.sum(axis=1, keepdims=True), *hashes)
 
 
 def digest_of(path: Path) -> str:

@@ -191,6 +191,7 @@ class Plan:
     reflect: Literal["auto"] | tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     leader: Plan | None = None
+    beside: Plan | None = None
 
     @property
     def layout(self) -> Layout:
@@ -217,7 +218,10 @@ class Plan:
         return read_ledgers(self.layout.ledgers()).of(self.names)
 
     def chosen_template(self, rows: Rows) -> str | None:
-        """Return the template asked for, that of the leader, or the medoid; None as long as not all are prepared."""
+        """Return the template asked for, that of the leader or of the collection beside, or the medoid.
+
+        None as long as not all shapes are prepared.
+        """
         if self.template is not None:
             return self.template
         tried = [name for name in self.names if name in rows.shapes]
@@ -226,9 +230,9 @@ class Plan:
         centres = Counter(source for source, _ in rows.pairs if source in possible)
         if self.pairs == "star" and centres:  # once begun, a star keeps it, also where shapes are added
             return centres.most_common(1)[0][0]
-        led = self.leader and self.leader.chosen_template(self.leader.rows())
-        if led in usable:
-            return led
+        for other in filter(None, (self.leader, self.beside)):
+            if (led := other.chosen_template(other.rows())) in usable:
+                return led
         if not usable or len(tried) < len(self.names):
             return None
         return usable[medoid(np.array([rows.shapes[name].features for name in usable]))]

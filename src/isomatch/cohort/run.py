@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from isomatch._core.errors import InputError, MemoryBudgetError
+from isomatch._core.skipped import noted
 from isomatch._core.stage_timer import Progress
 from isomatch.cohort import combine
 from isomatch.cohort.collection import Collection
@@ -20,11 +21,18 @@ from isomatch.cohort.combine import Agreement, agreement_of
 from isomatch.cohort.finish import finish
 from isomatch.cohort.jobs import Event
 from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, landmark_files, write_tables
-from isomatch.cohort.ledger import Rows, SurfaceRow
+from isomatch.cohort.ledger import Rows, SurfaceRow, writing_ledger
 from isomatch.cohort.map_file import KEPT, changed_files
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.study_page import write_reports, write_table
-from isomatch.cohort.subjects import Gap, finish_subjects, structures_of, subject_collections, subject_doubts
+from isomatch.cohort.subjects import (
+    Gap,
+    finish_subjects,
+    sides_of,
+    structures_of,
+    subject_collections,
+    subject_doubts,
+)
 from isomatch.cohort.unusual_shapes import Outlier, mirror_images, outliers
 from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
 from isomatch.settings import Config
@@ -149,12 +157,16 @@ def run(
     to, subjects = Listener.of(progress, warn), structures_of(shapes)
     settings: dict[str, Any] = {"pairs": pairs, "template": template, "config": config, "seed": seed}
     settings |= {"reflect": reflect, "units": units}
-    marks: dict[str, Path] = {}
+    marks, mirrored = dict[str, Path](), set[str]()
     if subjects and landmarks is not None:
         remedy = f"isomatch collect landmarks {folder}/NAME"
         raise InputError(f"--landmarks: give those of a structure to {remedy}")
     if subjects:
-        for doubt in subject_doubts(subjects, reflect, units or ()):
+        doubts = subject_doubts(subjects, reflect, units or ())
+        mirrored = {doubt.names[0] for doubt in doubts if doubt.kind == "mirrored"}
+        for doubt in doubts:
+            if doubt.kind == "mirrored" and reflect == "auto":
+                continue  # it is reflected
             to.warn(f"{' and '.join(doubt.names)} {doubt.reason}")
         structures = subject_collections(folder, subjects, **settings)
     else:
@@ -164,12 +176,15 @@ def run(
     carried, gaps = None, list[Gap]()
     with workers_of(executor, jobs, time_limit) as workers:
         for structure, collection in structures.items():
-            to.tell(structure, 0.0)
+            to.tell(f"{structure}: starting" if structure else "starting", 0.0)
             for where in collection.rows().damaged:
                 to.warn(f"{where} is no row of a collection, and is ignored")
             follow(collection.run(workers, shard=shard), to)
-            if shard[1] > 1:
-                continue
+        if shard[1] > 1:
+            return Cohort(Path(folder), structures)
+        if subjects:
+            _reflect_subjects(structures, mirrored, workers, to)
+        for collection in structures.values():
             rows = collection.rows()
             is_matched = not rows.untried(collection.wanted_pairs(rows))
             if is_matched and (pairs == "all" if agree is None else agree):
@@ -181,10 +196,35 @@ def run(
             write_results(collection, reports, workers, to)
             if marks:
                 carried = write_tables(collection, marks, collection.layout.landmarks, semilandmarks, to)
-        if subjects and shard[1] == 1:
+        if subjects:
             to.tell("bringing structures together", 1.0)
             gaps = finish_subjects(folder, structures, keep_contacts=keep_contacts)
     return Cohort(Path(folder), structures, gaps, carried)
+
+
+def _reflect_subjects(
+    structures: Mapping[str, Collection], mirrored: set[str], workers: Workers, to: Listener
+) -> None:
+    """Match all structures of a subject reflected, or none, where each was found to be a mirror image by itself."""
+    are_matched = not any(each.rows().untried(each.wanted_pairs(each.rows())) for each in structures.values())
+    if not are_matched or any(each.reflect != "auto" for each in structures.values()):
+        return
+    reflected, against = sides_of(structures, mirrored)
+    sides = {name: set(each.rows().reflected(each.names)) for name, each in structures.items()}
+    if all(own == reflected & set(structures[name].names) for name, own in sides.items()):
+        return
+    for collection in structures.values():
+        turned = tuple(name for name in collection.names if name in reflected)
+        follow(replace(collection, reflect=turned).run(workers), to)
+    for structure, subject in against:
+        how = "reflected" if subject in reflected else "not reflected"
+        why = f"{subject} is {how}, as most of its structures ask for, but {structure} asks otherwise"
+        to.warn(why)
+        collection = structures[structure]
+        pair = (collection.chosen_template(collection.rows()) or "", subject)
+        with writing_ledger(collection.layout.ledger()) as ledger:  # so that the next run does not turn it
+            if row := ledger.rows.pairs.get(pair):
+                ledger.put(pair, replace(row, not_reflected={subject: why}))
 
 
 def reconcile(
@@ -231,6 +271,8 @@ def follow(events: Iterable[Event], to: Listener) -> None:
     again = Counter[tuple[str, str]]()
     for event in events:
         to.tell(*event.told)
+        if event.state == "failed":
+            noted(event.told[0])
         again.update((event.what, reason) for reason in event.again)
         if isinstance(event.row, Outlier):
             to.warn(f"{event.name} {event.row.reason}")

@@ -76,13 +76,14 @@ def add(
     Returns
     -------
     Results
-        A line for each subject that is scored in ``record["shapes"]``.
+        A line for each subject that is scored in ``record["shapes"]``. Subjects that have names of old ones, are no
+        meshes, or have sizes that suggest other units are in ``record["left_out"]``, with the reason.
 
     Raises
     ------
     InputError
-        If the collection is not finished; the model is missing, or of another template; or, naming all of them, if new
-        subjects have names of old ones, are no meshes, or have sizes that suggest other units.
+        If the collection is not finished; the model is missing, or of another template; or if all new subjects would be
+        left out.
     """
     collection, to = Collection.open(folder), Listener.of(progress, warn)
     file = model or Path(folder) / "statistics" / "model.npz"
@@ -92,7 +93,10 @@ def add(
     prior = ShapeModel.load(file)
     # no run of the collection may clear up there meanwhile
     with claimed(collection.layout.ledger()), workers_of(executor, jobs) as workers:
-        more = added(collection, new_shapes(files), model=prior, reflect=reflect, units=units)
+        how: dict[str, Any] = {"reflect": reflect, "units": units}
+        more, left_out = added(collection, new_shapes(files), model=prior, **how)
+        for problem in left_out.values():
+            to.warn(f"not added: {problem}")
         present = more.of(name for name in more.names if more.paths[name].exists())  # others stay as they are
         follow(present.run(workers), to)
         write_results(more, reports, workers, to)
@@ -103,7 +107,7 @@ def add(
         outcomes = {name: rows.pairs[more.template or "", name].there.outcome for name in scored}
         landmarks = _nearest_landmarks(collection, more, scored)
         own = {n: {"outcome": outcomes[n].name, "landmark": landmarks.get(n, "")} for n in scored}
-        about = {"folder": str(more.folder), "status": status_of(more).to_json()}
+        about = {"folder": str(more.folder), "left_out": left_out, "status": status_of(more).to_json()}
         into = StatisticsFolder(more.folder, last=LAST)
         with into.claimed(force=True) as inner:
             record = write_scored(inner, file, prior, scored, own, about)
@@ -140,8 +144,11 @@ def added(
     model: ShapeModel | None = None,
     units: Mapping[str, str] | None = None,
     reflect: str | Iterable[str] | None = None,
-) -> Collection:
-    """Plan the matches of new subjects with the template of a finished collection, which stays as it is."""
+) -> tuple[Collection, dict[str, str]]:
+    """Plan the matches of new subjects with the template of a finished collection, which stays as it is.
+
+    Give also why some are left out.
+    """
     # a collection of their own, in the subfolder ``added``: a star around the same template, with the same settings and
     # seed, so its maps and surfaces are those that the subjects would have had in the collection, if that is a star
     rows = collection.rows()
@@ -152,28 +159,29 @@ def added(
     inner = Layout(collection.folder / "added")
     earlier = Collection.open(inner.folder) if inner.plan.exists() else None
     known_before = earlier.rows().shapes if earlier else {}
+    areas, problems = _areas(new)
+    problems |= _taken(new, collection, earlier)
+    areas = {name: area for name, area in areas.items() if name not in problems}
+    known = {**(earlier.units if earlier else {}), **(units or {})}
+    known |= _of_others(collection, rows, template, known, areas)
+    if (units or {}).get(OTHERS, known.get(OTHERS)) != known.get(OTHERS):
+        raise InputError(
+            f"{collection.folder}: is in {known[OTHERS]}, not {(units or {})[OTHERS]}; give that unit"
+        )
+    problems |= _in_other_units(collection, rows, known, areas)
+    if problems and len(problems) == len(new):
+        raise InputError(f"{collection.folder}: nothing is added; {'; '.join(problems.values())}")
+    new = [entry for entry in new if entry.name not in problems]
     others = {template, *(entry.name for entry in new)}
     others |= {name for name, row in known_before.items() if row.state == "failed"}
     before = [entry for entry in earlier.shapes if entry.name not in others] if earlier else []
-    areas, problems = _areas(new)
-    problems += _taken(new, collection, earlier)
-    known = {**(earlier.units if earlier else {}), **(units or {})}
-    try:
-        known |= _of_others(collection, rows, template, known, areas)
-        if (units or {}).get(OTHERS, known.get(OTHERS)) != known.get(OTHERS):
-            raise InputError(f"the collection is in {known[OTHERS]}, not {(units or {})[OTHERS]}")
-        checked_units(known, [template, *(entry.name for entry in (*before, *new))])
-    except InputError as error:
-        problems.append(str(error))
-    else:
-        problems += _in_other_units(collection, rows, known, areas)
-    if problems:
-        raise InputError(f"{collection.folder}: nothing is added; {'; '.join(problems)}")
+    known = {name: unit for name, unit in known.items() if name not in problems}
+    checked_units(known, [template, *(entry.name for entry in (*before, *new))])
     entries = [Entry(template, collection.paths[template]), *before, *new]
     turned = _reflected(reflect, collection, rows.reflected([template]), earlier)
     try:
         how: dict[str, Any] = {"template": template, "config": collection.config, "seed": collection.seed}
-        return Collection.create(inner.folder, entries, **how, reflect=turned, units=known)
+        return Collection.create(inner.folder, entries, **how, reflect=turned, units=known), problems
     except SettingError as error:
         raise SettingError(f"{error}; to add all subjects anew, move {inner.folder} away") from None
 
@@ -211,32 +219,34 @@ def _require_model_of(collection: Collection, template: str, model: ShapeModel) 
             )
 
 
-def _areas(new: Iterable[Entry]) -> tuple[dict[str, float], list[str]]:
+def _areas(new: Iterable[Entry]) -> tuple[dict[str, float], dict[str, str]]:
     """Return the areas of new subjects in their files, and what is wrong with other files."""
-    areas, problems = {}, []
+    areas, problems = dict[str, float](), dict[str, str]()
     for entry in new:
         try:
             area = mesh_from(entry.path).area
         except IsomatchError as error:
-            problems.append(str(error))
+            problems[entry.name] = str(error)
             continue
         if 0 < area < np.inf:
             areas[entry.name] = area
         else:
-            problems.append(f"{entry.path}: has no surface, its area is {area:.4g}; give a mesh with faces")
+            problems[entry.name] = (
+                f"{entry.path}: has no surface, its area is {area:.4g}; give a mesh with faces"
+            )
     return areas, problems
 
 
-def _taken(new: Iterable[Entry], collection: Collection, earlier: Collection | None) -> list[str]:
-    """Name new subjects whose names others have."""
+def _taken(new: Iterable[Entry], collection: Collection, earlier: Collection | None) -> dict[str, str]:
+    """Say which new subjects have names of others."""
     added_before = earlier.paths if earlier else {}
-    problems = []
+    problems = {}
     for entry in new:
-        if entry.name in collection.paths:
-            problems.append(f"{entry.name} is a shape of the collection; give {entry.path} another name")
-        elif added_before.get(entry.name, entry.path) != entry.path:
-            was = added_before[entry.name]
-            problems.append(f"{entry.name} was added from {was}; give {entry.path} another name")
+        name, path = entry.name, entry.path
+        if name in collection.paths:
+            problems[name] = f"{name} is a shape of the collection; give {path} another name"
+        elif (was := added_before.get(name, path)) != path:
+            problems[name] = f"{name} was added from {was}; give {path} another name"
     return problems
 
 
@@ -258,15 +268,15 @@ def _of_others(
 
 def _in_other_units(
     collection: Collection, rows: Rows, known: Mapping[str, str], areas: Mapping[str, float]
-) -> list[str]:
-    """Name new subjects whose sizes suggest other units, unless these are given."""
+) -> dict[str, str]:
+    """Say which new subjects have sizes that suggest other units, unless these are given."""
     scales = scales_of(collection.units, rows)
     sizes = [row.area**0.5 * scales.get(name, 1.0) for name, row in rows.shapes.items() if row.area]
-    problems = []
+    problems = {}
     for name, area in areas.items():
         factor = float(size_factors(np.array([*sizes, area**0.5]))[-1])
         if factor != 1 and name not in known:
-            problems.append(f"{name} {told_unit(name, factor)}")
+            problems[name] = f"{name} {told_unit(name, factor)}"
     return problems
 
 

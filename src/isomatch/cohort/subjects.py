@@ -28,10 +28,12 @@ from isomatch.cohort.plan import Entry
 from isomatch.cohort.shape_statistics import MEASURED, STRUCTURES, CorrespondedShapes, Doubt
 from isomatch.cohort.unusual_shapes import OTHERS
 from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
+from isomatch.matching import Outcome
 from isomatch.spectral import factorised_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected
 
 Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
+SURE = (Outcome.CONVERGED, Outcome.PARTIAL)  # maps that tell sides
 TOUCHING = 0.1  # √area of the smaller of two structures: points nearer to the other touch it
 LEAST_TOUCHING = 0.2  # share of the area of the smaller one that has to touch the other
 LEAST_HELD = 0.6  # the same, for points to be kept together: sheets have more, joints that slide less
@@ -99,7 +101,10 @@ def subject_collections(
     units: Mapping[str, str] | None = None,
     **options: Any,
 ) -> dict[str, Collection]:
-    """Make a collection for each structure, or continue them; one that lies on a larger one is led by that."""
+    """Make a collection for each structure, or continue them; one that lies on a larger one is led by that.
+
+    The template of the structure that most subjects have is that of all others, where they have it.
+    """
     names = {name for files in found.values() for name in files}
     named = [] if reflect in (None, "auto") else list(reflect or ())
     if strangers := {*named, *(units or ()), template} - names - {OTHERS, None}:
@@ -112,7 +117,8 @@ def subject_collections(
             meshes[structure] = mesh_from(files[whole])
     below = beneath(meshes)  # larger ones first
     made = dict[str, Collection]()
-    for structure in (*(each for each in found if each not in below), *below):
+    free = sorted((each for each in found if each not in below), key=lambda each: -len(found[each]))
+    for structure in (*free, *below):
         files = found[structure]
         made[structure] = Collection.create(
             Path(folder) / structure,
@@ -121,9 +127,47 @@ def subject_collections(
             reflect=reflect if reflect in (None, "auto") else [name for name in named if name in files],
             units=units and {name: unit for name, unit in units.items() if name in {OTHERS, *files}},
             leader=made.get(below.get(structure, "")),
+            beside=made.get(free[0]),
             **options,
         )
     return made
+
+
+def sides_of(
+    collections: Mapping[str, Collection], mirrored: Names[str] = ()
+) -> tuple[set[str], list[tuple[str, str]]]:
+    """Decide which subjects are reflected, each as a whole; also name structures, with subjects, that ask otherwise.
+
+    ``mirrored`` are those whose layout fits the others better as its mirror image, see `subject_doubts`.
+    """
+    # Most votes decide: of the layout, and of each structure whose map is sure. What reflects no subject tells
+    # no sides, and has none. Of another template, or of most, a side may be the opposite one.
+    all_rows = {name: own.rows() for name, own in collections.items()}
+    templates = {name: own.chosen_template(all_rows[name]) or "" for name, own in collections.items()}
+    turned = {name: set(all_rows[name].reflected(own.names)) for name, own in collections.items()}
+    first, *others = collections
+    for structure in others:
+        names = set(collections[structure].names)
+        shared = names & set(collections[first].names)
+        if templates[structure] != templates[first] and 2 * len(
+            (turned[structure] ^ turned[first]) & shared
+        ) > len(shared):
+            turned[structure] = names - turned[structure]
+    subjects = dict.fromkeys(name for own in collections.values() for name in own.names)
+    of_layout = set(subjects) - set(mirrored) if templates[first] in mirrored else set(mirrored)
+    reflected, against = set[str](), list[tuple[str, str]]()
+    for subject in subjects:
+        asked = {}
+        for structure, rows in all_rows.items():
+            pair = templates[structure], subject
+            is_sure = rows.is_current(pair) and all(each.outcome in SURE for each in rows.pairs[pair].sides)
+            if turned[structure] and (is_sure or subject == pair[0]):
+                asked[structure] = subject in turned[structure]
+        votes = [*asked.values(), *([subject in of_layout] if of_layout else [])]
+        is_turned = sum(votes) * 2 >= len(votes) > 0
+        reflected |= {subject} if is_turned else set()
+        against += [(structure, subject) for structure, ask in asked.items() if ask != is_turned]
+    return reflected, against
 
 
 def finish_subjects(

@@ -71,7 +71,7 @@ def outliers(collection: Plan, rows: Rows) -> list[Outlier]:
             continue
         how = "the same file as" if alike.is_equal else "the same shape as"
         larger = f", {alike.factor:.4g} times as large" if abs(np.log(alike.factor)) > RESCALED else ""
-        odd.append(Outlier("twice", alike.name, f"is {how} {alike.other}{larger}; take one of them out"))
+        odd.append(Outlier("twice", alike.name, f"is {how} {alike.other}{larger}; remove one of them"))
     odd += [Outlier("mirrored", name, reason) for name, reason in mirrored.items()]
     odd += _with_holes(Rows(done))
     lines = SurfaceRow.read(collection.layout.shapes_table).values()

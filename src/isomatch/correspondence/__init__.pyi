@@ -27,7 +27,7 @@ from isomatch.correspondence.interval_matching import (
     trilaterate,
 )
 from isomatch.correspondence.map_arrays import UNMATCHED
-from isomatch.correspondence.map_files import IndexBase, index_base
+from isomatch.correspondence.map_files import PAIR_FORMAT, SIDES, IndexBase, index_base, pair_parts
 from isomatch.correspondence.median_map import geometric_median, median_map
 from isomatch.correspondence.nearest import (
     SurfaceIndex,
@@ -50,6 +50,8 @@ from isomatch.correspondence.wrapping import Wrapped, WrapQuality, welded_map, w
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
 __all__ = [
+    "PAIR_FORMAT",
+    "SIDES",
     "UNMATCHED",
     "Alignment",
     "Boundary",
@@ -90,6 +92,7 @@ __all__ = [
     "nearest_rows",
     "nearest_under_rotation",
     "nearest_with_normals",
+    "pair_parts",
     "pin_first",
     "poses_between",
     "read_map",

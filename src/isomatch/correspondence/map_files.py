@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,6 +38,21 @@ FORMAT = ArrayFormat(
         "barycentric": Stored("float", ("n", 3), group="precise"),
         "source_hash": Stored("text", group="source_hash"),
         "target_hash": Stored("text", group="target_hash"),
+    },
+)
+
+SIDES = ("there", "back")
+_ENDS = tuple(zip(SIDES, ("n_source", "n_target")))
+PAIR_FORMAT = ArrayFormat(
+    what="the maps of a pair",
+    writer="isomatch collect",
+    version=1,
+    arrays={
+        "record": Stored("text"),
+        **{f"{side}_vertices": Stored("integer", (n,)) for side, n in _ENDS},
+        **{f"{side}_faces": Stored("integer", (n, 3)) for side, n in _ENDS},
+        **{f"{side}_barycentric": Stored("float", (n, 3)) for side, n in _ENDS},
+        **{f"{side}_expected_error": Stored("float", (n,), group="errors") for side, n in _ENDS},
     },
 )
 
@@ -83,7 +99,7 @@ def map_parts(
     elif suffix == ".npy":
         parts = {"vertices": the_vector(path, {"the array": read_array(path)}, n_source)}
     elif suffix == ".npz":
-        declared, stored, parts = _read_arrays(path, n_source, variable)
+        declared, stored, parts = _read_arrays(path, n_source, n_target, variable)
     else:
         declared, stored, parts = _read_text(path)
     if stored is not None and n_target not in (None, stored):
@@ -104,7 +120,7 @@ def map_parts(
 
 
 def _read_arrays(
-    path: Path, n_source: int | None, variable: str | None
+    path: Path, n_source: int | None, n_target: int | None, variable: str | None
 ) -> tuple[bool, int | None, dict[str, Any]]:
     """Whether isomatch wrote an ``.npz`` file, its number of target vertices, if any, and its arrays."""
 
@@ -113,6 +129,7 @@ def _read_arrays(
 
     with Archive.opened(path, refuse) as file:
         names = file.names
+        is_of_pair = {"record", *(f"{side}_vertices" for side in SIDES)} <= set(names)
         # what isomatch wrote has a direction or a version
         if not {"direction", "format_version"} & set(names):
             if not names:
@@ -122,11 +139,55 @@ def _read_arrays(
         raise FormatError(
             f"{path}: isomatch wrote it, and its map is not {variable!r}; leave out the variable"
         )
+    if is_of_pair:
+        return _of_pair(path, n_source, n_target)
     arrays = FORMAT.read(path)
     if arrays.pop("direction", DIRECTION) != DIRECTION:
         raise FormatError(f"{path}: does not map {DIRECTION}; exchange the shapes, or give another map")
     n_target = arrays.pop("n_target", None)
     return True, None if n_target is None else int(n_target), arrays
+
+
+def pair_parts(arrays: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the parts of both maps of a pair, there and back, of what `PAIR_FORMAT` reads.
+
+    `ValueError`, `KeyError` or `TypeError` if the record of the pair is damaged.
+
+    Examples
+    --------
+    >>> parts = {"vertices": np.array([0]), "faces": np.zeros((1, 3), int), "barycentric": np.eye(3)[:1]}
+    >>> arrays = {f"{side}_{name}": part for side in SIDES for name, part in parts.items()}
+    >>> there, back = pair_parts({**arrays, "record": '{"source_hash": "a", "target_hash": "b"}'})
+    >>> back["source_hash"], back["n_target"]
+    ('b', 1)
+    """
+    record = json.loads(arrays["record"])
+    hashes, maps = [record["source_hash"], record["target_hash"]], []
+    for side, other, ends in zip(SIDES, SIDES[::-1], (hashes, hashes[::-1])):
+        weights = arrays[f"{side}_barycentric"].astype(np.float64)
+        parts = {name: arrays[f"{side}_{name}"] for name in ("vertices", "faces")}
+        parts |= {"barycentric": weights / weights.sum(axis=1, keepdims=True)}
+        maps.append(parts | dict(zip(("source_hash", "target_hash"), ends)))
+        maps[-1]["n_target"] = len(arrays[f"{other}_vertices"])
+    return maps[0], maps[1]
+
+
+def _of_pair(path: Path, n_source: int | None, n_target: int | None) -> tuple[bool, int, dict[str, Any]]:
+    """Take of the maps of a pair the one between so many vertices, there if both are."""
+    try:
+        maps = pair_parts(PAIR_FORMAT.read(path))
+    except (ValueError, KeyError, TypeError) as error:
+        if isinstance(error, FormatError):
+            raise
+        raise FormatError(f"{path}: not the maps of a pair ({error}); match it again") from None
+    wanted = n_source, n_target
+    fitting = [
+        parts
+        for parts in maps
+        if all(n in (None, own) for n, own in zip(wanted, (len(parts["vertices"]), parts["n_target"])))
+    ]
+    parts = (fitting or maps)[0]
+    return True, parts.pop("n_target"), parts
 
 
 def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:

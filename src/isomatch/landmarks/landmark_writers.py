@@ -84,7 +84,7 @@ def writer_of(path: Path) -> tuple[Callable[[Landmarks, str], str], tuple[str, .
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise FormatError(
-            f"{path}: suffix {suffix!r} is none of a file of landmarks; use .mrk.json, .fcsv, .pp, .csv or .tps"
+            f"{path}: suffix {suffix!r} is not that of a landmark file; use .mrk.json, .fcsv, .pp, .csv or .tps"
         )
     return WRITERS[suffix]
 

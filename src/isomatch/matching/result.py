@@ -223,6 +223,13 @@ class MatchResult(Shown):
     regions: tuple[DoubtfulRegion, ...] = ()
     evidence: tuple[str, ...] = ()
 
+    def __str__(self) -> str:
+        """Say what came out, how sure it is and what to do, see `isomatch.visualization.summary_of`."""
+        return str(visualization().summary_of(self))
+
+    def __repr__(self) -> str:
+        return f"MatchResult({self.outcome.name}, {self.map!r})"
+
     @property
     def confidence(self) -> FloatArray:
         """(n_source,) trust in each image: 1 for no expected error, ½ for one of 0.05 √area; nan where unmatched."""

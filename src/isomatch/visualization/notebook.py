@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
 from functools import cache, singledispatch
 from html import escape
@@ -15,7 +16,8 @@ from numpy.typing import ArrayLike
 from isomatch._core.arrays import IntArray
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MapError, MeshError
-from isomatch._core.first_use import package
+from isomatch._core.first_use import install_command, package
+from isomatch._core.stage_timer import notebook_shell
 from isomatch.correspondence import Correspondence
 from isomatch.matching import BothDirections, MatchResult, Outcome, Quality
 from isomatch.settings import Config
@@ -39,6 +41,7 @@ from isomatch.visualization.plots import draw_map, drawable, paintable, plot_sur
 from isomatch.visualization.scene import layers_of, scene_of
 from isomatch.visualization.summary import HEADLINES, outcome_colour, summary_of
 
+logger = logging.getLogger(__name__)
 PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page
 _LINE = "1px solid rgba(128,128,128,.35)"  # seen on light and on dark pages
 _CELL = f"text-align:left;vertical-align:top;padding:.2em 1.2em .2em 0;border:0;border-bottom:{_LINE};white-space:normal"
@@ -260,7 +263,7 @@ def _listed(settings: Mapping[str, Any]) -> str:
 SANDBOX = "allow-scripts allow-downloads"  # the page reaches neither the notebook nor anything else
 FETCHED = "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
 STATIC = (
-    "To have the pairs that you click in Python, install <code>isomatch[notebook]</code> and show the result again. "
+    f"To have clicked pairs in Python: <code>{install_command('notebook')}</code>, and show the result again. "
     "Until then, save the list and read it:"
 )
 MATCH_AGAIN = "match(source, target, landmarks=view.landmarks)"
@@ -319,6 +322,11 @@ def show_result(
     scene = scene_of(
         source, target, maps_of(result), layers=layers_of(result), landmarks=pairs_shown(pairs, asked)
     )
+    if notebook_shell() is None:
+        logger.warning(
+            "this view is for notebooks; isomatch.visualization.write_report('report.html', source, target, result) "
+            "writes it as a page for a browser"
+        )
     told, command = (FETCHED, MATCH_AGAIN) if clicks_return() else (STATIC, MATCH_SAVED)
     panel = template("inline_landmarks.html").substitute(told=told, command=escape(command))
     ends, names = (source, target), ("source", "target")

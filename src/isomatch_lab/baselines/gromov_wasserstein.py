@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
 from isomatch._core.arrays import FloatArray, IntArray
-from isomatch._core.errors import MissingDependencyError, SettingError
+from isomatch._core.errors import SettingError
+from isomatch._core.first_use import package
 from isomatch._core.settings import Settings, require_least, setting
 from isomatch._core.threads import serial_blas
 from isomatch.correspondence import Embedding
@@ -113,12 +114,7 @@ def gromov_wasserstein(
 
 def transport(task: Task, features: Embedding, config: GromovWassersteinConfig) -> Transport:
     """Compute the plan between samples from features of all vertices."""
-    try:
-        from ot.gromov import fused_gromov_wasserstein
-    except ImportError as error:
-        raise MissingDependencyError(
-            "the method 'gw' needs the package POT: pip install 'isomatch[transport]'"
-        ) from error
+    fused_gromov_wasserstein = package("ot.gromov", "transport", "the method 'gw'").fused_gromov_wasserstein
     task.timer.start("transport")
     rows = [shape.sample_vertices[: min(config.n_samples, shape.config.n_search)] for shape in task.shapes]
     points = [shape.points.at(chosen) for shape, chosen in zip(task.shapes, rows)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._core.errors import MissingDependencyError
+from isomatch._core.first_use import package
 from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
 
@@ -37,13 +37,10 @@ def pyfm_zoomout(source: Mesh, target: Mesh) -> Correspondence:
     The package pyfmaps is by R. Magnet. Ovsjanikov et al. 2012, Ren et al. 2018 (orientation term), Melzi et al. 2019
     (ZoomOut). The weights are the package's defaults, with the orientation term switched on.
     """
-    try:
-        from pyFM.functional import FunctionalMapping
-        from pyFM.mesh import TriMesh
-    except ImportError as error:
-        raise MissingDependencyError(
-            "the method 'pyfm' needs the package pyfmaps: pip install 'isomatch[peers]'"
-        ) from error
+    functional, mesh_of_pyfm = (
+        package(f"pyFM.{name}", "peers", "the method 'pyfm'") for name in ("functional", "mesh")
+    )
+    FunctionalMapping, TriMesh = functional.FunctionalMapping, mesh_of_pyfm.TriMesh
     # pyFM maps the vertices of its second mesh to its first mesh
     shapes = [
         TriMesh(mesh.vertices, mesh.faces, area_normalize=True, center=True) for mesh in (target, source)

@@ -54,7 +54,7 @@ def creature(
     Raises
     ------
     MissingDependencyError
-        Without scikit-image: ``pip install 'isomatch[creatures]'``.
+        Without scikit-image, which the extra ``creatures`` has.
     SettingError
         If an argument is out of range, or a joint is unknown.
 

@@ -76,7 +76,7 @@ def organ(
     Raises
     ------
     MissingDependencyError
-        Without scikit-image: ``pip install 'isomatch[creatures]'``.
+        Without scikit-image, which the extra ``creatures`` has.
     SettingError
         If there is no such kind.
 

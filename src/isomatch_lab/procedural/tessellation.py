@@ -10,7 +10,8 @@ from scipy.sparse import coo_array
 from scipy.spatial.transform import Rotation
 
 from isomatch._core.arrays import FloatArray, IntArray
-from isomatch._core.errors import MissingDependencyError, SettingError
+from isomatch._core.errors import SettingError
+from isomatch._core.first_use import package
 from isomatch._core.settings import generator
 from isomatch.surfaces import Mesh
 from isomatch_lab.procedural.implicit import Skin
@@ -81,14 +82,7 @@ def _sampled(skin: Skin, step: float, turn: FloatArray, shift: FloatArray) -> tu
 
 
 def _skimage_marching_cubes() -> Any:
-    try:
-        from skimage.measure import marching_cubes
-    except ImportError as error:
-        raise MissingDependencyError(
-            "making a creature needs the marching cubes of scikit-image; run: pip install 'isomatch[creatures]', or use "
-            "example_pair(), which is shipped with the package"
-        ) from error
-    return marching_cubes
+    return package("skimage.measure", "creatures", "making a creature").marching_cubes
 
 
 def _is_sphere(vertices: FloatArray, faces: IntArray) -> bool:

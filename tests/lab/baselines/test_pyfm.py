@@ -20,5 +20,5 @@ def test_the_map_goes_from_source_to_target(example):
 
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyFM.functional", None)
-    with pytest.raises(MissingDependencyError, match=r"isomatch\[peers\]"):
+    with pytest.raises(MissingDependencyError, match=r"\.\[peers\]"):
         pyfm_zoomout(icosphere(1), icosphere(1))

@@ -320,15 +320,18 @@ def draw_values(
     label: str,
     *,
     views: Mapping[str, FloatArray] | None = None,
+    high: float | None = None,
 ) -> None:
     """Draw a surface from two sides, coloured by a value at each vertex.
 
     Values (n,) that are nan are drawn grey; if any is below 0, the colours tell signs. The label says what they are, with
     their unit; without any value, it is all that is said. Views are directions (3,) from which the surface is seen, by
-    their titles.
+    their titles. The scale ends at ``high``, by default near the largest value.
     """
     has_value = np.isfinite(values)
-    high = (float(np.quantile(np.abs(values[has_value]), 0.995)) if has_value.any() else 0.0) or 1.0
+    if high is None:
+        high = float(np.quantile(np.abs(values[has_value]), 0.995)) if has_value.any() else 0.0
+    high = high or 1.0
     name, low = (DIVERGING, -high) if (values < 0).any() else (RISING, 0.0)
     front = camera_of(mesh)
     seen = {title: _seen_from(front, direction) for title, direction in (views or {}).items()}
