@@ -209,7 +209,7 @@ def test_contents_are_checked_before_they_are_used(tmp_path, precise, change, me
     [
         ("once upon a time", r":1: 'once upon a time' is not a target vertex; write one 0-based"),
         ("# mine\n2\n1.5 # half\n", r":3: '1.5' is not a target vertex"),
-        ("1\n\x00\n", r":2: '\\x00' is not a target vertex"),
+        ("1\n\x00\n", r":2: has bytes of zero and is no text"),
         ("", ": no target vertices; write one"),
         ("# nothing\n", ": no target vertices"),
         ("1\n-2\n", ": source vertices 1 are mapped outside"),

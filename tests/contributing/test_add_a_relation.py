@@ -62,8 +62,8 @@ class Weighted(Isometry):
         return super().cost(fit) ** self.exponent
 
 
-def test_a_function_builds_the_relation_of_both_directions(animals, example_truth):
-    """A map that is not sure is also searched from the target, under the relation that was handed in."""
+def test_a_function_builds_the_relation(animals, example_truth):
+    """It is the only one, also of a map that is not sure."""
     source, target = animals
     config = Config()
     unsure = replace(config, outcome=replace(config.outcome, poor_spectral_residual=1e-3))
@@ -74,7 +74,7 @@ def test_a_function_builds_the_relation_of_both_directions(animals, example_trut
         return Weighted(problem, 0.5)
 
     found = match(source, target, config=unsure, relation=weighted)
-    assert set(directions) == {source.n_vertices, target.n_vertices}
+    assert directions == [source.n_vertices]
     off = np.linalg.norm(target.vertices[found.map.vertices] - target.vertices[example_truth], axis=1)
     assert off.mean() < 0.02 * np.sqrt(target.area)
 
