@@ -41,6 +41,7 @@ def folder(tmp_path):
     return write(tmp_path / "shapes", moved(random_shapes(8)))
 
 
+@pytest.mark.long
 def test_everything(folder, tmp_path, capsys):
     isomatch.write_mesh(folder / "odd.ply", icosphere(2))
     groups = tmp_path / "groups.csv"

@@ -76,6 +76,7 @@ def table(folder):
         return {row["name"]: row for row in csv.DictReader(file)}
 
 
+@pytest.mark.long
 def test_new_subjects_are_as_if_they_had_been_there_and_nothing_else_changes(cohort, made, tmp_path, capsys):
     before = digests(cohort.folder)
     assert main(cohort.argv) == 0

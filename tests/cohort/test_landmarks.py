@@ -231,6 +231,7 @@ def test_landmarks_of_other_names_have_no_error(finished, small, marks):
     assert np.isnan(of_s0.error).tolist() == [False, False, True]
 
 
+@pytest.mark.long
 def test_collect_carries_the_landmarks_of_the_template(small, marks, in_threads, tmp_path, capsys):
     """On a collection that is matched already; the file of another name is that of the template that is named."""
     out = tmp_path / "star"

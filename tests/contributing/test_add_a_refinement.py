@@ -46,6 +46,7 @@ def test_it_keeps_the_laws():
     check_refinement(Upsampling())
 
 
+@pytest.mark.long
 def test_it_finds_the_right_map(animals):
     source, target, truth = animals
     found = match(source, target, refinement=Upsampling())

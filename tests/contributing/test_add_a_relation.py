@@ -62,6 +62,7 @@ class Weighted(Isometry):
         return super().cost(fit) ** self.exponent
 
 
+@pytest.mark.long
 def test_a_function_builds_the_relation(animals, example_truth):
     """It is the only one, also of a map that is not sure."""
     source, target = animals

@@ -198,6 +198,7 @@ def test_a_position_beyond_64_bits(folder):
     assert not attempt(folder, "positions.txt", b"18446744073709551616 0 0 1 0 0\n1,1,0,0,1,0\n")
 
 
+@pytest.mark.long
 def test_an_index_beyond_64_bits(folder):
     for name in ("landmarks.txt", "map.txt", "cat0.vts"):
         for word in (b"99999999999999999999", b"1" * 5000, b"1_0", "٣".encode(), b"nan"):

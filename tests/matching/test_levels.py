@@ -227,6 +227,7 @@ def test_new_labels_of_the_target_are_those_of_the_images(made, shapes, found):
     assert other.outcome is found.outcome
 
 
+@pytest.mark.long
 def test_threads_change_nothing(made, found, monkeypatch):
     monkeypatch.setenv("ISOMATCH_NUM_THREADS", "2")
     again = match(*(each.mesh for each in made), config=COARSE)
