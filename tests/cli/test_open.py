@@ -93,6 +93,7 @@ def test_what_is_refused(words, said, shapes, served, capsys):
     assert not (shapes / "out").exists()
 
 
+@pytest.mark.long
 def test_a_result_is_written_and_packed_as_match_writes_it(shapes, served):
     (shapes / "pairs.txt").write_text("".join(f"{i}, {j}\n" for i, j in PAIRS))
     (shapes / "quick.toml").write_text("n_columns = 90\n")

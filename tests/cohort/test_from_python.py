@@ -51,6 +51,7 @@ def shapes(tmp_path):
     return tmp_path / "shapes"
 
 
+@pytest.mark.long
 def test_statistics_give_the_model_and_what_was_written(shapes, tmp_path):
     told, out = Told(), tmp_path / "out"
     found = cohort.statistics(shapes, out, modes=1, progress=told.progress)

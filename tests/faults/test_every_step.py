@@ -174,6 +174,7 @@ def cases():
             yield pytest.param(command, kind, most, marks=[pytest.mark.long] * is_long)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("coarse_pictures", "small_pictures")
 @pytest.mark.parametrize(("command", "kind", "most"), cases())
 def test_old_or_new(command, kind, most, prepared, faults, tmp_path, monkeypatch, capsys):

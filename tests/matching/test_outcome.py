@@ -119,6 +119,7 @@ def test_a_cap_that_goes_to_the_other_pole_is_torn_off():
     assert torn_off(images) == pytest.approx(0.1, abs=0.02)
 
 
+@pytest.mark.long
 def test_a_way_that_finds_no_map_is_told(prepared_example, monkeypatch):
     solving = importlib.import_module("isomatch.matching.strategies")
 

@@ -60,6 +60,7 @@ def test_what_was_handed_in_is_all_that_is_tried(problem):
     assert names(replace(problem, relation=Isometry)) == ["Isometry"]
 
 
+@pytest.mark.long
 def test_what_found_the_map_was_selected(prepared_example, problem):
     assert match(*prepared_example).way in names(problem)
 
@@ -70,6 +71,7 @@ def test_nothing_is_known_by_default(problem):
     assert problem.turned.turned.source is problem.source
 
 
+@pytest.mark.long
 def test_a_result_tells_the_evidence_that_decided_its_outcome(prepared_example, tmp_path):
     sure = match(*prepared_example)
     assert (sure.outcome, sure.evidence) == (Outcome.CONVERGED, ())

@@ -167,6 +167,7 @@ def individual(asymmetry, longer=0.0):
     return Mesh(vertices, sphere.faces)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("asymmetry", "outcome"), [(0.2, Outcome.SYMMETRY_AMBIGUOUS), (0.6, Outcome.CONVERGED)]
 )

@@ -180,6 +180,7 @@ def test_a_result_is_opened_and_an_alternative_chosen(shape):
         ]
 
 
+@pytest.mark.long
 def test_what_is_cancelled_leaves_no_result_and_the_next_match_waits_for_its_end(shape):
     entered, go_on, running = Event(), Event(), []
 
