@@ -171,12 +171,11 @@ def _judge(
         "map": str(map_file),
         "verdict": found.verdict,
         "sentence": found.sentence,
-        "ratio": found.ratio if np.isfinite(found.ratio) else None,
+        "ratio": found.ratio,
         "elsewhere": found.elsewhere,
         "regions": [region.to_dict() for region in found.regions],
-        **{
-            name: _finite(values) for name, values in (("given", found.given), ("reference", found.reference))
-        },
+        "given": {**asdict(found.given), "cost": found.given.cost},
+        "reference": {**asdict(found.reference), "cost": found.reference.cost},
         "page": page and str(page),
         "notes": [each.note for each in read if each.note],
     }
@@ -196,11 +195,6 @@ def _judge(
     talk.result(record, summary, is_answer=True)
     if found.verdict in refused:
         raise NotConvergedError(str(found))
-
-
-def _finite(found: isomatch.Verification) -> dict[str, float | None]:
-    values = {**asdict(found), "cost": found.cost}
-    return {name: value if np.isfinite(value) else None for name, value in values.items()}
 
 
 def _of_marks(of_source: Path, of_target: Path) -> IntArray:

@@ -14,13 +14,13 @@ from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import InputError, IsomatchError, MissingDependencyError
 from isomatch._core.skipped import noted
 from isomatch._core.stage_timer import Progress
+from isomatch._core.tables import NO_TEXT
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.map_file import require_unchanged
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import (
     MEASURED,
-    MISSING,
     CorrespondedShapes,
     Criterion,
     ShapeDesign,
@@ -229,7 +229,7 @@ def _linear(
     # the group is a factor, whatever its names, and whatever its capitals in the table
     formula = re.sub(GROUP, "factor(group)", formula, flags=re.IGNORECASE)
     used = {word.strip() for word in re.split(r"[+*:()~]", formula)} & {*columns}
-    known = [all(str(own.get(c, "")).lower() not in MISSING for c in used) for own in cells.values()]
+    known = [all(str(own.get(c, "")).lower() not in NO_TEXT for c in used) for own in cells.values()]
     full = [i for i, is_known in enumerate(known) if is_known]
     if without := [name for i, name in enumerate(names) if i not in {*full}]:
         notes.append(f"not in the model {formula!r}, as a value is missing: {', '.join(without)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from isomatch._core.arrays import BodyVertices, FloatArray, Int, IntArray
 from isomatch.matching.parameters import EXCHANGE
 from isomatch.matching.problem import Problem
 from isomatch.matching.verify import Verifier, verifier_of
-from isomatch.surfaces import linked
+from isomatch.surfaces import connected_regions, linked
 
 
 def exchange_regions(
@@ -55,15 +56,8 @@ class _Exchange:
         both = (image >= 0) & (other >= 0)
         differs = np.zeros(len(image), dtype=bool)
         differs[both] = self.pair.target.distance(image[both], other[both]) > EXCHANGE.other_place
-        edges = self.mesh.edges[differs[self.mesh.edges].all(axis=1)]
-        _, label = linked(len(image), (edges[:, 0], edges[:, 1]))
-        shares = np.bincount(label, self.areas * differs)
-        largest = [
-            c
-            for c in np.argsort(-shares, kind="stable")[: EXCHANGE.most_regions]
-            if shares[c] >= EXCHANGE.least_area
-        ]
-        regions = [np.flatnonzero((label == c) & differs) for c in largest]
+        largest = islice(connected_regions(self.mesh.edges, differs, self.areas), EXCHANGE.most_regions)
+        regions = [region for region, share in largest if share >= EXCHANGE.least_area]
         links = [
             (i, j)
             for i, one in enumerate(regions)

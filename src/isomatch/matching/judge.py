@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._core.arrays import BoolArray, FloatArray
+from isomatch._core.arrays import BoolArray, FloatArray, Int, UserVertices
 from isomatch._core.first_use import Shown
 from isomatch._core.stage_timer import Progress
 from isomatch._core.threads import in_background, serial_blas
@@ -21,14 +22,20 @@ from isomatch.matching.match import match
 from isomatch.matching.parameters import JUDGING
 from isomatch.matching.problem import Problem
 from isomatch.matching.result import MatchResult
-from isomatch.matching.verify import Verification, Verifier, images_of, on_bodies, prepare_meshes
+from isomatch.matching.verify import (
+    Verification,
+    Verifier,
+    images_of,
+    on_bodies,
+    prepare_meshes,
+    relative_cost,
+)
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
-from isomatch.surfaces import linked
+from isomatch.surfaces import connected_regions
 
 Verdict = Literal["right", "doubtful", "wrong"]
 MapLike: TypeAlias = Correspondence | ArrayLike | str | Path
-LEAST = 1e-12  # of a cost that is divided by
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,11 +140,12 @@ def judge(
     'wrong'
     """
 
-    def prepared() -> Problem:
+    def prepared() -> tuple[Problem, Int[UserVertices, "n_source"]]:
         with serial_blas():
-            return prepare_meshes(source, target, config, seed)
+            pair = prepare_meshes(source, target, config, seed)
+            return pair, images_of(map, pair)
 
-    pair, result = in_background(prepared), None
+    (pair, given), result = in_background(prepared), None
     if reference is None:
         result = match(pair.source, pair.target, config=config, seed=seed, progress=progress)
         reference = result.map
@@ -145,7 +153,7 @@ def judge(
 
     def compared() -> Judgement:
         with serial_blas():
-            return _Comparison(pair, map, other).judged(result)
+            return _Comparison(pair, given, images_of(other, pair)).judged(result)
 
     return in_background(compared)
 
@@ -153,12 +161,12 @@ def judge(
 class _Comparison:
     """Two maps of a pair: what speaks for each, and where they differ."""
 
-    def __init__(self, pair: Problem, given: MapLike, reference: MapLike) -> None:
+    def __init__(self, pair: Problem, *images: Int[UserVertices, "n_source"]) -> None:
         verifier = Verifier(pair)
-        self.pair, self.images = pair, [images_of(each, pair) for each in (given, reference)]
+        self.pair, self.images = pair, images
         self.bodies = [on_bodies(pair, image) for image in self.images]
         self.given, self.reference = (verifier(image) for image in self.bodies)
-        self.ratio = self.given.cost / max(self.reference.cost, LEAST)
+        self.ratio = relative_cost(self.given.cost, self.reference.cost)
 
     def judged(self, result: MatchResult | None) -> Judgement:
         """Judge the first map by the second."""
@@ -213,13 +221,8 @@ class _Comparison:
     ) -> Iterator[DoubtfulRegion]:
         """Find the connected regions in which the maps differ, the largest first; their vertices, farthest first."""
         source, (_, other) = self.pair.source, self.images
-        edges = source.mesh_body.edges[differs[source.mesh_body.edges].all(axis=1)]
-        _, label = linked(len(differs), (edges[:, 0], edges[:, 1]))
-        shares = np.bincount(label, areas * differs)
-        for c in np.argsort(-shares, kind="stable")[: JUDGING.most_regions]:
-            if shares[c] >= JUDGING.least_area:
-                members = np.flatnonzero((label == c) & differs)
+        found = connected_regions(source.mesh_body.edges, differs, areas)
+        for members, share in islice(found, JUDGING.most_regions):
+            if share >= JUDGING.least_area:
                 users = source.user_vertex[members[np.argsort(-distance[members], kind="stable")]]
-                yield DoubtfulRegion(
-                    users, float(shares[c]), "the reference sends it elsewhere", other[users]
-                )
+                yield DoubtfulRegion(users, share, "the reference sends it elsewhere", other[users])

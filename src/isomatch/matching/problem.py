@@ -199,6 +199,13 @@ class Problem(SmoothPair):
         return SpectralPair(source, self.target.laplace.vectors[self.target_vertices], nearest_of_few)
 
     @property
+    def is_sided(self) -> bool:
+        """Whether one orientation is wanted, of shapes that have one, and nothing else is known of the map."""
+        config = self.config
+        wanted = config.orientation != "any" and config.hypotheses == "all"
+        return self.oriented and wanted and not self.priors.any
+
+    @property
     def both_open(self) -> bool:
         """Whether both shapes have a long boundary, as patches and tubes have."""
         least = self.config.parts.long_boundary

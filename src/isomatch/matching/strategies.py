@@ -20,14 +20,14 @@ from isomatch.matching.isometric.candidates import is_sure
 from isomatch.matching.isometric.isometry import IsometricMatch, Isometry, image_of, torn
 from isomatch.matching.maps import Candidate
 from isomatch.matching.model import Match, MatchingModel, origin_of
-from isomatch.matching.parameters import SAME_MAP, SCREENING, STRATEGY, TIES
+from isomatch.matching.parameters import SAME_MAP, SCREENING, STRATEGY
 from isomatch.matching.partial.part import Part, PartSide
 from isomatch.matching.partial.two_parts import TwoParts
 from isomatch.matching.pipeline import finish, match_under, search_under
 from isomatch.matching.priors import NO_FUNCTIONS
 from isomatch.matching.problem import Problem, name_of
 from isomatch.matching.result import Outcome
-from isomatch.matching.verify import on_bodies, verifier_of
+from isomatch.matching.verify import on_bodies, relative_cost, verifier_of
 from isomatch.settings import Config
 from isomatch.shapes import (
     PreparedShape,
@@ -189,7 +189,7 @@ def _part_from_closed(problem: Problem, attempts: Attempts) -> Part:
 def _may_be_searched_from_target(problem: Problem) -> bool:
     """Whether the isometry was searched without priors and starts, by a refinement that looks further."""
     alone = problem.starts is None and problem.refinement.searches_further
-    return alone and Isometry(problem).is_sided
+    return alone and problem.is_sided
 
 
 def _is_unsure_isometry(problem: Problem, attempts: Attempts) -> bool:
@@ -439,7 +439,7 @@ def _verified_best(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
         )
 
     second = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf)
-    lead = second / max(costs[best], TIES.cost_noise)
+    lead = relative_cost(second, costs[best])
     told = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
     solution = solutions[best].led(lead if lead > 1.0 else 1.0)  # 1 also where nothing can be verified
     closed = attempts.matches.get(CLOSED.name)

@@ -21,6 +21,7 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.io import SurfaceLike
 from isomatch.matching.assessment.quality import mean_known
 from isomatch.matching.bending import Surroundings, bent_onto
+from isomatch.matching.parameters import TIES
 from isomatch.matching.priors import checked_initial_map
 from isomatch.matching.problem import Problem, prepare_pair
 from isomatch.settings import Config
@@ -184,6 +185,11 @@ def on_bodies(pair: Problem, vertices: Int[UserVertices, "n_source"]) -> Int[Bod
 def verifier_of(pair: Problem) -> Verifier:
     """Return what verifies maps of a pair, one for each pair, and kept with it."""
     return Verifier(pair)
+
+
+def relative_cost(cost: float, reference: float) -> float:
+    """Return a cost over another one; costs below the noise of copies of a surface are equal."""
+    return max(cost, TIES.cost_noise) / max(reference, TIES.cost_noise)
 
 
 class Verifier:

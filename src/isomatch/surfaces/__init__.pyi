@@ -2,6 +2,7 @@ from isomatch.surfaces._coincident import first_equal, welded
 from isomatch.surfaces._edges import (
     EdgeTable,
     Meetings,
+    connected_regions,
     corner_links,
     edge_table,
     fans,
@@ -31,6 +32,7 @@ __all__ = [
     "Raster",
     "Surface",
     "UnsoundFaces",
+    "connected_regions",
     "corner_links",
     "edge_table",
     "fans",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,6 +124,17 @@ def linked(n_nodes: int, *pairs: tuple[IntArray, IntArray]) -> tuple[int, IntArr
     for here, there in pairs:
         _join_all(label, np.ascontiguousarray(here), np.ascontiguousarray(there))
     return _number(label), label
+
+
+def connected_regions(
+    edges: IntArray, inside: BoolArray, areas: FloatArray
+) -> Iterator[tuple[IntArray, float]]:
+    """Find the regions (m,) of vertices inside that edges connect, with the area of each, the largest first."""
+    i, j = edges[inside[edges].all(axis=1)].T
+    n, label = linked(len(inside), (i, j))
+    sums = np.bincount(label, inside * areas, n)
+    for region in np.argsort(-sums, kind="stable"):
+        yield np.flatnonzero((label == region) & inside), float(sums[region])
 
 
 @compiled()

@@ -183,7 +183,6 @@ def write_landmark_picker(
     facts: Mapping[str, object] | None = None,
     landmarks: ArrayLike | None = None,
     command: str = COMMAND,
-    said: Mapping[str, str] | None = None,
 ) -> None:
     """Write the report of a match that found no map, for a reason: both shapes in 3D, to pick landmarks for another.
 

@@ -160,14 +160,9 @@ def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Corr
 def told_of_alternative(source: Mesh, target: Mesh, result: MatchResult, other: Alternative) -> str:
     """Say of an alternative where it differs from the map of a result, and which sides it keeps."""
     share = share_elsewhere(source, target, result.map, other.map)
-    judged = other.origin == JUDGED
-    before = (
-        "The map that was judged. "
-        if judged
-        else "The map before this one was chosen. "
-        if isnan(other.energy)
-        else ""
-    )
+    before = "The map before this one was chosen. " if isnan(other.energy) else ""
+    if other.origin == JUDGED:
+        before = "The map that was judged. "
     return f"{before}Sends {share:.0%} of the surface elsewhere. {_sides(result, other)}".rstrip()
 
 

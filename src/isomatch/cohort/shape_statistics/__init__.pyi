@@ -47,7 +47,6 @@ from isomatch.cohort.shape_statistics.likeness import (
     told_factor,
 )
 from isomatch.cohort.shape_statistics.linear_model import (
-    MISSING,
     Classification,
     PairTest,
     ShapeAnova,
@@ -105,7 +104,6 @@ __all__ = [
     "CORRESPONDED",
     "MEASURED",
     "METRES",
-    "MISSING",
     "STRUCTURES",
     "Asymmetry",
     "Classification",

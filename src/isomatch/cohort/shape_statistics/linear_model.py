@@ -19,6 +19,7 @@ from isomatch._core.arrays import FloatArray, numbers_of
 from isomatch._core.errors import InputError, SettingError
 from isomatch._core.first_use import package
 from isomatch._core.settings import generator
+from isomatch._core.tables import NO_TEXT
 from isomatch._core.texts import natural_order
 from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.procrustes import scalar_products, shares_of
@@ -29,7 +30,6 @@ FEWEST = 3  # shapes: two differ along any variable
 POWERS = (-5.0, 5.0)  # of a Box–Cox transformation
 LEAST_SHARE = 1e-9  # of the largest singular value of the variables: one with less depends on the others
 HELD = 0.95  # share of the variance that the modes of a classification hold
-MISSING = {"", "na", "n/a", "nan"}  # cells without a value, in lower case
 
 Terms = tuple[tuple[str, ...], ...]
 
@@ -133,7 +133,7 @@ def _coded(
         known = f"the table has {', '.join(table)[:80]}"
         raise InputError(f"{formula!r}: {told}; {known}; write a formula such as size * group + age")
     cells = [str(cell).strip() for cell in table[column]]
-    if lacking := [i for i, cell in enumerate(cells) if cell.lower() in MISSING]:
+    if lacking := [i for i, cell in enumerate(cells) if cell.lower() in NO_TEXT]:
         raise InputError(f"{column} has no value of {len(lacking)} of the shapes; give it, or leave them out")
     try:
         numbers = np.array([float(cell) for cell in cells])

@@ -18,7 +18,7 @@ from isomatch.matching.parameters import ERRORS
 from isomatch.matching.problem import Problem
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.shapes import PreparedShape, SmoothShape
-from isomatch.surfaces import linked
+from isomatch.surfaces import connected_regions
 
 TINY = 1e-12
 
@@ -165,16 +165,15 @@ def regions_of_doubt(
         return ()
     body, most = source.body, np.max(list(doubts.values()), axis=0)
     inside = most > 1.0
-    i, j = body.edges[inside[body.edges].all(axis=1)].T
-    n, label = linked(body.n_vertices, (i, j))
-    shares = source.share * np.bincount(label, inside * body.vertex_areas, n) / body.vertex_areas.sum()
     regions = []
-    for region in np.argsort(-shares, kind="stable")[: (shares > ERRORS.least_area).sum()]:
-        vertices = np.flatnonzero((label == region) & inside)
+    for vertices, area in connected_regions(body.edges, inside, body.vertex_areas):
+        share = float(source.share * area / body.vertex_areas.sum())
+        if share <= ERRORS.least_area:
+            break
         vertices = vertices[np.argsort(-most[vertices], kind="stable")]
         reasons = [reason for reason, doubt in doubts.items() if (doubt[vertices] > 1.0).mean() > ERRORS.main]
         images = runner_up[vertices] if runner_up is not None and ANOTHER_MAP in reasons else None
-        regions.append(DoubtfulRegion(vertices, float(shares[region]), " and ".join(reasons), images))
+        regions.append(DoubtfulRegion(vertices, share, " and ".join(reasons), images))
     return tuple(regions)
 
 

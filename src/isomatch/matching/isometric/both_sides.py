@@ -16,9 +16,9 @@ from isomatch.matching.isometric.candidates import is_another
 from isomatch.matching.isometric.isometry import IsometricMatch, Isometry
 from isomatch.matching.maps import Fit
 from isomatch.matching.model import Proposals
-from isomatch.matching.parameters import EXCHANGE, TIES
+from isomatch.matching.parameters import EXCHANGE
 from isomatch.matching.selection import Ranking
-from isomatch.matching.verify import inverse, verifier_of
+from isomatch.matching.verify import inverse, relative_cost, verifier_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +102,8 @@ class BothSides(Isometry):
             against = first if against in (None, best.fit) else against
             if is_another(self, best.fit, first):
                 ratio = np.inf
-        least = max(best.cost, TIES.cost_noise)
         for each in verified:
-            over = max(each.cost, least) / least
+            over = relative_cost(each.cost, best.cost)
             if over < ratio and is_another(self, each.fit, best.fit):
                 ratio, against = over, each.fit
         return ratio, against

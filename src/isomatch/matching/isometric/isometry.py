@@ -249,7 +249,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         """Refine to the end what was given up on the way to a winner that is not sure, if it differs as a whole."""
         # a half turn of an ant is given up at 1.15 times the spectral residual, and ties by the score
         first, config = ranking.best, self.pair.config
-        if not self.is_sided or first.candidate is None or is_sure(self, ranking):
+        if not self.pair.is_sided or first.candidate is None or is_sure(self, ranking):
             return ranking
         known = [first, *ranking.others]
         ended = [fit.candidate.target_row for fit in known if fit.candidate]
@@ -258,18 +258,12 @@ class Isometry(RefiningModel[Fit, Embedding]):
         known += [fit for fit in fits if is_another(self, fit, first)]
         return self.selected(known, [True] * len(known))
 
-    @property
-    def is_sided(self) -> bool:
-        """Whether one orientation is wanted, of shapes that have one, and nothing else is known of the map."""
-        config, oriented = self.pair.config, self.pair.oriented
-        return oriented and config.orientation != "any" and config.hypotheses == "all" and not self.priors.any
-
     def _best_verified(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
         """Of maps that tie take the one that verifies best."""
         # Not for capped shapes, whose distances cross the caps; docs/lab/design_notes.md, both sides.
         first = ranking.best
         capped = any(shape.original for shape in (self.source, self.target))
-        tied = [first] if capped or not self.is_sided else self.tied(ranking)
+        tied = [first] if capped or not self.pair.is_sided else self.tied(ranking)
         best = min(tied, key=lambda fit: self.verified(fit).cost) if len(tied) > 1 else first
         if best is first:
             return ranking
@@ -297,7 +291,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _against_mirror_image(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
         """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
-        if not self.is_sided:
+        if not self.pair.is_sided:
             return ranking
         config = self.pair.config
         settings, bounds, wanted = config.selection, config.outcome, self._wanted_sign
