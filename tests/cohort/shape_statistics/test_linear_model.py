@@ -189,7 +189,7 @@ def test_configurations_without_faces_and_in_the_plane():
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     shapes = np.array([flat, 2 * flat @ turn.T + 5, flat * [-1, 1]])
     distances = procrustes_distances(shapes, scale="remove")
-    assert distances[0, 1] < 1e-12
+    assert distances[0, 1] < 1e-7  # the square root of rounding errors
     assert distances[0, 2] > 0.1
     assert procrustes_distances(shapes, scale="remove", mirrored=True)[0, 2] < 1e-7
     found = generalised_procrustes(shapes, scale="remove")

@@ -107,7 +107,7 @@ def procrustes_distances(
     """Compute the root mean square distance of each pair of shapes, (m, m), after the best motion of one onto the other.
 
     Arguments are those of `generalised_procrustes`. If ``mirrored``, one shape of each pair is replaced by its mirror
-    image first.
+    image first. A squared distance is a difference of squared sizes, so equal shapes are up to 1e-8 of their size apart.
 
     Examples
     --------
