@@ -29,10 +29,10 @@ from isomatch.descriptors import (
 )
 from isomatch.geodesics import Sampling, distance_along_edges_to_nearest
 from isomatch.repair import check, handles, seems_inside_out
-from isomatch.settings import Config, SymmetrySettings
+from isomatch.settings import Config
 from isomatch.shapes.body import Body, Detail, Level
 from isomatch.shapes.smooth_shape import SmoothShape, orientation_of
-from isomatch.shapes.symmetries import LOOSE, Symmetry, find_symmetries
+from isomatch.shapes.symmetries import Symmetry, SymmetrySearch
 from isomatch.spectral import DistanceBasis, LaplaceBasis, refined_laplace_basis
 from isomatch.surfaces import Graph, Mesh, PointCloud
 
@@ -335,25 +335,27 @@ class PreparedShape(SmoothShape, Shown):
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:
         """Maps of the shape onto itself, by rows of its search vertices."""
-        return self._symmetries(self.config.symmetry)
+        return self.symmetry_search.symmetries(self._orientation_of)
 
     def near_symmetries(self, most: float) -> tuple[Symmetry, ...]:
         """Find maps of the shape onto itself that distort distances as maps between individuals do, up to a residual."""
-        exact, (residual, more) = self.config.symmetry, LOOSE
-        residual *= exact.largest_residual
-        return self._symmetries(SymmetrySettings(int(more * exact.most), largest_residual=residual), most)
+        return self.symmetry_search.near_symmetries(self._orientation_of, most)
 
-    def _symmetries(self, settings: SymmetrySettings, most: float = np.inf) -> tuple[Symmetry, ...]:
+    @cached_property
+    def symmetry_search(self) -> SymmetrySearch:
+        """Self-maps of the search vertices that agree with their distances."""
         vertices = self.sample_vertices[: self.config.n_search]
-        basis = self.sampled_basis(self.config.n_search)
-        k = min(self.config.selection.normal_functions, len(self.laplace.values))
-        return find_symmetries(
-            self.points.at(vertices, self.config.search.start_columns),
-            self.distances_between(vertices),
-            lambda image_row: orientation_of(self, basis, self, vertices[image_row], k),
-            settings,
-            most,
+        points = self.points.at(vertices, self.config.search.start_columns)
+        return SymmetrySearch(points, self.distances_between(vertices), self.config.symmetry)
+
+    def _orientation_of(self, image_row: IntArray) -> float:
+        """Orientation of a map of the search vertices, by rows."""
+        vertices, basis = (
+            self.sample_vertices[: self.config.n_search],
+            self.sampled_basis(self.config.n_search),
         )
+        k = min(self.config.selection.normal_functions, len(self.laplace.values))
+        return orientation_of(self, basis, self, vertices[image_row], k)
 
 
 FORMAT = ArrayFormat(

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from operator import attrgetter
 
 import numpy as np
 
 from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.cached import cached_property
 from isomatch._core.ties import first_largest
 from isomatch.correspondence import (
+    Alignment,
     IntervalCost,
     Intervals,
     SignedPoints,
@@ -18,6 +21,7 @@ from isomatch.correspondence import (
     assign_points,
     closest_point_images,
     iterative_closest_points,
+    nearest_of_few,
     nearest_rows,
     nearest_under_rotation,
     signed_procrustes,
@@ -40,8 +44,11 @@ FEW = 1.2
 EXACT = 0.75  # the same, up to which its orientation need not be clear, as of one-sided surfaces; chosen, not measured
 # largest residual, and most assignments, of near-symmetries, over those of symmetries; half turns of ants have 1.3, and
 # are missed with as many assignments
-LOOSE = 2.0, 2.5
+NEAR_RESIDUAL, NEAR_ASSIGNMENTS = 2.0, 2.5
 EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)
+
+Orientation = Callable[[IntArray], float]
+"""Orientation, from −1 to 1, of a map of samples (r,) to samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +62,10 @@ class Symmetry:
     moved: float  # mean distance between a sample and its image, in √area
 
 
-def find_symmetries(
-    points: SignedPoints,  # descriptors of r samples, evenly spread, as is every prefix of them
-    distances: FloatArray,  # (r, r) geodesic distances between them, in √area
-    orientation: Callable[[IntArray], float],  # of a map of the samples (r,)
-    settings: SymmetrySettings,
-    most: float = np.inf,  # residual of those that are asked for
-) -> tuple[Symmetry, ...]:
-    """Find maps of a shape onto itself, best residual first; of a continuous group, or one of many elements, some."""
+@dataclass(frozen=True, eq=False)
+class SymmetrySearch:
+    """Maps of a shape onto itself that nearly keep its distances; of a continuous group, some of them."""
+
     # A symmetry σ keeps all distances, d(σ x, σ y) = d(x, y). Three points determine it, so that few anchors a_i, far
     # from each other, are assigned to samples b_i of least
     #     Σ_{i<j} |d(b_i, b_j) − d(a_i, a_j)|, each bounded and over the distance, see `IntervalCost`,
@@ -72,50 +75,99 @@ def find_symmetries(
     # Geodesic distance descriptors, CVPR 2017). So each first map is improved by iterative closest points of the
     # descriptors with themselves. The identity is such a map, too, and is left out by how far maps move things. O(beam ·
     # samples · log) for the assignments, O(starts · samples² · rank) for the rest.
-    n = min(N_SAMPLES, len(distances))
-    # the residual of the true σ comes from images being the nearest of r samples, whose spacing is √(area / r)
-    largest = settings.largest_residual / np.sqrt(len(distances))
-    kept = min(largest, most)
-    few, between = points.at(np.arange(n)), distances[:n, :n]
-    anchors = farthest_rows(between, N_ANCHORS)
-    assigned = _assignments(between, anchors, settings)
-    if not len(assigned):
-        return ()
-    to_anchors = between[:, anchors]
-    starts = np.array([nearest_rows(between[:, images], to_anchors) for images in assigned])
-    for _ in range(ROUNDS):
-        starts = _distinct_maps(closest_point_images(few, few, starts, STEPS), between)
-    alignments = iterative_closest_points(few, few, starts, 0)
-    self_maps: list[tuple[Symmetry, FloatArray]] = []
 
-    def add(rotation: FloatArray) -> None:
-        image_row = nearest_under_rotation(points, points, rotation)
-        moved = distances[image_row, np.arange(len(distances))].mean()
-        repeats = any(distances[image_row, s.image_row].mean() < SAME_SYMMETRY for s, _ in self_maps)
-        if moved < LEAST_MOVED or repeats:
-            return
-        rotation = signed_procrustes(points, points.at(image_row))
-        image_row = nearest_under_rotation(points, points, rotation)
-        images = points.at(image_row)
-        rotation = signed_procrustes(points, images)
-        residual = alignment_residual(points, images, rotation)
-        if residual > NEAR * kept:
-            return
-        side = orientation(image_row)
-        # σ either preserves the orientation everywhere or reverses it; a map that does both is none, though distances of
-        # a limb that is turned in its place hardly tell
-        if side == 0 or abs(side) >= LEAST_ORIENTATION or residual <= EXACT * largest:
-            self_maps.append((Symmetry(image_row, residual, side, float(moved)), rotation))
+    points: SignedPoints  # descriptors of r samples, evenly spread, as is every prefix of them
+    distances: FloatArray  # (r, r) geodesic distances between them, in √area
+    settings: SymmetrySettings
 
-    for alignment in sorted(alignments, key=lambda each: each.residual):
-        if alignment.residual <= FEW * NEAR * kept:
-            add(alignment.rotation)
-    # Symmetries are a group: σ τ is one, which the beam may have missed. Two mirror images make a rotation.
-    generators = [rotation for _, rotation in self_maps[:GENERATORS]]
-    for first, second in product(generators, repeat=2):
-        add(second @ first)
-    symmetries = [symmetry for symmetry, _ in self_maps if symmetry.residual <= kept]
-    return tuple(sorted(symmetries, key=lambda each: each.residual))
+    def symmetries(self, orientation: Orientation) -> tuple[Symmetry, ...]:
+        """Find symmetries, best residual first."""
+        return self._among(self._first_maps, orientation, self._largest, self._largest)
+
+    def near_symmetries(self, orientation: Orientation, most: float) -> tuple[Symmetry, ...]:
+        """Find maps that distort distances as maps between individuals do, of residuals up to the ``most``."""
+        largest = NEAR_RESIDUAL * self._largest
+        maps = [*self._first_maps, *self._further_maps]
+        return self._among(maps, orientation, largest, min(largest, most))
+
+    @property
+    def _largest(self) -> float:
+        """Largest residual of a symmetry: images are the nearest of r samples, whose spacing is √(area / r)."""
+        return float(self.settings.largest_residual / np.sqrt(len(self.distances)))
+
+    @property
+    def _few(self) -> tuple[SignedPoints, FloatArray]:
+        n = min(N_SAMPLES, len(self.distances))
+        return self.points.at(np.arange(n)), self.distances[:n, :n]
+
+    @cached_property
+    def _assigned(self) -> tuple[IntArray, IntArray]:
+        """Anchors, and the samples (h, m) that they are assigned to."""
+        _, between = self._few
+        anchors = farthest_rows(between, N_ANCHORS)
+        return anchors, _assignments(between, anchors)
+
+    @cached_property
+    def _first_maps(self) -> list[Alignment]:
+        return self._improved(slice(self.settings.most))
+
+    @cached_property
+    def _further_maps(self) -> list[Alignment]:
+        return self._improved(slice(self.settings.most, int(NEAR_ASSIGNMENTS * self.settings.most)))
+
+    def _improved(self, which: slice) -> list[Alignment]:
+        """Improve maps of the first samples that agree with some of the assignments."""
+        few, between = self._few
+        anchors, assigned = self._assigned
+        if not len(assigned[which]):
+            return []
+        to_anchors = between[:, anchors]
+        maps = np.array([nearest_rows(between[:, images], to_anchors) for images in assigned[which]])
+        for _ in range(ROUNDS):
+            maps = _distinct_maps(closest_point_images(few, few, maps, STEPS), between)
+        return iterative_closest_points(few, few, maps, 0)
+
+    def _among(
+        self, alignments: list[Alignment], orientation: Orientation, largest: float, most: float
+    ) -> tuple[Symmetry, ...]:
+        """Symmetries among maps of the first samples and their products."""
+        points, distances = self.points, self.distances
+        few, between = self._few
+        self_maps: list[tuple[Symmetry, FloatArray]] = []
+        seen = [np.arange(len(between))]
+
+        def add(rotation: FloatArray) -> None:
+            of_few = nearest_of_few(few.coordinates @ rotation, few.coordinates)
+            if (between[np.array(seen), of_few].mean(axis=1) < SAME_START).any():
+                return
+            seen.append(of_few)
+            image_row = nearest_under_rotation(points, points, rotation)
+            moved = distances[image_row, np.arange(len(distances))].mean()
+            repeats = any(distances[image_row, s.image_row].mean() < SAME_SYMMETRY for s, _ in self_maps)
+            if moved < LEAST_MOVED or repeats:
+                return
+            rotation = signed_procrustes(points, points.at(image_row))
+            image_row = nearest_under_rotation(points, points, rotation)
+            images = points.at(image_row)
+            rotation = signed_procrustes(points, images)
+            residual = alignment_residual(points, images, rotation)
+            if residual > NEAR * most:
+                return
+            side = orientation(image_row)
+            # σ either preserves the orientation everywhere or reverses it; a map that does both is none, though
+            # distances of a limb that is turned in its place hardly tell
+            if side == 0 or abs(side) >= LEAST_ORIENTATION or residual <= EXACT * largest:
+                self_maps.append((Symmetry(image_row, residual, side, float(moved)), rotation))
+
+        for alignment in sorted(alignments, key=attrgetter("residual")):
+            if alignment.residual <= FEW * NEAR * most:
+                add(alignment.rotation)
+        # Symmetries are a group: σ τ is one, which the beam may have missed. Two mirror images make a rotation.
+        generators = [rotation for _, rotation in self_maps[:GENERATORS]]
+        for first, second in product(generators, repeat=2):
+            add(second @ first)
+        symmetries = [symmetry for symmetry, _ in self_maps if symmetry.residual <= most]
+        return tuple(sorted(symmetries, key=attrgetter("residual")))
 
 
 def describe_symmetries(symmetries: Sequence[Symmetry]) -> str:
@@ -138,14 +190,16 @@ def farthest_rows(distances: FloatArray, count: int, first: Sequence[int] = ()) 
 
 def _distinct_maps(image_rows: IntArray, distances: FloatArray) -> IntArray:
     """Keep the first of maps (h, r) that nearly coincide, and none that is nearly the identity."""
-    kept = [np.arange(len(distances))]
-    for rows in image_rows:
-        if all(distances[rows, other].mean() >= SAME_START for other in kept):
-            kept.append(rows)
-    return np.array(kept[1:], dtype=np.int64).reshape(-1, len(distances))
+    left = np.arange(len(image_rows))
+    kept, last = [], np.arange(len(distances))
+    while len(left := left[distances[last, image_rows[left]].mean(axis=1) >= SAME_START]):
+        last = image_rows[left[0]]
+        kept.append(left[0])
+        left = left[1:]
+    return image_rows[np.array(kept, dtype=np.int64)]
 
 
-def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySettings) -> IntArray:
+def _assignments(distances: FloatArray, anchors: IntArray) -> IntArray:
     """Rows (h, m) that m anchors are assigned to, with like distances; no two alike, none near the identity."""
     remoteness = distances.mean(axis=1)
     exact = distances[np.ix_(anchors, anchors)]
@@ -153,4 +207,4 @@ def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySet
     sides = Intervals(exact, exact), Intervals(distances, distances)
     assigned, _ = assign_points(*sides, unary, EXACTLY, BEAM, LEAST_MOVED)
     moved = distances[assigned, anchors].mean(axis=1)
-    return np.asarray(assigned[moved > LEAST_MOVED][: settings.most])
+    return np.asarray(assigned[moved > LEAST_MOVED])

@@ -31,7 +31,7 @@ def _names(*properties: Any) -> tuple[str, ...]:
 OF_BODY = _names(
     PreparedShape.functions, PreparedShape.index, PreparedShape.signatures, PreparedShape.curvature
 )
-OF_DISTANCES = _names(PreparedShape.symmetries)
+OF_DISTANCES = _names(PreparedShape.symmetries, PreparedShape.symmetry_search)
 OF_EITHER_WINDING = _names(
     PreparedShape.functions,
     PreparedShape.points,
