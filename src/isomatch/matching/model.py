@@ -130,6 +130,10 @@ class MatchingModel(ABC, Generic[M, C]):
     def sum_up(self, match: Match[M, C], measured: Measured, timer: StageTimer) -> Solution:
         """Sum up a measured map, with the evidence for it, expected errors and alternatives."""
 
+    def polish(self, solution: Solution, measured: Measured, timer: StageTimer) -> Solution:
+        """Make a map more precise that was summed up before it was known to be the last one."""
+        return solution
+
     def require_suitable(self) -> None:
         """Raise an `IsomatchError` unless the shapes, the priors and the settings suit the model."""
         self.require_priors()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TypeVar
 
 from isomatch._core.stage_timer import StageTimer
@@ -27,10 +28,10 @@ def search_under(model: MatchingModel[M, C], timer: StageTimer | None = None) ->
     return Match(model, proposals, model.rank(maps, rivals, proposals, timer))
 
 
-def finish(match: Match[M, C], timer: StageTimer) -> Solution:
-    """Read precise images off the coordinates, measure the map and sum it up."""
+def finish(match: Match[M, C], timer: StageTimer, is_last: bool = True) -> Solution:
+    """Read precise images off the coordinates, measure the map and sum it up; the last one is polished."""
     if match.model.last_stage:
         timer.start(match.model.last_stage)
     _ = match.coordinates  # within this stage
     timer.start("quality")
-    return match.model.sum_up(match, match.measured, timer)
+    return match.model.sum_up(match, replace(match.measured, is_last=is_last), timer)

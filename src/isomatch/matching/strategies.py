@@ -54,6 +54,9 @@ class Attempts:
     solutions: list[Solution] = field(default_factory=list)
     matches: dict[str, Match[Any, Any]] = field(default_factory=dict)  # by the name of the strategy
     failures: list[str] = field(default_factory=list)  # strategies that found no map, and why
+    unpolished: list[str] = field(
+        default_factory=list
+    )  # strategies whose map is polished only if it is taken
 
     @property
     def is_unsure(self) -> bool:
@@ -79,6 +82,8 @@ class Strategy:
     is_enough: Callable[[Problem, Attempts, Solution], bool] = lambda problem, attempts, solution: (
         solution.outcome in SURE
     )
+    # by its match: whether another strategy is tried, however sure its map is
+    goes_on: Callable[[Problem, Attempts], bool] = lambda problem, attempts: False
     # builds the model of a further variant from what was found; the better map stays
     again: Callable[[Problem, Match[Any, Any], StageTimer], MatchingModel[Any, Any] | None] | None = None
     is_guess: bool = False  # whether its map is never sure
@@ -222,11 +227,10 @@ AS_IT_IS = Strategy(
     "always, unless one shape is a part",
     lambda problem, attempts, timer: Isometry(problem, attempts.hypotheses),
     # fused limbs make a handle, and may look right; so may an isometry of shapes that are none
-    is_enough=lambda problem, attempts, solution: (
-        solution.outcome in SURE
-        and not max(handles_of(problem))
-        and not _is_far(problem, attempts)
-        and not (_may_be_searched_from_target(problem) and _is_unsure_isometry(problem, attempts))
+    goes_on=lambda problem, attempts: (
+        max(handles_of(problem)) > 0
+        or _is_far(problem, attempts)
+        or (_may_be_searched_from_target(problem) and _is_unsure_isometry(problem, attempts))
     ),
 )
 BOTH_SIDES = Strategy(
@@ -308,7 +312,7 @@ VIA = Strategy("via", "parts", "wholes are given", lambda *_: None)  # see `solv
 COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC, BOTH_SIDES
 MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED
 LITTLE_MISSING = CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
-TWO_PARTS = AS_IT_IS, BOTH_SIDES, OVERLAPPING
+TWO_PARTS = AS_IT_IS, OVERLAPPING, BOTH_SIDES
 STRATEGIES = {strategy.name: strategy for strategy in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS, VIA)}
 """What each strategy claims, by its name, which `MatchResult.way` records."""
 
@@ -378,12 +382,15 @@ def try_strategies(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
             replaced = strategy.replaces and strategy.replaces.name
             attempts.solutions = [before for before in attempts.solutions if before.way != replaced]
             attempts.solutions.append(replace(solution, pair=problem, way=strategy.name))
-            if strategy.is_enough(problem, attempts, solution):
+            if strategy.is_enough(problem, attempts, solution) and not strategy.goes_on(problem, attempts):
                 break
     if not attempts.solutions:
         raise failure or NotConvergedError("no way found a map; give three to five landmarks")
     alone = len(attempts.solutions) == 1
     solution = attempts.solutions[0] if alone else _verified_best(problem, attempts, timer)
+    if solution.way in attempts.unpolished:
+        match = attempts.matches[solution.way]
+        solution = match.model.polish(solution, match.measured, timer)
     return replace(solution, notes=(*solution.notes, *attempts.failures))
 
 
@@ -403,7 +410,10 @@ def _attempt(strategy: Strategy, problem: Problem, attempts: Attempts, timer: St
         match = other
     attempts.matches[strategy.name] = match
     partial = strategy.overlap == "whole" and part_of(problem) in ("source", "target")
-    return finish(match, timer).with_evidence(Evidence(poor=strategy.is_guess, partial=partial))
+    is_last = not strategy.goes_on(problem, attempts)
+    if not is_last:
+        attempts.unpolished.append(strategy.name)
+    return finish(match, timer, is_last).with_evidence(Evidence(poor=strategy.is_guess, partial=partial))
 
 
 def _of_relation(problem: Problem, timer: StageTimer) -> Solution:

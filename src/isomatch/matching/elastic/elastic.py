@@ -397,6 +397,10 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         solution = measured.solution(pair, errors, far, [measured.note], regions=regions)
         return replace(solution, descriptors_count=False)
 
+    def polish(self, solution: Solution, measured: Measured, timer: StageTimer) -> Solution:
+        """Polish the map of the isometry, if that was kept."""
+        return self.found.model.polish(solution, measured, timer) if self.found else solution
+
 
 def _score(bent: tuple[Bent, ...]) -> float:
     # √(s g · s′ g′), see `Bent`: there and back, as the source bends well onto a target of which a limb is left out

@@ -27,7 +27,7 @@ from isomatch.matching.assessment.quality import (
     descriptor_distance_of,
     measure_quality,
 )
-from isomatch.matching.coordinates import refined_images, registered
+from isomatch.matching.coordinates import joint_coordinates, refined_images, registered
 from isomatch.matching.isometric.candidates import (
     Screening,
     energy_of,
@@ -286,7 +286,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def image(self, best: Fit) -> Int[BodyVertices, "n_s"]:
         """Vertex of the target's body for each of the source's."""
-        embedding = self.everywhere(best)
+        everywhere = np.arange(self.source.body.n_vertices)
+        points = PrecisePoints.at_vertices(best.image)
+        embedding = joint_coordinates(self.pair, points, self.pair.n_functions, best.side, everywhere)
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source))
 
     def _against_mirror_image(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
@@ -361,21 +363,14 @@ class Isometry(RefiningModel[Fit, Embedding]):
         regions = regions_of_doubt(pair, map_.descriptor_distance, runners_up)
         doubt = doubt_in(regions, self.source.body.n_vertices) + (0.0 if map_.doubt is None else map_.doubt)
         errors = expected_errors(pair, map_.points, doubt)
-        level: SmoothPair = pair
-        points = map_.points
-        if pair.has_finer and map_.fit and self.refinement.polishes:
-            timer.start("polish")
-            level = pair.polishable
-            points = self._polished(level, map_.fit)
+        level, points, polished = self._finest(map_, timer) if map_.is_last else (pair, map_.points, ())
         if self.source.detail or self.target.detail:
             timer.start("carry")
         evidence = [map_.evidence(pair, far)]
         if pair.round and not pair.priors.any:
             evidence.append(Evidence(ambiguous=True))
         notes = self._notes(ranking)
-        if level is not pair:
-            sizes = level.source.body.n_vertices, level.target.body.n_vertices
-            notes.append("polished on {} and {} vertices".format(*sizes))
+        notes += polished
         notes += [map_.note] if far else []
         if any(shape.origin is not None and (shape.origin < 0).any() for shape in (self.source, self.target)):
             notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
@@ -419,13 +414,29 @@ class Isometry(RefiningModel[Fit, Embedding]):
         tied = sorted((c, i) for i, c in enumerate(costs) if c <= SYMMETRIC.as_well * cost)
         return [candidate for _, i in tied if (candidate := fits[i].candidate)]
 
-    def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
-        """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
-        between = self.target.refining
+    def polish(self, solution: Solution, measured: Measured, timer: StageTimer) -> Solution:
+        """Refine a map at the finer levels of its shapes, if they have any."""
+        level, points, notes = self._finest(measured, timer)
+        if level is self.pair:
+            return solution
+        found = level.source.correspondence(level.target, points)
+        return replace(solution, map=found, notes=(*solution.notes, *notes))
+
+    def _finest(
+        self, measured: Measured, timer: StageTimer
+    ) -> tuple[SmoothPair, PrecisePoints, tuple[str, ...]]:
+        """Image of each source vertex at the finest level of the shapes, that level, and a note on it."""
+        pair, fit = self.pair, measured.fit
+        if not (pair.has_finer and fit and self.refinement.polishes):
+            return pair, measured.points, ()
+        timer.start("polish")
+        finer, between = pair.polishable, self.target.refining
         image = fit.image if between is None else BodyVertices(between.nearest_members[fit.image])
-        image, _ = refined_images(finer, image, fit.side, self.pair.config.refining.polished_sizes, True)
+        image, _ = refined_images(finer, image, fit.side, pair.config.refining.polished_sizes, True)
         embedding = registered(finer, image, fit.side, self.refinement.smooth)
-        return finer.target.index.points(embedding.target, embedding.source)
+        points = finer.target.index.points(embedding.target, embedding.source)
+        sizes = finer.source.body.n_vertices, finer.target.body.n_vertices
+        return finer, points, ("polished on {} and {} vertices".format(*sizes),)
 
     def _notes(self, ranking: Ranking[Fit]) -> list[str]:
         """Tell what could not be done as it was asked for."""
