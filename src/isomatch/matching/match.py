@@ -33,7 +33,15 @@ from isomatch.matching.priors import (
 from isomatch.matching.problem import Problem, Refinement, Start, name_of, prepare_pair
 from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.result import Alternative, MatchResult
-from isomatch.matching.strategies import AS_IT_IS, ELASTIC, Attempts, side_to_turn, solve, try_strategies
+from isomatch.matching.strategies import (
+    AS_IT_IS,
+    BOTH_SIDES,
+    ELASTIC,
+    Attempts,
+    side_to_turn,
+    solve,
+    try_strategies,
+)
 from isomatch.matching.via import Via, solve_via
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
@@ -291,12 +299,15 @@ def _both(
         solution_there = try_strategies(problem, attempts, timer)
     there = verified(solution_there, timer, seed)
     timer_back.restart()
-    if attempts is None or solution_there.way not in (AS_IT_IS.name, ELASTIC.name):
+    ways = {AS_IT_IS.name: (AS_IT_IS,), BOTH_SIDES.name: (AS_IT_IS,), ELASTIC.name: (AS_IT_IS, ELASTIC)}
+    if attempts is None or solution_there.way not in ways:
         solution = solve_prepared(problem_back, priors_back, timer_back)
         note = "the shapes were prepared for both directions at once; the map was found by itself"
     else:
-        hypotheses = _turned_hypotheses(attempts.matches[AS_IT_IS.name], problem, problem_back)
-        solution = try_strategies(problem_back, Attempts(hypotheses), timer_back)
+        found = attempts.matches.get(BOTH_SIDES.name, attempts.matches[AS_IT_IS.name])
+        hypotheses = _turned_hypotheses(found, problem, problem_back)
+        attempts_back = Attempts(hypotheses, only=ways[solution_there.way])
+        solution = try_strategies(problem_back, attempts_back, timer_back)
         solution = solution.with_evidence(Evidence.of(solution_there.outcome))
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
@@ -325,10 +336,9 @@ def _turned(problem: Problem, user_priors: UserPriors) -> UserPriors:
 
 def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Problem) -> list[Candidate]:
     """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
-    fits = [fit for fit in (isometric.ranking.best, *isometric.ranking.others) if fit.candidate]
-    refined = [fit.candidate for fit in fits if fit.candidate]
+    fits = isometric.ranking.best, *isometric.ranking.others
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
-    tried = [candidate.alignment for candidate in refined]
+    tried = [fit.candidate.alignment for fit in fits if fit.candidate]
     others = [c for c in isometric.proposals.eligible if all(c.alignment is not other for other in tried)]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
@@ -336,7 +346,8 @@ def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Prob
     between = pair.target.distances.between
     starts = np.array([between(pair.target_vertices, image).argmin(axis=1) for image in images])
     aligned = iterative_closest_points(*pair_back.search_points, starts, SCREENING.prior_steps)
-    return [Candidate(each, c.origin) for each, c in zip(aligned, refined + others, strict=True)]
+    origins = [*(fit.origin for fit in fits), *(candidate.origin for candidate in others)]
+    return [Candidate(alignment, origin) for alignment, origin in zip(aligned, origins, strict=True)]
 
 
 BEFORE = "the map before, "

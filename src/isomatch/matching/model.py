@@ -130,8 +130,8 @@ class MatchingModel(ABC, Generic[M, C]):
     def sum_up(self, match: Match[M, C], measured: Measured, timer: StageTimer) -> Solution:
         """Sum up a measured map, with the evidence for it, expected errors and alternatives."""
 
-    def polish(self, solution: Solution, measured: Measured, timer: StageTimer) -> Solution:
-        """Make a map more precise that was summed up before it was known to be the last one."""
+    def complete(self, match: Match[M, C], solution: Solution, timer: StageTimer) -> Solution:
+        """Do for a map that is returned what was left undone while other strategies were to be tried."""
         return solution
 
     def require_suitable(self) -> None:

@@ -29,7 +29,7 @@ def search_under(model: MatchingModel[M, C], timer: StageTimer | None = None) ->
 
 
 def finish(match: Match[M, C], timer: StageTimer, is_last: bool = True) -> Solution:
-    """Read precise images off the coordinates, measure the map and sum it up; the last one is polished."""
+    """Read precise images off the coordinates, measure the map and sum it up; the last one is completed."""
     if match.model.last_stage:
         timer.start(match.model.last_stage)
     _ = match.coordinates  # within this stage

@@ -54,9 +54,8 @@ class Attempts:
     solutions: list[Solution] = field(default_factory=list)
     matches: dict[str, Match[Any, Any]] = field(default_factory=dict)  # by the name of the strategy
     failures: list[str] = field(default_factory=list)  # strategies that found no map, and why
-    unpolished: list[str] = field(
-        default_factory=list
-    )  # strategies whose map is polished only if it is taken
+    incomplete: list[str] = field(default_factory=list)  # strategies whose map is completed if it is returned
+    only: tuple[Strategy, ...] = ()  # strategies that are tried; by default all of the problem
 
     @property
     def is_unsure(self) -> bool:
@@ -363,7 +362,7 @@ def try_strategies(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
     if problem.relation is not None:
         return _of_relation(problem, timer)
     failure = None
-    for strategy in strategies_of(problem):
+    for strategy in attempts.only or strategies_of(problem):
         if not (strategy.fits(problem) and strategy.applies(problem, attempts)):
             continue
         try:
@@ -388,9 +387,9 @@ def try_strategies(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
         raise failure or NotConvergedError("no way found a map; give three to five landmarks")
     alone = len(attempts.solutions) == 1
     solution = attempts.solutions[0] if alone else _verified_best(problem, attempts, timer)
-    if solution.way in attempts.unpolished:
+    if solution.way in attempts.incomplete:
         match = attempts.matches[solution.way]
-        solution = match.model.polish(solution, match.measured, timer)
+        solution = match.model.complete(match, solution, timer)
     return replace(solution, notes=(*solution.notes, *attempts.failures))
 
 
@@ -412,7 +411,7 @@ def _attempt(strategy: Strategy, problem: Problem, attempts: Attempts, timer: St
     partial = strategy.overlap == "whole" and part_of(problem) in ("source", "target")
     is_last = not strategy.goes_on(problem, attempts)
     if not is_last:
-        attempts.unpolished.append(strategy.name)
+        attempts.incomplete.append(strategy.name)
     return finish(match, timer, is_last).with_evidence(Evidence(poor=strategy.is_guess, partial=partial))
 
 

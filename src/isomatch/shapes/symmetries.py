@@ -82,13 +82,13 @@ class SymmetrySearch:
 
     def symmetries(self, orientation: Orientation) -> tuple[Symmetry, ...]:
         """Find symmetries, best residual first."""
-        return self._among(self._first_maps, orientation, self._largest, self._largest)
+        return self._among(self._first_maps, orientation, self._largest, self._largest, GENERATORS)
 
     def near_symmetries(self, orientation: Orientation, most: float) -> tuple[Symmetry, ...]:
         """Find maps that distort distances as maps between individuals do, of residuals up to the ``most``."""
         largest = NEAR_RESIDUAL * self._largest
         maps = [*self._first_maps, *self._further_maps]
-        return self._among(maps, orientation, largest, min(largest, most))
+        return self._among(maps, orientation, largest, min(largest, most), 0)
 
     @property
     def _largest(self) -> float:
@@ -128,12 +128,18 @@ class SymmetrySearch:
         return iterative_closest_points(few, few, maps, 0)
 
     def _among(
-        self, alignments: list[Alignment], orientation: Orientation, largest: float, most: float
+        self,
+        alignments: list[Alignment],
+        orientation: Orientation,
+        largest: float,
+        most: float,
+        generators: int,
     ) -> tuple[Symmetry, ...]:
-        """Symmetries among maps of the first samples and their products."""
+        """Symmetries among maps of the first samples, and products of the best of them."""
         points, distances = self.points, self.distances
         few, between = self._few
         self_maps: list[tuple[Symmetry, FloatArray]] = []
+        for_products = NEAR * most if generators else most
         seen = [np.arange(len(between))]
 
         def add(rotation: FloatArray) -> None:
@@ -151,7 +157,7 @@ class SymmetrySearch:
             images = points.at(image_row)
             rotation = signed_procrustes(points, images)
             residual = alignment_residual(points, images, rotation)
-            if residual > NEAR * most:
+            if residual > for_products:
                 return
             side = orientation(image_row)
             # σ either preserves the orientation everywhere or reverses it; a map that does both is none, though
@@ -160,11 +166,11 @@ class SymmetrySearch:
                 self_maps.append((Symmetry(image_row, residual, side, float(moved)), rotation))
 
         for alignment in sorted(alignments, key=attrgetter("residual")):
-            if alignment.residual <= FEW * NEAR * most:
+            if alignment.residual <= FEW * for_products:
                 add(alignment.rotation)
         # Symmetries are a group: σ τ is one, which the beam may have missed. Two mirror images make a rotation.
-        generators = [rotation for _, rotation in self_maps[:GENERATORS]]
-        for first, second in product(generators, repeat=2):
+        factors = [rotation for _, rotation in self_maps[:generators]]
+        for first, second in product(factors, repeat=2):
             add(second @ first)
         symmetries = [symmetry for symmetry, _ in self_maps if symmetry.residual <= most]
         return tuple(sorted(symmetries, key=attrgetter("residual")))

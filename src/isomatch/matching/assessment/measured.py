@@ -31,7 +31,7 @@ class Measured:
     doubt: Float[FloatArray, "n_s"] | None = None  # error to be expected because another map may be right
     fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
     note: str = ""  # of a map between shapes that are far from isometric
-    is_last: bool = True  # whether no other strategy is tried after it, so that it is polished at once
+    is_last: bool = True  # whether no other strategy is tried after it, so that it is completed at once
 
     def evidence(self, pair: Problem, far: bool) -> Evidence:
         """Compare the measures with the bounds, see `measured_evidence`."""

@@ -187,9 +187,11 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     @property
     def is_needless(self) -> bool:
         """Whether the ordinary map fits, and hardly stretches the shapes when they are bent by it."""
-        if self.ordinary is None or not self.ordinary_fits:
+        if self.found is None or not self.ordinary_fits:
             return False
-        return self._bent(self._drawn_ordinary(self.ordinary)).stretch < ELASTIC_FIT.nearly_isometric
+        coordinates, lengths = self.found.coordinates, self.pair.config.elastic.bending
+        bent = parallel_map(lambda bending: bending.laid(coordinates, lengths), self._bendings)
+        return max(each.stretch for each in bent) < ELASTIC_FIT.nearly_isometric
 
     def keeps_lengths(self, winner: StretchedFit) -> bool:
         """Whether a winner is the ordinary map, and hardly stretches the shapes, so that it is not bent in full."""
@@ -396,10 +398,6 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         far = (measured.evidence(pair, far=True),)
         solution = measured.solution(pair, errors, far, [measured.note], regions=regions)
         return replace(solution, descriptors_count=False)
-
-    def polish(self, solution: Solution, measured: Measured, timer: StageTimer) -> Solution:
-        """Polish the map of the isometry, if that was kept."""
-        return self.found.model.polish(solution, measured, timer) if self.found else solution
 
 
 def _score(bent: tuple[Bent, ...]) -> float:

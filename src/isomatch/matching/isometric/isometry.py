@@ -376,6 +376,20 @@ class Isometry(RefiningModel[Fit, Embedding]):
             notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
         solution = map_.solution(pair, errors, tuple(evidence), notes, level, points, regions)
         solution = replace(solution, descriptors_count=not far)
+        if not map_.is_last:
+            return replace(solution, alternatives=self._alternatives(match, []))
+        return self._with_rivals(match, map_, solution)
+
+    def complete(self, match: IsometricMatch, solution: Solution, timer: StageTimer) -> Solution:
+        """Polish a map, and look for maps of symmetric shapes that fit as well."""
+        level, points, notes = self._finest(match.measured, timer)
+        if level is not self.pair:
+            found = level.source.correspondence(level.target, points)
+            solution = replace(solution, map=found, notes=(*solution.notes, *notes))
+        return self._with_rivals(match, match.measured, solution)
+
+    def _with_rivals(self, match: IsometricMatch, map_: Measured, solution: Solution) -> Solution:
+        """Add the alternatives; a sure map is ambiguous if one composed with a near-symmetry fits as well."""
         rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED else []
         if rivals:
             solution = solution.with_evidence(Evidence(ambiguous=True))
@@ -385,7 +399,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _symmetric(self, map_: Measured) -> list[Candidate]:
         """Compose the map with symmetries that distort hardly more than it does; those that fit about as well."""
         pair, config = self.pair, self.pair.config
-        searches = self.refinement.searches_further and self.problem.starts is None
+        # a map that was given is no surer than the one that it was made of, which was compared with its rivals
+        searches = self.refinement.searches_further and self.problem.starts is None and self._found is None
         if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
             return []
         image, bounds = BodyVertices(map_.points.corners[pair.source_vertices, 0]), config.outcome
@@ -413,14 +428,6 @@ class Isometry(RefiningModel[Fit, Embedding]):
         cost, *costs = parallel_map(lambda fit: self.verified(fit).cost, [first, *fits])
         tied = sorted((c, i) for i, c in enumerate(costs) if c <= SYMMETRIC.as_well * cost)
         return [candidate for _, i in tied if (candidate := fits[i].candidate)]
-
-    def polish(self, solution: Solution, measured: Measured, timer: StageTimer) -> Solution:
-        """Refine a map at the finer levels of its shapes, if they have any."""
-        level, points, notes = self._finest(measured, timer)
-        if level is self.pair:
-            return solution
-        found = level.source.correspondence(level.target, points)
-        return replace(solution, map=found, notes=(*solution.notes, *notes))
 
     def _finest(
         self, measured: Measured, timer: StageTimer
