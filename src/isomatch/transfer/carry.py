@@ -216,11 +216,11 @@ def _turned(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray
 
 
 def _key(attribute: Attribute, bridge: Bridge) -> Attribute:
-    """Interpolate displacements, turn them as the surface turns, and scale them as it grows; 0 where unmatched."""
-    places, turn = bridge.at_vertices, bridge.growth * bridge.rotations
-    carried = np.nan_to_num(places.interpolated(columns(attribute), places.rows(attribute)))
-    moves = np.einsum("nij,nj->ni", turn, carried)[bridge.receiver.vertex_of_point]
-    return attribute.with_values(_in_type(moves, attribute), "point")
+    """Turn interpolated displacements by smoothed rotations, scale them as the surface grows, and extend them."""
+    places, turn = bridge.at_vertices, bridge.growth * bridge.smooth_rotations
+    carried = places.interpolated(columns(attribute), places.rows(attribute))
+    moves = bridge.extended(np.einsum("nij,nj->ni", turn, carried))
+    return attribute.with_values(_in_type(moves[bridge.receiver.vertex_of_point], attribute), "point")
 
 
 def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:
