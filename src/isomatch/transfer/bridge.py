@@ -20,8 +20,8 @@ from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 # × extent of the surface: farther from its image, a corner was kept on its side of a texture seam
 ACROSS = 1e-6
 SAME_SIZE = 1.1  # times larger: less is what bending and noise of the map do to surfaces of one size
-# × √area: shape keys turn by rotations that are averaged so far. On heads and bodies of other people, half of it leaves
-# directions of one key up to 6° apart (median), it 3°; in other poses of one body, the double turns keys 4° off the joints
+# × √area: how far the rotations are averaged by which shape keys turn. On bodies and heads of other people, directions of
+# a key that moves by one vector then differ by 4° at most (median); with half of it, by 6°
 SMOOTHED = 0.1
 SHIFT = 1e-9  # in 1 / area; makes a singular Laplacian definite
 
@@ -160,7 +160,7 @@ class Bridge:
         return self._nearest_rotations(fits)
 
     def extended(self, moves: FloatArray) -> FloatArray:
-        """Extend displacements (n_vertices, 3) harmonically to the unmatched; 0 on components without matched vertices."""
+        """Extend displacements (n_vertices, 3) harmonically to the unmatched, by 0 on components without a match."""
         unmatched, pull = self._extension
         filled = np.where(self.map.matched[:, None], moves, 0.0)
         filled[unmatched] = pull(filled)
