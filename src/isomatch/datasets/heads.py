@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, KDTree
 from scipy.spatial.transform import Rotation
 
@@ -32,6 +33,7 @@ FEATURES = {
     "ear": ((0.62, 0.78, -0.05), 0.17, (0.3, 0.75, -0.05)),
     "neck": ((0.0, -0.85, -0.55), 0.5, (0.0, -0.65, -0.5)),
 }
+LEFT, RIGHT = np.array([1, 1, 1]), np.array([-1, 1, 1])  # signs of the coordinates
 SKULL = np.array([0.85, 0.9, 1.0])  # its width, height and length
 # factors of the features, in their order, and of the skull
 PROPORTIONS: dict[str, tuple[tuple[float, ...], tuple[float, float, float]]] = {
@@ -40,18 +42,18 @@ PROPORTIONS: dict[str, tuple[tuple[float, ...], tuple[float, float, float]]] = {
 }
 VARIATION = 0.2  # of the factors of individuals, in both directions
 MOUTH = (-0.46, 0.35, 0.05, 0.1)  # height of its middle, rise to the corners, width and depth of the groove
-CORNER, HINGE, JAW = (0.33, -0.42, 0.84), (0.8, -0.3, 0.2), (0.0, -0.7, 0.75)  # directions
+CORNER, HINGE, JAW = np.array([[0.33, -0.42, 0.84], [0.8, -0.3, 0.2], [0.0, -0.7, 0.75]])  # directions
 OPENING = 0.35  # radians by which the jaw turns
 LIP = 0.06  # height below the line of the mouth, from which on the jaw moves as a whole
-SMILE = (0.1, 0.13, -0.05)  # displacement of the left corner of the mouth
-N_FINE = 20_000  # vertices before decimation
+SMILE = np.array([0.1, 0.13, -0.05])  # displacement of the left corner of the mouth
+N_FINE = 12_000  # vertices before decimation
 LANDMARKS = {
-    "nose": (0.0, -0.05, 1.0),
-    "chin": (0.0, -0.62, 0.8),
+    "nose": FEATURES["nose"][0],
+    "chin": FEATURES["chin"][0],
     **{
-        f"{side} {name}": (sign * x, y, z)
-        for name, (x, y, z) in {"eye": FEATURES["eye"][0], "ear": FEATURES["ear"][0], "mouth": CORNER}.items()
-        for side, sign in (("left", 1), ("right", -1))
+        f"{side} {name}": place * signs
+        for name, place in (("eye", FEATURES["eye"][0]), ("ear", FEATURES["ear"][0]), ("mouth", CORNER))
+        for side, signs in (("left", LEFT), ("right", RIGHT))
     },
 }
 DARK, LIGHT = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)  # red, green, blue of the stripes
@@ -76,18 +78,12 @@ class AnimalHead:
     @property
     def keys(self) -> dict[str, FloatArray]:
         """Displacements (n, 3) of shape keys by name: the jaw opens, and the mouth smiles; exactly 0 elsewhere."""
-        x = self.mesh.vertices
-        hinge = self._at(HINGE) * [0, 1, 1]
         turn = Rotation.from_euler("x", OPENING).as_matrix()
-        moves = {
-            "jaw_open": self._jaw[:, None] * ((x - hinge) @ (turn.T - np.eye(3))),
-            "smile": np.zeros_like(x),
-        }
-        for side in ([1, 1, 1], [-1, 1, 1]):
-            moves["smile"] += _bump(self.directions, np.multiply(CORNER, side), 0.35)[:, None] * np.multiply(
-                SMILE, side
-            )
-        return moves
+        opened = (self.mesh.vertices - self._hinge) @ (turn.T - np.eye(3))
+        smile = sum(
+            _bump(self.directions, CORNER * side, 0.35)[:, None] * (SMILE * side) for side in (LEFT, RIGHT)
+        )
+        return {"jaw_open": self._jaw[:, None] * opened, "smile": np.asarray(smile)}
 
     @property
     def landmarks(self) -> Landmarks:
@@ -95,25 +91,20 @@ class AnimalHead:
         return Landmarks(np.array([self._at(place) for place in LANDMARKS.values()]), list(LANDMARKS))
 
     def rigged(self, *, keys: bool = True) -> Asset:
-        """Return the head with texture coordinates, the joints neck, head and jaw with weights, stripes and keys."""
-        neck = _bump(self.directions, FEATURES["neck"][0], 0.9)
+        """Return the head with texture coordinates, joints and weights, and with stripes and shape keys or without."""
+        throat = FEATURES["neck"][0]
+        neck = _bump(self.directions, throat, 0.9)
         weights = np.stack([neck, (1 - neck) * (1 - self._jaw), (1 - neck) * self._jaw], axis=1)
-        places = {
-            "neck": 0.8 * self._at(FEATURES["neck"][0]),
-            "head": np.zeros(3),
-            "jaw": self._at(HINGE) * [0, 1, 1],
-        }
-        uv = _flattened(self.directions)
+        places = {"neck": 0.8 * self._at(throat), "head": np.zeros(3), "jaw": self._hinge}
         data = [
-            Attribute("uv", "point", "uv", uv),
+            Attribute("uv", "point", "uv", _flattened(self.directions)),
             Attribute("weights", "point", "weights", weights, names=dict(enumerate(places))),
         ]
         if keys:
             data += [Attribute(name, "point", "key", moves) for name, moves in self.keys.items()]
         asset = Asset.of_mesh(self.mesh, data)
-        return with_skeleton(
-            with_texture(asset, _stripes()) if keys else asset, places, {"head": "neck", "jaw": "head"}
-        )
+        asset = with_texture(asset, _stripes()) if keys else asset
+        return with_skeleton(asset, places, {"head": "neck", "jaw": "head"})
 
     def turned(self, seed: int) -> AnimalHead:
         """Return the same head in millimetres, in a random pose and up to a quarter larger."""
@@ -127,9 +118,14 @@ class AnimalHead:
         below = np.clip(-_over_mouth(self.directions) / LIP, 0, 1)
         return _bump(self.directions, JAW, 0.85) ** 0.5 * below**2 * (3 - 2 * below)
 
-    def _at(self, direction: tuple[float, float, float]) -> FloatArray:
+    @property
+    def _hinge(self) -> FloatArray:
+        """A point of the axis of the jaw, which is parallel to x."""
+        return np.asarray(self._at(HINGE) * [0, 1, 1])
+
+    def _at(self, direction: ArrayLike) -> FloatArray:
         """Position of the vertex nearest to a direction."""
-        return np.asarray(self.mesh.vertices[(self.directions @ direction).argmax()])
+        return np.asarray(self.mesh.vertices[(self.directions @ np.asarray(direction)).argmax()])
 
 
 def animal_head(
@@ -142,7 +138,7 @@ def animal_head(
     species : {"cat", "lion"}
         The mean proportions.
     n_vertices : int
-        Number of vertices, at most 20,000.
+        Number of vertices, at most 12,000.
     individual : int
         Seed of the proportions; 0 has those of the species.
     triangulation : int
@@ -180,23 +176,23 @@ def _positions(directions: FloatArray, species: Species, individual: int) -> Flo
         stretch = stretch * rng.uniform(1 - VARIATION / 2, 1 + VARIATION / 2, 3)
     positions = directions * SKULL * stretch
     for factor, (place, width, offset) in zip(factors, FEATURES.values()):
-        for side in ([1, 1, 1], [-1, 1, 1])[: 1 + (place[0] > 0)]:
+        for side in (LEFT, RIGHT)[: 1 + (place[0] > 0)]:
             middle = np.multiply(place, side) / np.linalg.norm(place)
             weight = np.exp(-((directions - middle) ** 2).sum(axis=1) / (2 * width**2))
             positions = positions + factor * weight[:, None] * np.multiply(offset, side)
     groove = np.exp(-((_over_mouth(directions) / MOUTH[2]) ** 2) - (directions[:, 0] / 0.38) ** 4)
-    return positions - MOUTH[3] * (groove * (directions[:, 2] > 0))[:, None] * directions
+    return np.asarray(positions - MOUTH[3] * (groove * (directions[:, 2] > 0))[:, None] * directions)
 
 
 def _over_mouth(directions: FloatArray) -> FloatArray:
     """(n,) height above the line of the mouth."""
-    return directions[:, 1] - MOUTH[0] - MOUTH[1] * directions[:, 0] ** 2
+    return np.asarray(directions[:, 1] - MOUTH[0] - MOUTH[1] * directions[:, 0] ** 2)
 
 
-def _bump(directions: FloatArray, middle: tuple[float, ...], radius: float) -> FloatArray:
+def _bump(directions: FloatArray, middle: ArrayLike, radius: float) -> FloatArray:
     """(n,) weights that are 1 at a direction and exactly 0 beyond a radius."""
     square = ((directions - np.array(middle) / np.linalg.norm(middle)) ** 2).sum(axis=1) / radius**2
-    return np.clip(1 - square, 0, None) ** 2
+    return np.asarray(np.clip(1 - square, 0, None) ** 2)
 
 
 def _spread(n: int, seed: int) -> FloatArray:
@@ -205,7 +201,7 @@ def _spread(n: int, seed: int) -> FloatArray:
     height, angle = 1 - 2 * i / n, np.pi * (1 + np.sqrt(5)) * i
     ring = np.sqrt(1 - height**2)
     spiral = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
-    return spiral @ Rotation.random(random_state=seed).as_matrix()
+    return np.asarray(spiral @ Rotation.random(random_state=seed).as_matrix())
 
 
 def _flattened(directions: FloatArray) -> FloatArray:
@@ -214,14 +210,14 @@ def _flattened(directions: FloatArray) -> FloatArray:
     x, y, z = (directions @ _axes()).T
     radius = np.arccos(np.clip(z, -1, 1)) / np.pi
     ring = np.maximum(np.hypot(x, y), np.finfo(float).tiny)
-    return 0.5 + 0.5 * radius[:, None] * np.stack([x, y], axis=1) / ring[:, None]
+    return np.asarray(0.5 + 0.5 * radius[:, None] * np.stack([x, y], axis=1) / ring[:, None])
 
 
 def _axes() -> FloatArray:
     """(3, 3) columns: left, up and the direction opposite to the neck."""
     up = -np.array(FEATURES["neck"][0]) / np.linalg.norm(FEATURES["neck"][0])
     left = np.array([1.0, 0.0, 0.0])
-    return np.stack([left, np.cross(up, left), up], axis=1)
+    return np.asarray(np.stack([left, np.cross(up, left), up], axis=1))
 
 
 def _stripes() -> bytes:
