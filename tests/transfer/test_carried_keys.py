@@ -104,10 +104,12 @@ def test_one_vector_becomes_one_vector(size, cat):
     assert np.abs(found - expected).max() < 0.02 * lengths(expected[None])
 
 
-def test_a_head_carries_its_keys_to_itself(cat):
-    order = np.arange(cat.mesh.n_vertices)
-    found = carried(Correspondence(order, len(order)), cat.mesh, cat.mesh, keys_of(cat))
-    for name, moves in keys_of(cat).items():
+@pytest.mark.parametrize("n", [1500, 6000])
+def test_a_head_carries_its_keys_to_itself(n):
+    """Also where rotations are averaged on a coarser mesh."""
+    head, order = animal_head("lion", n), np.arange(n)
+    found = carried(Correspondence(order, n), head.mesh, head.mesh, keys_of(head))
+    for name, moves in keys_of(head).items():
         np.testing.assert_allclose(found[name], moves, atol=1e-6)
 
 
@@ -160,6 +162,15 @@ def test_parts_without_a_counterpart_rest(cat, lion):
     np.testing.assert_allclose(
         found[:n], carried(alone, lion.mesh, cat.mesh, cat.keys)["jaw_open"], atol=1e-2
     )
+
+
+def test_flat_faces_and_unused_vertices_change_nothing(cat, lion):
+    images, n = truth(lion, cat), lion.mesh.n_vertices
+    worse = Mesh(np.vstack([lion.mesh.vertices, [9, 9, 9]]), np.vstack([lion.mesh.faces, [0, 1, 1]]))
+    found = carried(Correspondence(np.append(images.vertices, 0), 3000), worse, cat.mesh, cat.keys)
+    alone = carried(Correspondence(images.vertices, 3000), lion.mesh, cat.mesh, cat.keys)
+    for name in cat.keys:
+        np.testing.assert_allclose(found[name][:n], alone[name], atol=1e-9)
 
 
 def human_keys(x):

@@ -116,7 +116,7 @@ class AnimalHead:
     def _jaw(self) -> FloatArray:
         """(n,) how far each vertex moves with the jaw."""
         below = np.clip(-_over_mouth(self.directions) / LIP, 0, 1)
-        return _bump(self.directions, JAW, 0.85) ** 0.5 * below**2 * (3 - 2 * below)
+        return np.asarray(np.sqrt(_bump(self.directions, JAW, 0.85)) * below**2 * (3 - 2 * below))
 
     @property
     def _hinge(self) -> FloatArray:

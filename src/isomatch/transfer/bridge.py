@@ -12,7 +12,7 @@ from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MeshError
 from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation, welded_map
-from isomatch.decimation import PlacedMesh, VertexGroups, normalised
+from isomatch.decimation import PlacedMesh, Prolongation, VertexGroups, decimate, normalised
 from isomatch.io import Asset, Attribute
 from isomatch.spectral import factorised_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
@@ -23,6 +23,7 @@ SAME_SIZE = 1.1  # times larger: less is what bending and noise of the map do to
 # × √area: how far the rotations are averaged by which shape keys turn. On bodies and heads of other people, directions of
 # a key that moves by one vector then differ by 4° at most (median); with half of it, by 6°
 SMOOTHED = 0.1
+N_COARSE = 4000  # vertices of the mesh on which they are, with edges of a sixth of that length
 SHIFT = 1e-9  # in 1 / area; makes a singular Laplacian definite
 
 
@@ -152,37 +153,45 @@ class Bridge:
     def smooth_rotations(self) -> FloatArray:
         """(n_vertices, 3, 3) the rotations averaged as far as `SMOOTHED`, for what moves as a whole."""
         # With the stiffness L and the areas A of the receiver, (A + t L) X = Σ HᵀG is one implicit step of diffusion: X
-        # is an average of the fits, with weights that fall off over the length √t.
-        kept, stiffness, areas = self._laplacian
+        # is an average of the fits, with weights that fall off over the length √t. A coarse mesh suffices for it.
+        part, kept = self._sound_part
+        if not len(kept):
+            return self.rotations
+        coarse = decimate(part, N_COARSE)
+        summed = np.zeros((coarse.mesh.n_vertices, 9))
+        np.add.at(summed, coarse.owner, self._fits[kept].reshape(-1, 9))
+        stiffness, areas = stiffness_and_masses(coarse.mesh)
+        averages = factorised_for_threads(SMOOTHED**2 * areas.sum() * stiffness, areas)(summed)
         fits = self._fits.copy()
-        solve = factorised_for_threads(SMOOTHED**2 * areas.sum() * stiffness, areas)
-        fits[kept] = solve(fits[kept].reshape(-1, 9)).reshape(-1, 3, 3)
+        fits[kept] = Prolongation(part, coarse).on_coarse.interpolated(averages).reshape(-1, 3, 3)
         return self._nearest_rotations(fits)
 
     def extended(self, moves: FloatArray) -> FloatArray:
         """Extend displacements (n_vertices, 3) harmonically to the unmatched, by 0 on components without a match."""
-        unmatched, pull = self._extension
-        filled = np.where(self.map.matched[:, None], moves, 0.0)
-        filled[unmatched] = pull(filled)
-        return filled
+        unmatched, extend = self._extension
+        extended = np.nan_to_num(moves)
+        extended[unmatched] = extend(extended)
+        return extended
 
     @cached_property
     def _extension(self) -> tuple[IntArray, Callable[[FloatArray], AnyArray]]:
-        """Unmatched vertices, and the function that extends displacements to them."""
+        """Unmatched vertices, and the function that extends displacements, which are 0 there, to them."""
         # L u = 0 at the unmatched: L_uu u_u = −L_um u_m. The shift makes L_uu definite on components without others.
-        kept, stiffness, areas = self._laplacian
-        rows = np.flatnonzero(~self.map.matched[kept])
+        part, kept = self._sound_part
+        rows = np.flatnonzero(~self.at_vertices.has_place[kept])
         if not len(rows):
-            return rows, lambda filled: filled[rows]
-        stiff = stiffness[rows]
-        solve = factorised_for_threads(csc_array(stiff[:, rows]), SHIFT / areas.sum() * areas[rows])
-        return kept[rows], lambda filled: solve(-(stiff @ filled[kept]))
+            return rows, lambda moves: moves[rows]
+        stiffness, areas = stiffness_and_masses(part)
+        around = stiffness[rows]
+        solve = factorised_for_threads(csc_array(around[:, rows]), SHIFT / areas.sum() * areas[rows])
+        return kept[rows], lambda moves: solve(-(around @ moves[kept]))
 
     @cached_property
-    def _laplacian(self) -> tuple[IntArray, csc_array, FloatArray]:
-        """Vertices of the receiver that have an area, stiffness between them, and their areas."""
-        part, kept = self.receiver.mesh.submesh(self.receiver.mesh.vertex_areas > 0)
-        return kept, *stiffness_and_masses(part)
+    def _sound_part(self) -> tuple[Mesh, IntArray]:
+        """The receiver's mesh without flat faces and unused vertices, and the number of each vertex that is left."""
+        mesh = self.receiver.mesh
+        whole = Mesh(mesh.vertices, mesh.faces[mesh.face_areas > 0])
+        return whole.submesh(whole.vertex_areas > 0)
 
     @cached_property
     def _fits(self) -> FloatArray:
