@@ -1,4 +1,4 @@
-"""``isomatch demo keys`` and ``demo landmarks`` write files on which the commands of the wish pages run."""
+"""``isomatch demo keys`` and ``demo landmarks`` write the files of two wish pages."""
 
 import json
 import re

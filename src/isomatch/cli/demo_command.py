@@ -26,7 +26,7 @@ demo = App(name="demo", default_parameter=Parameter(negative=()))
 
 @demo.command
 def keys(*, output: Output = Path(), force: Force = False, talk: Talk = TALK) -> None:
-    """Write two rigged heads of animals: the cat has stripes and two shape keys, the lion has neither.
+    """Write two rigged heads of animals: a cat with stripes and shape keys, a lion without.
 
     Args:
         output: Folder for cat.glb and lion.glb.
@@ -93,19 +93,19 @@ def run(*, output: Output = Path("demo"), details: Details = False, talk: Talk =
         tell("writing", 0.7)
         facts = {"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"}
         inputs = Inputs(*ends, match_again(*ends, output=output), facts=facts)
-        here, there = (f"{mesh.n_vertices} vertices" for mesh in shapes)
-        titles = f"source, {here}, coloured by their images", f"target, {there}"
+        n_source, n_target = (mesh.n_vertices for mesh in shapes)
+        titles = f"source, {n_source} vertices, coloured by their images", f"target, {n_target} vertices"
         more = {"mean_error_over_sqrt_target_area": float(errors.mean())}
         meshes = {path.name: mesh for path, mesh in zip(ends, shapes)}
         record = folder.write(shapes, result, inputs, titles=titles, more=more, meshes=meshes)
 
     def summary() -> None:
         say_result(result, details)
-        told = (
+        accuracy = (
             f"{errors.mean():.2%} of the size (√area) off on average, at most {np.quantile(errors, 0.95):.2%} at 95% of "
             f"the {N_JUDGED} vertices that were compared"
         )
-        say_rows([("in truth", told)])
+        say_rows([("in truth", accuracy)])
         say_files(record)
 
     talk.result(record, summary)

@@ -1,4 +1,4 @@
-"""Heads of animals as functions on the sphere: their proportions and triangles differ, and they correspond exactly."""
+"""Heads of animals as functions on the sphere: proportions and triangles differ, the truth is exact."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from isomatch.surfaces import Mesh
 
 Species = Literal["cat", "lion"]
 
-# x points to the animal's left, y up, z forward. A feature is a bump: its direction, its width on the sphere, and where
-# the surface is drawn to. Features with x > 0 lie on both sides.
+# A feature is a bump: its direction, its width on the sphere, and where the surface is drawn to.
+# Features with x > 0 lie on both sides. x points to the animal's left, y up, z forward.
 FEATURES = {
     "muzzle": ((0.0, -0.25, 1.0), 0.42, (0.0, -0.12, 0.42)),
     "nose": ((0.0, -0.05, 1.0), 0.13, (0.0, 0.03, 0.2)),
@@ -77,7 +77,7 @@ class AnimalHead:
 
     @property
     def keys(self) -> dict[str, FloatArray]:
-        """Displacements (n, 3) of shape keys by name: the jaw opens, and the mouth smiles; exactly 0 elsewhere."""
+        """Displacements (n, 3) by name: the jaw opens, the mouth smiles; exactly 0 elsewhere."""
         turn = Rotation.from_euler("x", OPENING).as_matrix()
         opened = (self.mesh.vertices - self._hinge) @ (turn.T - np.eye(3))
         smile = sum(
@@ -91,7 +91,7 @@ class AnimalHead:
         return Landmarks(np.array([self._at(place) for place in LANDMARKS.values()]), list(LANDMARKS))
 
     def rigged(self, *, keys: bool = True) -> Asset:
-        """Return the head with texture coordinates, joints and weights, and with stripes and shape keys or without."""
+        """Return the head with texture coordinates, joints, weights, and perhaps stripes and keys."""
         throat = FEATURES["neck"][0]
         neck = _bump(self.directions, throat, 0.9)
         weights = np.stack([neck, (1 - neck) * (1 - self._jaw), (1 - neck) * self._jaw], axis=1)
@@ -140,7 +140,7 @@ def animal_head(
     n_vertices : int
         Number of vertices, at most 12,000.
     individual : int
-        Seed of the proportions; 0 has those of the species.
+        Seed of the proportions; 0 is the mean of the species.
     triangulation : int
         Seed of the triangles.
 

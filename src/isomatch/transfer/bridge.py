@@ -20,10 +20,11 @@ from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 # × extent of the surface: farther from its image, a corner was kept on its side of a texture seam
 ACROSS = 1e-6
 SAME_SIZE = 1.1  # times larger: less is what bending and noise of the map do to surfaces of one size
-# × √area: how far the rotations are averaged by which shape keys turn. On bodies and heads of other people, directions of
-# a key that moves by one vector then differ by 4° at most (median); with half of it, by 6°
+# × √area: length over which the rotations of shape keys are averaged. On bodies and heads of other
+# people, directions of a key that moves by one vector then differ by 4° at most (median); with half
+# the length, by 6°
 SMOOTHED = 0.1
-N_COARSE = 4000  # vertices of the mesh on which they are, with edges of a sixth of that length
+N_COARSE = 4000  # vertices of the mesh of that average: edges of a sixth of the length
 SHIFT = 1e-9  # in 1 / area; makes a singular Laplacian definite
 
 
@@ -151,9 +152,10 @@ class Bridge:
 
     @cached_property
     def smooth_rotations(self) -> FloatArray:
-        """(n_vertices, 3, 3) the rotations averaged as far as `SMOOTHED`, for what moves as a whole."""
-        # With the stiffness L and the areas A of the receiver, (A + t L) X = Σ HᵀG is one implicit step of diffusion: X
-        # is an average of the fits, with weights that fall off over the length √t. A coarse mesh suffices for it.
+        """(n_vertices, 3, 3) the rotations averaged over `SMOOTHED`, for what moves as a whole."""
+        # With the stiffness L and the areas A of the receiver, (A + t L) X = Σ HᵀG is one implicit
+        # step of diffusion: X is an average of the fits, with weights that fall off over the
+        # length √t. A coarse mesh suffices for it.
         part, kept = self._sound_part
         if not len(kept):
             return self.rotations
@@ -167,7 +169,7 @@ class Bridge:
         return self._nearest_rotations(fits)
 
     def extended(self, moves: FloatArray) -> FloatArray:
-        """Extend displacements (n_vertices, 3) harmonically to the unmatched, by 0 on components without a match."""
+        """Extend displacements (n_vertices, 3) harmonically to unmatched vertices; 0 if none is linked."""
         unmatched, extend = self._extension
         extended = np.nan_to_num(moves)
         extended[unmatched] = extend(extended)
@@ -176,7 +178,8 @@ class Bridge:
     @cached_property
     def _extension(self) -> tuple[IntArray, Callable[[FloatArray], AnyArray]]:
         """Unmatched vertices, and the function that extends displacements, which are 0 there, to them."""
-        # L u = 0 at the unmatched: L_uu u_u = −L_um u_m. The shift makes L_uu definite on components without others.
+        # L u = 0 at unmatched vertices: L_uu u_u = −L_um u_m. The shift makes L_uu definite on
+        # components without matched ones.
         part, kept = self._sound_part
         rows = np.flatnonzero(~self.at_vertices.has_place[kept])
         if not len(rows):
@@ -188,7 +191,7 @@ class Bridge:
 
     @cached_property
     def _sound_part(self) -> tuple[Mesh, IntArray]:
-        """The receiver's mesh without flat faces and unused vertices, and the number of each vertex that is left."""
+        """The receiver's mesh without flat faces and unused vertices, and its vertices' numbers."""
         mesh = self.receiver.mesh
         whole = Mesh(mesh.vertices, mesh.faces[mesh.face_areas > 0])
         return whole.submesh(whole.vertex_areas > 0)
@@ -196,9 +199,9 @@ class Bridge:
     @cached_property
     def _fits(self) -> FloatArray:
         """(n_vertices, 3, 3) Σ Hᵀ G over the faces at each vertex."""
-        # The rotation R_v maximises Σ_f tr(Rᵀ Hᵀ G) over the faces f at v, whose rows are two edges and the normal,
-        # scaled as these, on the receiver (H) and at the images on the giver (G): orthogonal Procrustes (Kabsch 1976)
-        # by the SVD of Σ HᵀG.
+        # The rotation R_v maximises Σ_f tr(Rᵀ Hᵀ G) over the faces f at v, whose rows are two edges
+        # and the normal, scaled as these, on the receiver (H) and at the images on the giver (G):
+        # orthogonal Procrustes (Kabsch 1976) by the SVD of Σ HᵀG.
         mesh = self.receiver.mesh
         normals = self.map.pull_back(self.giver.mesh.vertex_normals)
         frames = []
@@ -214,7 +217,7 @@ class Bridge:
         return summed
 
     def _nearest_rotations(self, fits: FloatArray) -> FloatArray:
-        # All are reflections if most of the surface is a mirror image: det Σ HᵀG < 0 at most vertices.
+        # All are reflections if most of the surface is mirrored: det Σ HᵀG < 0 at most vertices.
         is_mirrored = bool(np.sign(np.linalg.det(self._fits)).sum() < 0)
         turns = nearest_rotation(fits, mirrored=is_mirrored)
         turns[(fits == 0).all(axis=(1, 2))] = np.eye(3)

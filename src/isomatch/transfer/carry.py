@@ -217,7 +217,7 @@ def _turned(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray
 
 
 def _key(attribute: Attribute, bridge: Bridge) -> Attribute:
-    """Turn interpolated displacements by smoothed rotations, scale them as the surface grows, and extend them."""
+    """Turn interpolated displacements by averaged rotations, scale and extend them."""
     places, turn = bridge.at_vertices, bridge.growth * bridge.smooth_rotations
     carried = places.interpolated(columns(attribute), places.rows(attribute))
     moves = bridge.extended(np.einsum("nij,nj->ni", turn, carried))

@@ -491,7 +491,7 @@ def with_key_weights_of(asset: Asset, giver: object) -> Asset:
 
 
 def with_skeleton(asset: Asset, places: Mapping[str, FloatArray], parents: Mapping[str, str]) -> Asset:
-    """Return an asset as a glTF file with joints at places (3,) in its space; parents come before their children."""
+    """Return an asset as a glTF file with joints at places (3,); parents come before their children."""
     document, gltf = opened_document(asset)
     nodes, start = gltf.json["nodes"], len(gltf.json["nodes"])
     number = {name: start + i for i, name in enumerate(places)}
