@@ -9,12 +9,23 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from matplotlib import colormaps
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
-from isomatch import Landmarks, Mesh, distance_basis, geodesic_distances, match, write_landmarks, write_mesh
+from isomatch import (
+    Landmarks,
+    Mesh,
+    carry_attributes,
+    distance_basis,
+    geodesic_distances,
+    match,
+    write_landmarks,
+    write_mesh,
+)
 from isomatch.cohort import Collection, collected_landmarks, draw_landmarks, finish
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
-from isomatch.datasets import example_pair
+from isomatch.datasets import animal_head, example_pair
 from isomatch.geodesics import distance_engine, farthest_point_sampling
+from isomatch.io import looks_of, pixels_of, sampled
 from isomatch.visualization import arranged_panels, camera_of, position_colours, surface_image
 from isomatch_lab.procedural import creature, organ
 
@@ -25,10 +36,10 @@ FRAMES, WAIT = 24, 8  # of the way there, and of the rest at either end
 MOST_BYTES = 1_500_000
 
 
-def saved(name, images, titles, per_row=None):
+def saved(name, images, titles, per_row=None, dpi=130):
     """Save pictures in a row."""
     figure, _ = arranged_panels(images, titles, per_row or len(images))
-    figure.savefig(HERE / f"{name}.png", dpi=130, bbox_inches="tight", pad_inches=0.03)
+    figure.savefig(HERE / f"{name}.png", dpi=dpi, bbox_inches="tight", pad_inches=0.03)
 
 
 def collected(folder, meshes):
@@ -89,17 +100,26 @@ def distances():
     saved("wish_distances", [surface_image(mesh, value, bands) for value in values.values()], list(values))
 
 
-def stripes():
-    """Stripes of one animal on another of other proportions."""
-    cat, lion = creature(6000, style=0, pose=1).mesh, creature(6000, style=2, pose=2, triangulation=1).mesh
-    result = match(lion, cat)
-    across = (cat.vertices[:, 1] - cat.vertices[:, 1].min()) / np.ptp(cat.vertices[:, 1])
+def keys():
+    """The stripes and the shape keys of a cat, and what a lion gets of them by the map that is found."""
+    cat = animal_head("cat", 6000).rigged()
+    lion = animal_head("lion", 6000, triangulation=1).rigged(keys=False)
+    lion = carry_attributes(match(lion.mesh, cat.mesh).map, lion, cat).asset
+    layer = looks_of(cat).looks[0].base
+    pixels = pixels_of(layer.picture.data)
+    turn = Rotation.from_euler("y", 55, degrees=True).as_matrix()
 
-    def striped(seen):
-        return np.where((seen.ravel() * 11 % 1 < 0.4)[:, None], [0.25, 0.16, 0.1], [0.93, 0.62, 0.25])
+    def striped(uv):
+        return sampled(pixels, layer, uv)[:, :3]
 
-    images = [surface_image(cat, across, striped), surface_image(lion, result.map.pull_back(across), striped)]
-    saved("wish_keys", images, ["has stripes", "gets them"])
+    images = []
+    for animal in (cat, lion):
+        for key in (None, "jaw_open", "smile"):
+            moves = animal.attribute(key).values if key else 0
+            mesh = Mesh((animal.mesh.vertices + moves) @ turn.T, animal.mesh.faces)
+            images.append(surface_image(mesh, animal.attribute("uv").values, striped, np.eye(3), 260))
+    titles = ["cat", "its key jaw_open", "its key smile", "lion", "jaw_open, carried", "smile, carried"]
+    saved("wish_keys", images, titles, 3, dpi=80)
 
 
 def flow():
@@ -138,5 +158,5 @@ if __name__ == "__main__":
             (Path(place) / "scans").mkdir()
             each(Path(place))
     distances()
-    stripes()
+    keys()
     flow()

@@ -88,10 +88,12 @@ def test_keys_turn_with_a_bent_surface(giver, tmp_path):
     found = carried_to(bent, giver, flat, tmp_path)
     x, y, z = lift(flat.points).T[:, :, None]
     expected = x * along + y * [0, 1, 0] + z * outwards
-    inside = (np.abs(flat.points[:, :2] - 2) < 1.9).all(axis=1)
+    # rotations are averaged over a tenth of the side: at the border from one side alone, so that they lag behind by the
+    # angle reach / 4
+    reach, rim = 0.4, 2 - np.abs(flat.points[:, 0] - 2)
+    lag = np.exp(-rim / reach) * reach / 4 * np.linalg.norm(expected, axis=1)
     error = np.linalg.norm(found.attribute("lift").values - expected, axis=1)
-    assert error[inside].max() < 0.03  # of keys up to 8 long
-    assert error.max() < 0.3  # at the border, faces lie on one side
+    assert (error < 0.03 + lag).all()
 
 
 @pytest.mark.parametrize("mirrored", [False, True])

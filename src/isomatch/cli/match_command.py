@@ -1,4 +1,4 @@
-"""``isomatch match``, ``choose`` and ``demo``: match two files, continue with an alternative, match the shipped pair."""
+"""``isomatch match`` and ``choose``: match two files, and continue with an alternative."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import datasets, evaluation, matching
+from isomatch import matching
 from isomatch._core.errors import InputError, LandmarkError, MapError, MeshError, NotConvergedError
 from isomatch._core.files import write_text
 from isomatch._core.texts import json_text
@@ -44,8 +44,6 @@ from isomatch.cli.results import (
 from isomatch.cli.terminal import TALK, Talk, part, say, say_rows
 from isomatch.io import Attribute, files_beside, with_structure_of
 from isomatch.settings import Hypotheses, Orientation, RefinementName, Resolution, Start
-
-N_JUDGED = 500  # source vertices, drawn with seed 0, whose images a demo compares with the ground truth
 
 
 @Parameter(name="*")
@@ -241,43 +239,6 @@ def choose(folder: Path, number: int, /, *meshes: Path, details: Details = False
     def summary() -> None:
         say_result(result, details)
         say_rows(("note", note) for note in [*([BACK_REMOVED] if had_back else []), *earlier.mesh_left])
-        say_files(record)
-
-    talk.result(record, summary)
-
-
-def demo(*, output: Output = Path("demo"), details: Details = False, talk: Talk = TALK) -> None:
-    """Match two poses of an animal without landmarks, and compare the map with the exact ground truth.
-
-    Args:
-        output: Folder for standing.ply and running.ply, the pair, and for map.npz, map.txt, result.json, map.png and
-            report.html. Existing files are replaced.
-    """
-    source, target = datasets.example_pair()
-    ends, shapes = (output / "standing.ply", output / "running.ply"), (source.mesh, target.mesh)
-    folder = ResultFolder(output)
-    with folder.claimed(force=True), talk.progress() as tell:
-        result = isomatch.match(*shapes, progress=part(tell, 0.0, 0.6))
-        tell("comparing", 0.6)
-        truth = datasets.ground_truth(source, target).vertices
-        pairs = np.column_stack([np.arange(len(truth)), truth])
-        errors = evaluation.geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
-        tell("writing", 0.7)
-        facts = {"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"}
-        inputs = Inputs(*ends, match_again(*ends, output=output), facts=facts)
-        here, there = (f"{mesh.n_vertices} vertices" for mesh in shapes)
-        titles = f"source, {here}, coloured by their images", f"target, {there}"
-        more = {"mean_error_over_sqrt_target_area": float(errors.mean())}
-        meshes = {path.name: mesh for path, mesh in zip(ends, shapes)}
-        record = folder.write(shapes, result, inputs, titles=titles, more=more, meshes=meshes)
-
-    def summary() -> None:
-        say_result(result, details)
-        told = (
-            f"{errors.mean():.2%} of the size (√area) off on average, at most {np.quantile(errors, 0.95):.2%} at 95% of "
-            f"the {N_JUDGED} vertices that were compared"
-        )
-        say_rows([("in truth", told)])
         say_files(record)
 
     talk.result(record, summary)

@@ -23,7 +23,7 @@ STRICT = "--strict"  # an option of all commands
 COMMANDS = (  # the group, the place and an example of each, which begins with its name
     ("Match", "match_command:match", "match a.ply b.ply -o result"),
     ("Match", "match_command:choose", "choose result 1"),
-    ("Match", "match_command:demo", "demo"),
+    ("Match", "demo_command:demo", "demo"),
     ("Look", "open_command:open_page", "open a.ply b.ply"),
     ("Look", "evaluate_command:evaluate", "evaluate map.txt a.ply b.ply"),
     ("Look", "mesh_command:check", "check scans"),

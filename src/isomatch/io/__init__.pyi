@@ -9,7 +9,7 @@ from isomatch.io.appearance import (
 from isomatch.io.asset import TURN, Asset, Axes, Frame, Part
 from isomatch.io.attribute import Attribute, Domain, Kind, linear_of, srgb_of, told_apart, without_labels
 from isomatch.io.formats.gifti import with_structure_of
-from isomatch.io.formats.gltf import with_key_weights_of
+from isomatch.io.formats.gltf import with_key_weights_of, with_skeleton
 from isomatch.io.formats.gltf_carried import animation_channels, is_posed, with_skin_of
 from isomatch.io.formats.ply import with_names_of
 from isomatch.io.formats.registry import FORMATS, MeshFormat
@@ -90,6 +90,7 @@ __all__ = [
     "with_key_weights_of",
     "with_looks_of",
     "with_names_of",
+    "with_skeleton",
     "with_skin_of",
     "with_structure_of",
     "with_texture",

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array
 
-from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MeshError
 from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation, welded_map
-from isomatch.decimation import PlacedMesh, VertexGroups, normalised
+from isomatch.decimation import PlacedMesh, Prolongation, VertexGroups, decimate, normalised
 from isomatch.io import Asset, Attribute
+from isomatch.spectral import factorised_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
 # × extent of the surface: farther from its image, a corner was kept on its side of a texture seam
 ACROSS = 1e-6
 SAME_SIZE = 1.1  # times larger: less is what bending and noise of the map do to surfaces of one size
+# × √area: length over which the rotations of shape keys are averaged. On bodies and heads of other
+# people, directions of a key that moves by one vector then differ by 4° at most (median); with half
+# the length, by 6°
+SMOOTHED = 0.1
+N_COARSE = 4000  # vertices of the mesh of that average: edges of a sixth of the length
+SHIFT = 1e-9  # in 1 / area; makes a singular Laplacian definite
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +148,60 @@ class Bridge:
     @cached_property
     def rotations(self) -> FloatArray:
         """(n_vertices, 3, 3) the rotation from giver to receiver; the identity where no vertex around is matched."""
-        # R_v maximises Σ_f tr(Rᵀ Hᵀ G) over the faces f at v, whose rows are two edges and the normal, scaled as these,
-        # on the receiver (H) and at the images on the giver (G): orthogonal Procrustes (Kabsch 1976) by the SVD of Σ HᵀG.
-        # All are reflections instead if most of the surface is a mirror image: det Σ HᵀG < 0 at most vertices.
+        return self._nearest_rotations(self._fits)
+
+    @cached_property
+    def smooth_rotations(self) -> FloatArray:
+        """(n_vertices, 3, 3) the rotations averaged over `SMOOTHED`, for what moves as a whole."""
+        # With the stiffness L and the areas A of the receiver, (A + t L) X = Σ HᵀG is one implicit
+        # step of diffusion: X is an average of the fits, with weights that fall off over the
+        # length √t. A coarse mesh suffices for it.
+        part, kept = self._sound_part
+        if not len(kept):
+            return self.rotations
+        coarse = decimate(part, N_COARSE)
+        summed = np.zeros((coarse.mesh.n_vertices, 9))
+        np.add.at(summed, coarse.owner, self._fits[kept].reshape(-1, 9))
+        stiffness, areas = stiffness_and_masses(coarse.mesh)
+        averages = factorised_for_threads(SMOOTHED**2 * areas.sum() * stiffness, areas)(summed)
+        fits = self._fits.copy()
+        fits[kept] = Prolongation(part, coarse).on_coarse.interpolated(averages).reshape(-1, 3, 3)
+        return self._nearest_rotations(fits)
+
+    def extended(self, moves: FloatArray) -> FloatArray:
+        """Extend displacements (n_vertices, 3) harmonically to unmatched vertices; 0 if none is linked."""
+        unmatched, extend = self._extension
+        extended = np.nan_to_num(moves)
+        extended[unmatched] = extend(extended)
+        return extended
+
+    @cached_property
+    def _extension(self) -> tuple[IntArray, Callable[[FloatArray], AnyArray]]:
+        """Unmatched vertices, and the function that extends displacements, which are 0 there, to them."""
+        # L u = 0 at unmatched vertices: L_uu u_u = −L_um u_m. The shift makes L_uu definite on
+        # components without matched ones.
+        part, kept = self._sound_part
+        rows = np.flatnonzero(~self.at_vertices.has_place[kept])
+        if not len(rows):
+            return rows, lambda moves: moves[rows]
+        stiffness, areas = stiffness_and_masses(part)
+        around = stiffness[rows]
+        solve = factorised_for_threads(csc_array(around[:, rows]), SHIFT / areas.sum() * areas[rows])
+        return kept[rows], lambda moves: solve(-(around @ moves[kept]))
+
+    @cached_property
+    def _sound_part(self) -> tuple[Mesh, IntArray]:
+        """The receiver's mesh without flat faces and unused vertices, and its vertices' numbers."""
+        mesh = self.receiver.mesh
+        whole = Mesh(mesh.vertices, mesh.faces[mesh.face_areas > 0])
+        return whole.submesh(whole.vertex_areas > 0)
+
+    @cached_property
+    def _fits(self) -> FloatArray:
+        """(n_vertices, 3, 3) Σ Hᵀ G over the faces at each vertex."""
+        # The rotation R_v maximises Σ_f tr(Rᵀ Hᵀ G) over the faces f at v, whose rows are two edges
+        # and the normal, scaled as these, on the receiver (H) and at the images on the giver (G):
+        # orthogonal Procrustes (Kabsch 1976) by the SVD of Σ HᵀG.
         mesh = self.receiver.mesh
         normals = self.map.pull_back(self.giver.mesh.vertex_normals)
         frames = []
@@ -155,9 +214,13 @@ class Bridge:
         summed = np.zeros((mesh.n_vertices, 3, 3))
         for k in range(3):
             np.add.at(summed, mesh.faces[:, k], fit)
-        is_mirrored = bool(np.sign(np.linalg.det(summed)).sum() < 0)
-        turns = nearest_rotation(summed, mirrored=is_mirrored)
-        turns[(summed == 0).all(axis=(1, 2))] = np.eye(3)
+        return summed
+
+    def _nearest_rotations(self, fits: FloatArray) -> FloatArray:
+        # All are reflections if most of the surface is mirrored: det Σ HᵀG < 0 at most vertices.
+        is_mirrored = bool(np.sign(np.linalg.det(self._fits)).sum() < 0)
+        turns = nearest_rotation(fits, mirrored=is_mirrored)
+        turns[(fits == 0).all(axis=(1, 2))] = np.eye(3)
         return turns
 
 

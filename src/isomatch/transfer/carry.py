@@ -49,8 +49,8 @@ class Carried:
     names : tuple of str
         The attributes that were carried.
     unmatched : int
-        Vertices of its mesh that have no image: nan, −1 or an empty text, grey, weights of the first joint alone, and
-        their own normals.
+        Vertices of its mesh that have no image: nan, −1 or an empty text, grey, weights of the first joint alone, their
+        own normals, and the displacements around them.
     across_seams : int
         Its polygons across a texture seam of the other, whose corners were kept on one side.
     notes : tuple of str
@@ -80,10 +80,11 @@ def carry_attributes(
     """Carry attributes from one asset to the other.
 
     All else of the asset that receives stays as it is. Colours, scalars, vectors and skinning weights are interpolated at
-    the precise images; as many weights are kept as the other has, with sum 1. Normals turn with the surface, and so do
-    shape keys, which also grow with it. Values that differ at the corners of one point, as at a texture seam, are carried
-    to corners, all of a polygon from one side. Labels are never averaged; other values of polygons are, by area. With
-    texture coordinates go materials and pictures, with weights the joints instead of those that the receiver had.
+    the precise images; as many weights are kept as the other has, with sum 1. Normals turn with the surface. So do shape
+    keys, by rotations averaged over a tenth of √area, and they grow with it. Values that differ at the corners of one
+    point, as at a texture seam, are carried to corners, all of a polygon from one side. Labels are never averaged; other
+    values of polygons are, by area. With texture coordinates go materials and pictures, with weights the joints instead
+    of those that the receiver had.
 
     Parameters
     ----------
@@ -216,11 +217,11 @@ def _turned(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray
 
 
 def _key(attribute: Attribute, bridge: Bridge) -> Attribute:
-    """Interpolate displacements, turn them as the surface turns, and scale them as it grows; 0 where unmatched."""
-    places, turn = bridge.at_vertices, bridge.growth * bridge.rotations
-    carried = np.nan_to_num(places.interpolated(columns(attribute), places.rows(attribute)))
-    moves = np.einsum("nij,nj->ni", turn, carried)[bridge.receiver.vertex_of_point]
-    return attribute.with_values(_in_type(moves, attribute), "point")
+    """Turn interpolated displacements by averaged rotations, scale and extend them."""
+    places, turn = bridge.at_vertices, bridge.growth * bridge.smooth_rotations
+    carried = places.interpolated(columns(attribute), places.rows(attribute))
+    moves = bridge.extended(np.einsum("nij,nj->ni", turn, carried))
+    return attribute.with_values(_in_type(moves[bridge.receiver.vertex_of_point], attribute), "point")
 
 
 def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:

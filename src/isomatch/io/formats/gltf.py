@@ -490,6 +490,32 @@ def with_key_weights_of(asset: Asset, giver: object) -> Asset:
     return edited(asset, document, gltf)
 
 
+def with_skeleton(asset: Asset, places: Mapping[str, FloatArray], parents: Mapping[str, str]) -> Asset:
+    """Return an asset as a glTF file with joints at places (3,); parents come before their children."""
+    document, gltf = opened_document(asset)
+    nodes, start = gltf.json["nodes"], len(gltf.json["nodes"])
+    number = {name: start + i for i, name in enumerate(places)}
+    for name, place in places.items():
+        above = parents.get(name)
+        offset = np.subtract(place, places[above] if above else 0.0)
+        nodes.append({"name": name, "translation": offset.tolist()})
+        siblings = (
+            gltf.json["scenes"][0]["nodes"]
+            if above is None
+            else nodes[number[above]].setdefault("children", [])
+        )
+        siblings.append(number[name])
+    inverse = np.tile(np.eye(4), (len(places), 1, 1))
+    inverse[:, :3, 3] = -np.array(list(places.values()))
+    skin = gltf.append(
+        "skins", {"joints": [*number.values()], "inverseBindMatrices": gltf.add_matrices(inverse)}
+    )
+    for node in nodes[:start]:
+        if "mesh" in node:
+            node["skin"] = skin
+    return edited(asset, document, gltf)
+
+
 def new_document(asset: Asset) -> GltfDocument:
     """Make a scene of one mesh without any points."""
     document = {
