@@ -97,6 +97,11 @@ def read_landmarks(path: Path | None, of_target: Path | None, ends: tuple[Path, 
     return None if path is None else isomatch.read_landmarks(path, *ends, of_target)
 
 
+def read_initial_map(path: Path | None, target: Surface) -> isomatch.Correspondence | None:
+    """Read a map to start from; None if there is no file."""
+    return None if path is None else isomatch.Correspondence.load(path, target.n_vertices)
+
+
 def read_config(path: Path | None) -> isomatch.Config | None:
     """Read settings from a TOML file; None if there is no file."""
     if path is None:

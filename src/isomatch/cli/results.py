@@ -49,6 +49,7 @@ class Inputs:
     again: str  # the command that matches again
     landmarks: Sequence[Sequence[int]] = ()
     facts: Mapping[str, object] = field(default_factory=dict)  # further rows of the table about the run
+    initial_map: isomatch.Correspondence | None = None
 
     @property
     def names(self) -> tuple[str, str]:
@@ -149,7 +150,8 @@ class ResultFolder:
                 below = titles or (f"source: {inputs.names[0]}", f"target: {inputs.names[1]}")
                 visualization.draw_map(*drawn, result.map, picture, titles=below)
             if self.report:
-                shown = inputs.shown(isomatch=isomatch.__version__) | {"picture": "" if undrawn else picture}
+                shown = inputs.shown(isomatch=isomatch.__version__) | {"given": inputs.initial_map}
+                shown |= {"picture": "" if undrawn else picture}
                 with _noted("report", undrawn):
                     visualization.write_report(files["report"], *drawn, result, **shown)
             if back:

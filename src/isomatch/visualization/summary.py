@@ -14,7 +14,6 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import of_ordinary_size
 from isomatch.visualization.measures import config_of, is_of_whole, quality_measures
 
-JUDGED = "the map that was judged"  # origin of the alternative on the page of `judge`
 LITTLE_CONFIDENCE = 0.5  # an expected error of 0.05 √area, see `MatchResult.confidence`
 WORTH_TELLING = 0.005  # share of the vertices
 
@@ -161,9 +160,12 @@ def told_of_alternative(source: Mesh, target: Mesh, result: MatchResult, other: 
     """Say of an alternative where it differs from the map of a result, and which sides it keeps."""
     share = share_elsewhere(source, target, result.map, other.map)
     before = "The map before this one was chosen. " if isnan(other.energy) else ""
-    if other.origin == JUDGED:
-        before = "The map that was judged. "
     return f"{before}Sends {share:.0%} of the surface elsewhere. {_sides(result, other)}".rstrip()
+
+
+def told_of_given(source: Mesh, target: Mesh, result: MatchResult, given: Correspondence) -> str:
+    """Say where the map that was given differs from the map of a result."""
+    return f"Sends {share_elsewhere(source, target, result.map, given):.0%} of the surface elsewhere."
 
 
 def told_of_all(result: MatchResult) -> str:
