@@ -31,6 +31,7 @@ Json = Annotated[
     bool,
     Parameter(alias="-j", help="Print JSON and nothing else: an object, of several files a list of them."),
 ]
+Quiet = Annotated[bool, Parameter(alias="-q", help="Print only warnings and errors.")]
 Details = Annotated[
     bool, Parameter(help="Print every measure too, with its bound, and the seconds of each stage.")
 ]

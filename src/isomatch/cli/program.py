@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from cyclopts import App, Group, Parameter
-from cyclopts.exceptions import CycloptsError
+from cyclopts.exceptions import CoercionError, CycloptsError
 
 from isomatch import __version__
 from isomatch._core.errors import IsomatchError, NotConvergedError
@@ -84,7 +84,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         asked = " ".join(("isomatch", *(error.command_chain or ())))
-        return _complain(f"{error} See {asked} --help.", MISUSED)
+        return _complain(f"{_in_words(error)} See {asked} --help.", MISUSED)
     try:
         with telling_once(strict):
             command(*bound.args, **bound.kwargs)
@@ -104,6 +104,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     return DONE
+
+
+_NUMBERS = {int: "a whole number", float: "a number"}
+
+
+def _in_words(error: CycloptsError) -> str:
+    """Say what is wrong with the words of a command; of a number without the names of Python's types."""
+    if isinstance(error, CoercionError) and error.token and error.target_type in _NUMBERS:
+        name = error.token.keyword or (error.argument and error.argument.name)
+        return f"{name}: {error.token.value!r} is not {_NUMBERS[error.target_type]}."
+    return str(error)
 
 
 def _first_line(place: str) -> str:

@@ -19,7 +19,7 @@ from isomatch._core.files import claimed, contents, made_folder, staged, write_t
 from isomatch._core.texts import json_text
 from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
-from isomatch.cli.terminal import INDENT, say, say_rows, say_table
+from isomatch.cli.terminal import INDENT, in_shell, say, say_rows, say_table
 
 RESULT = "result.json"
 BACK = "map_back.npz"
@@ -304,7 +304,7 @@ def say_result(result: isomatch.MatchResult, details: bool = False) -> None:
         _say_details(result)
     else:
         more = len(result.notes) - MOST_NOTES
-        say_rows(("note", note) for note in result.notes[:MOST_NOTES])
+        say_rows(("note", in_shell(note)) for note in result.notes[:MOST_NOTES])
         say_rows([("", f"{more} more {'note' if more == 1 else 'notes'}: --details")] if more > 0 else [])
 
 

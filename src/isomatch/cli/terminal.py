@@ -64,7 +64,23 @@ def say_rows(rows: Iterable[tuple[str, str]], indent: int = INDENT) -> None:
 
 def complain(message: str) -> None:
     """Write one line to standard error."""
-    sys.stderr.write(f"isomatch: {printable(' '.join(message.split()))}\n")
+    sys.stderr.write(f"isomatch: {printable(' '.join(in_shell(message).split()))}\n")
+
+
+_IN_SHELL = (  # calls and settings, and what to type for them
+    (r"repair\(mesh, outer=True\)", "isomatch repair --outer"),
+    (r"repair\(mesh, without_base=True\)", "isomatch repair --without-base"),
+    (r"repair\(mesh, weld=(\S+)\)", r"isomatch repair --weld \1"),
+    (r"repair\(mesh\)", "isomatch repair"),
+    (r"\b(hypotheses|orientation|refinement|resolution|start) = '(\w+)'", r"--\1 \2"),
+)
+
+
+def in_shell(text: str) -> str:
+    """Say with commands and options what a text of the library says in Python."""
+    for call, typed in _IN_SHELL:
+        text = re.sub(call, typed, text)
+    return text
 
 
 class IncompleteError(IsomatchError):
@@ -74,9 +90,12 @@ class IncompleteError(IsomatchError):
 def require_complete(failed: Sequence[str], folder: Path) -> None:
     """Raise `IncompleteError` if shapes or pairs failed, and name the first."""
     if failed:
+        what = "1 shape or pair" if len(failed) == 1 else f"{len(failed)} shapes or pairs"
         more = f" and {len(failed) - MOST_NAMED} more" if len(failed) > MOST_NAMED else ""
-        told = f"{len(failed)} shapes or pairs failed: {', '.join(failed[:MOST_NAMED])}{more}"
-        raise IncompleteError(f"{told}; all else is in {folder}, isomatch collect status says why")
+        raise IncompleteError(
+            f"{what} failed: {', '.join(failed[:MOST_NAMED])}{more}; the rest is in {folder}, and isomatch collect "
+            "status says why"
+        )
 
 
 def say_table(rows: Iterable[tuple[str, ...]]) -> None:
