@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_info
 
 import isomatch
 from isomatch.cli import main
-from isomatch.cli.terminal import complain, json_text
+from isomatch.cli.terminal import complain, json_text, start_clock, waited
 from isomatch.datasets import example_pair, ground_truth
 from shapes import flat_grid, icosphere
 
@@ -373,6 +373,13 @@ def test_repair_writes_mesh_and_index(tmp_path, capsys):
     record = json.loads(capsys.readouterr().out)
     assert record["files"] == [str(tmp_path / name) for name in ("whole.off", "whole.index.npz")]
     assert "welded 2 vertices" in record["changes"][0]
+
+
+def test_the_wait_is_that_of_the_whole_command():
+    start_clock(with_process=True)
+    of_process = waited()
+    start_clock(with_process=False)
+    assert 0 <= waited() < 0.5 < of_process, "the process has imported this test"
 
 
 def test_calls_and_settings_are_said_as_they_are_typed(capsys):

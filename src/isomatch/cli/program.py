@@ -15,7 +15,7 @@ from cyclopts.exceptions import CoercionError, CycloptsError
 from isomatch import __version__
 from isomatch._core.errors import IsomatchError, NotConvergedError
 from isomatch._core.skipped import telling_once
-from isomatch.cli.terminal import IncompleteError, complain, print_anything
+from isomatch.cli.terminal import IncompleteError, complain, print_anything, start_clock
 
 DONE, BAD, MISUSED, INCOMPLETE, UNSURE, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit codes
 STRICT = "--strict"  # an option of all commands
@@ -67,6 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     failed, 4 if a result is not sure.
     """
     print_anything()
+    start_clock(with_process=argv is None)
     words = sys.argv[1:] if argv is None else list(argv)
     strict = STRICT in words
     words = [word for word in words if word != STRICT]

@@ -19,7 +19,7 @@ from isomatch._core.files import claimed, contents, made_folder, staged, write_t
 from isomatch._core.texts import json_text
 from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
-from isomatch.cli.terminal import INDENT, in_shell, say, say_rows, say_table
+from isomatch.cli.terminal import INDENT, in_shell, say, say_rows, say_table, waited
 
 RESULT = "result.json"
 BACK = "map_back.npz"
@@ -336,6 +336,6 @@ def say_files(record: Mapping[str, Any]) -> None:
     short = {"alternative_*.npz"} if len(alternatives) > 1 else alternatives
     sizes = f"{record['n_source']:,} → {record['n_target']:,} vertices"
     say_rows(("note", note) for note in record["undrawn"])
-    say_rows([("took", f"{record['timings']['total']:.1f} s for the match, {sizes}")])
+    say_rows([("took", f"{waited():.1f} s, of which {record['timings']['total']:.1f} s to match {sizes}")])
     say(f"{'  open first':<{INDENT}}{first}")  # whole, to be copied
     say_rows([("also there", ", ".join(sorted((names - alternatives) | short)))])

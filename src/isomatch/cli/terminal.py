@@ -18,6 +18,7 @@ from threading import Event, Thread
 from typing import Annotated, Any, TypeAlias
 
 from cyclopts import Parameter
+from psutil import Process
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
 from rich.table import Table
@@ -109,6 +110,19 @@ def say_table(rows: Iterable[tuple[str, ...]]) -> None:
     for row in rows:
         table.add_row(*(Text(printable(cell)) for cell in row))
     Console(highlight=False).print(table)
+
+
+_STARTED = [time.time()]
+
+
+def start_clock(*, with_process: bool) -> None:
+    """Begin to count the wait for a command: now, or when the process began, which has imported much since."""
+    _STARTED[0] = Process().create_time() if with_process else time.time()
+
+
+def waited() -> float:
+    """Seconds since the command was called."""
+    return time.time() - _STARTED[0]
 
 
 def say_json(value: Any) -> None:
