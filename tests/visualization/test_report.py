@@ -170,7 +170,7 @@ def test_outcome_numbers_and_settings_are_those_of_the_result(page, result):
     assert not any(row.startswith("landmark error") for row in rows)
     (caption,) = (element["text"] for element in page.all("figcaption"))
     assert re.fullmatch(
-        r"Alternative 1 Sends \d+% of the surface elsewhere\. Exchanges left and right in .*", caption
+        r"Alternative 1 Differs on \d+% of the surface\. Exchanges left and right in .*", caption
     )
     assert [option["text"] for option in page.all("option")] == ["the map", "alternative 1"]
     soft = " ".join(element["text"] for element in page.all("p"))
@@ -263,7 +263,7 @@ def test_the_map_that_was_given_is_shown_and_drawn_with_the_alternatives(pair, r
     shown = unpacked(json.loads(page.by_id("scene")["text"])["source"]["index"], "<u4")
     np.testing.assert_array_equal(unpacked(scene[2]["images"], "<i4"), truth.vertices[shown])
     first, *_ = (each["text"] for each in page.all("figcaption"))
-    assert re.fullmatch(r"The map that was given Sends (\d\d|100)% of the surface elsewhere\.", first)
+    assert re.fullmatch(r"The map that was given Differs on (\d\d|100)% of the surface\.", first)
 
 
 def test_every_measure_of_quality_has_words():
@@ -421,7 +421,7 @@ def test_an_alternative_is_told_by_where_it_goes(pair, result, orientation, word
     source, target, _ = pair
     same = Alternative(lambda: result.map, 0.1, orientation, "flip")
     told = told_of_alternative(source, target, result, same)
-    assert told.startswith("Sends 0% of the surface elsewhere. ")
+    assert told.startswith("Differs on 0% of the surface. ")
     assert words in told
     former = dataclasses.replace(same, energy=np.nan, orientation=np.nan)
     assert told_of_alternative(source, target, result, former).startswith(

@@ -313,7 +313,7 @@ def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target
         note = (
             ""
             if n is None
-            else f"{path.name}: indices are read as 0-based; none is 0 or {n}, which would tell"
+            else f"{path.name}: indices are read as 0-based; neither 0 nor {n} is among them, which would settle it"
         )
         return IndexBase(0, False, False, note)
     _, times = np.unique(held, return_counts=True)

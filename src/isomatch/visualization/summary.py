@@ -171,12 +171,12 @@ def told_of_alternative(source: Mesh, target: Mesh, result: MatchResult, other: 
     """Say of an alternative where it differs from the map of a result, and which sides it keeps."""
     share = share_elsewhere(source, target, result.map, other.map)
     before = "The map before this one was chosen. " if isnan(other.energy) else ""
-    return f"{before}Sends {share:.0%} of the surface elsewhere. {_sides(result, other)}".rstrip()
+    return f"{before}Differs on {share:.0%} of the surface. {_sides(result, other)}".rstrip()
 
 
 def told_of_given(source: Mesh, target: Mesh, result: MatchResult, given: Correspondence) -> str:
     """Say where the map that was given differs from the map of a result."""
-    return f"Sends {share_elsewhere(source, target, result.map, given):.0%} of the surface elsewhere."
+    return f"Differs on {share_elsewhere(source, target, result.map, given):.0%} of the surface."
 
 
 def told_of_all(result: MatchResult) -> str:

@@ -129,7 +129,7 @@ class WorkPage:
         shapes = self._source, self._target
         about = [(result.origin, ""), *((x.origin, told_of_alternative(*shapes, result, x)) for x in others)]
         about += [("", told_of_given(*shapes, result, self.given))] if self.given else []
-        about += [("", f"The map that this one replaced. Sends {moved:.0%} of the surface elsewhere.")]
+        about += [("", f"The map that this one replaced. Differs on {moved:.0%} of the surface.")]
         pairs = pairs_on(landmarks or None, self._source, self._target)
         apart, summary = self._off(result.map, pairs), summary_of(result)
         return {
