@@ -425,7 +425,7 @@ def test_an_alternative_is_told_by_where_it_goes(pair, result, orientation, word
     assert words in told
     former = dataclasses.replace(same, energy=np.nan, orientation=np.nan)
     assert told_of_alternative(source, target, result, former).startswith(
-        "The map before this one was chosen. Sends 0%"
+        "The map before this one was chosen. Differs on 0%"
     )
 
 

@@ -82,8 +82,8 @@ def evaluate(
         reading = {"counts_from": counts_from, "variable": variable}
         maps, refused = _Maps(map_file, reference, reading), read_verdicts(fail_on)
         with talk.progress() as tell, claimed_files(output, force=force):
-            found, record = maps.judged((truth, source), output, seed, tell)
-        talk.result(record, lambda: _say_judgement(found, record), is_answer=True)
+            found, judged = maps.judge((truth, source), output, seed, tell)
+        talk.result(judged, lambda: _say_judgement(found, judged), is_answer=True)
         if found.verdict in refused:
             raise NotConvergedError(str(found))
         return
@@ -94,8 +94,8 @@ def evaluate(
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         sizes = shapes[0].n_vertices, shapes[1].n_vertices
         read = correspondence.read_map(map_file, *sizes[::-1], counts_from=counts_from, variable=variable)
-        judged, notes = read.map, [read.note]
-        judged.check_fits(*shapes)
+        notes = [read.note]
+        read.map.check_fits(*shapes)
         points_there = None
         if target_marks is None:
             table = evaluation.read_truth(truth, *shapes, truth_counts_from)
@@ -108,8 +108,8 @@ def evaluate(
             _require_within(truth, pairs, sizes)
         tell("geodesic distances", 0.1)
         most = None if points is None else min(points, len(pairs))
-        errors = evaluation.geodesic_errors(shapes[1], judged, pairs, most, seed, points=points_there)
-        coverage = evaluation.coverage(shapes[1], judged)
+        errors = evaluation.geodesic_errors(shapes[1], read.map, pairs, most, seed, points=points_there)
+        coverage = evaluation.coverage(shapes[1], read.map)
         tell("done", 1.0)
     counted = evaluation.counted(errors)
     record: dict[str, Any] = {
@@ -150,7 +150,7 @@ class _Maps:
     reference: Path | None
     reading: dict[str, Any]
 
-    def judged(
+    def judge(
         self, ends: tuple[Path, Path], page: Path | None, seed: int, tell: Tell
     ) -> tuple[isomatch.Judgement, dict[str, Any]]:
         """Say whether the map is right, without a truth, perhaps on a page."""
@@ -161,8 +161,8 @@ class _Maps:
         sizes = shapes[1].n_vertices, shapes[0].n_vertices
         files = filter(None, (self.given, self.reference))
         read = [correspondence.read_map(path, *sizes, **self.reading) for path in files]
-        maps = [each.map for each in read]
-        found = isomatch.judge(*shapes, *maps, seed=seed, progress=part(tell, 0.1, 0.8))
+        other = read[1].map if self.reference else None
+        found = isomatch.judge(*shapes, read[0].map, other, seed=seed, progress=part(tell, 0.1, 0.8))
         tell("writing", 0.9)
         if page:
             visualization.write_judgement(page, *shapes, found, names=(ends[0].name, ends[1].name))

@@ -274,7 +274,7 @@ def pictures_of_others(source: Mesh, target: Mesh, result: MatchResult, given: C
         (f"Alternative {i}", other.map, told_of_alternative(source, target, result, other), other.origin)
         for i, other in enumerate(result.alternatives[:MOST_ALTERNATIVES], 1)
     ]
-    told = f"<p>{escape(told_of_all(result))} {_HOW_TO_CHOOSE}</p>" if others else ""
+    advice = f"<p>{escape(told_of_all(result))} {_HOW_TO_CHOOSE}</p>" if others else ""
     if given:
         others.insert(0, (sentence(GIVEN), given, told_of_given(source, target, result, given), "you"))
     figures = "".join(
@@ -284,7 +284,7 @@ def pictures_of_others(source: Mesh, target: Mesh, result: MatchResult, given: C
         for name, other, about, origin in others
     )
     return (
-        f'<section><h2>Other maps</h2>{told}<div class="stills">{figures}</div></section>' if others else ""
+        f'<section><h2>Other maps</h2>{advice}<div class="stills">{figures}</div></section>' if others else ""
     )
 
 

@@ -16,7 +16,7 @@ from isomatch.visualization.measures import config_of, is_of_whole, quality_meas
 
 LITTLE_CONFIDENCE = 0.5  # an expected error of 0.05 √area, see `MatchResult.confidence`
 WORTH_TELLING = 0.005  # share of the vertices
-MANY = 0.1  # share of the vertices: the map is called uncertain if so many have little confidence
+MANY = 0.1  # share of the vertices with little confidence, above which the map is called uncertain
 
 # what came out, in a sentence, and what to do next; `Outcome.advice` tells more
 _TOLD = {

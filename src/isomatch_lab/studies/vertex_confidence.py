@@ -91,11 +91,11 @@ def bones(folder: Path, source: str, target: str) -> BenchmarkPair:
     """Read a bone of two subjects, such as "femur_S081", the target with fewer vertices than the source."""
     bone, subject = source.split("_")
     with np.load(folder / f"{bone}.npz") as arrays:
-        here, there = (Mesh(arrays[name], arrays["faces"]) for name in (subject, target.split("_")[1]))
-    fewer = decimate(there, round(KEPT * there.n_vertices)).mesh
-    nearest = cKDTree(fewer.vertices).query(there.vertices)[1]
-    truth = np.column_stack([np.arange(here.n_vertices), nearest])
-    return BenchmarkPair(f"{source}-{target}", here, fewer, truth, symmetric=False).relabelled(SEED)
+        one, other = (Mesh(arrays[name], arrays["faces"]) for name in (subject, target.split("_")[1]))
+    coarse = decimate(other, round(KEPT * other.n_vertices)).mesh
+    nearest = cKDTree(coarse.vertices).query(other.vertices)[1]
+    truth = np.column_stack([np.arange(one.n_vertices), nearest])
+    return BenchmarkPair(f"{source}-{target}", one, coarse, truth, symmetric=False).relabelled(SEED)
 
 
 def captured(errors: np.ndarray, measure: np.ndarray) -> float:
