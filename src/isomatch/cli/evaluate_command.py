@@ -144,7 +144,7 @@ def read_verdicts(names: str | None) -> list[str]:
 
 @dataclass(frozen=True)
 class _Maps:
-    """Files of the map that is judged, and of a map that is taken to be right, if there is one; how they are read."""
+    """Files of the map to judge and of a map taken to be right, if any; how they are read."""
 
     given: Path
     reference: Path | None

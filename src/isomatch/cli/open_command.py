@@ -62,7 +62,7 @@ def open_page(
             map back.
         landmarks: Landmarks to begin with, as for isomatch match.
         target_landmarks: The points marked on the target, if they have a file of their own.
-        initial_map: A map of any tool to look at, as for isomatch match; a match starts from it, and shows both.
+        initial_map: A map of any tool to look at; a match starts from it, and shows both.
         port: Port on which the page is served; 0 for any that is free.
         browser: Whether to open the page in a browser. Its address is printed in any case.
         seed: Seed of all that is drawn at random; 0 if it is left out. A result that is opened has its own.

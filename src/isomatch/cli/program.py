@@ -111,7 +111,7 @@ _NUMBERS = {int: "a whole number", float: "a number"}
 
 
 def _in_words(error: CycloptsError) -> str:
-    """Say what is wrong with the words of a command; of a number without the names of Python's types."""
+    """Say what is wrong with the words of a command, without the names of Python's types."""
     if isinstance(error, CoercionError) and error.token and error.target_type in _NUMBERS:
         name = error.token.keyword or (error.argument and error.argument.name)
         return f"{name}: {error.token.value!r} is not {_NUMBERS[error.target_type]}."

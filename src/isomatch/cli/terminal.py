@@ -116,7 +116,7 @@ _STARTED = [time.time()]
 
 
 def start_clock(*, with_process: bool) -> None:
-    """Begin to count the wait for a command: now, or when the process began, which has imported much since."""
+    """Begin to count the wait for a command: now, or when the process began, before imports."""
     _STARTED[0] = Process().create_time() if with_process else time.time()
 
 

@@ -83,7 +83,7 @@ def parts_of(scene: Mapping[str, Any], result: MatchResult) -> dict[str, str]:
 
 
 def maps_of(result: MatchResult, given: Correspondence | None = None) -> dict[str, Correspondence]:
-    """Name the map of a result, the alternatives that are shown beside it, and the map that was given, if one was."""
+    """Name the map of a result, the alternatives that are shown, and the map that was given."""
     others = enumerate(result.alternatives[:MOST_ALTERNATIVES], 1)
     maps = {"the map": result.map} | {f"alternative {i}": other.map for i, other in others}
     return maps | ({GIVEN: given} if given else {})
@@ -269,7 +269,7 @@ def _headed_table(rows: str, *columns: str) -> str:
 
 
 def pictures_of_others(source: Mesh, target: Mesh, result: MatchResult, given: Correspondence | None) -> str:
-    """Draw the map that was given and the alternatives, and say what they are; nothing if there are none."""
+    """Draw the map that was given and the alternatives, and say what they are."""
     others = [
         (f"Alternative {i}", other.map, told_of_alternative(source, target, result, other), other.origin)
         for i, other in enumerate(result.alternatives[:MOST_ALTERNATIVES], 1)

@@ -44,7 +44,7 @@ BEFORE = "before"
 
 
 class WorkPage:
-    """What a browser shows of two shapes while they are matched; names, landmarks, given as for `write_report`."""
+    """What a browser shows of two shapes while they are matched; options as for `write_report`."""
 
     def __init__(
         self,

@@ -88,7 +88,7 @@ def measured(job: Job) -> dict[str, Any]:
 
 
 def bones(folder: Path, source: str, target: str) -> BenchmarkPair:
-    """Read a bone of two subjects, such as "femur_S081", the target with fewer vertices than the source."""
+    """Read a bone of two subjects, such as "femur_S081", the target with fewer vertices."""
     bone, subject = source.split("_")
     with np.load(folder / f"{bone}.npz") as arrays:
         one, other = (Mesh(arrays[name], arrays["faces"]) for name in (subject, target.split("_")[1]))
@@ -139,7 +139,7 @@ def ingredients(source: Mesh, target: Mesh, result: MatchResult) -> dict[str, np
 
 
 def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """For each set the mean capture of each measure, and mean errors, expected and true, × 100, also in each bin."""
+    """For each set the mean capture of each measure, and mean errors, expected and true, × 100."""
     columns = [key for key in rows[0] if key not in ("set", "pair", "outcome")]
     shown = [key for key in columns if key not in ("error", "expected") and key[-1] not in "01234"]
     table = []

@@ -54,7 +54,7 @@ def expected_errors(
 def doubt_of(
     pair: Problem, image: Int[BodyVertices, "r"], runner_up: Int[BodyVertices, "r"], ratio: float
 ) -> Float[FloatArray, "n_s"]:
-    """Expect the distance between two maps that tie, times the chance that the other is right, in √area."""
+    """Distance between two maps that tie, times the chance that the other is right, in √area."""
     # with P(map) ∝ score^−10, the other has chance 1 / (1 + (its score / score)^10); ½ at a tie
     chance = 1 / (1 + ratio**ERRORS.runner_up_exponent)
     rows = nearest_of(pair.source, pair.refinement_vertices)
