@@ -102,9 +102,9 @@ class HookedPage(WorkPage):
 
 
 @contextmanager
-def serving(surfaces, config=QUICK, at_the_end=HookedPage.at_the_end, **options):
+def serving(surfaces, config=QUICK, at_the_end=HookedPage.at_the_end, given=None, **options):
     keeper = Kept()
-    work_page = HookedPage(*surfaces, names=("a<b>.ply", "c.ply"))
+    work_page = HookedPage(*surfaces, names=("a<b>.ply", "c.ply"), given=given)
     work_page.at_the_end = at_the_end
     session = Session(surfaces, work_page, keeper, config=config, **options)
     server = PageServer(session)

@@ -392,7 +392,9 @@ def test_a_map_that_fits_both_readings(tmp_path, caplog):
         assert (found.map.vertices.tolist(), found.is_certain) == ([1, 2, 2], False), (
             "these count from 0 by contract"
         )
-        assert found.note.endswith("taken to count from 0; it has neither 0 nor 4")
+        assert found.note.endswith(
+            "indices are read as 0-based; neither 0 nor 4 is among them, which would settle it"
+        )
     path = mat(tmp_path / "a.mat", T=np.array([1.0, 2, 2]))
     with pytest.raises(FormatError, match="indices"):
         Correspondence.load(path, 4)

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_info
 
 import isomatch
 from isomatch.cli import main
-from isomatch.cli.terminal import json_text
+from isomatch.cli.terminal import complain, json_text, start_clock, waited
 from isomatch.datasets import example_pair, ground_truth
 from shapes import flat_grid, icosphere
 
@@ -275,6 +275,8 @@ def test_check_reports(shapes, capsys):
     report = json.loads(capsys.readouterr().out)
     assert report["ok"] is True
     assert report["n_vertices"] == 2968
+    assert main(["check", str(shapes / "source.ply"), "-q"]) == 0
+    assert capsys.readouterr().out == ""
 
 
 def test_check_lives_with_warnings_but_not_with_fatal_defects(tmp_path, capsys):
@@ -365,7 +367,33 @@ def test_repair_writes_mesh_and_index(tmp_path, capsys):
         assert index["new_index"].tolist() == [0, 1, 2, 1, 2, 3]
     assert main(argv) == 1
     assert "already exists" in one_line(capsys)
-    assert main([*argv, "--force"]) == 0
+    assert main([*argv, "--force", "-q"]) == 0
+    assert capsys.readouterr().out == ""
+    assert main([*argv, "--force", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["files"] == [str(tmp_path / name) for name in ("whole.off", "whole.index.npz")]
+    assert "welded 2 vertices" in record["changes"][0]
+
+
+def test_the_wait_is_that_of_the_whole_command():
+    start_clock(with_process=True)
+    of_process = waited()
+    start_clock(with_process=False)
+    assert 0 <= waited() < 0.5 < of_process, "the process has imported this test"
+
+
+def test_calls_and_settings_are_said_as_they_are_typed(capsys):
+    complain("a.ply: repair(mesh, weld=0.1) welds them, repair(mesh) removes them; set resolution = 'full'")
+    assert one_line(capsys) == (
+        "isomatch: a.ply: isomatch repair --weld 0.1 welds them, isomatch repair removes them; set --resolution full\n"
+    )
+
+
+def test_a_word_that_is_no_number_is_said_so(capsys):
+    assert main(["open", "a.ply", "b.ply", "--port", "abc"]) == 2
+    assert "--port: 'abc' is not a whole number. See isomatch open --help." in one_line(capsys)
+    assert main(["choose", "out", "one"]) == 2
+    assert "NUMBER: 'one' is not a whole number." in one_line(capsys)
 
 
 def test_an_interruption_has_its_own_exit_code(monkeypatch, capsys):

@@ -223,7 +223,7 @@ def test_evaluate_without_a_truth_matches_and_writes_a_page(shapes, monkeypatch,
     monkeypatch.chdir(shapes)
     right = evaluated(capsys, f"evaluate truth.txt a.ply b.ply -o {tmp_path}/page.html")
     assert (right["verdict"], right["given"]["support"]) == ("right", 1)
-    assert "The map that was judged." in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "<option>the map that was given</option>" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_evaluate_with_a_reference_says_whether_a_map_is_right(shapes, monkeypatch, tmp_path, capsys):

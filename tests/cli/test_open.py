@@ -78,6 +78,8 @@ def test_the_browser_gets_an_address_that_works_once_and_may_take_long(shapes, s
     [
         ("a.ply", "a.ply: isomatch open needs two shapes, or the folder of a result"),
         (". -o out --config x.toml", "-o, --config: the result in . has its own"),
+        (". --initial-map x.txt", "--initial-map: the result in . has its own"),
+        ("a.ply b.ply --initial-map short.txt", "is not a map of this source, which has"),
         (". --seed 0 --force", "--seed, --force: the result in . has its own, and Save replaces it"),
         (".", "result.json: no such file"),
         ("a.ply b.ply --target-landmarks x.txt", "--target-landmarks needs --landmarks"),
@@ -88,9 +90,20 @@ def test_the_browser_gets_an_address_that_works_once_and_may_take_long(shapes, s
 def test_what_is_refused(words, said, shapes, served, capsys):
     (shapes / "full").mkdir()
     (shapes / "full" / "map.npz").write_bytes(b"a result")
+    (shapes / "short.txt").write_text("0\n1\n")
     assert main(["open", *words.split()]) == 1
     assert said in capsys.readouterr().err
     assert not (shapes / "out").exists()
+
+
+def test_a_map_to_look_at_is_read_and_told(shapes, served):
+    n = bent().n_vertices
+    np.savetxt("turned.txt", np.roll(np.arange(n), 1), fmt="%d")
+    assert main(["open", "a.ply", "b.ply", "--initial-map", "turned.txt"]) == 0
+    inputs = served[0][0].inputs
+    np.testing.assert_array_equal(inputs.initial_map.vertices, np.roll(np.arange(n), 1))
+    assert inputs.facts == {"initial map": "turned.txt"}
+    assert "--initial-map turned.txt" in inputs.again
 
 
 @pytest.mark.long

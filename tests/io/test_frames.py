@@ -124,10 +124,10 @@ def test_a_format_without_frames_tells_the_loss(pair, tmp_path, capsys):
         np.testing.assert_array_equal(lost.values, asset.frame.matrix)
     assert main(["repair", str(pair[0]), "-o", str(tmp_path / "b.ply")]) == 0
     told = "c_ras 5 -20 30, the offset to" if asset.frame.space == "unknown" else "in"
-    lost = f"the frame of the coordinates ({told} scanner_anat); a .ply file has no place for it"
+    lost = f"the frame of the coordinates ({told} scanner_anat), which a .ply file cannot store"
     assert f"not in {tmp_path / 'b.ply'}: {lost}" in capsys.readouterr().out
     assert main(["repair", str(pair[0]), "-o", str(tmp_path / "b.surf.gii")]) == 0
-    assert "has no place" not in capsys.readouterr().out
+    assert "cannot store" not in capsys.readouterr().out
     np.testing.assert_allclose(
         in_scanner(tmp_path / "b.surf.gii"), SHAPES[0].vertices + OFFSETS[0], atol=1e-4
     )

@@ -208,7 +208,7 @@ def test_an_error_is_expected_where_surfaces_look_unlike():
         DoubtfulRegion(np.array([i]), 0.1, why) for i, why in enumerate((UNLIKE_ITS_IMAGE, ANOTHER_MAP))
     )
     doubt = doubt_in([unlike, runner_up], 3)
-    assert doubt[0] > 0.1
+    assert doubt[0] == pytest.approx(0.5 * np.sqrt(0.1)), "half of the width of the region"
     assert not doubt[1:].any(), "what a runner-up means is counted by its distance"
 
 

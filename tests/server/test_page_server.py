@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh, MeshError, SettingError
+from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, match
 from isomatch.server import PageServer
 from isomatch.server.app import _bound
@@ -160,6 +161,27 @@ def test_a_match_is_shown_corrected_and_kept(shape):
         assert page.code("POST", "/pack", {}) == 202
         assert page.settled()["packed"] == 1
         assert page.ask("GET", "/packed")[2] == b"PK" + json.dumps(PAIRS).encode()
+
+
+def test_a_map_that_was_given_is_shown_first_and_the_match_starts_from_it(shape):
+    images = np.roll(np.arange(shape.n_vertices), 1)
+    with serving((shape, shape), given=Correspondence(images, shape.n_vertices)) as page:
+        state = page.state()
+        assert (state["revision"], state["unsaved"]) == (1, False)
+        shown = json.loads(page.ask("GET", "/result")[2])
+        assert (shown["outcome"], shown["headline"]) == ("", "This is the map that was given.")
+        assert [each["name"] for each in shown["scene"]["maps"]] == ["the map that was given"]
+        assert page.words("POST", "/write", {}) == (400, "there is no result yet; match first")
+        assert page.match()[0] == 202
+        assert page.settled()["error"] == ""
+        shown = json.loads(page.ask("GET", "/result")[2])
+        names = [each["name"] for each in shown["scene"]["maps"]]
+        assert (names[0], names[-1]) == ("the map", "the map that was given")
+        assert [each["name"] for each in shown["runners_up"]] == names
+        assert page.code("POST", "/write", {}) == 202
+        page.settled()
+        ((result, _),) = page.keeper.results
+        assert not np.isnan(result.quality.initial_map_error)
 
 
 @pytest.mark.long

@@ -115,7 +115,7 @@ def test_what_as_mesh_leaves_out_is_said(tmp_path, capsys):
     say_wrapped({**record, "files_beside": [], "notes": []})
     said = " ".join(capsys.readouterr().out.split())
     assert "a.glb: normal; they belong to the former shape" in said
-    assert "a.glb: color; a .glb file has no place for it" in said
+    assert "a.glb: color, which a .glb file cannot store" in said
 
 
 UTM = (512345.6, 5412345.7, 321.5)

@@ -170,7 +170,7 @@ def test_outcome_numbers_and_settings_are_those_of_the_result(page, result):
     assert not any(row.startswith("landmark error") for row in rows)
     (caption,) = (element["text"] for element in page.all("figcaption"))
     assert re.fullmatch(
-        r"Alternative 1 Sends \d+% of the surface elsewhere\. Exchanges left and right in .*", caption
+        r"Alternative 1 Differs on \d+% of the surface\. Exchanges left and right in .*", caption
     )
     assert [option["text"] for option in page.all("option")] == ["the map", "alternative 1"]
     soft = " ".join(element["text"] for element in page.all("p"))
@@ -245,10 +245,25 @@ def test_the_report_says_that_a_shape_was_simplified(pair, result, tmp_path, mon
     assert re.search(r"target is simplified to [\d,]+ of its 3,242 vertices", told)
     assert "source is simplified" not in told
     assert "hidden" in page.by_id("landmarks")
-    assert "Alternatives" not in [each["text"] for each in page.all("h2")]
+    assert "Other maps" not in [each["text"] for each in page.all("h2")]
     assert "Nothing was repaired" in told
     assert page.by_id("outcome")["text"] == HEADLINES[Outcome.CONVERGED]
     assert b64decode(page.all("img")[0]["src"].split(",")[1]) == b"a picture"
+
+
+def test_the_map_that_was_given_is_shown_and_drawn_with_the_alternatives(pair, result, tmp_path):
+    source, target, truth = pair
+    moved = dataclasses.replace(result, map=Correspondence(np.roll(truth.vertices, 900), target.n_vertices))
+    write_report(tmp_path / "report.html", source, target, moved, given=truth)
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    names = ["the map", "alternative 1", "the map that was given"]
+    assert [each["text"] for each in page.all("option")][: len(names)] == names
+    scene = json.loads(page.by_id("scene")["text"])["maps"]
+    assert [each["name"] for each in scene] == names
+    shown = unpacked(json.loads(page.by_id("scene")["text"])["source"]["index"], "<u4")
+    np.testing.assert_array_equal(unpacked(scene[2]["images"], "<i4"), truth.vertices[shown])
+    first, *_ = (each["text"] for each in page.all("figcaption"))
+    assert re.fullmatch(r"The map that was given Differs on (\d\d|100)% of the surface\.", first)
 
 
 def test_every_measure_of_quality_has_words():
@@ -406,11 +421,11 @@ def test_an_alternative_is_told_by_where_it_goes(pair, result, orientation, word
     source, target, _ = pair
     same = Alternative(lambda: result.map, 0.1, orientation, "flip")
     told = told_of_alternative(source, target, result, same)
-    assert told.startswith("Sends 0% of the surface elsewhere. ")
+    assert told.startswith("Differs on 0% of the surface. ")
     assert words in told
     former = dataclasses.replace(same, energy=np.nan, orientation=np.nan)
     assert told_of_alternative(source, target, result, former).startswith(
-        "The map before this one was chosen. Sends 0%"
+        "The map before this one was chosen. Differs on 0%"
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match
 from isomatch.matching import DoubtfulRegion
 from isomatch.visualization import HEADLINES, summary_of
-from isomatch.visualization.summary import ANOTHER_IS_BETTER, MOSTLY_RIGHT
+from isomatch.visualization.summary import ANOTHER_IS_BETTER, MOSTLY_RIGHT, PARTLY_SURE
 from shapes import icosphere
 
 JARGON = re.compile(
@@ -30,7 +30,7 @@ def result():
 @pytest.fixture
 def sure(result):
     errors = np.full(len(result.map.vertices), 0.01)
-    return replace(result, outcome=Outcome.CONVERGED, regions=(), expected_error=errors)
+    return replace(result, outcome=Outcome.CONVERGED, regions=(), expected_error=errors, target_size=250.0)
 
 
 @pytest.mark.parametrize("outcome", Outcome)
@@ -65,7 +65,7 @@ def test_the_page_about_outcomes_has_each_sentence():
     for outcome, headline in HEADLINES.items():
         _, section = page.split(f"\n## {headline}\n")
         assert f"`{outcome.name}`" in section.split("\n## ")[0]
-    assert all(f"*{headline}*" in page for headline in (MOSTLY_RIGHT, ANOTHER_IS_BETTER))
+    assert all(f"*{headline}*" in page for headline in (PARTLY_SURE, MOSTLY_RIGHT, ANOTHER_IS_BETTER))
 
 
 def test_doubt_is_a_share_of_the_surface(sure):
@@ -77,13 +77,25 @@ def test_doubt_is_a_share_of_the_surface(sure):
         "6.0% of the surface is in doubt, most of it around vertex 3, where it looks unlike" in told.sureness
     )
     assert "Expected error" not in told.sureness
-    assert summary_of(sure).sureness == "No region is in doubt. Expected error: 1.0% of the size (√area)."
+    told = "No region is in doubt. Expected error: 1.0% of the size (√area), or 2.5 in the target's units."
+    assert summary_of(sure).sureness == told
+    without = replace(sure, target_size=np.nan)
+    assert summary_of(without).sureness == "No region is in doubt. Expected error: 1.0% of the size (√area)."
 
 
 def test_points_that_may_be_far_off_are_counted(sure):
     errors = sure.expected_error.copy()
     errors[: len(errors) // 4] = 0.2
-    assert "more than 5% at 25% of the points" in summary_of(replace(sure, expected_error=errors)).sureness
+    many = summary_of(replace(sure, expected_error=errors))
+    assert "more than 5% at 25% of the points" in many.sureness
+    assert many.headline == PARTLY_SURE
+    assert "No region is in doubt" not in many.sureness
+    errors[len(errors) // 50 :] = 0.01
+    few = summary_of(replace(sure, expected_error=errors))
+    assert few.headline == HEADLINES[Outcome.CONVERGED]
+    assert "No region is in doubt" not in few.sureness
+    region = DoubtfulRegion(np.array([3]), 0.05, "it looks unlike its image")
+    assert summary_of(replace(sure, regions=(region,))).headline == PARTLY_SURE
 
 
 def test_a_headline_says_whether_all_or_some_is_in_doubt(sure):

@@ -104,7 +104,7 @@ def test_how_much_has_changed(shape, result):
     assert told["runners_up"][-1] == {
         "name": "before",
         "origin": "",
-        "about": f"The map that this one replaced. Sends {share:.0%} of the surface elsewhere.",
+        "about": f"The map that this one replaced. Differs on {share:.0%} of the surface.",
     }
 
 

@@ -83,7 +83,7 @@ def export(
     def summary() -> None:
         say(f"wrote {written['meshes']} meshes and {written['maps']} maps to {to}")
         for name, count in lost.items():
-            say(f"not in {count} of the meshes: {name}; a {meshes} file has no place for it")
+            say(f"not in {count} of the meshes: {name}, which a {meshes} file cannot store")
         if left_out:
             say(f"not in the topology of the template, see shapes.csv: {', '.join(left_out)}", "bold red")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ from isomatch._core.errors import FormatError, InputError, NotConvergedError
 from isomatch._core.settings import require_one_of
 from isomatch.cli.inputs import Force, Seed
 from isomatch.cli.outputs import claimed_files, say_notes
-from isomatch.cli.terminal import TALK, Talk, part, say, say_rows, say_table
+from isomatch.cli.terminal import TALK, Talk, Tell, part, say, say_rows, say_table
 
 MEASURES = (
     ("support", "support", ".1%", "of the area has a counterpart"),
@@ -79,8 +79,13 @@ def evaluate(
         fail_on: Without a truth, verdicts that make the exit code 4: wrong, doubtful; both with a comma.
     """
     if target is None:
-        files = map_file, truth, source, reference, output
-        _judge(*files, (counts_from, variable), read_verdicts(fail_on), seed, force, talk)
+        reading = {"counts_from": counts_from, "variable": variable}
+        maps, refused = _Maps(map_file, reference, reading), read_verdicts(fail_on)
+        with talk.progress() as tell, claimed_files(output, force=force):
+            found, judged = maps.judge((truth, source), output, seed, tell)
+        talk.result(judged, lambda: _say_judgement(found, judged), is_answer=True)
+        if found.verdict in refused:
+            raise NotConvergedError(str(found))
         return
     if reference or output or fail_on:
         raise InputError("--reference, --output and --fail-on need a map without a truth: MAP SOURCE TARGET")
@@ -89,8 +94,8 @@ def evaluate(
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         sizes = shapes[0].n_vertices, shapes[1].n_vertices
         read = correspondence.read_map(map_file, *sizes[::-1], counts_from=counts_from, variable=variable)
-        judged, notes = read.map, [read.note]
-        judged.check_fits(*shapes)
+        notes = [read.note]
+        read.map.check_fits(*shapes)
         points_there = None
         if target_marks is None:
             table = evaluation.read_truth(truth, *shapes, truth_counts_from)
@@ -103,8 +108,8 @@ def evaluate(
             _require_within(truth, pairs, sizes)
         tell("geodesic distances", 0.1)
         most = None if points is None else min(points, len(pairs))
-        errors = evaluation.geodesic_errors(shapes[1], judged, pairs, most, seed, points=points_there)
-        coverage = evaluation.coverage(shapes[1], judged)
+        errors = evaluation.geodesic_errors(shapes[1], read.map, pairs, most, seed, points=points_there)
+        coverage = evaluation.coverage(shapes[1], read.map)
         tell("done", 1.0)
     counted = evaluation.counted(errors)
     record: dict[str, Any] = {
@@ -137,64 +142,55 @@ def read_verdicts(names: str | None) -> list[str]:
     return verdicts
 
 
-def _judge(
-    map_file: Path,
-    source: Path,
-    target: Path,
-    reference: Path | None,
-    page: Path | None,
-    reading: tuple[Literal[0, 1] | None, str | None],
-    refused: list[str],
-    seed: int,
-    force: bool,
-    talk: Talk,
-) -> None:
-    """Say whether a map is right, without a truth."""
-    if page and (reference or page.suffix.lower() != ".html"):
-        raise InputError("--output is an .html file, with isomatch's own map; leave --reference out")
-    with talk.progress() as tell, claimed_files(page, force=force):
+@dataclass(frozen=True)
+class _Maps:
+    """Files of the map to judge and of a map taken to be right, if any; how they are read."""
+
+    given: Path
+    reference: Path | None
+    reading: dict[str, Any]
+
+    def judge(
+        self, ends: tuple[Path, Path], page: Path | None, seed: int, tell: Tell
+    ) -> tuple[isomatch.Judgement, dict[str, Any]]:
+        """Say whether the map is right, without a truth, perhaps on a page."""
+        if page and (self.reference or page.suffix.lower() != ".html"):
+            raise InputError("--output is an .html file, with isomatch's own map; leave --reference out")
         tell("reading", 0.0)
-        shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
-        sizes, (counts_from, variable) = (shapes[1].n_vertices, shapes[0].n_vertices), reading
-        files = [path for path in (map_file, reference) if path]
-        read = [
-            correspondence.read_map(path, *sizes, counts_from=counts_from, variable=variable)
-            for path in files
-        ]
-        judged, other = read[0].map, read[1].map if reference else None
-        found = isomatch.judge(*shapes, judged, other, seed=seed, progress=part(tell, 0.1, 0.8))
+        shapes = isomatch.read_mesh(ends[0]), isomatch.read_mesh(ends[1])
+        sizes = shapes[1].n_vertices, shapes[0].n_vertices
+        files = filter(None, (self.given, self.reference))
+        read = [correspondence.read_map(path, *sizes, **self.reading) for path in files]
+        other = read[1].map if self.reference else None
+        found = isomatch.judge(*shapes, read[0].map, other, seed=seed, progress=part(tell, 0.1, 0.8))
         tell("writing", 0.9)
         if page:
-            visualization.write_judgement(page, *shapes, found, names=(source.name, target.name))
+            visualization.write_judgement(page, *shapes, found, names=(ends[0].name, ends[1].name))
         tell("done", 1.0)
-    record: dict[str, Any] = {
-        "map": str(map_file),
-        "verdict": found.verdict,
-        "sentence": found.sentence,
-        "ratio": found.ratio,
-        "elsewhere": found.elsewhere,
-        "regions": [region.to_dict() for region in found.regions],
-        "given": {**asdict(found.given), "cost": found.given.cost},
-        "reference": {**asdict(found.reference), "cost": found.reference.cost},
-        "page": page and str(page),
-        "notes": [each.note for each in read if each.note],
-    }
+        return found, {
+            "map": str(self.given),
+            "verdict": found.verdict,
+            "sentence": found.sentence,
+            "ratio": found.ratio,
+            "elsewhere": found.elsewhere,
+            "regions": [region.to_dict() for region in found.regions],
+            "given": {**asdict(found.given), "cost": found.given.cost},
+            "reference": {**asdict(found.reference), "cost": found.reference.cost},
+            "page": page and str(page),
+            "notes": [each.note for each in read if each.note],
+        }
 
-    def summary() -> None:
-        say(str(found), COLOURS[found.verdict])
-        say_rows(("region", str(region)) for region in found.regions)
-        rows = [
-            (name, *(f"{getattr(each, field):{form}}" for each in (found.given, found.reference)), meaning)
-            for name, field, form, meaning in MEASURES
-        ]
-        say_table([("", "this map", "reference", ""), *rows])
-        say_notes(record["notes"])
-        if page:
-            say_rows([("page", str(page))])
 
-    talk.result(record, summary, is_answer=True)
-    if found.verdict in refused:
-        raise NotConvergedError(str(found))
+def _say_judgement(found: isomatch.Judgement, record: dict[str, Any]) -> None:
+    say(str(found), COLOURS[found.verdict])
+    say_rows(("region", str(region)) for region in found.regions)
+    rows = [
+        (name, *(f"{getattr(each, field):{form}}" for each in (found.given, found.reference)), meaning)
+        for name, field, form, meaning in MEASURES
+    ]
+    say_table([("", "this map", "reference", ""), *rows])
+    say_notes(record["notes"])
+    say_rows([("page", record["page"] or "")])
 
 
 def _of_marks(of_source: Path, of_target: Path) -> IntArray:

@@ -31,6 +31,7 @@ Json = Annotated[
     bool,
     Parameter(alias="-j", help="Print JSON and nothing else: an object, of several files a list of them."),
 ]
+Quiet = Annotated[bool, Parameter(alias="-q", help="Print only warnings and errors.")]
 Details = Annotated[
     bool, Parameter(help="Print every measure too, with its bound, and the seconds of each stage.")
 ]
@@ -95,6 +96,11 @@ def read_landmarks(path: Path | None, of_target: Path | None, ends: tuple[Path, 
     if path is None and of_target is not None:
         raise LandmarkError("--target-landmarks needs --landmarks with the points of the source")
     return None if path is None else isomatch.read_landmarks(path, *ends, of_target)
+
+
+def read_initial_map(path: Path | None, target: Surface) -> isomatch.Correspondence | None:
+    """Read a map to start from; None if there is no file."""
+    return None if path is None else isomatch.Correspondence.load(path, target.n_vertices)
 
 
 def read_config(path: Path | None) -> isomatch.Config | None:

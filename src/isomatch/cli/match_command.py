@@ -26,6 +26,7 @@ from isomatch.cli.inputs import (
     naming_files,
     read_config,
     read_functions,
+    read_initial_map,
     read_landmarks,
     read_outcomes,
     read_surface,
@@ -79,9 +80,9 @@ class Priors:
     def read(self, ends: tuple[Path, Path], shapes: tuple[Surface, Surface]) -> dict[str, Any]:
         """Read what `isomatch.match` takes of them."""
         pairs = read_landmarks(self.landmarks, self.target_landmarks, ends)
-        counts, names, start = [shape.n_vertices for shape in shapes], self.function, self.initial_map
+        counts, names = [shape.n_vertices for shape in shapes], self.function
         functions = tuple(map(read_functions, ends, (names, names), counts)) if names else None
-        first = None if start is None else isomatch.Correspondence.load(start, counts[1])
+        first = read_initial_map(self.initial_map, shapes[1])
         given = {"landmarks": pairs, "initial_map": first, "functions": functions}
         return given | ({"via": tuple(map(read_surface, self.via))} if self.via else {})
 
@@ -160,7 +161,7 @@ def match(
         pairs = hints["landmarks"]
         files = {name: getattr(priors, name) for name in ("landmarks", "target_landmarks", "initial_map")}
         facts = {name.replace("_", " "): str(path) for name, path in files.items() if path is not None}
-        inputs = Inputs(*ends, again, [] if pairs is None else pairs.tolist(), facts)
+        inputs = Inputs(*ends, again, [] if pairs is None else pairs.tolist(), facts, hints["initial_map"])
         assets, beside = _to_wrap(as_mesh, ends, shapes, rounded)
         with folder.claimed(force), claimed_files(as_mesh, *beside, force=force):
             run: Callable[..., Any] = isomatch.match_both if both else isomatch.match

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from os.path import commonpath, dirname, isabs, relpath
@@ -19,9 +18,9 @@ from isomatch import shapes, spectral
 from isomatch._core.array_file import write_arrays
 from isomatch._core.skipped import tell_skipped
 from isomatch.cli.distance_command import N_COLUMNS
-from isomatch.cli.inputs import Force, Json, Output, Rounded, surface_of
+from isomatch.cli.inputs import Force, Json, Output, Quiet, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
-from isomatch.cli.terminal import say, say_json
+from isomatch.cli.terminal import in_shell, say, say_json
 from isomatch.io import FORMATS, as_written, files_beside, meshes_among, read_as_far
 from isomatch.repair import Repair, without_seams
 
@@ -46,6 +45,7 @@ def check(
     verb: Annotated[Verb | None, Parameter(name="--for")] = None,
     wall: float = 0.05,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Report the defects of meshes, and which commands they are fit for.
 
@@ -64,9 +64,9 @@ def check(
     if json:
         plain = [{name: value for name, value in record.items() if name != "report"} for record in records]
         say_json(plain if several else plain[0])
-    elif several:
+    elif several and not quiet:
         _say_several(records)
-    else:
+    elif not quiet:
         _say_one(records[0])
     bad = {record["file"]: reason for record in records if (reason := _reason(record, verb))}
     if several and bad:
@@ -119,10 +119,7 @@ def _say_one(record: dict[str, Any]) -> None:
     size = "none" if record["size"] is None else f"{record['size']:.4g}"
     say(f"{'longest side, in the units of the file':<45} {size:>7}")
     for line in record["report"].splitlines():
-        told = line.replace("repair(mesh, outer=True)", "isomatch repair --outer")
-        told = told.replace("repair(mesh, without_base=True)", "isomatch repair --without-base")
-        told = re.sub(r"repair\(mesh, weld=(\S+)\)", r"isomatch repair --weld \1", told)
-        told = told.replace("repair(mesh)", "isomatch repair")
+        told = in_shell(line)
         say(told if len(told) <= Console().width else _filled(told))
     for note in record["notes"]:
         say(_filled(f"note: {note}"))
@@ -219,6 +216,8 @@ def repair(
     without_base: Annotated[bool, Parameter(negative=())] = False,
     rounded: Rounded = False,
     force: Force = False,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Mend a mesh: weld vertices, remove unusable faces, orient the others outward, part limbs that were merged.
 
@@ -254,13 +253,19 @@ def repair(
         with claimed_files(*beside, force=force):
             left = [attribute.name for attribute in isomatch.write_asset(output, asset, rounded=rounded)]
         write_arrays(index, {name: getattr(repaired, name) for name in _INDICES})
+    files, notes = list(map(str, (output, *beside, index))), notes_on({file: asset})
+    if json:
+        done = {"file": str(file), "changes": list(repaired.changes), "left_out": left, "notes": notes}
+        return say_json(done | {"files": files})
+    if quiet:
+        return None
     for change in repaired.changes:
         say(change)
     say_left_out(left, output)
-    say_notes(notes_on({file: asset}))
+    say_notes(notes)
     copy = "a copy without these" if left else "an unchanged copy"
     what = "wrote" if repaired.changes else f"nothing to repair; wrote {copy}:"
-    say(f"{what} {', '.join(map(str, (output, *beside, index)))}")
+    say(f"{what} {', '.join(files)}")
 
 
 def _whole(file: Path, output: Path) -> Path | isomatch.Asset:

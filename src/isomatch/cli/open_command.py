@@ -19,7 +19,15 @@ import isomatch
 from isomatch import visualization
 from isomatch._core.errors import SettingError
 from isomatch._core.texts import json_text
-from isomatch.cli.inputs import ConfigFile, Force, Surface, read_config, read_landmarks, read_surface
+from isomatch.cli.inputs import (
+    ConfigFile,
+    Force,
+    Surface,
+    read_config,
+    read_initial_map,
+    read_landmarks,
+    read_surface,
+)
 from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Inputs, ResultFolder, match_again
 from isomatch.cli.terminal import say
 from isomatch.server import PageServer, Pairs, Session, require_server
@@ -34,6 +42,7 @@ def open_page(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     landmarks: Path | None = None,
     target_landmarks: Path | None = None,
+    initial_map: Path | None = None,
     config: ConfigFile = None,
     port: int = 0,
     browser: Annotated[bool, Parameter(name="--browser", negative="--no-browser", show_default=False)] = True,
@@ -53,14 +62,15 @@ def open_page(
             map back.
         landmarks: Landmarks to begin with, as for isomatch match.
         target_landmarks: The points marked on the target, if they have a file of their own.
+        initial_map: A map of any tool to look at; a match starts from it, and shows both.
         port: Port on which the page is served; 0 for any that is free.
         browser: Whether to open the page in a browser. Its address is printed in any case.
         seed: Seed of all that is drawn at random; 0 if it is left out. A result that is opened has its own.
     """
     require_server()
     if target is None or other is not None:
-        options = "-o", "--landmarks", "--target-landmarks", "--config", "--seed", "--force"
-        values = output, landmarks, target_landmarks, config, seed, force or None
+        options = "-o", "--landmarks", "--target-landmarks", "--initial-map", "--config", "--seed", "--force"
+        values = output, landmarks, target_landmarks, initial_map, config, seed, force or None
         _require_result(source, [option for option, value in zip(options, values) if value is not None])
         earlier = Earlier.read(source, target, other)
         surfaces = earlier.surfaces()
@@ -72,12 +82,19 @@ def open_page(
         session = {"config": read_config(config), "seed": seed or 0}
         surfaces = read_surface(source), read_surface(target)
         pairs = read_landmarks(landmarks, target_landmarks, (source, target))
-        again = match_again(source, target, output=output or Path("out"), config=config, seed=seed or 0)
-        inputs = Inputs(source, target, again, [] if pairs is None else pairs.tolist())
+        known = {"initial_map": initial_map, "config": config, "seed": seed or 0}
+        again = match_again(source, target, output=output or Path("out"), **known)
+        given, facts = read_initial_map(initial_map, surfaces[1]), {}
+        if given:
+            given.check_fits(*surfaces)
+            facts = {"initial map": str(initial_map)}
+        inputs = Inputs(source, target, again, [] if pairs is None else pairs.tolist(), facts, given)
         keeper = _Files(inputs, surfaces, ResultFolder(output) if output else None)
     marks = keeper.inputs.landmarks
     drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
-    page = visualization.WorkPage(*drawn, names=keeper.inputs.names, landmarks=marks)
+    page = visualization.WorkPage(
+        *drawn, names=keeper.inputs.names, landmarks=marks, given=keeper.inputs.initial_map
+    )
     with keeper.claimed(force):
         server = PageServer(Session(surfaces, page, keeper, landmarks=marks, **session), port)
         say(server.address)

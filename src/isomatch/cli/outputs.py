@@ -16,7 +16,7 @@ from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import MeshError
 from isomatch._core.files import claimed
 from isomatch.cli.inputs import Surface
-from isomatch.cli.terminal import INDENT, say, say_rows
+from isomatch.cli.terminal import INDENT, in_shell, say, say_rows
 from isomatch.io import Attribute, Frame
 
 
@@ -85,7 +85,7 @@ def say_wrapped(record: dict[str, Any]) -> None:
 def say_left_out(names: list[str], file: str | Path) -> None:
     """Print what the format of a file has no place for."""
     if names:
-        say(f"not in {file}: {', '.join(names)}; a {Path(file).suffix} file has no place for it")
+        say(f"not in {file}: {', '.join(names)}, which a {Path(file).suffix} file cannot store")
 
 
 def notes_on(assets: Mapping[Path, isomatch.Asset]) -> list[str]:
@@ -96,4 +96,4 @@ def notes_on(assets: Mapping[Path, isomatch.Asset]) -> list[str]:
 def say_notes(notes: Iterable[str]) -> None:
     """Print what is to be known of files or a result."""
     for note in notes:
-        say(f"note: {note}")
+        say(f"note: {in_shell(note)}")

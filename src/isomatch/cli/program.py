@@ -10,12 +10,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from cyclopts import App, Group, Parameter
-from cyclopts.exceptions import CycloptsError
+from cyclopts.exceptions import CoercionError, CycloptsError
 
 from isomatch import __version__
 from isomatch._core.errors import IsomatchError, NotConvergedError
 from isomatch._core.skipped import telling_once
-from isomatch.cli.terminal import IncompleteError, complain, print_anything
+from isomatch.cli.terminal import IncompleteError, complain, print_anything, start_clock
 
 DONE, BAD, MISUSED, INCOMPLETE, UNSURE, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit codes
 STRICT = "--strict"  # an option of all commands
@@ -67,6 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     failed, 4 if a result is not sure.
     """
     print_anything()
+    start_clock(with_process=argv is None)
     words = sys.argv[1:] if argv is None else list(argv)
     strict = STRICT in words
     words = [word for word in words if word != STRICT]
@@ -84,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         asked = " ".join(("isomatch", *(error.command_chain or ())))
-        return _complain(f"{error} See {asked} --help.", MISUSED)
+        return _complain(f"{_in_words(error)} See {asked} --help.", MISUSED)
     try:
         with telling_once(strict):
             command(*bound.args, **bound.kwargs)
@@ -104,6 +105,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     return DONE
+
+
+_NUMBERS = {int: "a whole number", float: "a number"}
+
+
+def _in_words(error: CycloptsError) -> str:
+    """Say what is wrong with the words of a command, without the names of Python's types."""
+    if isinstance(error, CoercionError) and error.token and error.target_type in _NUMBERS:
+        name = error.token.keyword or (error.argument and error.argument.name)
+        return f"{name}: {error.token.value!r} is not {_NUMBERS[error.target_type]}."
+    return str(error)
 
 
 def _first_line(place: str) -> str:

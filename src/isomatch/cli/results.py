@@ -19,7 +19,7 @@ from isomatch._core.files import claimed, contents, made_folder, staged, write_t
 from isomatch._core.texts import json_text
 from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
-from isomatch.cli.terminal import INDENT, say, say_rows, say_table
+from isomatch.cli.terminal import INDENT, in_shell, say, say_rows, say_table, waited
 
 RESULT = "result.json"
 BACK = "map_back.npz"
@@ -49,6 +49,7 @@ class Inputs:
     again: str  # the command that matches again
     landmarks: Sequence[Sequence[int]] = ()
     facts: Mapping[str, object] = field(default_factory=dict)  # further rows of the table about the run
+    initial_map: isomatch.Correspondence | None = None
 
     @property
     def names(self) -> tuple[str, str]:
@@ -149,7 +150,8 @@ class ResultFolder:
                 below = titles or (f"source: {inputs.names[0]}", f"target: {inputs.names[1]}")
                 visualization.draw_map(*drawn, result.map, picture, titles=below)
             if self.report:
-                shown = inputs.shown(isomatch=isomatch.__version__) | {"picture": "" if undrawn else picture}
+                shown = inputs.shown(isomatch=isomatch.__version__) | {"given": inputs.initial_map}
+                shown |= {"picture": "" if undrawn else picture}
                 with _noted("report", undrawn):
                     visualization.write_report(files["report"], *drawn, result, **shown)
             if back:
@@ -302,7 +304,7 @@ def say_result(result: isomatch.MatchResult, details: bool = False) -> None:
         _say_details(result)
     else:
         more = len(result.notes) - MOST_NOTES
-        say_rows(("note", note) for note in result.notes[:MOST_NOTES])
+        say_rows(("note", in_shell(note)) for note in result.notes[:MOST_NOTES])
         say_rows([("", f"{more} more {'note' if more == 1 else 'notes'}: --details")] if more > 0 else [])
 
 
@@ -334,6 +336,6 @@ def say_files(record: Mapping[str, Any]) -> None:
     short = {"alternative_*.npz"} if len(alternatives) > 1 else alternatives
     sizes = f"{record['n_source']:,} → {record['n_target']:,} vertices"
     say_rows(("note", note) for note in record["undrawn"])
-    say_rows([("took", f"{record['timings']['total']:.1f} s for the match, {sizes}")])
+    say_rows([("took", f"{waited():.1f} s, of which {record['timings']['total']:.1f} s to match {sizes}")])
     say(f"{'  open first':<{INDENT}}{first}")  # whole, to be copied
     say_rows([("also there", ", ".join(sorted((names - alternatives) | short)))])

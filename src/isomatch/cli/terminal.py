@@ -18,6 +18,7 @@ from threading import Event, Thread
 from typing import Annotated, Any, TypeAlias
 
 from cyclopts import Parameter
+from psutil import Process
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
 from rich.table import Table
@@ -64,7 +65,23 @@ def say_rows(rows: Iterable[tuple[str, str]], indent: int = INDENT) -> None:
 
 def complain(message: str) -> None:
     """Write one line to standard error."""
-    sys.stderr.write(f"isomatch: {printable(' '.join(message.split()))}\n")
+    sys.stderr.write(f"isomatch: {printable(' '.join(in_shell(message).split()))}\n")
+
+
+_IN_SHELL = (  # calls and settings, and what to type for them
+    (r"repair\(mesh, outer=True\)", "isomatch repair --outer"),
+    (r"repair\(mesh, without_base=True\)", "isomatch repair --without-base"),
+    (r"repair\(mesh, weld=(\S+)\)", r"isomatch repair --weld \1"),
+    (r"repair\(mesh\)", "isomatch repair"),
+    (r"\b(hypotheses|orientation|refinement|resolution|start) = '(\w+)'", r"--\1 \2"),
+)
+
+
+def in_shell(text: str) -> str:
+    """Say with commands and options what a text of the library says in Python."""
+    for call, typed in _IN_SHELL:
+        text = re.sub(call, typed, text)
+    return text
 
 
 class IncompleteError(IsomatchError):
@@ -74,9 +91,12 @@ class IncompleteError(IsomatchError):
 def require_complete(failed: Sequence[str], folder: Path) -> None:
     """Raise `IncompleteError` if shapes or pairs failed, and name the first."""
     if failed:
+        what = "1 shape or pair" if len(failed) == 1 else f"{len(failed)} shapes or pairs"
         more = f" and {len(failed) - MOST_NAMED} more" if len(failed) > MOST_NAMED else ""
-        told = f"{len(failed)} shapes or pairs failed: {', '.join(failed[:MOST_NAMED])}{more}"
-        raise IncompleteError(f"{told}; all else is in {folder}, isomatch collect status says why")
+        raise IncompleteError(
+            f"{what} failed: {', '.join(failed[:MOST_NAMED])}{more}; the rest is in {folder}, and isomatch collect "
+            "status says why"
+        )
 
 
 def say_table(rows: Iterable[tuple[str, ...]]) -> None:
@@ -90,6 +110,19 @@ def say_table(rows: Iterable[tuple[str, ...]]) -> None:
     for row in rows:
         table.add_row(*(Text(printable(cell)) for cell in row))
     Console(highlight=False).print(table)
+
+
+_STARTED = [time.time()]
+
+
+def start_clock(*, with_process: bool) -> None:
+    """Begin to count the wait for a command: now, or when the process began, before imports."""
+    _STARTED[0] = Process().create_time() if with_process else time.time()
+
+
+def waited() -> float:
+    """Seconds since the command was called."""
+    return time.time() - _STARTED[0]
 
 
 def say_json(value: Any) -> None:

@@ -37,7 +37,7 @@ ENLARGED = 0.1  # of the size: largest displacement in pictures of landmarks
 HALF = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
 MEASURED = (
     "Each shape is reflected and laid onto itself, or a left one onto the right one; the middle of both is symmetric. "
-    "The asymmetry at a point is its way from there: where it stands out 2 farther than opposite, it is +1."
+    "The asymmetry at a point is its distance from there: +1 where it stands out 2 units farther than its opposite."
 )
 ALIKE = (
     "shapes were compared in one topology, where maps go wrong alike in all: asymmetry near their errors may look "
@@ -383,7 +383,7 @@ def _told(record: dict[str, Any]) -> list[str]:
             else "nothing was measured twice: errors of measurement and of maps are part of the fluctuating asymmetry",
             *([ALIKE] if record["in_one_topology"] else []),
             f"{record['share']:.1%} of the asymmetry is directional, p = {record['p_value']:.4g} "
-            f"({record['n_permutations']} ways to mirror some of the individuals; no p is below {2.0 ** (1 - n):.2g})",
+            f"({record['n_permutations']} ways of exchanging sides; the smallest possible p is {2.0 ** (1 - n):.2g})",
         ]
     if record["size_anova"]:
         sides, error = record["size_anova"][1], len(record["size_anova"]) > 3

@@ -378,10 +378,10 @@ PICTURES = {
     "variance": "How much each vertex varies.",
     "canonical": "Canonical variates: the directions in which the groups differ most, over how they vary.",
     "groups": "Where the means of the groups differ, and how far they are apart there.",
-    "allometry": "Shape without size, in the direction in which it changes with size, against size.",
+    "allometry": "How shape changes with size: the regression score of each shape against its size.",
     "quality": "By the number of modes: the share described, the error of shapes left out, how near random ones are.",
     "embedding": "The shapes by their distances: differences of geodesic ones, or of landmarks Procrustes distances.",
-    "dendrogram": "The tree of the same.",
+    "dendrogram": "A tree of the same distances.",
 }
 """What each picture shows, in the order of the page."""
 

@@ -82,7 +82,7 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, S
     if float(line.turned or 0) > MOST_TURNED:
         problems.append(f"{float(line.turned):.1%} of the faces are turned over")
     if int(line.extended or 0):
-        problems.append(f"{line.extended} vertices of the template without counterpart")
+        problems.append(f"{line.extended} template vertices have no counterpart here and were interpolated")
     picture = collection.layout.thumbnail(name)
     image = f'<img src="{_link(collection, picture)}" alt="" loading=lazy>' if picture.exists() else "<i></i>"
     problem = f"<small>{escape('; '.join(problems))}</small>" if problems else ""

@@ -310,12 +310,16 @@ def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target
         note = f"{path.name}: counts from 1, as its largest index, {most}, is the number of {what}"
         return IndexBase(1, note=note)
     if least > 0:
-        note = "" if n is None else f"{path.name}: taken to count from 0; it has neither 0 nor {n}"
+        note = (
+            ""
+            if n is None
+            else f"{path.name}: indices are read as 0-based; neither 0 nor {n} is among them, which would settle it"
+        )
         return IndexBase(0, False, False, note)
     _, times = np.unique(held, return_counts=True)
     if len(held) < len(indices) or len(held) == len(times) == most + 1:
         return IndexBase(0)
     if times[0] > max(1, times[1:].max(initial=0)):
-        note = f"{path.name}: taken to count from 0; it has {times[0]} of it, which mean unmatched if it counts from 1"
+        note = f"{path.name}: indices are read as 0-based; its {times[0]} zeros mean unmatched if they are 1-based"
         return IndexBase(0, False, False, note)
     return IndexBase(0, False)

@@ -144,9 +144,11 @@ _PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "way", "evid
 
 
 def _restored(summary: dict[str, Any]) -> dict[str, Any]:
-    known = {"way": "", "evidence": (), **summary}  # which earlier versions did not tell
+    known = {"way": "", "evidence": (), "target_size": None, **summary}  # which earlier versions did not tell
     outcome, plain = Outcome[summary["outcome"]], {name: known[name] for name in _PLAIN[:-1]}
-    return {**plain, "outcome": outcome, **{name: tuple(plain[name]) for name in ("notes", "evidence")}}
+    size = math.nan if known["target_size"] is None else known["target_size"]
+    tuples = {name: tuple(plain[name]) for name in ("notes", "evidence")}
+    return {**plain, **tuples, "outcome": outcome, "target_size": size}
 
 
 def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
@@ -175,7 +177,7 @@ class MatchResult(Shown):
         Measures without ground truth.
     expected_error : (n_source,) array of float
         Estimate of the geodesic error of each vertex's image, in √area of the target; nan where unmatched. Calibrated for
-        maps that are right as a whole; where an alternative was found, the chance that it is right counts too.
+        maps that are right as a whole; where an alternative ties, the chance that it is right counts too.
     alternatives : tuple of Alternative
         Distinct other maps, best first.
     timings : dict of str to float
@@ -203,6 +205,8 @@ class MatchResult(Shown):
     evidence : tuple of str
         What speaks against a map that is right and complete, and decides the outcome, the least sure first:
         "contradicted", "mirrored", "poor", "ambiguous", "partial", see `Evidence`; empty if the map has converged.
+    target_size : float
+        √area of the target, in its units; nan if it is not known.
     """
 
     map: Correspondence
@@ -222,6 +226,7 @@ class MatchResult(Shown):
     descriptor_distance: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
     evidence: tuple[str, ...] = ()
+    target_size: float = math.nan
 
     def __str__(self) -> str:
         """Say what came out, how sure it is and what to do, see `isomatch.visualization.summary_of`."""
@@ -293,6 +298,7 @@ class MatchResult(Shown):
         about = {
             **{name: getattr(self, name) for name in _PLAIN},
             "outcome": self.outcome.name,
+            "target_size": self.target_size,
             "quality": asdict(self.quality),
             "alternatives": [[a.energy, a.orientation, a.origin] for a in self.alternatives],
             "regions": [[region.area, region.reason] for region in self.regions],
@@ -383,6 +389,7 @@ class MatchResult(Shown):
             "n_target": self.map.n_target,
             "outcome": self.outcome.name,
             "advice": self.outcome.advice,
+            "target_size": finite(self.target_size),
             "quality": {key: finite(value) for key, value in asdict(self.quality).items()},
             "expected_error": self._errors_described(),
             "regions": [region.to_dict() for region in self.regions],

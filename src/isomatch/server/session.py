@@ -108,7 +108,7 @@ class Session:
     """The state behind a page that is drawn by a `WorkPage`; its methods are called from one thread.
 
     The preparation of the surfaces, source and target, begins at once. A ``result`` to begin with comes with the
-    landmarks with which it was found.
+    landmarks with which it was found. A match starts from the map that the page was given, if it was.
     """
 
     def __init__(
@@ -125,8 +125,10 @@ class Session:
         self._surfaces, self._page, self._keeper = surfaces, page, keeper
         self._config, self._seed = config or Config(), seed
         self._result, self._landmarks = result, list(landmarks)
-        self._shown: dict[str, Any] | None = None if result is None else page.result(result, None, landmarks)
-        self._revision = int(result is not None)
+        self._shown: dict[str, Any] | None = None
+        if result or page.given:
+            self._shown = page.result(result, None, landmarks) if result else page.before_match()
+        self._revision = int(self._shown is not None)
         self._saved = self._revision
         self._job: Job | None = None
         self._given_up: list[Job] = []
@@ -192,7 +194,8 @@ class Session:
             source, target = self._preparation.wait()
             tell("match", 0.0)
             told, marks, seed = _before_drawing(tell), landmarks or None, self._seed
-            result = match(source, target, landmarks=marks, config=config, seed=seed, progress=told)
+            hints: dict[str, Any] = {"landmarks": marks, "initial_map": self._page.given}
+            result = match(source, target, **hints, config=config, seed=seed, progress=told)
             tell("drawing", DRAWING)
             return result, landmarks, self._page.result(result, before, landmarks)
 

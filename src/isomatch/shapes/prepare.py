@@ -112,8 +112,8 @@ def prepared_body(
         )
     if level.detail:
         notes += (
-            f"matched on {body.n_vertices} of {component.surface.n_vertices} vertices, and carried to all; "
-            "resolution = 'full' matches all",
+            f"matched on {body.n_vertices} of {component.surface.n_vertices} vertices, then extended to the rest; "
+            "resolution = 'full' matches on all of them",
         )
     fine = config.preparation
     timer.start("distances")

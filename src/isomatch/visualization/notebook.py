@@ -64,7 +64,7 @@ def html_of(thing: object) -> str:
     Examples
     --------
     >>> from isomatch import Outcome
-    >>> "nothing speaks against this map" in html_of(Outcome.CONVERGED)
+    >>> "no problems were found" in html_of(Outcome.CONVERGED)
     True
     """
     return _card(repr(thing))

@@ -22,12 +22,19 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.measures import quality_measures
 from isomatch.visualization.picture import png
 from isomatch.visualization.plots import draw_map
-from isomatch.visualization.summary import outcome_colour, summary_of, told_of_all, told_of_alternative
+from isomatch.visualization.summary import (
+    outcome_colour,
+    summary_of,
+    told_of_all,
+    told_of_alternative,
+    told_of_given,
+)
 from isomatch.visualization.surface_image import AMBIENT, FILL, FILL_LIGHT, GLOSS, KEY, KEY_LIGHT, SHARPNESS
 
 MOST_ALTERNATIVES = 4
 LEAST_TURN = 0.1  # degrees of a turn worth telling
 SIDES = ("source", "target")
+GIVEN = "the map that was given"  # name of the map to start from, or of the one that was judged
 # of a page, besides what every page has; one that is served adds to the content security policy and has a kind
 _PARTS = ("policy", "kind", "work", "picture", "plain", "maps", "picking", "details", "run")
 _INLINED = {"style": "report.css", "landmark_script": "landmarks.js", "script": "report.js"}
@@ -70,15 +77,16 @@ def parts_of(scene: Mapping[str, Any], result: MatchResult) -> dict[str, str]:
         "sureness": summary.sureness,
         "advice": escape(summary.advice_in_python),
         "plain": "Points of the same colour correspond.",
-        "maps": "".join(f"<option>{name}</option>" for name in maps_of(result)),
+        "maps": "".join(f"<option>{shown['name']}</option>" for shown in scene["maps"]),
         "remarks": paragraphs(_remarks_on(scene, result)),
     }
 
 
-def maps_of(result: MatchResult) -> dict[str, Correspondence]:
-    """Name the map of a result and the alternatives that are shown beside it."""
+def maps_of(result: MatchResult, given: Correspondence | None = None) -> dict[str, Correspondence]:
+    """Name the map of a result, the alternatives that are shown, and the map that was given."""
     others = enumerate(result.alternatives[:MOST_ALTERNATIVES], 1)
-    return {"the map": result.map} | {f"alternative {i}": other.map for i, other in others}
+    maps = {"the map": result.map} | {f"alternative {i}": other.map for i, other in others}
+    return maps | ({GIVEN: given} if given else {})
 
 
 def text_of(name: str) -> str:
@@ -159,13 +167,19 @@ _OF_MEASURES = ("measure", "value", "bound", "meaning")
 LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
 
 
-def details_of(source: Mesh, target: Mesh, result: MatchResult, asked: Sequence[Question]) -> str:
+def details_of(
+    source: Mesh,
+    target: Mesh,
+    result: MatchResult,
+    asked: Sequence[Question],
+    given: Correspondence | None,
+) -> str:
     """Make the sections below the view: questions, what speaks against the map, other maps, all measures, and notes."""
     return template("details.html").substitute(
         questions=list_of_questions(asked),
         against=table_against(result),
         regions=table_of_regions(result),
-        alternatives=pictures_of_alternatives(source, target, result),
+        alternatives=pictures_of_others(source, target, result, given),
         quality=table_of_quality(result),
         notes=notes_of(result),
     )
@@ -254,21 +268,23 @@ def _headed_table(rows: str, *columns: str) -> str:
     return f'<table class="quality"><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>'
 
 
-def pictures_of_alternatives(source: Mesh, target: Mesh, result: MatchResult) -> str:
-    """Draw other maps side by side, and say what they are; nothing if there are none."""
-    others = result.alternatives[:MOST_ALTERNATIVES]
-    if not others:
-        return ""
-    stills = [draw_map(source, target, x.map, titles=("", ""), width=STILL_WIDTH).png() for x in others]
+def pictures_of_others(source: Mesh, target: Mesh, result: MatchResult, given: Correspondence | None) -> str:
+    """Draw the map that was given and the alternatives, and say what they are."""
+    others = [
+        (f"Alternative {i}", other.map, told_of_alternative(source, target, result, other), other.origin)
+        for i, other in enumerate(result.alternatives[:MOST_ALTERNATIVES], 1)
+    ]
+    advice = f"<p>{escape(told_of_all(result))} {_HOW_TO_CHOOSE}</p>" if others else ""
+    if given:
+        others.insert(0, (sentence(GIVEN), given, told_of_given(source, target, result, given), "you"))
     figures = "".join(
-        f'<figure><img src="{png(still)}" alt="Alternative {i}"><figcaption title="found by {escape(other.origin)}">'
-        f"<strong>Alternative {i}</strong> {escape(told_of_alternative(source, target, result, other))}"
+        f'<figure><img src="{png(draw_map(source, target, other, titles=("", ""), width=STILL_WIDTH).png())}" '
+        f'alt="{name}"><figcaption title="found by {escape(origin)}"><strong>{name}</strong> {escape(about)}'
         "</figcaption></figure>"
-        for i, (other, still) in enumerate(zip(others, stills), 1)
+        for name, other, about, origin in others
     )
     return (
-        f"<section><h2>Alternatives</h2><p>{escape(told_of_all(result))} {_HOW_TO_CHOOSE}</p>"
-        f'<div class="stills">{figures}</div></section>'
+        f'<section><h2>Other maps</h2>{advice}<div class="stills">{figures}</div></section>' if others else ""
     )
 
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
-from math import nan
 from pathlib import Path
 
 from numpy.typing import ArrayLike
 
 from isomatch._core.errors import MapError
 from isomatch._core.files import write_text
-from isomatch.matching import Alternative, Judgement, MatchResult, Outcome
+from isomatch.correspondence import Correspondence
+from isomatch.matching import Judgement, MatchResult, Outcome
 from isomatch.surfaces import Mesh
 from isomatch.visualization.pair_page import (
+    GIVEN,
     SIDES,
     asked_of,
     details_of,
@@ -35,7 +36,7 @@ from isomatch.visualization.pair_page import (
 from isomatch.visualization.picture import png
 from isomatch.visualization.plots import SEEN, WIDTH, draw_map
 from isomatch.visualization.scene import layers_of, scene_of, user_layers
-from isomatch.visualization.summary import JUDGED, outcome_colour
+from isomatch.visualization.summary import outcome_colour
 
 COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 
@@ -44,7 +45,7 @@ VERDICTS = {
     "doubtful": Outcome.SYMMETRY_AMBIGUOUS,
     "wrong": Outcome.LOW_CONFIDENCE,
 }  # outcomes whose colours the verdicts have
-DIFFERENCE = "distance from the judged map"
+DIFFERENCE = "distance from the given map"
 _HELPED_BY_LANDMARKS = (Outcome.PRIORS_CONTRADICTED, Outcome.SYMMETRY_AMBIGUOUS, Outcome.LOW_CONFIDENCE)
 
 
@@ -60,6 +61,7 @@ def write_report(
     layers: Mapping[str, ArrayLike] | None = None,
     landmarks: ArrayLike | None = None,
     command: str = COMMAND,
+    given: Correspondence | None = None,
     said: Mapping[str, str] | None = None,
 ) -> None:
     """Write the report of a match: one HTML file that loads nothing from the network.
@@ -86,6 +88,8 @@ def write_report(
         lack are left out.
     command : str
         Command that matches again with the saved landmarks, to be copied.
+    given : Correspondence, optional
+        The map that the match started from, or another one to be compared; it can be shown like the alternatives.
     said : mapping of str to str, optional
         ``headline``, ``sureness``, ``advice`` and ``colour`` in place of those of the result.
 
@@ -108,7 +112,9 @@ def write_report(
     pairs = pairs_on(landmarks, source, target)
     every = layers_of(result) | user_layers(layers or {}, source.n_vertices)
     asked = asked_of(source, target, result)
-    scene = scene_of(source, target, maps_of(result), layers=every, landmarks=pairs_shown(pairs, asked))
+    scene = scene_of(
+        source, target, maps_of(result, given), layers=every, landmarks=pairs_shown(pairs, asked)
+    )
     titles = title_of("source", names[0]), title_of("target", names[1])
     if picture is None:
         still = png(draw_map(source, target, result.map, titles=titles, width=WIDTH).png())
@@ -124,7 +130,7 @@ def write_report(
         picture=f'<img src="{still}" alt="{SEEN.format("Source", "target")}">' if still else "",
         picking=" checked" if helped else "",
         landmarks=_list(command, shown=helped or bool(len(pairs))),
-        details=details_of(source, target, result, asked),
+        details=details_of(source, target, result, asked, given),
         run=tables_of_run(result, facts or {}),
     )
     write_text(Path(path), page)
@@ -153,20 +159,20 @@ def write_judgement(
         raise MapError(
             "the map was judged by a reference; judge it without, for a page of isomatch's own map"
         )
-    given = Alternative(lambda: judgement.map, nan, nan, JUDGED)
-    others, notes = (given, *judgement.result.alternatives), (str(judgement), *judgement.result.notes)
-    result = replace(judgement.result, alternatives=others, regions=judgement.regions, notes=notes)
+    notes = str(judgement), *judgement.result.notes
+    result = replace(judgement.result, regions=judgement.regions, notes=notes)
     write_report(
         path,
         source,
         target,
         result,
         names=names,
-        facts={"the map that was judged, alternative 1": str(judgement)},
+        facts={GIVEN: str(judgement)},
         layers={DIFFERENCE: judgement.distance},
+        given=judgement.map,
         said={
             "headline": sentence(f"{judgement}."),
-            "sureness": f"Alternative 1 is the map that was judged. The colour “{DIFFERENCE}” shows where both differ.",
+            "sureness": f"“The map” is isomatch's own. The colour “{DIFFERENCE}” shows where {GIVEN} differs from it.",
             "advice": "",
             "colour": outcome_colour(VERDICTS[judgement.verdict]),
         },

@@ -14,9 +14,9 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import of_ordinary_size
 from isomatch.visualization.measures import config_of, is_of_whole, quality_measures
 
-JUDGED = "the map that was judged"  # origin of the alternative on the page of `judge`
 LITTLE_CONFIDENCE = 0.5  # an expected error of 0.05 √area, see `MatchResult.confidence`
 WORTH_TELLING = 0.005  # share of the vertices
+MANY = 0.1  # share of the vertices with little confidence, above which the map is called uncertain
 
 # what came out, in a sentence, and what to do next; `Outcome.advice` tells more
 _TOLD = {
@@ -46,13 +46,14 @@ _TOLD = {
         "partners.",
     ),
     Outcome.CONVERGED: (
-        "The shapes match, and nothing speaks against this map.",
+        "The shapes match; no problems were found.",
         "Look at the picture once: no check is a proof.",
     ),
 }
 HEADLINES = {outcome: headline for outcome, (headline, _) in _TOLD.items()}
 """What came out, in a sentence, by outcome."""
 
+PARTLY_SURE = "The shapes match, but parts of this map are uncertain."
 MOSTLY_RIGHT = "Most of this map looks right, but not all of it."
 ANOTHER_IS_BETTER = "This map is doubtful: another one fits as well or better."
 
@@ -93,10 +94,12 @@ def summary_of(result: MatchResult) -> Summary:
     >>> from isomatch.datasets import example_pair
     >>> source, target = (animal.mesh for animal in example_pair())
     >>> print(summary_of(match(source, target)).headline)
-    The shapes match, and nothing speaks against this map.
+    The shapes match; no problems were found.
     """
-    headline = HEADLINES[result.outcome]
-    parts = [_partners(result), _doubt(result)]
+    headline, far = HEADLINES[result.outcome], _share_far(result)
+    parts = [_partners(result), _doubt(result, far)]
+    if result.outcome is Outcome.CONVERGED and (result.regions or far > MANY):
+        headline = PARTLY_SURE
     if result.outcome is Outcome.LOW_CONFIDENCE:
         if result.quality.runner_up < 1.0:
             headline = ANOTHER_IS_BETTER
@@ -106,7 +109,7 @@ def summary_of(result: MatchResult) -> Summary:
             parts.append("No single place stands out: it may be wrong altogether.")
     if result.outcome in (Outcome.PARTIAL, Outcome.CONVERGED):
         # the estimate is for maps that are right as a whole
-        parts.append(_expected_error(result))
+        parts.append(_expected_error(result, far))
     return Summary(headline, " ".join(filter(None, parts)), _TOLD[result.outcome][1])
 
 
@@ -118,26 +121,33 @@ def _partners(result: MatchResult) -> str:
     return ""
 
 
-def _doubt(result: MatchResult) -> str:
+def _share_far(result: MatchResult) -> float:
+    """Share of the points whose images may be far from the right ones."""
+    known = result.confidence[np.isfinite(result.confidence)]
+    return float((known < LITTLE_CONFIDENCE).mean()) if len(known) else 0.0
+
+
+def _doubt(result: MatchResult, far: float) -> str:
     """Say how much of the surface is in doubt, and where most of all."""
     if not result.regions:
         sought = is_of_whole(result) and result.descriptor_distance is not None
-        return "No region is in doubt." if sought and not result.outcome.is_doubtful else ""
+        is_sure = sought and not result.outcome.is_doubtful and far <= WORTH_TELLING
+        return "No region is in doubt." if is_sure else ""
     largest, *others = result.regions
     share = _per_cent(sum(region.area for region in result.regions))
     most = f"most of it around vertex {largest.vertices[0]}, where" if others else "where"
     return f"{share} of the surface is in doubt, {most} {largest.reason}."
 
 
-def _expected_error(result: MatchResult) -> str:
+def _expected_error(result: MatchResult, far: float) -> str:
     """Say how far images may be from the right ones."""
-    finite = np.isfinite(result.expected_error)
-    if not finite.any():
+    errors = result.expected_error[np.isfinite(result.expected_error)]
+    if not len(errors):
         return ""
-    mean = float(result.expected_error[finite].mean())
-    far = float((result.confidence[finite] < LITTLE_CONFIDENCE).mean())
-    more = f", more than 5% at {_per_cent(far)} of the points" if far > WORTH_TELLING else ""
-    return f"Expected error: {_per_cent(mean)} of the size (√area){more}."
+    mean, size = float(errors.mean()), result.target_size
+    length = f", or {mean * size:.2g} in the target's units" if isfinite(size) else ""
+    more = f"; more than 5% at {_per_cent(far)} of the points" if far > WORTH_TELLING else ""
+    return f"Expected error: {_per_cent(mean)} of the size (√area){length}{more}."
 
 
 def _per_cent(share: float) -> str:
@@ -161,9 +171,12 @@ def told_of_alternative(source: Mesh, target: Mesh, result: MatchResult, other: 
     """Say of an alternative where it differs from the map of a result, and which sides it keeps."""
     share = share_elsewhere(source, target, result.map, other.map)
     before = "The map before this one was chosen. " if isnan(other.energy) else ""
-    if other.origin == JUDGED:
-        before = "The map that was judged. "
-    return f"{before}Sends {share:.0%} of the surface elsewhere. {_sides(result, other)}".rstrip()
+    return f"{before}Differs on {share:.0%} of the surface. {_sides(result, other)}".rstrip()
+
+
+def told_of_given(source: Mesh, target: Mesh, result: MatchResult, given: Correspondence) -> str:
+    """Say where the map that was given differs from the map of a result."""
+    return f"Differs on {share_elsewhere(source, target, result.map, given):.0%} of the surface."
 
 
 def told_of_all(result: MatchResult) -> str:

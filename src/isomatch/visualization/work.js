@@ -58,7 +58,7 @@
   const enable = () => {
     const busy = Boolean(state.job), n = landmarks.whole.length;
     by("match").disabled = busy || (n > 0 && n < FEWEST);
-    by("match").textContent = shown ? "Match again" : n ? `Match with ${several(n)}` : "Match";
+    by("match").textContent = shown?.outcome ? "Match again" : n ? `Match with ${several(n)}` : "Match";
     by("cancel").hidden = !busy; by("progress").hidden = !busy;
     ["choose", "write", "download"].forEach((id) => { by(id).disabled = busy; });
     by("clear").disabled = !landmarks.rows.length; by("propose").hidden = !shown || !report;
@@ -99,7 +99,7 @@
     by("doubtful").ariaPressed = false; by("doubtful").textContent = "Show";
     by("runners_up").replaceChildren(...runners_up(found.runners_up)); by("others").hidden = found.runners_up.length < 2; by("choose").hidden = true;
     by("asked").innerHTML = found.questions; by("details").innerHTML = found.details;
-    by("found").hidden = by("keeping").hidden = false;
+    by("found").hidden = by("keeping").hidden = !found.outcome; // a map that was given is no result
     report?.take(found.scene); listed();
   };
 

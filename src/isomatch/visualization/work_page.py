@@ -15,6 +15,7 @@ from isomatch.matching import DoubtfulRegion, MatchResult, Question
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
 from isomatch.visualization.pair_page import (
+    GIVEN,
     MOST_ALTERNATIVES,
     asked_of,
     list_of_questions,
@@ -30,14 +31,20 @@ from isomatch.visualization.pair_page import (
     text_of,
 )
 from isomatch.visualization.scene import DrawnPair, layers_of
-from isomatch.visualization.summary import outcome_colour, share_elsewhere, summary_of, told_of_alternative
+from isomatch.visualization.summary import (
+    outcome_colour,
+    share_elsewhere,
+    summary_of,
+    told_of_alternative,
+    told_of_given,
+)
 
 LEAST_SHARE = 0.001  # of the surface worth telling
 BEFORE = "before"
 
 
 class WorkPage:
-    """What a browser shows of two shapes while they are matched; names and landmarks as for `write_report`."""
+    """What a browser shows of two shapes while they are matched; options as for `write_report`."""
 
     def __init__(
         self,
@@ -46,8 +53,9 @@ class WorkPage:
         *,
         names: tuple[str, str] = ("source", "target"),
         landmarks: Sequence[Sequence[int]] = (),
+        given: Correspondence | None = None,
     ) -> None:
-        self._source, self._target, self._names = source, target, names
+        self._source, self._target, self._names, self.given = source, target, names, given
         self._pairs = pairs_on(landmarks or None, source, target)
         self._drawn = DrawnPair(source, target, landmarks=self._pairs)
 
@@ -86,6 +94,21 @@ class WorkPage:
             landmarks=panel,
         )
 
+    def before_match(self) -> dict[str, Any]:
+        """Tell what `result` tells, before there is one: of the map that was given."""
+        maps = {GIVEN: self.given} if self.given else {}
+        return {
+            "outcome": "",
+            "headline": f"This is {GIVEN}.",
+            "advice": "Press Match: isomatch starts from it, finds a map of its own and shows both.",
+            "colour": "var(--edge)",
+            **dict.fromkeys(("sure", "since", "questions", "details"), ""),
+            "regions": [],
+            "landmarks": [],
+            "runners_up": [{"name": name, "origin": "", "about": ""} for name in maps],
+            "scene": self._drawn.maps(maps, {}),
+        }
+
     def result(
         self,
         result: MatchResult,
@@ -97,18 +120,16 @@ class WorkPage:
         ``runners_up`` says of each map that is drawn what it is; ``landmarks`` have the distance of each from its image,
         through space, in √area of the target; ``details`` are HTML.
         """
-        maps = maps_of(result) | ({BEFORE: before} if before else {})
+        maps = maps_of(result, self.given) | ({BEFORE: before} if before else {})
         others = result.alternatives[:MOST_ALTERNATIVES]
-        origins = [result.origin, *(other.origin for other in others), ""]
         moved = 0.0 if before is None else share_elsewhere(self._source, self._target, result.map, before)
         since = f"Against the map before, {moved:.1%} of the source has another image."
         if moved < LEAST_SHARE:
             since = "" if before is None else "It is the same map as before."
-        about = [
-            "",
-            *(told_of_alternative(self._source, self._target, result, other) for other in others),
-            f"The map that this one replaced. Sends {moved:.0%} of the surface elsewhere.",
-        ]
+        shapes = self._source, self._target
+        about = [(result.origin, ""), *((x.origin, told_of_alternative(*shapes, result, x)) for x in others)]
+        about += [("", told_of_given(*shapes, result, self.given))] if self.given else []
+        about += [("", f"The map that this one replaced. Differs on {moved:.0%} of the surface.")]
         pairs = pairs_on(landmarks or None, self._source, self._target)
         apart, summary = self._off(result.map, pairs), summary_of(result)
         return {
@@ -122,7 +143,9 @@ class WorkPage:
                 [self._shown(each) for each in asked_of(self._source, self._target, result)]
             ),
             "regions": [self._region(region, result.map) for region in result.regions],
-            "runners_up": [dict(zip(("name", "origin", "about"), row)) for row in zip(maps, origins, about)],
+            "runners_up": [
+                dict(zip(("name", "origin", "about"), (name, *row))) for name, row in zip(maps, about)
+            ],
             "landmarks": [{"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), apart)],
             "details": template("work_details.html").substitute(
                 quality=table_of_quality(result), notes=notes_of(result), run=tables_of_run(result, {})

@@ -134,8 +134,10 @@ def _unlike(distances: FloatArray) -> dict[int, str]:
     usual = float(np.median(typical))
     spread = TO_STANDARD * float(np.median(np.abs(typical - usual)))
     rows = np.flatnonzero(typical > max(UNLIKE * usual, usual + DEVIATIONS * spread, SAME)).tolist()
-    ending = f"of its size away from the others, which are {usual:.3g} apart"
-    return {i: f"is {typical[i]:.3g} {ending}" for i in rows}
+    return {
+        i: f"differs from the others by {typical[i]:.3g} of its size; they differ by {usual:.3g}"
+        for i in rows
+    }
 
 
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}

@@ -54,7 +54,7 @@ def expected_errors(
 def doubt_of(
     pair: Problem, image: Int[BodyVertices, "r"], runner_up: Int[BodyVertices, "r"], ratio: float
 ) -> Float[FloatArray, "n_s"]:
-    """Expect the distance between two maps, times the chance that the other is right, in √area."""
+    """Distance between two maps that tie, times the chance that the other is right, in √area."""
     # with P(map) ∝ score^−10, the other has chance 1 / (1 + (its score / score)^10); ½ at a tie
     chance = 1 / (1 + ratio**ERRORS.runner_up_exponent)
     rows = nearest_of(pair.source, pair.refinement_vertices)
@@ -208,7 +208,7 @@ def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> Float[FloatA
     doubt = np.zeros(n_vertices)
     for region in regions:
         if UNLIKE_ITS_IMAGE in region.reason:
-            doubt[region.vertices] = ERRORS.unlike
+            doubt[region.vertices] = ERRORS.unlike * np.sqrt(region.area)
     return doubt
 
 

@@ -296,4 +296,5 @@ def verified(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
         config=solution.config or pair.config,
         seed=seed,
         symmetries=(source, target),
+        target_size=float(pair.target.scale),
     )

@@ -28,7 +28,6 @@ class Measured:
     reason: str = ""  # how the map was chosen, in a sentence
     origin: str = ""  # where it came from
     matched: Bool[BoolArray, "n_s"] | None = None  # which vertices have an image, if not all
-    doubt: Float[FloatArray, "n_s"] | None = None  # error to be expected because another map may be right
     fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
     note: str = ""  # of a map between shapes that are far from isometric
     is_last: bool = True  # whether no other strategy is tried after it, so that it is completed at once

@@ -338,9 +338,6 @@ class Isometry(RefiningModel[Fit, Embedding]):
         pair, ranking = self.pair, match.ranking
         points = self.target.index.points(match.coordinates.target, match.coordinates.source)
         quality = measure_quality(pair, points, ranking)
-        doubt = None
-        if ranking.against:
-            doubt = doubt_of(pair, ranking.best.image, ranking.against.image, ranking.runner_up)
         exponent = pair.config.selection.energy_exponent
         reason = (
             f"least spectral residual × energy^{exponent:g}; {match.proposals.n_tried} candidates, "
@@ -352,7 +349,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
             reason += f"; the best alternative scores {ranking.runner_up:.2f} times as much"
         distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
         winner = ranking.best
-        return Measured(points, quality, distance, reason, origin_of(pair, winner), doubt=doubt, fit=winner)
+        return Measured(points, quality, distance, reason, origin_of(pair, winner), fit=winner)
 
     def sum_up(self, match: IsometricMatch, measured: Measured, timer: StageTimer) -> Solution:
         """Polish, carry and sum up a map; one between shapes far from isometric comes with a note."""
@@ -361,7 +358,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         if ranking.against and ranking.runner_up < pair.config.outcome.tie and not far:
             runners_up = ranking.best.image, ranking.against.image
         regions = regions_of_doubt(pair, map_.descriptor_distance, runners_up)
-        doubt = doubt_in(regions, self.source.body.n_vertices) + (0.0 if map_.doubt is None else map_.doubt)
+        doubt = doubt_in(regions, self.source.body.n_vertices)
+        if runners_up:
+            doubt += doubt_of(pair, *runners_up, ranking.runner_up)
         errors = expected_errors(pair, map_.points, doubt)
         level, points, polished = self._finest(map_, timer) if map_.is_last else (pair, map_.points, ())
         if self.source.detail or self.target.detail:
