@@ -44,7 +44,7 @@ from isomatch.visualization import arranged_panels, camera_of, surface_image, tu
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".tps", ".csv", ".txt")
 ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
 LEAST_PLACED = 0.5  # share of the landmarks of a shape that slide
-LEAST_SURE = 3  # landmarks that are named
+LEAST_SURE = 3  # landmarks that are named, and as many semilandmarks
 MOST_DRAWN = 24  # shapes
 PER_ROW = 6
 RESOLUTION = 220.0  # pixels per √area
@@ -96,7 +96,7 @@ class LandmarkTables:
     templates: list[str]  # shapes whose landmarks are known
     shapes: list[str]  # those that have a file
     expected_error: dict[str, float]  # median of each shape
-    check_first: dict[str, float]  # of the landmarks that are least sure
+    check_first: dict[str, float]  # of the landmarks that are least sure, and then of such semilandmarks
     mean_spread: dict[str, float]  # of each shape, over the templates
     largest_spread: dict[str, str]  # landmark where that is largest
     left_out_errors: dict[str, LeftOutError]  # of each template
@@ -278,14 +278,18 @@ def write_tables(
 
 
 def _least_sure(points: Iterable[Landmarks]) -> dict[str, float]:
-    """Give the landmarks with the largest expected errors, and their medians over the shapes."""
+    """Give the landmarks with the largest expected errors, and their medians over the shapes; then semilandmarks."""
     errors: dict[str, list[float]] = {}
+    semilandmarks: set[str] = set()
     for each in points:
+        semilandmarks |= {each.names[row] for row in each.semilandmarks}
         for name, error in zip(each.names, each.expected_error.tolist()):
             if np.isfinite(error):
                 errors.setdefault(name, []).append(error)
     medians = {name: float(np.median(own)) for name, own in errors.items()}
-    return dict(sorted(medians.items(), key=lambda item: -item[1])[:LEAST_SURE])
+    ranked = sorted(medians.items(), key=lambda item: -item[1])
+    kinds = ([item for item in ranked if (item[0] in semilandmarks) == is_semi] for is_semi in (False, True))
+    return {name: error for kind in kinds for name, error in kind[:LEAST_SURE]}
 
 
 def _slid(

@@ -37,8 +37,8 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
     path : path_like
         ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.csv`` with the columns name, x, y, z, or ``.tps``.
     landmarks : Landmarks
-        Names and order are kept; in ``.mrk.json``, the points of a curve follow each other. Files of 3D Slicer say the
-        axes of the coordinates, LPS if these are unknown.
+        Names and order are kept; in ``.mrk.json``, the points of a curve follow each other, and surface semilandmarks
+        are a list of their own. Files of 3D Slicer say the axes of the coordinates, LPS if these are unknown.
 
     Returns
     -------
@@ -90,14 +90,14 @@ def writer_of(path: Path) -> tuple[Callable[[Landmarks, str], str], tuple[str, .
 
 
 def _markups(landmarks: Landmarks, title: str) -> str:
-    markups = []
-    for curve, group in groupby(range(len(landmarks)), landmarks.curve_of.__getitem__):
+    markups, curve_of, patch = [], landmarks.curve_of, {*landmarks.patch}
+    for (curve, is_patch), group in groupby(range(len(landmarks)), lambda row: (curve_of[row], row in patch)):
         rows = list(group)
         if curve is not None and rows[0] != curve.rows[0]:
             continue  # it is written already
         markup = {
             "type": "Fiducial" if curve is None else CURVES[curve.closed],
-            "name": title if curve is None else curve.name,
+            "name": curve.name if curve else f"{title}{' semilandmarks' * is_patch}",
             "coordinateSystem": landmarks.axes or "LPS",
             **({"coordinateUnits": landmarks.unit} if landmarks.unit else {}),
             "controlPoints": [_control_point(landmarks, row) for row in (curve.rows if curve else rows)],

@@ -166,6 +166,11 @@ class Landmarks:
         """Those that may lie anywhere on the surface, by their names: surface-1, surface-2 and so on."""
         return [row for row, name in enumerate(self.names) if re.fullmatch(r"surface-\d+", name)]
 
+    @property
+    def semilandmarks(self) -> list[int]:
+        """Those on curves, and those of the patch."""
+        return sorted({*self.patch, *(row for curve in self.curves for row in curve.rows)})
+
     def with_patch(self, positions: FloatArray) -> Landmarks:
         """Append points that may lie anywhere on the surface."""
         names = *self.names, *(f"surface-{i}" for i, _ in enumerate(positions, len(self.patch) + 1))
