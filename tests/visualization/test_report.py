@@ -138,8 +138,8 @@ def test_the_report_is_whole_small_and_loads_nothing(written, page):
 
 
 def test_the_script_asks_only_for_elements_that_are_there(page):
-    script = "".join(each["text"] for each in page.all("script")[-2:])
-    asked = set(re.findall(r'by\("(\w+)"\)', script))
+    script = "".join(each["text"] for each in page.all("script")[-3:])
+    asked = set(re.findall(r'(?:by|getElementById)\("(\w+)"\)', script))
     for names in re.findall(r"\[([^\[\]]*)\]\.map\(by\)", script):
         asked |= set(re.findall(r'"(\w+)"', names))
     assert {"view", "scene", "dot1", "save", "reset"} <= asked
@@ -151,7 +151,7 @@ def test_what_the_user_named_is_shown_and_never_obeyed(written, page):
     assert page.all("title")[0]["text"] == f"isomatch: {HOSTILE} → target.ply"
     assert page.by_id("name0")["text"] == f"source: {HOSTILE}"
     assert HOSTILE in [cell["text"] for cell in page.all("td")]
-    assert len(page.all("script")) == 6
+    assert len(page.all("script")) == 7
     assert "<script>alert" not in written
     for text in ("a <bold> guess", "left out <7> vertices"):
         assert text not in written
@@ -192,7 +192,7 @@ def test_embedded_arrays_are_the_shapes_and_the_map(page, pair, result):
     for side, mesh in zip(("source", "target"), pair):
         stored = scene[side]
         np.testing.assert_array_equal(unpacked(stored["index"], "<u4"), np.arange(mesh.n_vertices))
-        np.testing.assert_array_equal(unpacked(stored["faces"], "<u4", 3), mesh.faces)
+        np.testing.assert_array_equal(unpacked(stored["faces"], "<u2", 3), mesh.faces)
         points = unpacked(stored["vertices"], "<f4", 3).astype(float)
         np.testing.assert_allclose(
             lengths(points, mesh.edges) * np.sqrt(mesh.area), lengths(mesh.vertices, mesh.edges), rtol=1e-3
@@ -224,7 +224,7 @@ def test_a_large_shape_is_simplified_and_its_vertices_stay_what_they_are(pair):
         assert len(set(index)) == len(index)
         points = unpacked(thin[side]["vertices"], "<f4", 3)
         np.testing.assert_array_equal(points, unpacked(whole[side]["vertices"], "<f4", 3)[index])
-        faces = unpacked(thin[side]["faces"], "<u4", 3)
+        faces = unpacked(thin[side]["faces"], "<u2", 3)
         assert faces.max() < len(index)
         assert (np.diff(np.sort(faces, axis=1), axis=1) > 0).all()
         mesh = pair[0] if side == "source" else pair[1]

@@ -116,21 +116,36 @@ def used_vertices(mesh: Mesh) -> IntArray:
     return np.flatnonzero(np.bincount(mesh.sound_faces.ravel(), minlength=mesh.n_vertices))
 
 
-def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:
-    """Vertices in camera coordinates (right, up, towards the viewer), (n, 3): unit area, the middle of the drawn at 0."""
+def seen_from(camera: FloatArray, mesh: Mesh, positions: FloatArray | None = None) -> FloatArray:
+    """Vertices in camera coordinates (right, up, towards the viewer), (n, 3): unit area, the middle of the drawn at 0.
+
+    Or positions (k, 3) beside them.
+    """
     points = mesh.vertices @ camera.T / np.sqrt(mesh.area)
     drawn = points[used_vertices(mesh)]
+    points = points if positions is None else positions @ camera.T / np.sqrt(mesh.area)
     return np.asarray(points - (drawn.min(axis=0) + drawn.max(axis=0)) / 2)
 
 
-def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -> FloatArray:
+def turn_to_target(
+    source: Mesh, target: Mesh, correspondence: Correspondence, *, upright: bool = True
+) -> FloatArray:
     """Find the rotation of the source after which it faces in the same direction as the target.
+
+    Parameters
+    ----------
+    source, target : Mesh
+        The two shapes.
+    correspondence : Correspondence
+        The map source → target.
+    upright : bool
+        Whether quarter turns about the axes are taken instead if they are near, so that a shape that stands stays
+        upright. Scans that lie anyhow are turned fully.
 
     Returns
     -------
     (3, 3) array
-        The rotation that brings the vertices of the source closest to their images, by least squares. If quarter
-        turns about the axes are near it, they are taken instead, so that an upright shape stays upright.
+        The rotation that brings the vertices of the source closest to their images, by least squares.
     """
     seen = correspondence.matched
     weights = source.vertex_areas[seen]
@@ -140,6 +155,8 @@ def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -
     at_source = at_source - np.average(at_source, axis=0, weights=weights)
     at_target = at_target - np.average(at_target, axis=0, weights=weights)
     best = nearest_rotation(at_target.T @ (at_source * weights[:, None]))
+    if not upright:
+        return best
     cosines = np.array([(np.trace(turn.T @ best) - 1) / 2 for turn in _QUARTER_TURNS])
     cosines[0] += np.cos(SNAP) - np.cos(LEAN)  # the first turn is the identity, which is preferred up to LEAN
     nearest = int(cosines.argmax())

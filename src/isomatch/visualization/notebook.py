@@ -33,13 +33,12 @@ from isomatch.visualization.pair_page import (
     pairs_on,
     pairs_shown,
     parts_of,
-    template,
-    text_of,
 )
 from isomatch.visualization.picture import SHARPNESS
 from isomatch.visualization.plots import draw_map, drawable, paintable, plot_surface
 from isomatch.visualization.scene import layers_of, scene_of
 from isomatch.visualization.summary import HEADLINES, outcome_colour, summary_of
+from isomatch.visualization.viewer import template, text_of
 
 logger = logging.getLogger(__name__)
 PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page

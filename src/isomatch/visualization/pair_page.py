@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from importlib.resources import files
 from platform import python_version
-from string import Template, ascii_uppercase
+from string import ascii_uppercase
 from typing import Any
 
 import numpy as np
@@ -29,7 +27,7 @@ from isomatch.visualization.summary import (
     told_of_alternative,
     told_of_given,
 )
-from isomatch.visualization.surface_image import AMBIENT, FILL, FILL_LIGHT, GLOSS, KEY, KEY_LIGHT, SHARPNESS
+from isomatch.visualization.viewer import html_page, script_json, scripts_of, stage_of, template, text_of
 
 MOST_ALTERNATIVES = 4
 LEAST_TURN = 0.1  # degrees of a turn worth telling
@@ -37,7 +35,11 @@ SIDES = ("source", "target")
 GIVEN = "the map that was given"  # name of the map to start from, or of the one that was judged
 # of a page, besides what every page has; one that is served adds to the content security policy and has a kind
 _PARTS = ("policy", "kind", "work", "picture", "plain", "maps", "picking", "details", "run")
-_INLINED = {"style": "report.css", "landmark_script": "landmarks.js", "script": "report.js"}
+# of the vertex that is pointed at, of its image, and the line between them
+_MARKS = (
+    '<line id="link" visibility="hidden"/><circle id="dot0" class="dot" r="6" visibility="hidden"/>'
+    '<circle id="dot1" class="dot" r="6" visibility="hidden"/>'
+)
 
 
 def page_of(
@@ -53,19 +55,19 @@ def page_of(
     """Fill the template with the contents of every page, and with parts as HTML; those that are not given are empty."""
     # the list of landmarks, which begins with the pairs, is kept for these shapes and landmarks
     kept = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": pairs.tolist()}
-    inlined = {name: text_of(file) for name, file in _INLINED.items()}
-    return template("report.html").substitute(
-        **(dict.fromkeys(_PARTS, "") | parts),
+    titles = [title_of(side, name) for side, name in zip(SIDES, names)]
+    given = dict.fromkeys(_PARTS, "") | parts
+    body = template("report.html").substitute(
+        **given,
+        stage=stage_of(titles, "Both shapes in 3D", picture=given["picture"], marks=_MARKS),
         sureness=f'<p id="sureness">{escape(sureness)}</p>\n' if sureness else "",
-        title=escape(f"isomatch: {names[0]} → {names[1]}"),
         pair=escape(" → ".join(f"{n} ({m.n_vertices:,} vertices)" for n, m in zip(names, shapes))),
-        source_name=escape(title_of("source", names[0])),
-        target_name=escape(title_of("target", names[1])),
-        given=_json(kept),
-        scene=_json(scene),
-        **_lights(),
-        **{**inlined, "style": inlined["style"] + style},
+        given=script_json(kept),
+        scripts=scripts_of(scene, text_of("landmarks.js"), text_of("report.js")),
     )
+    root = f' style="--sign: {given["colour"]}"'
+    title = f"isomatch: {names[0]} → {names[1]}"
+    return html_page(title, body, style=style, policy=given["policy"], root=root, kind=given["kind"])
 
 
 def parts_of(scene: Mapping[str, Any], result: MatchResult) -> dict[str, str]:
@@ -89,20 +91,6 @@ def maps_of(result: MatchResult, given: Correspondence | None = None) -> dict[st
     return maps | ({GIVEN: given} if given else {})
 
 
-def text_of(name: str) -> str:
-    """Read a file beside this module."""
-    return (files("isomatch.visualization") / name).read_text(encoding="utf-8")
-
-
-def template(name: str) -> Template:
-    """Read a file beside this module, with places to fill."""
-    return Template(text_of(name))
-
-
-def _json(value: object) -> str:
-    return json.dumps(value).replace("<", "\\u003c")  # so that no text in it can end the element
-
-
 def pairs_on(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArray:
     """Return those landmarks whose vertices both shapes have, (q, 2)."""
     pairs = array_of(
@@ -114,18 +102,6 @@ def pairs_on(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArra
         )
     inside = (pairs >= 0) & (pairs < [source.n_vertices, target.n_vertices])
     return np.asarray(pairs[inside.all(axis=1)], dtype=np.int64)
-
-
-def _lights() -> dict[str, str]:
-    """Give the shader the same lights as the still pictures."""
-    lights: dict[str, ArrayLike] = {
-        "key": KEY_LIGHT,
-        "fill": FILL_LIGHT,
-        "ambient": AMBIENT,
-        "key_strength": KEY,
-    }
-    lights |= {"fill_strength": FILL, "gloss": GLOSS, "sharpness": SHARPNESS}
-    return {name: ", ".join(map(str, np.atleast_1d(light))) for name, light in lights.items()}
 
 
 def _remarks_on(scene: Mapping[str, Any], result: MatchResult) -> list[str]:

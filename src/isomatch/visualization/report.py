@@ -29,7 +29,6 @@ from isomatch.visualization.pair_page import (
     simplified,
     table,
     tables_of_run,
-    template,
     title_of,
     versions,
 )
@@ -37,6 +36,7 @@ from isomatch.visualization.picture import png
 from isomatch.visualization.plots import SEEN, WIDTH, draw_map
 from isomatch.visualization.scene import layers_of, scene_of, user_layers
 from isomatch.visualization.summary import outcome_colour
+from isomatch.visualization.viewer import template
 
 COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -16,18 +15,11 @@ from isomatch._core.errors import DescriptorError
 from isomatch.correspondence import Correspondence
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
-from isomatch.visualization.camera import (
-    camera_of,
-    of_ordinary_size,
-    seen_from,
-    turn_to_target,
-    used_vertices,
-)
-from isomatch.visualization.colours import UNMATCHED_GREY, position_colours, to_screen
+from isomatch.visualization.camera import camera_of, of_ordinary_size, turn_to_target
+from isomatch.visualization.colours import UNMATCHED_GREY, position_colours
+from isomatch.visualization.viewer import MOST_SHOWN, DrawnSurface, encoded, encoded_colours, encoded_normals
 
 Side = Literal["source", "target"]
-MOST_SHOWN = 30_000  # vertices of one shape
-COARSER = 1.15  # growth of the grid cells from one attempt at simplification to the next
 
 
 def scene_of(
@@ -41,9 +33,7 @@ def scene_of(
 ) -> dict[str, Any]:
     """Collect the data of a report's 3D view; layers are values at the source's vertices under the first map."""
     # Plain values for JSON; arrays are little-endian, in base 64:
-    # source, target: index (uint32, the user's index of each shown vertex), vertices (float32 × 3: right, up, towards the
-    #   viewer; unit area, as in the still picture), normals (int8 × 3), colours (uint8 × 3, target only), faces
-    #   (uint32 × 3), extent, n_shown vertices of the n_used that faces use
+    # source, target: as `DrawnSurface.packed`, and colours (uint8 × 3, target only)
     # filed: the rotation (3 rows) that brings the source back to how it lies in its file
     # maps: for each shown source vertex images (int32, the user's index of the target vertex, −1 if unmatched), points
     #   and normals of the precise images, colours, and layers by name, see Layer.packed
@@ -68,8 +58,8 @@ class DrawnPair:
         self._camera = camera_of(self._target)
         self._turn = self._turn_of(facing)
         kept = np.zeros((2, 0), dtype=np.int64) if landmarks is None else landmarks.T
-        self._from_source = _Shown(self._source, self._camera @ self._turn, most, kept[0])
-        self._from_target = _Shown(self._target, self._camera, most, kept[1])
+        self._from_source = DrawnSurface(self._source, self._camera @ self._turn, most, kept[0])
+        self._from_target = DrawnSurface(self._target, self._camera, most, kept[1])
         self._colours = position_colours(self._target)
 
     def shapes(self) -> dict[str, Any]:
@@ -77,7 +67,7 @@ class DrawnPair:
         lying = self._from_source.points[self._from_source.index] @ self._filed(self._turn).T
         at_source = self._from_source.packed()
         at_source["extent"] = np.maximum(at_source["extent"], 2 * np.abs(lying).max(axis=0)).tolist()
-        colours = _colours(self._colours[self._from_target.index])
+        colours = encoded_colours(self._colours[self._from_target.index])
         at_target = {**self._from_target.packed(), "colours": colours}
         return {"source": at_source, "target": at_target, "filed": self._filed(self._turn).ravel().tolist()}
 
@@ -98,10 +88,10 @@ class DrawnPair:
         unmatched = ~correspondence.matched[index]
         points[unmatched], normals[unmatched], colours[unmatched] = 0.0, 0.0, UNMATCHED_GREY
         return {
-            "images": _packed(correspondence.vertices[index], "<i4"),
-            "points": _packed(points, "<f4"),
-            "normals": _normals(normals),
-            "colours": _colours(colours),
+            "images": encoded(correspondence.vertices[index], "<i4"),
+            "points": encoded(points, "<f4"),
+            "normals": encoded_normals(normals),
+            "colours": encoded_colours(colours),
             "layers": {name: layer.packed(index) for name, layer in layers.items()},
         }
 
@@ -119,65 +109,6 @@ class DrawnPair:
     def _filed(self, turn: FloatArray) -> FloatArray:
         """In camera coordinates, the rotation that takes back a turn of the source."""
         return self._camera @ turn.T @ self._camera.T
-
-
-class _Shown:
-    """One shape in camera coordinates: all its vertices, and which of them are shown."""
-
-    def __init__(self, mesh: Mesh, camera: FloatArray, most: int, kept: IntArray) -> None:
-        self.points = seen_from(camera, mesh)  # (n, 3)
-        self.normals = mesh.vertex_normals @ camera.T  # (n, 3)
-        used = used_vertices(mesh)
-        self.n_used = len(used)
-        shown, self.faces = _simplified(self.points, mesh.sound_faces, used, most)
-        self.n_shown = len(shown)
-        self.index = np.concatenate([shown, np.setdiff1d(kept, shown)])
-
-    def packed(self) -> dict[str, Any]:
-        drawn = self.points[self.index]
-        return {
-            "n_used": self.n_used,
-            "n_shown": self.n_shown,
-            "index": _packed(self.index, "<u4"),
-            "vertices": _packed(drawn, "<f4"),
-            "normals": _normals(self.normals[self.index]),
-            "faces": _packed(self.faces, "<u4"),
-            "extent": np.ptp(drawn, axis=0).tolist(),
-        }
-
-
-def _simplified(points: FloatArray, faces: IntArray, used: IntArray, most: int) -> tuple[IntArray, IntArray]:
-    """Choose at most ``most`` of the used vertices to show; return them, and the faces between them in new indices."""
-    # the vertex nearest to the middle of each cell of a cubic grid is kept; corners of faces move to that of their cell
-    shown, cell = used, np.arange(len(used))
-    size = most**-0.5  # side of the cells; the surface has unit area
-    while len(shown) > most:
-        inside, cells = np.modf((points[used] - points[used].min(axis=0)) / size)
-        middle_first = ((inside - 0.5) ** 2).sum(axis=1).argsort(kind="stable")
-        _, first, among = np.unique(cells[middle_first], axis=0, return_index=True, return_inverse=True)
-        shown = used[middle_first[first]]
-        cell[middle_first] = among.ravel()
-        size *= COARSER
-    number = np.zeros(len(points), dtype=np.int64)
-    number[used] = cell
-    corners = number[faces]
-    a, b, c = corners.T
-    corners = corners[(a != b) & (b != c) & (c != a)]
-    if len(shown) < len(used):
-        corners = corners[np.unique(np.sort(corners, axis=1), axis=0, return_index=True)[1]]
-    return shown, corners
-
-
-def _packed(values: ArrayLike, dtype: str) -> str:
-    return b64encode(np.ascontiguousarray(values, dtype=dtype).tobytes()).decode("ascii")
-
-
-def _normals(unit: FloatArray) -> str:
-    return _packed(np.rint(127 * unit), "i1")
-
-
-def _colours(linear: FloatArray) -> str:
-    return _packed(np.rint(255 * to_screen(linear)), "u1")
 
 
 # the first two are there of every map
@@ -212,7 +143,7 @@ class Layer:
             "ratio": self.ratio,
             "meaning": self.meaning,
             "ramp": np.rint(255 * ramp).astype(int).tolist(),
-            "levels": _packed(np.where(np.isnan(shares), NO_VALUE, np.rint(LEVELS * shares)), "u1"),
+            "levels": encoded(np.where(np.isnan(shares), NO_VALUE, np.rint(LEVELS * shares)), "u1"),
         }
 
 

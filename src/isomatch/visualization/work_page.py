@@ -27,8 +27,6 @@ from isomatch.visualization.pair_page import (
     simplified,
     table_of_quality,
     tables_of_run,
-    template,
-    text_of,
 )
 from isomatch.visualization.scene import DrawnPair, layers_of
 from isomatch.visualization.summary import (
@@ -38,6 +36,7 @@ from isomatch.visualization.summary import (
     told_of_alternative,
     told_of_given,
 )
+from isomatch.visualization.viewer import template, text_of
 
 LEAST_SHARE = 0.001  # of the surface worth telling
 BEFORE = "before"

@@ -1,0 +1,192 @@
+"""The 3D view of a page: surfaces as a browser draws them, and the page around them, in one file."""
+
+from __future__ import annotations
+
+import json
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from string import Template
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch.surfaces import Mesh
+from isomatch.visualization.camera import seen_from, used_vertices
+from isomatch.visualization.colours import to_screen
+from isomatch.visualization.surface_image import AMBIENT, FILL, FILL_LIGHT, GLOSS, KEY, KEY_LIGHT, SHARPNESS
+
+MOST_SHOWN = 30_000  # vertices of one shape; their numbers have 16 bits
+COARSER = 1.15  # growth of the grid cells from one attempt at simplification to the next
+
+
+def text_of(name: str) -> str:
+    """Read a file beside this module."""
+    return (files("isomatch.visualization") / name).read_text(encoding="utf-8")
+
+
+def template(name: str) -> Template:
+    """Read a file beside this module, with places to fill."""
+    return Template(text_of(name))
+
+
+def html_page(
+    title: str, body: str, *, style: str = "", policy: str = "", images: str = "data:", **parts: str
+) -> str:
+    """Make a page that loads nothing from the network.
+
+    Parameters
+    ----------
+    title : str
+        Its title, as text.
+    body : str
+        Its content, as HTML.
+    style : str
+        CSS after that of all pages.
+    policy, images : str
+        Additions to its content security policy, and whence pictures may come.
+    **parts : str
+        ``root`` and ``kind``, attributes of the page and of its body.
+
+    Returns
+    -------
+    str
+        The page.
+
+    Examples
+    --------
+    >>> "<title>a &amp; b</title>" in html_page("a & b", "<p>Text</p>")
+    True
+    """
+    style = text_of("report.css") + style
+    given = {"root": "", "kind": "", **parts}
+    return template("page.html").substitute(
+        title=escape(title), body=body, style=style, policy=policy, images=images, **given
+    )
+
+
+def stage_of(names: Sequence[str], label: str, *, picture: str = "", marks: str = "") -> str:
+    """Make the place where surfaces are drawn, with a name for each; a picture, and marks of SVG, are HTML.
+
+    The page has elements ``status``, for a message, and ``reset``, a button; `scripts_of` follow it.
+    """
+    spans = "".join(
+        f'<span class="name" id="name{k}">{escape(name)}</span>\n' for k, name in enumerate(names)
+    )
+    return template("viewer.html").substitute(label=escape(label), names=spans, picture=picture, marks=marks)
+
+
+def scripts_of(scene: Mapping[str, Any], *scripts: str) -> str:
+    """Make the data and the scripts of a 3D view, whose texts use ``viewer`` and ``unpack`` of ``viewer.js``."""
+    lights: dict[str, ArrayLike] = {"key": KEY_LIGHT, "fill": FILL_LIGHT, "ambient": AMBIENT}
+    lights |= {"key_strength": KEY, "fill_strength": FILL, "gloss": GLOSS, "sharpness": SHARPNESS}
+    # the lights of the still pictures
+    shaders = template("shaders.html").substitute(
+        {name: ", ".join(map(str, np.atleast_1d(light))) for name, light in lights.items()}
+    )
+    data = f'<script type="application/json" id="scene">{script_json(scene)}</script>\n'
+    return (
+        data + shaders + "\n".join(f"<script>\n{text}</script>" for text in (text_of("viewer.js"), *scripts))
+    )
+
+
+def script_json(value: object) -> str:
+    """Format plain values so that no text in them can end the element that they are in."""
+    return json.dumps(value).replace("<", "\\u003c")
+
+
+class DrawnSurface:
+    """A surface as a browser draws it, from a camera, see `camera_of`; large ones are simplified.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The surface.
+    camera : (3, 3) array
+        Rows: right, up, towards the viewer.
+    most : int
+        Number of vertices that are shown at most.
+    kept : (q,) array of int
+        Vertices that are in ``index`` in any case.
+
+    Attributes
+    ----------
+    points, normals : (n, 3) array
+        All vertices in the coordinates of the camera, with unit area and their middle at 0, and their normals.
+    index : (m,) array of int
+        The shown vertices.
+    """
+
+    def __init__(
+        self, mesh: Mesh, camera: FloatArray, most: int = MOST_SHOWN, kept: IntArray | Sequence[int] = ()
+    ) -> None:
+        self._mesh, self._camera = mesh, camera
+        self.points = seen_from(camera, mesh)  # (n, 3)
+        self.normals = mesh.vertex_normals @ camera.T  # (n, 3)
+        used = used_vertices(mesh)
+        self.n_used = len(used)
+        shown, self.faces = _simplified(self.points, mesh.sound_faces, used, most)
+        self.n_shown = len(shown)
+        self.index = np.concatenate([shown, np.setdiff1d(kept, shown).astype(np.int64)])
+
+    def seen(self, positions: FloatArray) -> FloatArray:
+        """Bring positions (k, 3) beside the surface into the coordinates of the view."""
+        return seen_from(self._camera, self._mesh, positions)
+
+    def packed(self) -> dict[str, Any]:
+        """Return plain values for JSON; arrays are little-endian, in base 64.
+
+        ``index`` (uint32, the user's index of each shown vertex), ``vertices`` (float32 × 3: right, up,
+        towards the viewer; unit area, as in still pictures), ``normals`` (int8 × 3), ``faces`` (uint16 × 3), ``extent``,
+        ``n_shown`` vertices of the ``n_used`` that faces use.
+        """
+        drawn = self.points[self.index]
+        return {
+            "n_used": self.n_used,
+            "n_shown": self.n_shown,
+            "index": encoded(self.index, "<u4"),
+            "vertices": encoded(drawn, "<f4"),
+            "normals": encoded_normals(self.normals[self.index]),
+            "faces": encoded(self.faces, "<u2"),
+            "extent": np.ptp(drawn, axis=0).tolist(),
+        }
+
+
+def _simplified(points: FloatArray, faces: IntArray, used: IntArray, most: int) -> tuple[IntArray, IntArray]:
+    """Choose at most ``most`` of the used vertices to show; return them, and the faces between them in new indices."""
+    # the vertex nearest to the middle of each cell of a cubic grid is kept; corners of faces move to that of their cell
+    shown, cell = used, np.arange(len(used))
+    size = most**-0.5  # side of the cells; the surface has unit area
+    while len(shown) > most:
+        inside, cells = np.modf((points[used] - points[used].min(axis=0)) / size)
+        middle_first = ((inside - 0.5) ** 2).sum(axis=1).argsort(kind="stable")
+        _, first, among = np.unique(cells[middle_first], axis=0, return_index=True, return_inverse=True)
+        shown = used[middle_first[first]]
+        cell[middle_first] = among.ravel()
+        size *= COARSER
+    number = np.zeros(len(points), dtype=np.int64)
+    number[used] = cell
+    corners = number[faces]
+    a, b, c = corners.T
+    corners = corners[(a != b) & (b != c) & (c != a)]
+    if len(shown) < len(used):
+        corners = corners[np.unique(np.sort(corners, axis=1), axis=0, return_index=True)[1]]
+    return shown, corners
+
+
+def encoded(values: ArrayLike, dtype: str) -> str:
+    """Encode numbers in base 64."""
+    return b64encode(np.ascontiguousarray(values, dtype=dtype).tobytes()).decode("ascii")
+
+
+def encoded_normals(unit: FloatArray) -> str:
+    """Encode unit vectors (n, 3) as int8."""
+    return encoded(np.rint(127 * unit), "i1")
+
+
+def encoded_colours(linear: FloatArray) -> str:
+    """Encode colours (n, 3) in linear light as uint8 of the screen."""
+    return encoded(np.rint(255 * to_screen(linear)), "u1")
