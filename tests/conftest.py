@@ -10,6 +10,7 @@ from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
 import isomatch.visualization.report
+from browser_pages import browser, visit  # noqa: F401 - fixtures
 from data import real_file
 from isomatch import Mesh, PointCloud, prepare
 from isomatch._core.machine import kernels, processor, versions

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -19,22 +18,10 @@ from served_pages import bent, serving
 
 pytest.importorskip("starlette", reason="needs the extra open")
 pytest.importorskip("uvicorn", reason="needs the extra open")
-sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 
 DESKTOP, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 ON_A_PANE = [(0.5, 0.35), (0.5, 0.65), (0.53, 0.5)]  # shares of its width and height
 RESULT_FILES = {"map.npz", "map.txt", "map.png", "result.json", "report.html"}
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        arguments = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield opened
-        opened.close()
 
 
 @pytest.fixture

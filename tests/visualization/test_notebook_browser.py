@@ -1,18 +1,14 @@
 """The view of a notebook in a browser: clicks in its frame reach a widget, which a small object stands in for here."""
 
-import shutil
-
 import numpy as np
 import pytest
 
 from isomatch import Mesh
-from isomatch.visualization.pair_page import text_of
+from isomatch.visualization.viewer import text_of
 from shapes import icosphere
 from view_results import result_of
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-pytestmark = [pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium"), pytest.mark.long]
+pytestmark = pytest.mark.long
 
 SHOWN = """async ([script, page, pairs, dark]) => {
   document.body.dataset.jpThemeLight = String(!dark);
@@ -24,15 +20,6 @@ SHOWN = """async ([script, page, pairs, dark]) => {
   const el = document.createElement("div"); document.body.append(el);
   window.leave = module.default.render({ model, el });
 }"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        arguments = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield opened
-        opened.close()
 
 
 def test_clicked_pairs_reach_the_widget_and_a_second_view(browser):

@@ -1,7 +1,6 @@
 """The report in a browser, used by clicking: nothing is loaded, nothing complained about, and it does what it says."""
 
 import dataclasses
-import shutil
 from io import BytesIO
 
 import matplotlib.image
@@ -9,17 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from browser_pages import DESKTOP, PHONE, settled
 from isomatch import Config, Mesh, Outcome, Quality
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult
 from isomatch.visualization import write_landmark_picker, write_report
 from shapes import icosphere
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
-
-DESKTOP, PHONE = {"width": 1100, "height": 800}, {"width": 390, "height": 800}
 SOURCE_POINTS = [(275, 250), (275, 150), (290, 350)]  # of the canvas at desktop width
 TARGET_POINTS = [(800, 250), (800, 150), (815, 350)]
 
@@ -66,44 +61,6 @@ def report(shape, flipped, tmp_path_factory):
         command="isomatch match a.ply b.ply -o out --landmarks landmarks.txt --force",
     )
     return path
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        arguments = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield opened
-        opened.close()
-
-
-@pytest.fixture
-def visit(browser):
-    """Open a page in a browser without a network that has stored nothing; fail if it complains or asks for anything."""
-    faults, contexts = [], []
-
-    def opened(path, viewport=DESKTOP, **options):
-        context = browser.new_context(offline=True, viewport=viewport, accept_downloads=True, **options)
-        contexts.append(context)
-        page = context.new_page()
-        page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
-        page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on(
-            "request",
-            lambda asked: None if asked.url.startswith(("file:", "data:")) else faults.append(asked.url),
-        )
-        page.goto(path.as_uri())
-        settled(page)
-        return page
-
-    yield opened
-    for context in contexts:
-        context.close()
-    assert not faults
-
-
-def settled(page):
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
 def panes(page):

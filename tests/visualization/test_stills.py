@@ -5,6 +5,7 @@ import io
 import matplotlib.image
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from isomatch._core.errors import MeshError
 from isomatch.correspondence import Correspondence
@@ -133,6 +134,17 @@ def test_a_partner_that_was_turned_over_is_turned_back(pair):
     identity = Correspondence(np.arange(source.n_vertices), source.n_vertices)
     np.testing.assert_allclose(turn_to_target(source, target, identity), turn, atol=1e-9)
     np.testing.assert_allclose(turn_to_target(source, source, identity), np.eye(3), atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [20, 60, 85])
+def test_a_scan_in_any_pose_is_turned_fully_if_asked(pair, degrees):
+    source = pair[0]
+    turn = Rotation.from_rotvec(np.radians(degrees) * np.array([2, -1, 2]) / 3).as_matrix()
+    target = Mesh(source.vertices @ turn.T, source.faces)
+    identity = Correspondence(np.arange(source.n_vertices), source.n_vertices)
+    np.testing.assert_allclose(turn_to_target(source, target, identity, upright=False), turn, atol=1e-9)
+    if degrees < 65:
+        np.testing.assert_array_equal(turn_to_target(source, target, identity), np.eye(3))
 
 
 @pytest.mark.parametrize("side", [0, 1])

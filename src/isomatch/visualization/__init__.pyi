@@ -8,11 +8,13 @@ from isomatch.visualization.plots import draw_map, drawable, plot_basis, plot_su
 from isomatch.visualization.report import write_judgement, write_landmark_picker, write_report
 from isomatch.visualization.summary import HEADLINES, Summary, summary_of
 from isomatch.visualization.surface_image import surface_image
+from isomatch.visualization.viewer import DrawnSurface, html_page, html_table, scripts_of, stage_of
 from isomatch.visualization.work_page import WorkPage
 
 __all__ = [
     "HEADLINES",
     "MOST_ALTERNATIVES",
+    "DrawnSurface",
     "Measure",
     "ResultView",
     "Summary",
@@ -24,12 +26,16 @@ __all__ = [
     "draw_map",
     "drawable",
     "html_of",
+    "html_page",
+    "html_table",
     "plot_basis",
     "plot_surface",
     "position_colours",
     "quality_bounds",
     "quality_measures",
+    "scripts_of",
     "show_result",
+    "stage_of",
     "summary_of",
     "surface_image",
     "to_screen",

@@ -117,10 +117,7 @@ def used_vertices(mesh: Mesh) -> IntArray:
 
 
 def seen_from(camera: FloatArray, mesh: Mesh, positions: FloatArray | None = None) -> FloatArray:
-    """Vertices in camera coordinates (right, up, towards the viewer), (n, 3): unit area, the middle of the drawn at 0.
-
-    Or positions (k, 3) beside them.
-    """
+    """Vertices, or positions, in camera coordinates (right, up, towards the viewer): unit area, their middle at 0."""
     points = mesh.vertices @ camera.T / np.sqrt(mesh.area)
     drawn = points[used_vertices(mesh)]
     points = points if positions is None else positions @ camera.T / np.sqrt(mesh.area)
@@ -130,22 +127,10 @@ def seen_from(camera: FloatArray, mesh: Mesh, positions: FloatArray | None = Non
 def turn_to_target(
     source: Mesh, target: Mesh, correspondence: Correspondence, *, upright: bool = True
 ) -> FloatArray:
-    """Find the rotation of the source after which it faces in the same direction as the target.
+    """Find the rotation (3, 3) that brings the vertices of the source closest to their images, by least squares.
 
-    Parameters
-    ----------
-    source, target : Mesh
-        The two shapes.
-    correspondence : Correspondence
-        The map source → target.
-    upright : bool
-        Whether quarter turns about the axes are taken instead if they are near, so that a shape that stands stays
-        upright. Scans that lie anyhow are turned fully.
-
-    Returns
-    -------
-    (3, 3) array
-        The rotation that brings the vertices of the source closest to their images, by least squares.
+    If quarter turns about the axes are near it, they are taken instead, so that a shape that stands stays upright; not of
+    scans that lie anyhow, with ``upright=False``.
     """
     seen = correspondence.matched
     weights = source.vertex_areas[seen]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, singledispatch
 from html import escape
 from importlib.util import find_spec
@@ -38,7 +39,7 @@ from isomatch.visualization.picture import SHARPNESS
 from isomatch.visualization.plots import draw_map, drawable, paintable, plot_surface
 from isomatch.visualization.scene import layers_of, scene_of
 from isomatch.visualization.summary import HEADLINES, outcome_colour, summary_of
-from isomatch.visualization.viewer import template, text_of
+from isomatch.visualization.viewer import html_table, template, text_of
 
 logger = logging.getLogger(__name__)
 PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page
@@ -237,18 +238,12 @@ def _card(title: str, *parts: str) -> str:
     return f'<div style="max-width:{PAIR_WIDTH}px;line-height:1.5">{head}{"".join(parts)}</div>'
 
 
-def _table(rows: Iterable[tuple[object, ...]], heads: tuple[str, ...] = ()) -> str:
-    """Make a table; the first entry of each row is its name."""
-    head = "".join(f'<th style="{_CELL};opacity:.75;font-weight:400">{escape(name)}</th>' for name in heads)
-    body = "".join(
-        f'<tr style="background:none"><th style="{_CELL};font-weight:400;opacity:.75">{escape(str(name))}</th>'
-        + "".join(f'<td style="{_CELL}">{escape(str(text))}</td>' for text in rest)
-        + "</tr>"
-        for name, *rest in rows
-    )
-    head = f"<thead><tr>{head}</tr></thead>" if heads else ""
-    style = "color:inherit;border-collapse:collapse;margin:.4em 0;font-size:.95em;font-variant-numeric:tabular-nums"
-    return f'<table style="{style}">{head}<tbody>{body}</tbody></table>'
+def _table(rows: Iterable[Sequence[object]], heads: Sequence[str] = ()) -> str:
+    """Make a table with its styles in place."""
+    table = "color:inherit;border-collapse:collapse;margin:.4em 0;font-size:.95em;font-variant-numeric:tabular-nums"
+    styles = {"table": table, "td": _CELL, "th": f"{_CELL};font-weight:400;opacity:.75"}
+    styled = html_table(rows, heads).replace("<tr>", '<tr style="background:none">')
+    return re.sub(r"<(table|td|th)\b", lambda tag: f'{tag[0]} style="{styles[tag[1]]}"', styled)
 
 
 def _folded(title: str, content: str) -> str:

@@ -27,7 +27,15 @@ from isomatch.visualization.summary import (
     told_of_alternative,
     told_of_given,
 )
-from isomatch.visualization.viewer import html_page, script_json, scripts_of, stage_of, template, text_of
+from isomatch.visualization.viewer import (
+    html_page,
+    html_table,
+    script_json,
+    scripts_of,
+    stage_of,
+    template,
+    text_of,
+)
 
 MOST_ALTERNATIVES = 4
 LEAST_TURN = 0.1  # degrees of a turn worth telling
@@ -35,11 +43,6 @@ SIDES = ("source", "target")
 GIVEN = "the map that was given"  # name of the map to start from, or of the one that was judged
 # of a page, besides what every page has; one that is served adds to the content security policy and has a kind
 _PARTS = ("policy", "kind", "work", "picture", "plain", "maps", "picking", "details", "run")
-# of the vertex that is pointed at, of its image, and the line between them
-_MARKS = (
-    '<line id="link" visibility="hidden"/><circle id="dot0" class="dot" r="6" visibility="hidden"/>'
-    '<circle id="dot1" class="dot" r="6" visibility="hidden"/>'
-)
 
 
 def page_of(
@@ -59,7 +62,7 @@ def page_of(
     given = dict.fromkeys(_PARTS, "") | parts
     body = template("report.html").substitute(
         **given,
-        stage=stage_of(titles, "Both shapes in 3D", picture=given["picture"], marks=_MARKS),
+        stage=stage_of(titles, "Both shapes in 3D", given["picture"]),
         sureness=f'<p id="sureness">{escape(sureness)}</p>\n' if sureness else "",
         pair=escape(" → ".join(f"{n} ({m.n_vertices:,} vertices)" for n, m in zip(names, shapes))),
         given=script_json(kept),
@@ -290,12 +293,8 @@ def notes_of(result: MatchResult) -> str:
 
 
 def table(title: str, rows: Mapping[str, object]) -> str:
-    """Make a table of two columns."""
-    body = "".join(
-        f'<tr><th scope="row">{escape(str(name))}</th><td>{escape(str(value))}</td></tr>'
-        for name, value in rows.items()
-    )
-    return f"<section><h2>{escape(title)}</h2><table><tbody>{body}</tbody></table></section>"
+    """Make a section with a table of two columns."""
+    return f"<section><h2>{escape(title)}</h2>{html_table(rows.items())}</section>"
 
 
 def paragraphs(lines: Iterable[str]) -> str:

@@ -14,10 +14,6 @@ const report = (() => {
   const where = shapes.map((shape) => new Map(Array.from(shape.index, (vertex, k) => [vertex, k])));
 
   const GREY = [174, 174, 174], NO_VALUE = 255, LEVELS = 254, NOWHERE = 1e6, SQUARES = 14;
-  const rampColour = (ramp, level) => {
-    const at = level / LEVELS * (ramp.length - 1), k = Math.min(Math.floor(at), ramp.length - 2);
-    return ramp[k].map((low, c) => low + (ramp[k + 1][c] - low) * (at - k));
-  };
   const valueOf = ({ low, high, ratio, levels }, vertex) => {
     const share = levels[vertex] / LEVELS;
     return ratio ? low * (high / low) ** share : low + (high - low) * share;
@@ -27,9 +23,9 @@ const report = (() => {
     const map = now(), item = shown();
     let colours = map?.colours ?? plain(shapes[0]);
     if (item) {
-      const table = Array.from({ length: NO_VALUE + 1 }, (_, k) => (k === NO_VALUE ? GREY : rampColour(item.ramp, k)));
+      const table = Array.from({ length: NO_VALUE + 1 }, (_, k) => (k === NO_VALUE ? GREY : rampColour(item.ramp, k / LEVELS)));
       colours = Uint8Array.from({ length: colours.length }, (_, k) => table[item.levels[Math.floor(k / 3)]][k % 3]);
-      by("ramp").style.background = `linear-gradient(90deg, ${item.ramp.map((stop) => `rgb(${stop})`)})`;
+      paintRamp(item.ramp);
       by("low").textContent = "≤ " + number(item.low, item); by("high").textContent = "≥ " + number(item.high, item);
       by("meaning").textContent = item.meaning;
     }

@@ -67,8 +67,7 @@ class DrawnPair:
         lying = self._from_source.points[self._from_source.index] @ self._filed(self._turn).T
         at_source = self._from_source.packed()
         at_source["extent"] = np.maximum(at_source["extent"], 2 * np.abs(lying).max(axis=0)).tolist()
-        colours = encoded_colours(self._colours[self._from_target.index])
-        at_target = {**self._from_target.packed(), "colours": colours}
+        at_target = self._from_target.packed(self._colours)
         return {"source": at_source, "target": at_target, "filed": self._filed(self._turn).ravel().tolist()}
 
     def maps(self, maps: Mapping[str, Correspondence], layers: Mapping[str, Layer]) -> dict[str, Any]:

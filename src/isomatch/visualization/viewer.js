@@ -11,6 +11,13 @@ const svg = (name, attributes, ...inner) => {
   Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value)); made.append(...inner); return made;
 };
 const CLAY = [200, 200, 196];
+const rampColour = (ramp, share) => { // of a share from 0 to 1
+  const at = Math.max(0, Math.min(share, 1)) * (ramp.length - 1), k = Math.min(Math.floor(at), ramp.length - 2);
+  return ramp[k].map((low, c) => low + (ramp[k + 1][c] - low) * (at - k));
+};
+const paintRamp = (ramp) => {
+  document.getElementById("ramp").style.background = `linear-gradient(90deg, ${ramp.map((stop) => `rgb(${stop})`)})`;
+};
 const plain = (shape) => new Uint8Array(shape.normals.length).map((_, k) => CLAY[k % 3]);
 // null without WebGL 2; turn has the rows right, up, towards the viewer, panes are [left, top, width, height] in CSS pixels
 const viewer = (shapes, { rotation = (pane, turn) => turn, squares = () => 0, lines = () => false, drawn = () => {},
@@ -59,7 +66,7 @@ const viewer = (shapes, { rotation = (pane, turn) => turn, squares = () => 0, li
     }
     redraw();
   };
-  const face = (pane, normals, k) => { // turn a point to the viewer
+  const face = (pane, normals, k) => { // a point to the viewer
     const [x, y, z] = seen(rotation(pane, turn), normals, k);
     rotate(2, 0, Math.atan2(x, z)); rotate(2, 1, Math.atan2(y, Math.hypot(x, z)));
   };
@@ -101,9 +108,13 @@ const viewer = (shapes, { rotation = (pane, turn) => turn, squares = () => 0, li
     drawn();
   };
   const redraw = () => { if (!queued) { queued = true; requestAnimationFrame(draw); } };
+  const spot = (pane, points, normals, k) => { // where a point is drawn, its height, and how it faces the viewer
+    const r = rotation(pane, turn), p = seen(r, points, k);
+    return { at: screen(pane, p), height: p[2], facing: seen(r, normals, k)[2] };
+  };
   const place = (dot, pane, points, normals, k) => { // "far" if the point is on the far side
-    const r = rotation(pane, turn), at = screen(pane, seen(r, points, k));
-    dot.setAttribute("transform", `translate(${at})`); dot.classList.toggle("far", seen(r, normals, k)[2] < 0);
+    const { at, facing } = spot(pane, points, normals, k);
+    dot.setAttribute("transform", `translate(${at})`); dot.classList.toggle("far", facing < 0);
     dot.setAttribute("visibility", inside(pane, at) ? "visible" : "hidden");
     return at;
   };
@@ -160,5 +171,5 @@ const viewer = (shapes, { rotation = (pane, turn) => turn, squares = () => 0, li
   on(canvas, "webglcontextlost", () => stage.classList.remove("usable", "live"));
   on(document.getElementById("reset"), "click", reset); on(window, "resize", redraw);
   stage.classList.add("usable", "live"); reset();
-  return { put, redraw, rotate, face, place, under, seen, inside };
+  return { put, redraw, face, place, spot, under, inside, unit: () => scale * zoom };
 };

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.surfaces import Mesh
@@ -36,28 +37,11 @@ def template(name: str) -> Template:
 def html_page(
     title: str, body: str, *, style: str = "", policy: str = "", images: str = "data:", **parts: str
 ) -> str:
-    """Make a page that loads nothing from the network.
+    """Make a page of HTML that loads nothing from the network; ``style`` is further CSS.
 
-    Parameters
-    ----------
-    title : str
-        Its title, as text.
-    body : str
-        Its content, as HTML.
-    style : str
-        CSS after that of all pages.
-    policy, images : str
-        Additions to its content security policy, and whence pictures may come.
-    **parts : str
-        ``root`` and ``kind``, attributes of the page and of its body.
+    ``policy`` and ``images`` add to its content security policy; ``root`` and ``kind`` are attributes of the page and of
+    its body.
 
-    Returns
-    -------
-    str
-        The page.
-
-    Examples
-    --------
     >>> "<title>a &amp; b</title>" in html_page("a & b", "<p>Text</p>")
     True
     """
@@ -68,15 +52,15 @@ def html_page(
     )
 
 
-def stage_of(names: Sequence[str], label: str, *, picture: str = "", marks: str = "") -> str:
-    """Make the place where surfaces are drawn, with a name for each; a picture, and marks of SVG, are HTML.
+def stage_of(names: Sequence[str], label: str, picture: str = "") -> str:
+    """Make the place where surfaces are drawn, with a name for each, in front of a picture, which is HTML.
 
     The page has elements ``status``, for a message, and ``reset``, a button; `scripts_of` follow it.
     """
     spans = "".join(
         f'<span class="name" id="name{k}">{escape(name)}</span>\n' for k, name in enumerate(names)
     )
-    return template("viewer.html").substitute(label=escape(label), names=spans, picture=picture, marks=marks)
+    return template("viewer.html").substitute(label=escape(label), names=spans, picture=picture)
 
 
 def scripts_of(scene: Mapping[str, Any], *scripts: str) -> str:
@@ -87,10 +71,19 @@ def scripts_of(scene: Mapping[str, Any], *scripts: str) -> str:
     shaders = template("shaders.html").substitute(
         {name: ", ".join(map(str, np.atleast_1d(light))) for name, light in lights.items()}
     )
-    data = f'<script type="application/json" id="scene">{script_json(scene)}</script>\n'
-    return (
-        data + shaders + "\n".join(f"<script>\n{text}</script>" for text in (text_of("viewer.js"), *scripts))
+    data = f'<script type="application/json" id="scene">{script_json(scene)}</script>\n{shaders}'
+    return data + "\n".join(f"<script>\n{text}</script>" for text in (text_of("viewer.js"), *scripts))
+
+
+def html_table(rows: Iterable[Sequence[object]], heads: Sequence[str] = ()) -> str:
+    """Make a table, whose cells are escaped; the first of each row is its name."""
+    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
+    body = "".join(
+        f'<tr><th scope="row">{escape(str(name))}</th>'
+        f"{''.join(f'<td>{escape(str(cell))}</td>' for cell in cells)}</tr>"
+        for name, *cells in rows
     )
+    return f"<table>{f'<thead><tr>{head}</tr></thead>' * bool(heads)}<tbody>{body}</tbody></table>"
 
 
 def script_json(value: object) -> str:
@@ -99,25 +92,10 @@ def script_json(value: object) -> str:
 
 
 class DrawnSurface:
-    """A surface as a browser draws it, from a camera, see `camera_of`; large ones are simplified.
+    """A surface as a browser draws it, from a camera, see `camera_of`: at most ``most`` vertices, and those ``kept``.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The surface.
-    camera : (3, 3) array
-        Rows: right, up, towards the viewer.
-    most : int
-        Number of vertices that are shown at most.
-    kept : (q,) array of int
-        Vertices that are in ``index`` in any case.
-
-    Attributes
-    ----------
-    points, normals : (n, 3) array
-        All vertices in the coordinates of the camera, with unit area and their middle at 0, and their normals.
-    index : (m,) array of int
-        The shown vertices.
+    ``points`` and ``normals`` (n, 3) are in the coordinates of the camera, with unit area and the middle at 0; ``index``
+    are the vertices that are shown.
     """
 
     def __init__(
@@ -132,16 +110,25 @@ class DrawnSurface:
         self.n_shown = len(shown)
         self.index = np.concatenate([shown, np.setdiff1d(kept, shown).astype(np.int64)])
 
-    def seen(self, positions: FloatArray) -> FloatArray:
-        """Bring positions (k, 3) beside the surface into the coordinates of the view."""
-        return seen_from(self._camera, self._mesh, positions)
+    def packed_points(self, positions: FloatArray) -> dict[str, Any]:
+        """Return positions (k, 3) on the surface, nan for none, with its normals there, as `packed` does vertices."""
+        points = seen_from(self._camera, self._mesh, positions)
+        placed = np.isfinite(points).all(axis=1)
+        normals = np.zeros(points.shape)
+        normals[placed] = self.normals[cKDTree(self.points).query(points[placed])[1]]
+        return {"points": encoded(points, "<f4"), "normals": encoded_normals(normals)}
 
-    def packed(self) -> dict[str, Any]:
+    def packed_vectors(self, vectors: FloatArray) -> str:
+        """Return displacements (n, 3) of the vertices at those that are shown, as `packed` does vertices."""
+        return encoded(vectors[self.index] @ self._camera.T / np.sqrt(self._mesh.area), "<f4")
+
+    def packed(self, colours: FloatArray | None = None) -> dict[str, Any]:
         """Return plain values for JSON; arrays are little-endian, in base 64.
 
         ``index`` (uint32, the user's index of each shown vertex), ``vertices`` (float32 × 3: right, up,
         towards the viewer; unit area, as in still pictures), ``normals`` (int8 × 3), ``faces`` (uint16 × 3), ``extent``,
-        ``n_shown`` vertices of the ``n_used`` that faces use.
+        ``n_shown`` vertices of the ``n_used`` that faces use, ``colours`` (uint8 × 3) if they are given, (n, 3) in linear
+        light.
         """
         drawn = self.points[self.index]
         return {
@@ -152,6 +139,7 @@ class DrawnSurface:
             "normals": encoded_normals(self.normals[self.index]),
             "faces": encoded(self.faces, "<u2"),
             "extent": np.ptp(drawn, axis=0).tolist(),
+            **({} if colours is None else {"colours": encoded_colours(colours[self.index])}),
         }
 
 
