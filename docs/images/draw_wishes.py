@@ -1,14 +1,17 @@
 """The pictures of ``docs/wishes`` and the moving picture of the readme, of shapes that isomatch makes.
 
-Run ``python docs/images/draw_wishes.py`` to draw them again; it takes two minutes, and needs the extra ``creatures``.
+Run ``python docs/images/draw_wishes.py`` to draw them again; it takes two minutes, and needs the extra ``creatures``,
+playwright and Chromium.
 """
 
 from pathlib import Path
+from shutil import which
 from tempfile import TemporaryDirectory
 
 import numpy as np
 from matplotlib import colormaps
 from PIL import Image
+from playwright.sync_api import sync_playwright
 from scipy.spatial.transform import Rotation
 
 from isomatch import (
@@ -21,7 +24,7 @@ from isomatch import (
     write_landmarks,
     write_mesh,
 )
-from isomatch.cohort import Collection, collected_landmarks, draw_landmarks, finish
+from isomatch.cohort import Collection, finish, write_landmark_tables
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.datasets import animal_head, example_pair
 from isomatch.geodesics import distance_engine, farthest_point_sampling
@@ -64,8 +67,13 @@ def landmarks(folder):
     write_landmarks(
         folder / "marks.mrk.json", Landmarks(mesh.vertices[tips], [f"L{i + 1}" for i in range(12)])
     )
-    found = dict(collected_landmarks(collection, {first: folder / "marks.mrk.json"}))
-    draw_landmarks(HERE / "wish_landmarks.png", collection, found)
+    found = write_landmark_tables(collection.folder, folder / "marks.mrk.json", folder / "carried")
+    with sync_playwright() as playwright:
+        arguments = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=which("chromium"), args=arguments)
+        page = browser.new_page(viewport={"width": 1000, "height": 640}, device_scale_factor=1.5)
+        page.goto(Path(found.look_at).as_uri())
+        page.locator("#stage").screenshot(path=HERE / "wish_landmarks.png")
 
 
 def mean(folder):

@@ -10,7 +10,8 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from isomatch import match, prepare, write_mesh
-from isomatch.cohort.shape_statistics import CorrespondedShapes, ShapeModel, draw_modes
+from isomatch.cohort import write_modes
+from isomatch.cohort.shape_statistics import CorrespondedShapes, ShapeModel
 from isomatch_lab.procedural import organ
 
 folder = Path(mkdtemp())
@@ -41,9 +42,9 @@ for name in others:
     print(f"{name}: {result.outcome.value}")
 
 # %%
-# The model: generalised Procrustes alignment, then principal components.
+# The model: generalised Procrustes alignment, then principal components. Move the sliders.
 
 shapes = CorrespondedShapes.of_meshes(meshes)
 model = ShapeModel.fit(shapes)
 print("share of the variance:", [f"{share:.0%}" for share in model.variance_ratios[:4]])
-draw_modes("modes.png", model, n_modes=3)
+write_modes("live_modes.html", model, n_modes=3)

@@ -60,7 +60,6 @@ def test_everything(folder, tmp_path, capsys):
     assert {
         "mean.ply",
         "mode_2_plus2sd.ply",
-        "modes.png",
         "dendrogram.png",
         "groups.ply",
         "aligned/s000.ply",
@@ -308,7 +307,7 @@ def test_sizes_scores_and_what_size_describes(tmp_path, capsys):
     heights = [np.sort(np.ptp(mesh.vertices - mesh.vertices.mean(axis=0), axis=0)) for mesh in (small, large)]
     assert heights[1][0] / heights[1][2] > 1.1 * heights[0][0] / heights[0][2]
     assert not list(out.glob("*.png"))
-    assert {"scores", "modes", "variance", "groups", "allometry"} <= {path.stem for path in out.glob("*.svg")}
+    assert {"scores", "variance", "groups", "allometry"} <= {path.stem for path in out.glob("*.svg")}
 
 
 @pytest.mark.long

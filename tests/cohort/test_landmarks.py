@@ -8,18 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
 
 from isomatch import InputError, Landmarks, Outcome, read_asset, read_mesh, write_asset, write_landmarks
 from isomatch.cli import main
-from isomatch.cohort import Collection, collected_landmarks, draw_landmarks, export, finish
+from isomatch.cohort import Collection, collected_landmarks, export, finish
 from isomatch.cohort.landmarks import landmarks_left_out
 from isomatch.cohort.ledger import writing_ledger
 from isomatch.cohort.map_file import digest_of
 from isomatch.io import Frame
 from isomatch.landmarks import Curve
 from isomatch.surfaces import nearest_on_surface
-from isomatch.visualization import camera_of
 from small_collections import run
 
 NAMES = ("nose", "tail", "foot", "c1", "c2", "c3")
@@ -142,7 +140,6 @@ def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
     assert {path.name for path in out.iterdir()} == {
         *(f"s{i}.csv" for i in range(4)),
         "landmarks.csv",
-        "landmarks.png",
         "landmarks.tps",
         "landmarks_errors.csv",
         "landmarks_sliders.csv",
@@ -311,27 +308,6 @@ def test_what_is_wrong_with_landmarks_is_told_before_anything_is_matched(small, 
     assert main([*argv, str(marks)]) == 1
     assert "away from all" in capsys.readouterr().err
     assert not (tmp_path / "out" / "maps").exists()
-
-
-@pytest.mark.long
-def test_the_picture_has_a_dot_for_each_landmark_in_sight(finished, small, tmp_path):
-    """With a disc of its expected error around it; none for one that is behind, or has no place."""
-    collection = Collection.open(finished)
-    mesh = read_mesh(small.shapes / "s0.ply")
-    toward = camera_of(mesh)[2]
-    front = mesh.vertices[[(mesh.vertices @ toward).argmax()]]
-
-    def drawn(position, error):
-        marks = Landmarks(position, ["nose"], expected_error=[error])
-        draw_landmarks(tmp_path / "sheet.png", collection, {"s0": marks})
-        seen = imread(tmp_path / "sheet.png")[..., :3]
-        return int((np.ptp(seen, axis=2) > 0.1).sum())
-
-    dot = drawn(front, 0.0)
-    assert dot > 100
-    assert drawn(front, 0.1 * np.sqrt(mesh.area)) > 4 * dot
-    assert drawn(mesh.vertices[[(mesh.vertices @ toward).argmin()]], 0.0) == 0
-    assert drawn([[np.nan] * 3], 0.1) == 0
 
 
 @pytest.mark.long

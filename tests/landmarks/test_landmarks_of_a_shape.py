@@ -285,6 +285,20 @@ def test_curves_survive_their_files(tmp_path):
     ]
 
 
+def test_surface_semilandmarks_are_a_list_of_their_own(tmp_path):
+    marks = Landmarks(on_faces(SPHERE, 4), [*"abcd"], [Curve("rim", (2, 3))]).with_patch(on_faces(SPHERE, 3))
+    write_landmarks(tmp_path / "a.mrk.json", marks)
+    markups = json.loads((tmp_path / "a.mrk.json").read_text())["markups"]
+    assert [(each["name"], len(each["controlPoints"])) for each in markups] == [
+        ("a", 2),
+        ("rim", 2),
+        ("a semilandmarks", 3),
+    ]
+    found = Landmarks.read(tmp_path / "a.mrk.json", SPHERE)
+    assert (found.names, found.curves, found.patch) == (marks.names, marks.curves, [4, 5, 6])
+    assert found.semilandmarks == [2, 3, 4, 5, 6]
+
+
 def test_a_curve_with_others_between_its_points_survives_its_files(tmp_path):
     marks = Landmarks(on_faces(SPHERE, 5), [*"abcde"], [Curve("suture", (0, 2, 4))])
     for name, order in (("a.mrk.json", "acebd"), ("a.csv", "abcde")):

@@ -138,9 +138,9 @@ def say_landmarks(tables: cohort.LandmarkTables) -> None:
     say(f"{start}, from {n} template{'s' * (n != 1)}")
     if first := tables.check_first:
         which = ", ".join(f"{name} ({error:.3g})" for name, error in first.items())
-        say(
-            f"check first, by their expected errors in the units of the files: {which}; look at landmarks.png"
-        )
+        say(f"check first, by their expected errors in the units of the files: {which}")
+    if tables.look_at:
+        say(f"look at the landmarks in 3D: {tables.look_at}")
     for name, mean in tables.mean_spread.items():
         say(f"{name}: mean spread {mean:.4g}, largest at {tables.largest_spread[name]}")
     for name, error in tables.left_out_errors.items():

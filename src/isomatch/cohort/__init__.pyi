@@ -8,7 +8,6 @@ from isomatch.cohort.landmarks import (
     LandmarkTables,
     Semilandmarks,
     collected_landmarks,
-    draw_landmarks,
     write_landmark_tables,
 )
 from isomatch.cohort.ledger import (
@@ -22,6 +21,7 @@ from isomatch.cohort.ledger import (
     SurfaceRow,
 )
 from isomatch.cohort.map_file import PairMaps
+from isomatch.cohort.mode_view import write_modes
 from isomatch.cohort.plan import Entry, Layout
 from isomatch.cohort.run import Cohort, Reports, Status, reconcile, run
 from isomatch.cohort.scoring import add, complete_file, project
@@ -62,7 +62,6 @@ __all__ = [
     "asymmetry",
     "collected_landmarks",
     "complete_file",
-    "draw_landmarks",
     "export",
     "finish",
     "inconsistency",
@@ -75,5 +74,6 @@ __all__ = [
     "statistics",
     "surfaces_written",
     "write_landmark_tables",
+    "write_modes",
     "write_reports",
 ]

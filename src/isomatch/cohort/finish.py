@@ -12,6 +12,7 @@ from hashlib import blake2b
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
+from urllib.parse import quote
 
 import numpy as np
 from matplotlib.image import imsave
@@ -39,20 +40,21 @@ from isomatch.cohort.map_file import (
 )
 from isomatch.cohort.plan import BETWEEN, Entry, Layout, identity_of_map
 from isomatch.cohort.shape_statistics import MEASURED, doubtful_positions
+from isomatch.cohort.specimen_page import Specimen, camera_like, write_specimen
 from isomatch.cohort.study_page import write_page, write_table
 from isomatch.cohort.unusual_shapes import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.cohort.workers import Task, Workers, workers_of
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
 from isomatch.io import Asset, Attribute, Frame, Polygons, mesh_from, read_asset, read_mesh, write_asset
 from isomatch.surfaces import Mesh, reflected
-from isomatch.visualization import camera_of, position_colours, surface_image, to_screen, turn_to_target
+from isomatch.visualization import camera_of, position_colours, surface_image, to_screen
 
 AT_ONCE = 4  # surfaces of a task
 N_COMPARED = 1000  # vertices of a shape by which outliers are found
 MOST_COMPARED = 2000  # shapes that are compared; of more, every so many-th
 SAVED = 60.0  # seconds between two writings of the table: a run that is killed repeats no more than these
 MOST_WAYS = 20  # over other shapes; as many as were measured
-PIXELS_PER_UNIT = 110.0  # of a thumbnail: about 200 pixels tall
+THUMBNAIL, MARGIN = 300, 6  # pixels of the side of a thumbnail, and around what is longest
 
 
 def finish(
@@ -83,7 +85,7 @@ def finish(
     with claimed(layout.shapes_table), writing_ledger(layout.ledger()) as ledger:
         _remove(collection, set(kept), lines, ledger)
         if template is not None:
-            for folder in ("corresponded", "thumbnails"):
+            for folder in ("corresponded", "thumbnails", "views"):
                 with writing(layout.folder / folder):
                     (layout.folder / folder).mkdir(exist_ok=True)
             changed = changed_files(layout, rows, ["corresponded"])
@@ -112,6 +114,13 @@ def finish(
             SurfaceRow.write(layout.shapes_table, lines.values())
     write_table(rows, layout.table)
     write_page(collection, rows, template, lines)
+
+
+def refresh_page(collection: Collection) -> None:
+    """Write ``index.html`` again, after files that it links."""
+    rows = collection.rows()
+    template = collection.chosen_template(rows)
+    write_page(collection, rows, template, SurfaceRow.read(collection.layout.shapes_table))
 
 
 def surface_as_written(collection: Collection, rows: Rows, name: str) -> Mesh:
@@ -203,7 +212,8 @@ def _remove(collection: Collection, kept: set[str], lines: dict[str, SurfaceRow]
     gone = {*lines, *everything.shapes} - kept
     for name in gone:
         landmarks = layout.landmarks / f"{name}.mrk.json"
-        for file in (layout.corresponded(name), layout.thumbnail(name), landmarks):
+        seen = layout.thumbnail(name), layout.view(name), layout.landmark_view(name)
+        for file in (layout.corresponded(name), *seen, landmarks):
             file.unlink(missing_ok=True)
             ledger.forget("files", file.relative_to(layout.folder).as_posix())
         if lines.pop(name, None):  # the others are compared again, without it
@@ -279,22 +289,25 @@ def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> tuple[SurfaceRo
             mean, most = float(np.nanmean(apart)), float(np.nanmax(apart))
             line = replace(line, loop_error=mean, greatest_loop_error=most)
         if plan.pair is None:
-            template = mesh = reflected(mesh) if plan.entry.reflected else mesh
+            template = mesh = surface = reflected(mesh) if plan.entry.reflected else mesh
         else:
             turned = of.reflected, plan.entry.reflected
             there, error, n_ways = _map(layout, of, plan, mesh)
             line = replace(line, expected_error=error, ways=n_ways)
-            there, template, mesh = as_matched(there, template, mesh, turned)
-            wrapped = wrap(there, template, mesh)
+            there, template, surface = as_matched(there, template, mesh, turned)
+            wrapped = wrap(there, template, surface)
             mesh = wrapped.mesh
             line = replace(line, **asdict(wrapped.quality))
             if wrapped.extended.any():
                 marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
-        mesh = mesh.moved(plan.scale * mesh.vertices)
+        surface, mesh = (shape.moved(plan.scale * shape.vertices) for shape in (surface, mesh))
         asset = Asset(mesh.vertices, _polygons(of, mesh), tuple(marks), frame=_frame(plan.entry, plan.scale))
         write_asset(layout.corresponded(name), asset)
         digest = digest_of(layout.corresponded(name))
         _draw(template, mesh, layout.thumbnail(name))
+        links = {"all shapes": "../index.html", "mesh": f"../corresponded/{quote(name)}.ply"}
+        shown = Specimen(name, surface, mesh), Specimen(of.name, template, template)
+        write_specimen(layout.view(name), *shown, links)
     except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
         if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
             raise  # as on a full disk: the shape is not to blame
@@ -320,11 +333,18 @@ def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> tuple[C
 
 def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
     """Draw a shape in the colours of the template's positions, turned like the template."""
-    same = Correspondence(range(mesh.n_vertices), mesh.n_vertices)
-    turned = camera_of(template) @ turn_to_target(mesh, template, same)
-    image = surface_image(mesh, position_colours(template), to_screen, turned, PIXELS_PER_UNIT)
+    cameras = {template: camera_of(template), mesh: camera_like(template, mesh)}
+    extents = [
+        np.ptp(shape.vertices[np.unique(shape.faces)] @ camera[:2].T, axis=0).max() / np.sqrt(shape.area)
+        for shape, camera in cameras.items()
+    ]
+    resolution = (THUMBNAIL - 2 * MARGIN) / max(extents)
+    image = surface_image(mesh, position_colours(template), to_screen, cameras[mesh], resolution)
+    image = image[:THUMBNAIL, :THUMBNAIL]
+    square, (top, left) = np.zeros((THUMBNAIL, THUMBNAIL, 4)), (THUMBNAIL - np.array(image.shape[:2])) // 2
+    square[top : top + image.shape[0], left : left + image.shape[1]] = np.clip(image, 0.0, 1.0)
     with replaced(path) as file:
-        imsave(file, np.clip(image, 0.0, 1.0), format="png")
+        imsave(file, square, format="png")
 
 
 def _polygons(template: Entry, mesh: Mesh) -> Polygons:

@@ -1,29 +1,29 @@
-"""Landmarks of some shapes of a collection, carried to the others, with their tables and a picture."""
+"""Landmarks of some shapes of a collection, carried to the others, with their tables and pages."""
 
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import islice
 from math import nan
 from os.path import isfile
 from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import quote
 
 import numpy as np
-from matplotlib import colormaps
-from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import InputError, IsomatchError
-from isomatch._core.files import claimed, legible, made_folder, replaced
+from isomatch._core.files import claimed, legible, made_folder
 from isomatch._core.skipped import tell_skipped
 from isomatch._core.stage_timer import Progress
 from isomatch._core.texts import write_csv
 from isomatch.cohort.collection import Collection
+from isomatch.cohort.finish import refresh_page, surface_as_written
 from isomatch.cohort.map_file import keep_files, maps_along, require_unchanged
 from isomatch.cohort.shape_statistics import Criterion, Slid, slid_semilandmarks
+from isomatch.cohort.specimen_page import Specimen, write_specimen
 from isomatch.cohort.unusual_shapes import scales_of
 from isomatch.cohort.workers import Listener
 from isomatch.correspondence import Correspondence
@@ -39,17 +39,11 @@ from isomatch.landmarks import (
 )
 from isomatch.surfaces import Mesh, reflected
 from isomatch.transfer import carry_landmarks
-from isomatch.visualization import arranged_panels, camera_of, surface_image, turn_to_target
 
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".tps", ".csv", ".txt")
 ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
 LEAST_PLACED = 0.5  # share of the landmarks of a shape that slide
 LEAST_SURE = 3  # landmarks that are named, and as many semilandmarks
-MOST_DRAWN = 24  # shapes
-PER_ROW = 6
-RESOLUTION = 220.0  # pixels per √area
-RADIUS = 0.02  # √area: of a dot
-GREY = 0.82
 SAME_PLACE = 1e-4  # of the extent of landmarks: by which two files of them may differ
 
 
@@ -110,6 +104,9 @@ class LandmarkTables:
     slid: list[Slid]
     not_slid: list[str]  # shapes that have other landmarks, or few with a place
     left_out: list[str]  # those that failed, or that no sure map leads to
+    look_at: (
+        str  # page of the shape with the largest expected error, from which others are linked; "" for none
+    )
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""
@@ -138,7 +135,7 @@ def write_landmark_tables(
         Folder of the landmarks of some of its shapes, named like them, or one such file; another name is that of the
         template.
     to : path_like
-        Folder for a file of each shape, landmarks.csv, landmarks.tps, tables of errors, and landmarks.png.
+        Folder for a file of each shape, landmarks.csv, landmarks.tps, tables of errors, and views/NAME.html.
     semilandmarks, format, force
         As the options of ``isomatch collect landmarks``.
     progress : callable, optional
@@ -217,7 +214,8 @@ def write_tables(
     force: bool = True,
 ) -> LandmarkTables:
     """Write the landmarks of all shapes and their tables."""
-    rows = collection.rows()
+    rows, own_folder = collection.rows(), collection.layout.landmarks
+    to = own_folder if to.resolve() == own_folder.resolve() else to
     more, template = semilandmarks or Semilandmarks(), collection.chosen_template(rows)
     ends = {*files, template}
     patches = {} if more.patches is None else landmark_files(more.patches, collection, template)
@@ -249,9 +247,10 @@ def write_tables(
             write_csv(to / "landmarks_slid.csv", (each._asdict() for each in slid), Slid._fields)
         write_csv(to / "landmarks_errors.csv", _errors(points, left_out), ERRORS)
         misread = [name for table in tables for name in write_specimens(table, alike)]
-        draw_landmarks(to / "landmarks.png", collection, points)
-        if to.resolve() == collection.layout.landmarks.resolve():
+        views = _write_views(collection, to, points, suffix)
+        if to == own_folder:
             keep_files(collection.layout, (path for path in earlier if path.exists()))
+            refresh_page(collection)
     spread = {name: each.spread for name, each in points.items() if np.isfinite(each.spread).any()}
     errors = {name: each.expected_error for name, each in points.items()}
     return LandmarkTables(
@@ -274,6 +273,7 @@ def write_tables(
         slid=slid,
         not_slid=sorted({*points}.difference(each.specimen for each in slid)) if more.slide else [],
         left_out=[name for name in collection.names if name not in points],
+        look_at=_least_sure_view(to, {name: errors[name] for name in views}),
     )
 
 
@@ -290,6 +290,12 @@ def _least_sure(points: Iterable[Landmarks]) -> dict[str, float]:
     ranked = sorted(medians.items(), key=lambda item: -item[1])
     kinds = ([item for item in ranked if (item[0] in semilandmarks) == is_semi] for is_semi in (False, True))
     return {name: error for kind in kinds for name, error in kind[:LEAST_SURE]}
+
+
+def _least_sure_view(to: Path, errors: Mapping[str, FloatArray]) -> str:
+    """Return the page of the shape whose landmarks are least sure."""
+    worst = max(errors, key=lambda name: np.nanmax(errors[name], initial=0.0), default=None)
+    return "" if worst is None else str(to / "views" / f"{worst}.html")
 
 
 def _slid(
@@ -462,54 +468,32 @@ def _unwelded(shape: Asset) -> Mesh:
     return Mesh(shape.placed_points, shape.polygons.triangles)
 
 
-def draw_landmarks(path: str | Path, collection: Collection, found: Mapping[str, Landmarks]) -> None:
-    """Draw the landmarks ``found`` for the first 24 shapes as dots, with their expected errors as discs around them.
-
-    Shapes are turned like the template as far as they are written in its topology. A point of the surface takes the
-    colour of the nearest landmark in space, so that those behind are not seen. About 0.2 s for a shape.
-    """
+def _write_views(collection: Collection, to: Path, found: Mapping[str, Landmarks], suffix: str) -> list[str]:
+    """Write a page for each shape whose surface is written, with its landmarks in 3D; return the names."""
     rows = collection.rows()
-    template = collection.chosen_template(rows)
-    middle = None if template is None else _written(collection, template)
-    images, names = [], list(islice(found, MOST_DRAWN))
-    for name in names:
-        mesh, positions = read_mesh(collection.paths[name]), found[name].positions.copy()
-        positions[found[name].patch] = np.nan  # too many to be told apart
-        if rows.reflected([name]):
-            mesh, positions = reflected(mesh), positions * [-1.0, 1.0, 1.0]
-        own = _written(collection, name)
-        camera = camera_of(mesh if middle is None or own is None else middle)
-        if middle is not None and own is not None:
-            same = Correspondence(range(own.n_vertices), own.n_vertices)
-            camera = camera @ turn_to_target(own, middle, same)
-        images.append(_image(mesh, positions, found[name].expected_error, camera))
-    figure, _ = arranged_panels(images, names, per_row=min(PER_ROW, len(images)))
-    with replaced(Path(path)) as file:
-        figure.savefig(file, format="png", dpi=200, bbox_inches="tight", pad_inches=0.05)
+    template, scales = collection.chosen_template(rows), scales_of(collection.units, rows)
+    errors = [np.delete(marks.expected_error, marks.semilandmarks) for marks in found.values()]
+    high = float(np.nanmax(np.concatenate(errors), initial=0.0)) or 1.0
 
+    def specimen(name: str) -> Specimen:
+        marks, turned = found.get(name), rows.reflected([name])
+        if marks is not None:
+            factors = scales.get(name, 1.0) * _side_of(name, turned)
+            marks = replace(marks, positions=marks.positions * factors)
+        corresponded = read_mesh(collection.layout.corresponded(name))
+        return Specimen(name, surface_as_written(collection, rows, name), corresponded, marks)
 
-def _written(collection: Collection, name: str) -> Mesh | None:
-    surface = collection.layout.corresponded(name)
-    return read_mesh(surface) if surface.exists() else None
-
-
-def _image(mesh: Mesh, positions: FloatArray, errors: FloatArray, camera: FloatArray) -> FloatArray:
-    """Draw a surface on which each landmark (m, 3) is a dot, in a disc with the radius of its expected error (m,)."""
-    colours = colormaps["turbo"](np.linspace(0.1, 0.9, max(len(positions), 2)))[:, :3]
-    placed = np.flatnonzero(np.isfinite(positions).all(axis=1))
-    tree = cKDTree(positions[placed]) if len(placed) else None
-    unit = np.sqrt(mesh.area)
-
-    def paint(seen: FloatArray) -> FloatArray:
-        drawn = np.full((len(seen), 3), GREY)
-        if tree is None:
-            return drawn
-        apart, nearest = tree.query(seen)
-        colour = colours[placed[nearest]]
-        is_disc = apart < np.nan_to_num(errors)[placed[nearest]]
-        drawn[is_disc] = 0.6 * GREY + 0.4 * colour[is_disc]
-        is_dot = apart < RADIUS * unit
-        drawn[is_dot] = colour[is_dot]
-        return drawn
-
-    return surface_image(mesh, mesh.vertices, paint, camera, RESOLUTION)
+    names = [name for name in found if collection.layout.corresponded(name).exists()]
+    if template is None or not collection.layout.corresponded(template).exists():
+        return []
+    beside = specimen(template)
+    is_inside = to == collection.layout.landmarks
+    (to / "views").mkdir(exist_ok=True)
+    for before, name, after in zip(["", *names], names, [*names[1:], ""]):
+        around = {f"previous: {before}": before, f"next: {after}": after}
+        links = {words: f"{quote(other)}.html" for words, other in around.items() if other}
+        links["landmarks"] = f"../{quote(name)}{suffix}"
+        if is_inside:
+            links |= {"mesh": f"../../corresponded/{quote(name)}.ply", "all shapes": "../../index.html"}
+        write_specimen(to / "views" / f"{name}.html", specimen(name), beside, links, high)
+    return names

@@ -79,6 +79,14 @@ class Layout:
         """Return the path of a small picture of a shape."""
         return self.folder / "thumbnails" / f"{name}.png"
 
+    def view(self, name: str) -> Path:
+        """Return the path of the page of a shape in 3D."""
+        return self.folder / "views" / f"{name}.html"
+
+    def landmark_view(self, name: str) -> Path:
+        """Return the path of the page of a shape with its landmarks."""
+        return self.landmarks / "views" / f"{name}.html"
+
     def ledger(self, shard: tuple[int, int] = (0, 1)) -> Path:
         """Return the path of the ledger of a shard (index from 0, count)."""
         index, count = shard

@@ -174,7 +174,7 @@ def statistics(
             "notes": notes,
         }
         told = _told_of(record)
-        new.model_page(into.folder.resolve().name, record, told, sections)
+        new.model_page(into.folder.resolve().name, modelled, {**record, "modes": modes}, told, sections)
         new.finish(record)
         to.tell("done", 1.0)
     return Results(into.folder, into.written, record, told, model=modelled)

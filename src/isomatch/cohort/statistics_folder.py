@@ -8,10 +8,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from html import escape
 from importlib.metadata import version
-from importlib.resources import files
-from itertools import accumulate
+from itertools import accumulate, groupby
 from pathlib import Path
-from string import Template
+from posixpath import basename, dirname
 from typing import Any
 from urllib.parse import quote
 
@@ -23,6 +22,7 @@ from isomatch._core.errors import MissingDependencyError
 from isomatch._core.files import claimed, made_folder, staged, write_text
 from isomatch._core.texts import json_text, write_csv
 from isomatch.cohort import shape_statistics
+from isomatch.cohort.mode_view import mode_view
 from isomatch.cohort.shape_statistics import (
     Classification,
     CorrespondedShapes,
@@ -32,11 +32,14 @@ from isomatch.cohort.shape_statistics import (
     ShapeModel,
     ShapeRegression,
 )
+from isomatch.cohort.specimen_page import template_of, text_of
+from isomatch.cohort.study_page import LOCAL
 from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.surfaces import Mesh
 
 VERSION = version("isomatch")
 DEVIATIONS = 2
+LINKED = ".csv", ".npz", ".h5", ".ply", ".vtp"  # files of a page that it links
 Groups = list[str] | None  # the group of each shape
 GREY = 0.6  # of vertices without a value
 GEODESIC = "difference of geodesic distances, in √area"
@@ -100,9 +103,7 @@ class StatisticsFolder:
             for sign, word in ((-1, "minus"), (1, "plus"))
         }
         self.shapes("modes", shapes, {"mean": model.mean, **moved})
-        if len(shapes.faces):
-            shape_statistics.draw_modes(self.picture("modes"), model, n_modes, DEVIATIONS)
-        else:
+        if not len(shapes.faces):
             ratios = model.variance_ratios
             ends = (
                 f"mode {i} ({ratio:.1%}), {sign}2 sd" for i, ratio in enumerate(ratios, 1) for sign in "−+"
@@ -302,9 +303,14 @@ class StatisticsFolder:
         return []
 
     def model_page(
-        self, folder: str, record: Mapping[str, Any], told: Sequence[str], more: Mapping[str, str]
+        self,
+        folder: str,
+        model: ShapeModel,
+        record: Mapping[str, Any],
+        told: Sequence[str],
+        more: Mapping[str, str],
     ) -> None:
-        """Write the page with all pictures of a model, and what the command tells."""
+        """Write the page with all pictures of a model, its modes in 3D, and what the command tells."""
         doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
         n, scale, weights = len(record["shapes"]), SCALES[record["scale"]], WEIGHTS[record["weights"]]
         counted = f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
@@ -312,31 +318,34 @@ class StatisticsFolder:
         rows = [(str(i), f"{x:.1%}", f"{y:.1%}") for i, (x, y) in modes]
         scale += ", and projected on the tangent space" * record["tangent"]
         settings = f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."
-        sections = {
-            "To look at first": listed(doubts),
-            "What was found": listed(told),
-            **more,
-            "Modes": tabulated(("mode", "share of the variance", "so far"), rows),
-        }
-        self.page(f"Statistics of {counted}", folder, settings, sections, PICTURES)
+        sections = {"To look at first": listed(doubts), "What was found": listed(told)}
+        view, scripts = mode_view(model, record["modes"]) if len(model.faces) else ("", "")
+        sections |= {**more, "Modes": view + tabulated(("mode", "share of the variance", "so far"), rows)}
+        self.page(f"Statistics of {counted}", folder, settings, sections, PICTURES, scripts)
 
     def page(
-        self, title: str, folder: str, settings: str, sections: Mapping[str, str], words: Mapping[str, str]
+        self,
+        title: str,
+        folder: str,
+        settings: str,
+        sections: Mapping[str, str],
+        words: Mapping[str, str],
+        scripts: str = "",
     ) -> None:
-        """Write the page: sections of HTML by their headings, but for empty ones, pictures with words, and tables."""
+        """Write the page: sections of HTML by their headings, but for empty ones, pictures with words, and files."""
         ending = f".{self.pictures}"
         drawn = [name.removesuffix(ending) for name in self.written if name.endswith(ending)]
-        tables = [name for name in self.written if name.endswith((".csv", ".npz")) and "/" not in name]
-        template = Template((files("isomatch.cohort") / "statistics_folder.html").read_text(encoding="utf-8"))
-        text = template.substitute(
+        body = template_of("statistics_folder.html").substitute(
             title=escape(title),
-            folder=escape(folder),
             settings=escape(settings),
             sections="".join(f"<h2>{escape(name)}</h2>\n{html}\n" for name, html in sections.items() if html),
             figures="".join(_figure(name + ending, words[name]) for name in words if name in drawn),
-            tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
+            files=_linked(self.written),
+            scripts=scripts,
         )
-        write_text(self.path("index.html"), text)
+        style = text_of("cohort.css")
+        page = visualization.html_page(f"{title}, {folder}", body, style=style, images=LOCAL)
+        write_text(self.path("index.html"), page)
 
     def finish(self, record: Mapping[str, object]) -> None:
         """Write the record last: where it exists, the other files are complete."""
@@ -373,7 +382,7 @@ def _files_of(record: Path) -> list[str]:
 
 
 PICTURES = {
-    "modes": "The mean, and the mean moved along each mode. The colour is the displacement along its normal.",
+    "modes": "The mean, and the mean moved along each mode.",
     "scores": "The shapes by their scores along the first two modes.",
     "variance": "How much each vertex varies.",
     "canonical": "Canonical variates: the directions in which the groups differ most, over how they vary.",
@@ -401,6 +410,19 @@ def _figure(file: str, words: str) -> str:
     return f"<figure>{shown}<figcaption>{escape(words)}</figcaption></figure>\n"
 
 
+def _linked(names: Iterable[str]) -> str:
+    """Link tables and meshes of a folder; those in folders inside it open with a click."""
+    parts = []
+    for folder, inner in groupby(
+        sorted((name for name in names if name.endswith(LINKED)), key=dirname), dirname
+    ):
+        links = ", ".join(f'<a href="{quote(name)}">{escape(basename(name))}</a>' for name in inner)
+        parts.append(
+            f"<details><summary>{escape(folder)}</summary>{links}</details>" if folder else f"<p>{links}</p>"
+        )
+    return "".join(parts)
+
+
 def listed(lines: Sequence[str]) -> str:
     """Format lines as a list in HTML; nothing if there are none."""
     return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>" if lines else ""
@@ -408,7 +430,6 @@ def listed(lines: Sequence[str]) -> str:
 
 def tabulated(columns: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
     """Format rows as a table in HTML, numbers with four digits, nan as nothing."""
-    head = "".join(f"<th scope=col>{escape(name.replace('_', ' '))}</th>" for name in columns)
     cells = ([f"{x:.4g}".replace("nan", "") if isinstance(x, float) else str(x) for x in row] for row in rows)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in cells)
-    return f"<div class=wide><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    heads = [name.replace("_", " ") for name in columns]
+    return f"<div class=wide>{visualization.html_table([*cells], heads)}</div>"

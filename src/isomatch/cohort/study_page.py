@@ -8,10 +8,8 @@ from concurrent.futures import Executor
 from dataclasses import fields, replace
 from functools import partial
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from shlex import join
-from string import Template
 from typing import Any, Literal
 from urllib.parse import quote
 
@@ -22,11 +20,12 @@ from isomatch.cohort.collection import Collection
 from isomatch.cohort.ledger import Pair, PairAgreement, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.map_file import as_matched
 from isomatch.cohort.plan import Layout
+from isomatch.cohort.specimen_page import template_of, text_of
 from isomatch.cohort.unusual_shapes import Outlier, outliers
 from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
-from isomatch.visualization import write_report
+from isomatch.visualization import html_page, write_report
 
 # columns of the table of pairs on the page, and how their numbers are written
 SHOWN = dict.fromkeys(("in doubt", "distortion_mean"), "{:.1%}") | {"coverage": "{:.0%}", "matched": "{:.0%}"}
@@ -42,6 +41,7 @@ COLUMNS = (
     *("inconsistency", "inconsistency_before", "replaced_by", "reflected", "seconds", "memory", "error"),
     *("source_hash", "target_hash", "key"),
 )
+LOCAL = "'self' file: data:"  # whence pictures come
 ALSO = 3  # the worst of the pairs that are not in doubt
 
 
@@ -54,16 +54,20 @@ def write_page(
     outcomes = Counter(row.ending for _, row in pairs)
     counts = ", ".join(f"{count} {name.lower().replace('_', ' ')}" for name, count in outcomes.most_common())
     prepared = sum(map(rows.is_prepared, rows.shapes))
-    page = Template((files("isomatch.cohort") / "report.html").read_text(encoding="utf-8")).substitute(
-        title=escape(f"{len(collection.shapes)} shapes in {layout.folder.resolve().name}"),
+    title = f"{len(collection.shapes)} shapes in {layout.folder.resolve().name}"
+    has_landmarks = any(layout.landmark_view(name).exists() for name in collection.names)
+    body = template_of("report.html").substitute(
+        title=escape(title),
         summary=escape(f"{prepared} shapes prepared. {len(pairs)} pairs: {counts or 'none yet'}."),
         template=escape(template or "not yet chosen"),
+        landmarks=", with its landmarks" * has_landmarks,
         first=_first(outliers(collection, rows)),
         shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
         count=f"{min(len(pairs), MOST_SHOWN)} of {len(pairs)}, worst first.",
         pairs="".join(_shown(collection, *pair) for pair in pairs[:MOST_SHOWN]),
         columns="".join(f"<th scope=col>{HEADS.get(name, name.replace('_', ' '))}</th>" for name in SHOWN),
     )
+    page = html_page(title, body, style=text_of("cohort.css"), images=LOCAL)
     write_text(layout.page, page)
 
 
@@ -83,8 +87,11 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, S
         problems.append(f"{float(line.turned):.1%} of the faces are turned over")
     if int(line.extended or 0):
         problems.append(f"{line.extended} template vertices have no counterpart here and were interpolated")
-    picture = collection.layout.thumbnail(name)
+    layout, picture = collection.layout, collection.layout.thumbnail(name)
     image = f'<img src="{_link(collection, picture)}" alt="" loading=lazy>' if picture.exists() else "<i></i>"
+    views = (path for path in (layout.landmark_view(name), layout.view(name)) if path.exists())
+    if view := next(views, None):
+        image = f'<a href="{_link(collection, view)}" aria-label="{escape(name)} in 3D">{image}</a>'
     problem = f"<small>{escape('; '.join(problems))}</small>" if problems else ""
     side = "<small class=told>reflected</small>" if rows.reflected([name]) else ""
     return f"<figure>{image}<figcaption>{escape(name)}{side}{problem}</figcaption></figure>"

@@ -17,29 +17,7 @@ from isomatch.cohort.shape_statistics import (
     specificity,
 )
 
-
-def columns(path):
-    """How many columns of a picture are not white, from the left third, the middle and the right one."""
-    seen = (imread(path)[..., :3] < 0.9).any(axis=2)
-    seen = seen[24 : int(0.6 * len(seen))]  # below the titles, above the colour bar
-    third = seen.shape[1] // 3
-    return [int(seen[:, i * third : (i + 1) * third].any(axis=0).sum()) for i in range(3)]
-
-
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
-
-
-def test_modes_are_drawn_at_one_scale(tmp_path):
-    tall = ellipsoids([0.6, 1.0, 1.4])
-    swelling = tall.moved(tall.vertices[1] * np.array([0.7, 1.0, 1.3])[:, None, None])
-    shape_statistics.draw_modes(tmp_path / "modes.png", ShapeModel.fit(swelling), 1)
-    smallest, middle, largest = columns(tmp_path / "modes.png")
-    assert smallest < 0.8 * middle < 0.8 * 0.9 * largest
-
-
-def test_a_model_without_modes_has_a_picture(tmp_path):
-    shape_statistics.draw_modes(tmp_path / "modes.png", ShapeModel.fit(ellipsoids([1.0])))
-    assert (imread(tmp_path / "modes.png")[..., 0] < 0.9).any()
 
 
 @pytest.mark.long

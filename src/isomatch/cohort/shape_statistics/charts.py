@@ -234,40 +234,6 @@ def _chosen(groups: Groups, m: int) -> list[tuple[str, str, BoolArray]]:
     return [*((group, colour, of == group) for group, colour in colours.items()), *rest]
 
 
-def draw_modes(path: str | Path, model: ShapeModel, n_modes: int = 3, deviations: float = 2.0) -> None:
-    """Draw the mean, and each mode as the mean moved along it in both directions.
-
-    All shapes are seen from one side and at one scale. The colour is the displacement along the normal of the mean. Modes
-    are drawn as far as there are, moved by a number of standard deviations.
-    """
-    mean = model.mesh()
-    camera = camera_of(mean)
-    shown = range(min(n_modes, model.n_modes))
-    moved = {(mode, sign): model.mode_mesh(mode, sign * deviations) for mode in shown for sign in (-1, 1)}
-    normals = mean.vertex_normals
-    outward = {at: np.einsum("ij,ij->i", m.vertices - mean.vertices, normals) for at, m in moved.items()}
-    largest = max((float(np.quantile(np.abs(each), 0.995)) for each in outward.values()), default=0.0) or 1.0
-    paint = colour_scale(DIVERGING, -largest, largest)
-    density = _density([mean, *moved.values()], camera, per_row=3)
-
-    def image(mesh: Mesh, values: FloatArray) -> FloatArray:
-        return surface_image(mesh, values, paint, camera, density * np.sqrt(mesh.area))
-
-    middle = image(mean, np.zeros(mean.n_vertices))
-    images, titles = [], []
-    for mode in shown:
-        low, high = (image(moved[mode, sign], outward[mode, sign]) for sign in (-1, 1))
-        images += [low, middle, high]
-        share = f"mode {mode + 1}: {model.variance_ratios[mode]:.1%} of the variance"
-        titles += [f"−{deviations:g} sd", share, f"+{deviations:g} sd"]
-    if not images:
-        images, titles = [middle], ["mean; the shapes do not differ"]
-    figure, axes = arranged_panels(images, titles, min(len(images), 3), WIDTH, TEXT)
-    if shown:
-        _add_bar(figure, axes, DIVERGING, -largest, largest, "displacement along the normal of the mean")
-    save_figure(figure, path)
-
-
 def draw_landmarks(
     path: str | Path,
     shown: Mapping[str, FloatArray],
