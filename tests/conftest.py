@@ -89,8 +89,12 @@ def pytest_runtest_makereport(item, call):
     return report
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """With the longest files first, no worker is left alone with one in the end."""
+    """Leave the laboratory to the long tests; with the longest files first, no worker is left alone with one."""
+    for item in items:
+        if item.nodeid.startswith("tests/lab/"):
+            item.add_marker(pytest.mark.long)
     rank = {f"tests/{name}": i for i, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.nodeid.partition("::")[0], len(rank)))
 
