@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch import Mesh, MissingDependencyError, PrecisePoints
+from isomatch import Mesh, PrecisePoints
 from isomatch.cli import main
 from isomatch.descriptors import ball_signature, mean_curvature
 from isomatch.evaluation import coverage
 from isomatch.geodesics import (
     distance_engine,
-    engine_names,
     farthest_point_sampling,
     geodesic_balls,
     geodesic_distances,
@@ -54,23 +53,14 @@ def split(request):
     return SPLIT[request.param]
 
 
-@pytest.fixture(params=engine_names(Mesh))
-def name(request):
-    try:
-        distance_engine(icosphere(0), request.param)
-    except MissingDependencyError as error:
-        pytest.skip(str(error))
-    return request.param
-
-
-def closed(mesh):
-    """The same surface where every point is there once, and the point of each vertex."""
+def weld(mesh):
+    """The same surface with every point once, and the point of each vertex."""
     first, point = np.unique(mesh.vertices, axis=0, return_inverse=True)
     return Mesh(first, point.ravel()[mesh.faces]), point.ravel()
 
 
 def test_distances_are_those_of_the_closed_surface(split, name):
-    whole, point = closed(split)
+    whole, point = weld(split)
     sources = [0, 7, split.n_vertices - 1]
     expected = geodesic_distances(whole, point[sources], name)[:, point]
     found = geodesic_distances(split, sources, name)
@@ -104,7 +94,7 @@ def test_a_surface_without_coincident_points_is_taken_as_it_is(name):
 
 
 def test_what_was_welded_is_noted(split):
-    n = split.n_vertices - closed(split)[0].n_vertices
+    n = split.n_vertices - weld(split)[0].n_vertices
     note = f"welded {n} vertices {NOTE}"
     assert distance_engine(split).notes[0] == note
     assert isomatch.laplace_basis(split, 5).notes[0] == note
@@ -113,7 +103,7 @@ def test_what_was_welded_is_noted(split):
 
 
 def test_sampling_balls_and_pairs_know_the_copies(split):
-    engine, point = distance_engine(split), closed(split)[1]
+    engine, point = distance_engine(split), weld(split)[1]
     columns = engine.distances_from(np.arange(split.n_vertices))
     sampling = farthest_point_sampling(engine, 12, 3)
     assert len(np.unique(point[sampling.vertices])) == 12
@@ -151,7 +141,7 @@ def test_a_distance_basis_is_that_of_the_closed_surface(method, weights):
 
 
 def test_eigenfunctions_are_those_of_the_closed_surface(split):
-    whole, _ = closed(split)
+    whole, _ = weld(split)
     found, expected = isomatch.laplace_basis(split, 12), isomatch.laplace_basis(whole, 12)
     np.testing.assert_allclose(found.values, expected.values, atol=1e-4)
     gram = found.vectors.T @ (found.weights[:, None] * found.vectors)
@@ -159,7 +149,7 @@ def test_eigenfunctions_are_those_of_the_closed_surface(split):
 
 
 def test_curvature_is_that_of_the_closed_surface(split):
-    whole, point = closed(split)
+    whole, point = weld(split)
     expected = mean_curvature(whole, isomatch.laplace_basis(whole, 9), 9)[point]
     np.testing.assert_allclose(
         mean_curvature(split, isomatch.laplace_basis(split, 9), 9), expected, rtol=0.02
@@ -167,7 +157,7 @@ def test_curvature_is_that_of_the_closed_surface(split):
 
 
 def test_ball_signatures_and_canonical_forms_are_the_same_on_both_sides(split):
-    point = closed(split)[1]
+    point = weld(split)[1]
     first = np.unique(point, return_index=True)[1][point]
     signature = ball_signature(split, [0.3])
     assert np.array_equal(signature.values, signature.values[first])
