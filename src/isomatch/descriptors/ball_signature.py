@@ -42,7 +42,7 @@ MAX_DIFFERENCE = 2.0  # larger differences, in standard deviations, count as thi
 
 @dataclass(frozen=True, eq=False)
 class BallSignature:
-    """Moments of the geodesic balls around n points of a surface, at r radii; reach in the given ``unit``.
+    """Moments of the geodesic balls around n points of a surface, at r radii; lengths in the given ``unit``.
 
     ``values`` holds for each ball the offset of its centroid from its centre along the normal,
     positive in hollows, and its three extents, the greatest first: square roots of the eigenvalues
