@@ -17,7 +17,7 @@ from isomatch.correspondence import (
     rigid_energy,
 )
 from isomatch.correspondence.rigid_energy import RigidEnergy
-from isomatch.spectral import factorised_for_threads, stiffness_and_masses
+from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
 from shapes import icosphere
@@ -92,7 +92,7 @@ def test_a_step_solves_for_the_least_energy_that_the_notes_give(piece):
 
     pulled, _ = RigidEnergy.of_surface(mesh).pulled(mesh.vertices, start, None)
     pull = areas / length**2
-    found = factorised_for_threads(stiffness, pull)(pull[:, None] * start + pulled)
+    found = factorise_for_threads(stiffness, pull)(pull[:, None] * start + pulled)
     change = 0.01 * np.random.default_rng(0).normal(size=found.shape)
     more, less = energy(found + change) - energy(found), energy(found - change) - energy(found)
     assert more > 0

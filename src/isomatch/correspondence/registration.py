@@ -14,7 +14,7 @@ from isomatch._core.threads import parallel_map, row_product
 from isomatch.correspondence.functional_maps import Embedding, SampledBasis
 from isomatch.correspondence.nearest import SurfaceIndex
 from isomatch.correspondence.rigid_energy import RigidEnergy
-from isomatch.spectral import factorised_for_threads
+from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints
 
 NORMAL_UNIT = 0.1  # for surfaces of area 1
@@ -113,7 +113,7 @@ class RigidRegistration:
         # π ℓ², a disc of that radius, for vertices that are held
         pull = self._energy.areas * (scale / length) ** 2
         pull[list(held)] = np.pi
-        return pull, factorised_for_threads(self._energy.stiffness, pull)
+        return pull, factorise_for_threads(self._energy.stiffness, pull)
 
     _kept_solver = cached_method(_new_solver)
 

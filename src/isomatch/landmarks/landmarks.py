@@ -398,8 +398,8 @@ def nearest_landmarks(
             raise LandmarkError(
                 f"{side} landmark {first} is not finite; give a position for each, or leave out the pair"
             )
-        points = enumerate(positions.tolist())
-        sides.append([MarkedPoint("", tuple(point), f"landmark {i}") for i, point in points])
+        rows = enumerate(positions.tolist())
+        sides.append([MarkedPoint("", tuple(row), f"landmark {i}") for i, row in rows])
     if len(sides[0]) != len(sides[1]):
         raise LandmarkError(f"{len(sides[0])} source and {len(sides[1])} target landmarks; give as many")
     return np.column_stack([_vertices(sides[0], source, "source"), _vertices(sides[1], target, "target")])
