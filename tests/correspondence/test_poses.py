@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from isomatch.correspondence import carried_along, nearest_rotation, poses_between
+from isomatch.correspondence import carry_along, nearest_rotation, poses_between
 
 
 @pytest.fixture
@@ -58,8 +58,8 @@ def test_points_are_carried_along_by_motions_and_by_what_is_nearest():
     random = np.random.default_rng(0)
     here, beside = random.standard_normal((50, 3)), random.standard_normal((20, 3))
     turn = nearest_rotation(random.standard_normal((3, 3)), mirrored=True)
-    moved = carried_along(beside, here, 1.5 * here @ turn + 2, scale=1.5, mirrored=True)
+    moved = carry_along(beside, here, 1.5 * here @ turn + 2, scale=1.5, mirrored=True)
     np.testing.assert_allclose(moved, 1.5 * beside @ turn + 2, atol=1e-9)
     far = np.add(here, [100, 0, 0])  # a second part, which moves another way
-    both = carried_along(far, np.concatenate([here, far]), np.concatenate([here, far @ turn]), mirrored=True)
+    both = carry_along(far, np.concatenate([here, far]), np.concatenate([here, far @ turn]), mirrored=True)
     np.testing.assert_allclose(both, far @ turn, atol=1e-3)

@@ -90,7 +90,7 @@ def test_a_step_solves_for_the_least_energy_that_the_notes_give(piece):
         stretched = weights @ ((moved[i] - moved[j] - bent) ** 2).sum(axis=1)
         return areas @ ((moved - start) ** 2).sum(axis=1) + 0.5 * length**2 * stretched
 
-    pulled, _ = RigidEnergy.of_surface(mesh).pulled(mesh.vertices, start, None)
+    pulled, _ = RigidEnergy.of_surface(mesh).pulls(mesh.vertices, start, None)
     pull = areas / length**2
     found = factorise_for_threads(stiffness, pull)(pull[:, None] * start + pulled)
     change = 0.01 * np.random.default_rng(0).normal(size=found.shape)
@@ -110,7 +110,7 @@ def test_the_loops_sum_over_the_edges_around_each_vertex(piece):
     start, neighbours, values = energy.start, energy.neighbours, energy.weights
     covariances, pulled = np.ones((len(before), 3, 3)), np.ones(before.shape)
     rigid_energy._covariances(before, after, start, neighbours, values, covariances)
-    rigid_energy._pulled(before, turns, start, neighbours, values, pulled)
+    rigid_energy._sum_pulls(before, turns, start, neighbours, values, pulled)
     for i in rng.integers(len(before), size=20):
         edges, moved = before[i] - before, after[i] - after
         np.testing.assert_allclose(covariances[i], (weights[i, :, None] * edges).T @ moved, atol=1e-12)
@@ -216,7 +216,7 @@ def test_rotations_are_turned_until_the_trace_is_largest():
     start = (
         Rotation.from_rotvec(np.random.default_rng(2).normal(scale=0.1, size=(200, 3))).as_matrix() @ wanted
     )
-    found = rigid_energy.turned(start, covariances)
+    found = rigid_energy.improve_rotations(start, covariances)
     traces, largest = (np.einsum("nij,nji->n", turn, covariances) for turn in (found, wanted))
     np.testing.assert_allclose(traces, largest, rtol=1e-3)
     np.testing.assert_allclose(found @ found.transpose(0, 2, 1), np.tile(np.eye(3), (200, 1, 1)), atol=1e-12)
@@ -229,6 +229,6 @@ def test_conjugate_gradients_solve_the_system_of_the_edges():
     diagonal, right = rng.uniform(0.5, 2.0, mesh.n_vertices), rng.normal(size=(mesh.n_vertices, 3))
     found = np.zeros_like(right)
     for _ in range(4):  # each time the residual is a hundredth
-        found = energy.solved(diagonal, right, found)
+        found = energy.solve(diagonal, right, found)
     wanted = np.linalg.solve(energy.stiffness.toarray() + np.diag(diagonal), right)
     np.testing.assert_allclose(found, wanted, atol=1e-6)
