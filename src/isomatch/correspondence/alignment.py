@@ -244,11 +244,9 @@ def alignment_from_functions(
     # orthogonal in the areas, so that Xᵀ A f = W (Qᵀ A f) holds W times the coefficients of f. For
     # an isometry C relates the coefficients of both shapes as it relates points: (F_tᵀ A_t X_t) C ≈
     # F_sᵀ A_s X_s, the same problem with one row for each function.
-    sides = (source, source_weights, source_functions), (target, target_weights, target_functions)
-    points = [
-        SignedPoints((side.coordinates.T @ (weights[:, None] * functions)).T, side.signs)
-        for side, weights, functions in sides
-    ]
+    on_source = (source.coordinates.T @ (source_weights[:, None] * source_functions)).T
+    on_target = (target.coordinates.T @ (target_weights[:, None] * target_functions)).T
+    points = SignedPoints(on_source, source.signs), SignedPoints(on_target, target.signs)
     rows = np.arange(source_functions.shape[1])[None]
     return np.asarray(alignments_from_points(*points, rows, rows, n_columns, off_diagonal, ridge)[0])
 
