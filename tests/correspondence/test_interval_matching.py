@@ -113,7 +113,9 @@ def test_more_variants_gain_no_less(points):
     unary = np.random.default_rng(2).uniform(0, 1.0, (20, 60))
     seeds = np.array([[0, 0], [3, 3], [5, 17]])
     sides = exactly(some, some), exactly(points, points)
-    few, many = (grow_regions(*sides, unary, seeds, **GROWTH, width=width, apart=0.1)[1] for width in (1, 4))
+    few, many = (
+        grow_regions(*sides, unary, seeds, **GROWTH, width=width, min_distance=0.1)[1] for width in (1, 4)
+    )
     assert (many >= few - 1e-5).all()
 
 

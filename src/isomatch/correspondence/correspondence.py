@@ -109,7 +109,7 @@ class Correspondence(Shown):
         Parameters
         ----------
         source, target : Mesh, PointCloud, or what `surface_from` takes, optional
-            The surfaces; by default those of the map, as long as a variable holds them.
+            The surfaces; by default the surfaces of the map, as long as a variable holds them.
         values : (n_source,) array_like of float, optional
             Numbers, such as an expected error, that colour another picture of the source; ``nan``
             is grey.
@@ -160,7 +160,7 @@ class Correspondence(Shown):
         return self.vertices >= 0
 
     def check_fits(self, source: SurfaceLike = None, target: SurfaceLike = None) -> None:
-        """Raise `MapError` if surfaces have other numbers of vertices, or hashes, than those of the map."""
+        """Raise `MapError` if numbers of vertices or hashes of surfaces differ from the map."""
         for name, surface, n, own_hash, other_hash in (
             ("source", source, len(self.vertices), self.source_hash, self.target_hash),
             ("target", target, self.n_target, self.target_hash, self.source_hash),

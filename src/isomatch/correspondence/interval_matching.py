@@ -41,19 +41,19 @@ class Intervals(NamedTuple):
     lower: AnyArray
     upper: AnyArray
 
-    def each(self, function: Callable[[AnyArray], AnyArray]) -> Intervals:
+    def map_bounds(self, function: Callable[[AnyArray], AnyArray]) -> Intervals:
         """Apply a function to both bounds, once if they are the same."""
         upper = function(self.upper)
         return Intervals(upper if self.lower is self.upper else function(self.lower), upper)
 
     def at(self, rows: IntArray, columns: IntArray) -> Intervals:
         """Restrict to some rows and columns."""
-        return self.each(lambda bound: bound[np.ix_(rows, columns)])
+        return self.map_bounds(lambda bound: bound[np.ix_(rows, columns)])
 
     @property
     def single(self) -> Intervals:
         """Both bounds in single precision, for compiled loops."""
-        return self.each(lambda bound: np.ascontiguousarray(bound, np.float32))
+        return self.map_bounds(lambda bound: np.ascontiguousarray(bound, np.float32))
 
 
 @dataclass(frozen=True)
@@ -119,14 +119,20 @@ def _costs(terms: Terms, point: int, assigned: IntArray, candidates: Intervals, 
 
 
 def assign_points(
-    points: Intervals, candidates: Intervals, unary: FloatArray, cost: IntervalCost, width: int, apart: float
+    points: Intervals,
+    candidates: Intervals,
+    unary: FloatArray,
+    cost: IntervalCost,
+    width: int,
+    min_distance: float,
 ) -> tuple[IntArray, FloatArray]:
     """Assign m points to c candidates by a beam search, keeping partial assignments that differ.
 
     It takes intervals between points, (m, m), and between candidates, (c, c), and the ``unary``
     costs (m, c) of single assignments. The candidates of the ``width`` assignments that it keeps
-    differ by a mean distance of at least ``apart``; otherwise all would be variants of one. Returns
-    candidates (h, m), h ≤ width, and their cost (h,), least cost first. O(width m (c m + width)).
+    differ by a mean distance of at least ``min_distance``; otherwise all would be variants of one.
+    Returns candidates (h, m), h ≤ width, and their cost (h,), least cost first. O(width m (c m +
+    width)).
 
     Examples
     --------
@@ -136,7 +142,7 @@ def assign_points(
     >>> places = np.array([0.0, 1.0, 3.0, 7.0])
     >>> line, known = np.abs(places[:, None] - places), np.array([[0.0, 4.0, 2.0], [4.0, 0.0, 6.0], [2.0, 6.0, 0.0]])
     >>> sides = Intervals(known, known), Intervals(line, line)
-    >>> assigned, cost = assign_points(*sides, np.zeros((3, 4)), IntervalCost(), width=20, apart=0.1)
+    >>> assigned, cost = assign_points(*sides, np.zeros((3, 4)), IntervalCost(), width=20, min_distance=0.1)
     >>> assigned[0], float(cost[0])
     (array([2, 3, 1]), 0.0)
     """
@@ -144,11 +150,11 @@ def assign_points(
     # adds
     #   E(x_0 … x_p) = E(x_0 … x_{p−1}) + unary(p, x_p) + Σ_{a<p} c(d(x_a, x_p)),
     # and the cheapest of the h c children that differ are kept. Two assignments differ if Σ_a
-    # d(x_a, y_a) ≥ apart p: this sum, too, is the sum of the parents plus one distance. The h
-    # assignments have candidates (h, m), costs (h,), and sums (h, h).
+    # d(x_a, y_a) ≥ p min_distance: this sum, too, is the sum of the parents plus one distance. The
+    # h assignments have candidates (h, m), costs (h,), and sums (h, h).
     m, c = unary.shape
-    terms = cost.terms(points.each(np.ascontiguousarray), np.ones_like(points.upper))
-    candidates = candidates.each(np.ascontiguousarray)
+    terms = cost.terms(points.map_bounds(np.ascontiguousarray), np.ones_like(points.upper))
+    candidates = candidates.map_bounds(np.ascontiguousarray)
     images, total = np.full((1, m), -1), np.zeros(1)
     sums, next_sums, room = np.zeros((width, width)), np.zeros((width, width)), np.zeros((width, c))
     for point in range(m):
@@ -160,7 +166,7 @@ def assign_points(
         best = np.sort(np.argpartition(costs, n_children - 1)[:n_children])
         best = best[np.argsort(costs[best], kind="stable")]  # least cost first, ties by number
         parent, last = np.divmod(best, c)
-        kept = _keep_differing(candidates.upper, (parent, last), apart * (point + 1), sums, next_sums)
+        kept = _keep_differing(candidates.upper, (parent, last), min_distance * (point + 1), sums, next_sums)
         sums, next_sums = next_sums, sums
         images, total = images[parent[kept]], costs[best[kept]]
         images[:, point] = last[kept]
@@ -180,11 +186,11 @@ def _costs_of(
 def _keep_differing(
     distances: AnyArray,
     children: tuple[IntArray, IntArray],
-    apart: float,
+    min_distance: float,
     sums: AnyArray,
     next_sums: AnyArray,
 ) -> IntArray:
-    """Keep the first children, at most width, whose summed distances are at least ``apart``."""
+    """Keep the first children, at most width, whose summed distances are at least ``min_distance``."""
     # Each child has a parent and one more candidate, the last. sums (width, width) holds the summed
     # distances between parents; the sums between the children kept are written to next_sums. Most
     # children are too near to the latest sibling kept, so they are compared with it first.
@@ -194,11 +200,11 @@ def _keep_differing(
     for i in range(len(last)):
         parent, candidate = parents[i], last[i]
         sibling = latest[parent]
-        if sibling >= 0 and sums[parent, parent] + distances[candidate, last[kept[sibling]]] < apart:
+        if sibling >= 0 and sums[parent, parent] + distances[candidate, last[kept[sibling]]] < min_distance:
             continue
         for k in range(n - 1, -1, -1):
             next_sums[n, k] = sums[parent, parents[kept[k]]] + distances[candidate, last[kept[k]]]
-            if next_sums[n, k] < apart:
+            if next_sums[n, k] < min_distance:
                 break
         else:
             kept[n], latest[parent] = i, n
@@ -235,7 +241,7 @@ def grow_regions(
     dearest: float,
     refused: float = np.inf,
     width: int = 1,
-    apart: float = 0.0,
+    min_distance: float = 0.0,
 ) -> tuple[IntArray, FloatArray]:
     """Assign m points to c candidates, from one pair outward; a point that agrees with nothing gets none.
 
@@ -243,8 +249,8 @@ def grow_regions(
     weight 1 / (near + u). Unary costs (m, c) are negative for likely assignments; seeds (s, 2) are
     pairs of a point and its candidate. At the mean cost ``dearest`` nothing is gained, beyond
     ``refused`` nothing is assigned. Each region grows in ``width`` variants, in which candidates of
-    a point are at least ``apart``. Returns the candidate of each point, (s, m), −1 for none, and
-    the gain of each region, (s,). O(s width m² c), on all threads, in single precision.
+    a point are at least ``min_distance``. Returns the candidate of each point, (s, m), −1 for none,
+    and the gain of each region, (s,). O(s width m² c), on all threads, in single precision.
 
     Examples
     --------
@@ -269,7 +275,7 @@ def grow_regions(
     # near points have more weight: their distances are known better, and their agreement locates a
     # point better
     terms = cost.terms(points, 1 / (np.float32(near) + points.upper))
-    bounds = *map(np.float32, (dearest, refused, apart)), width
+    bounds = *map(np.float32, (dearest, refused, min_distance)), width
 
     def grow(row: int) -> None:
         gains[row] = _grow_region(terms, candidates, single_unary, order[row], bounds, regions[row])
@@ -288,9 +294,9 @@ def _grow_region(
     #   g(k) = 1 − c̄(k) / dearest − unary(k):
     # one point more for a perfect agreement, nothing at the dearest cost. So a region ends where no
     # candidate fits, and the sum of the gains counts the points by how well they fit. Variants are
-    # sorted by their gain. A candidate nearer than ``apart`` to another one of the same variant
-    # replaces it if it gains more, so that variants differ.
-    dearest, refused, apart, width = bounds
+    # sorted by their gain. A candidate nearer than ``min_distance`` to another one of the same
+    # variant replaces it if it gains more, so that variants differ.
+    dearest, refused, min_distance, width = bounds
     one, total = np.float32(1), np.zeros(unary.shape[1], np.float32)
     variants, gains = np.full((width, len(region)), -1), np.full(width, NO_GAIN)
     for point in range(len(region)):
@@ -311,7 +317,7 @@ def _grow_region(
                     continue
                 place = width - 1
                 for j in range(width):
-                    if parents[j] == i and images[j] >= 0 and candidates.upper[images[j], k] < apart:
+                    if parents[j] == i and images[j] >= 0 and candidates.upper[images[j], k] < min_distance:
                         place = j
                         break
                 if gain <= next_gains[place]:
@@ -352,7 +358,7 @@ def trilaterate(
     >>> trilaterate(points, Intervals(ends, ends), IntervalCost())[0]
     array([1, 2])
     """
-    points, candidates = points.each(np.transpose).single, candidates.single
+    points, candidates = points.map_bounds(np.transpose).single, candidates.single
     (q, m), c = points.upper.shape, candidates.upper.shape[1]
     weights = np.ones_like(points.upper) if near is None else 1 / (np.float32(near) + points.upper) ** 2
     totals, anchors = np.empty((q, c), np.float32), np.tile(np.arange(m), (q, 1))

@@ -48,7 +48,7 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
 
 
 def carry_along(
-    points: FloatArray, here: FloatArray, there: FloatArray, *, scale: float = 1.0, mirrored: bool = False
+    points: FloatArray, before: FloatArray, after: FloatArray, *, scale: float = 1.0, mirrored: bool = False
 ) -> FloatArray:
     """Carry points of space along with a map, each by the rigid motion of the nearest surface points.
 
@@ -56,7 +56,7 @@ def carry_along(
     ----------
     points : (n, 3) ndarray
         Points beside a surface.
-    here, there : (m, 3) ndarrays
+    before, after : (m, 3) ndarrays
         Points of the surface, and their images, m ≥ 4.
     scale : float
         Factor by which lengths change.
@@ -66,8 +66,8 @@ def carry_along(
     Returns
     -------
     (n, 3) ndarray
-        Their images: p → ȳ + s R (p − x̄) by moving least squares (Schaefer, McPhail, Warren 2006),
-        with the weights 1 / distance⁴. O(n m).
+        Images of the points: p → ȳ + s R (p − x̄) by moving least squares (Schaefer, McPhail,
+        Warren 2006), with the weights 1 / distance⁴. O(n m).
 
     Examples
     --------
@@ -77,14 +77,14 @@ def carry_along(
     """
     # with weighted means x̄, ȳ: R = arg min Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|², by the SVD of Σ_j
     # w_j x_j y_jᵀ − x̄ ȳᵀ
-    distances = cdist(points, here)
+    distances = cdist(points, before)
     weights = np.maximum(distances, MIN_DISTANCE_RATIO * distances.max()) ** -FALLOFF_EXPONENT
     weights /= weights.sum(axis=1, keepdims=True)
-    centre, centre_there = weights @ here, weights @ there
-    products = (here[:, :, None] * there[:, None, :]).reshape(-1, 9)
-    covariance = (weights @ products).reshape(-1, 3, 3) - centre[:, :, None] * centre_there[:, None, :]
+    centre, image_centre = weights @ before, weights @ after
+    products = (before[:, :, None] * after[:, None, :]).reshape(-1, 9)
+    covariance = (weights @ products).reshape(-1, 3, 3) - centre[:, :, None] * image_centre[:, None, :]
     offsets = ((points - centre)[:, None] @ nearest_rotation(covariance, mirrored))[:, 0]
-    return np.asarray(centre_there + scale * offsets)
+    return np.asarray(image_centre + scale * offsets)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ class Pose:
 
 
 def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False) -> list[Pose]:
-    """Find at most four similarities that bring points of one surface near those of another, nearest first.
+    """Find at most four similarities that bring one surface near another, nearest first.
 
     Parameters
     ----------
@@ -125,8 +125,8 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
     >>> bool(np.allclose(pose.rotation, turn)), round(pose.scale, 6), pose.shift.round(6).tolist()
     (True, 2.0, [5.0, 5.0, 5.0])
     """
-    # The principal axes of the source are laid on those of the target in all 24 ways, because two
-    # of them may have nearly equal lengths. From the nearest poses, closest points and the best
+    # The principal axes of the source are laid on the axes of the target in all 24 ways, because
+    # two of them may have nearly equal lengths. From the nearest poses, closest points and the best
     # similarity alternate (Besl & McKay, *A method for registration of 3-D shapes*, PAMI 1992).
     # 0.05 s for 400 points each.
     tree = cKDTree(target)
@@ -160,7 +160,7 @@ Similarity: TypeAlias = tuple[FloatArray, float, FloatArray]
 
 
 def _align_axes(source: FloatArray, target: FloatArray, mirrored: bool) -> list[Similarity]:
-    """Similarities that lay the principal axes of some points on those of others, in all 24 ways."""
+    """Similarities that lay the principal axes of some points on the axes of others, in all 24 ways."""
     centre, size, axes = _principal_axes(source)
     target_centre, target_size, target_axes = _principal_axes(target)
     scale, similarities = target_size / size, list[Similarity]()

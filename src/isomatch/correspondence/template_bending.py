@@ -175,7 +175,7 @@ class _CoarseTemplate:
         return _Bending(self.rest, moved, bending.scale, turn[places.corners[:, 0]]), moved
 
     def nearest(self, onto: _Target, bent: Mesh) -> IntArray:
-        """(n,) target vertices near those of the bent template: the best of those near coarse vertices."""
+        """(n,) target vertices near the bent template: the best candidates near coarse vertices."""
         near = onto.nearest(self.mesh.moved(self.moved))[self._places.corners]  # (n, 3)
         offsets = onto.coordinates[near] - onto.queries(bent)[:, None]
         best = np.einsum("nkd,nkd->nk", offsets, offsets).argmin(axis=1)

@@ -221,7 +221,7 @@ def _fit_similarities(x: FloatArray, y: FloatArray) -> Callable[[FloatArray, Int
 
 
 def welded_map(given: Correspondence, source_vertex: IntArray, target_vertex: IntArray) -> Correspondence:
-    """Return the map between welded vertices, given those of each vertex, (n_source,) and (n_target,).
+    """Return the map of welded vertices, given the welded vertex of each, (n_source,) and (n_target,).
 
     A welded vertex has the image of the first of its vertices that has one.
 

@@ -200,7 +200,7 @@ def _nearest_on_coarse(
             r = 1.0 - s - t
             cost = height * height
             a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-            if not (r >= 0.0 and s >= 0.0 and t >= 0.0):  # beyond an edge: at least as far as its line
+            if not (r >= 0.0 and s >= 0.0 and t >= 0.0):  # beyond an edge: no nearer than its line
                 outside = 0.0
                 if r < 0.0:
                     outside = r * r * frames[f, 12]

@@ -206,7 +206,7 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERA
 
 def cycle_errors(
     source: Mesh,
-    there: Correspondence,
+    forth: Correspondence,
     back: Correspondence,
     n_points: int | None = None,
     seed: int = 0,
@@ -214,8 +214,8 @@ def cycle_errors(
 ) -> FloatArray:
     """Geodesic distance on the source from a vertex to its image under both maps, over √(source area).
 
-    It judges n_points vertices, drawn, or all; ``inf`` where either map has no image. One front for
-    each vertex judged.
+    For n_points random vertices, or all; ``inf`` where either map has no image. It computes
+    distances from each of these vertices.
 
     Examples
     --------
@@ -223,10 +223,10 @@ def cycle_errors(
     >>> cycle_errors(square, Correspondence([1, 2, 3, 0], 4), Correspondence([3, 0, 1, 1], 4))
     array([0., 0., 1., 0.])
     """
-    cycle = there.then(back)
+    cycle = forth.then(back)
     if cycle.shape != (source.n_vertices, source.n_vertices):
         raise MapError(
-            f"{there!r} and {back!r} do not lead from {source!r} to itself; give maps source → target and back"
+            f"{forth!r} and {back!r} do not lead from {source!r} to itself; give maps source → target and back"
         )
     vertices = np.arange(source.n_vertices)
     return geodesic_errors(source, cycle, np.column_stack([vertices, vertices]), n_points, seed, engine)

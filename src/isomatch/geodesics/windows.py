@@ -19,7 +19,7 @@ MIN_LOSS_RATIO = 1e-12
 # A ray that misses a window by less than this fraction of the edge belongs to it; the path becomes
 # too short by the square of that.
 MAX_MISS_EDGES = 1e-9
-# Rays bend around a vertex only if its angle exceeds that of a straight one by more than this
+# Rays bend around a vertex only if its angle exceeds a straight one by more than this
 # fraction.
 MIN_BEND_RATIO = 1e-12
 # Windows narrower than this fraction of their edge come from rounding.

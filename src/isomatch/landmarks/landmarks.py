@@ -64,7 +64,7 @@ class Landmarks:
         Their names; empty if a landmark has none.
     curves : sequence of Curve
         Curves through some of them. Curves of `read_specimens` may share landmarks. In files of one
-        shape, such as those of 3D Slicer, a landmark where two curves meet is given twice.
+        shape, such as the files of 3D Slicer, a landmark where two curves meet is given twice.
     expected_error : (m,) array_like of float, optional
         Estimate of the error of each landmark, in the units of the surface; by default unknown,
         nan.

@@ -25,10 +25,7 @@ from isomatch.landmarks.specimen_files import SUFFIXES_OF_MANY, Specimen, landma
 SAME_PLACE_SIZES = 1e-4
 SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # files of one specimen
 SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"
-FOLDER_FILES = (
-    "landmarks.csv",
-    "landmarks.tps",
-)  # files for a whole folder, beside those of single specimens
+FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # for a whole folder, beside files of single specimens
 KINDS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
 
 

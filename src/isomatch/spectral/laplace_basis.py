@@ -152,8 +152,8 @@ def laplace_basis(
 def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: csr_array) -> LaplaceBasis:
     """Compute k eigenpairs of a surface from the basis of a coarser one; the last tenth is less accurate.
 
-    ``prolongation`` (n, n_c) interpolates values at the vertices of the coarser surface to those of
-    the finer one. Errors as for `laplace_basis`.
+    ``prolongation`` (n, n_c) interpolates values at the vertices of the coarser surface to the
+    vertices of the finer one. Errors as for `laplace_basis`.
     """
     # Two levels of the hierarchical subspace iteration of Nasikun & Hildebrandt, *The Hierarchical
     # Subspace Iteration Method for Laplace–Beltrami Eigenproblems*, 2021: one step of inverse
