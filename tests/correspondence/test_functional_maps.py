@@ -83,5 +83,5 @@ def test_signs_of_the_functions_do_not_matter(relabelled, samples):
     flipped = SpectralPair(SampledBasis(pair.source.functions * signs, samples), pair.target)
     image = new[samples].copy()
     image[::5] = 0
-    plain, turned = (each.image(each.functional_map(image, 25)) for each in (pair, flipped))
+    plain, turned = (basis.image(basis.functional_map(image, 25)) for basis in (pair, flipped))
     np.testing.assert_array_equal(plain, turned)

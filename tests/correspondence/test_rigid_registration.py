@@ -48,9 +48,9 @@ def turned(points, seed=0):
 
 def assert_near(found, truth):
     """Vertices of the boundary may slide a little, since their normals lack the faces beyond."""
-    apart = np.linalg.norm(found - truth, axis=1)  # the edges are 0.03 long
-    assert apart.mean() < 3e-4
-    assert apart.max() < 5e-3
+    distances = np.linalg.norm(found - truth, axis=1)  # the edges are 0.03 long
+    assert distances.mean() < 3e-4
+    assert distances.max() < 5e-3
 
 
 def test_a_piece_that_lies_right_stays(whole, piece):
@@ -76,14 +76,14 @@ def test_a_step_solves_for_the_least_energy_that_the_notes_give(piece):
     start = mesh.vertices * [1.1, 0.9, 1.0]
     stiffness, areas = stiffness_and_masses(mesh)
     links = coo_array(stiffness)
-    apart = links.row != links.col
-    i, j, weights = links.row[apart], links.col[apart], np.maximum(-links.data[apart], 0)
+    edges = links.row != links.col
+    i, j, weights = links.row[edges], links.col[edges], np.maximum(-links.data[edges], 0)
     before = mesh.vertices[i] - mesh.vertices[j]
     turns = np.empty((mesh.n_vertices, 3, 3))
     for vertex in range(mesh.n_vertices):
-        here = i == vertex
-        after = start[i[here]] - start[j[here]]
-        turns[vertex] = Rotation.align_vectors(after, before[here], weights[here])[0].as_matrix()
+        around = i == vertex
+        after = start[i[around]] - start[j[around]]
+        turns[vertex] = Rotation.align_vectors(after, before[around], weights[around])[0].as_matrix()
 
     def energy(moved):
         bent = np.einsum("eij,ej->ei", turns[i], before)
@@ -176,14 +176,14 @@ def test_held_vertices_turn_a_sphere_that_nothing_else_would():
     off = sphere.vertices @ Rotation.from_euler("xyz", [10, 20, 5], degrees=True).as_matrix()
     held = np.arange(6)
 
-    def apart(held):
+    def distances(held):
         found = register_as_rigid_as_possible(sphere, sphere, index, off, [1.0] * 6, held=held)
         return np.linalg.norm(found - sphere.vertices, axis=1)
 
-    free, led = apart(None), apart((held, sphere.vertices[held]))
+    free, led = distances(None), distances((held, sphere.vertices[held]))
     assert led[held].max() < 0.5 * free[held].max()
     assert led.mean() < 0.5 * free.mean()
-    np.testing.assert_array_equal(apart((held[:0], off[:0])), free)
+    np.testing.assert_array_equal(distances((held[:0], off[:0])), free)
 
 
 def test_the_result_does_not_depend_on_the_number_of_threads(whole, piece, monkeypatch):

@@ -27,7 +27,7 @@ NOTE = "onto an earlier vertex at the same position"
 
 
 def globe(around=24, along=16):
-    """A sphere as texture coordinates cut it: the points of one meridian twice, those of the poles once a column."""
+    """A sphere as texture coordinates cut it: the points of one meridian twice, a pole once a column."""
     j, i = np.divmod(np.arange((along + 1) * (around + 1)), around + 1)
     turn, fall = 2 * np.pi * (i % around) / around, np.pi * j / along
     ring = np.sin(fall) * ((j > 0) & (j < along))
@@ -196,12 +196,12 @@ def test_points_on_a_seam_have_no_sides(name):
     """The middle of the common edge of two triangles, told by the corners of one or of the other."""
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
     seam = Mesh(points, [[0, 1, 2], [4, 3, 5]])
-    here, there = (
+    first, second = (
         PrecisePoints(np.array([corners]), np.array([[0.5, 0.5, 0.0]])) for corners in ([1, 2, 0], [3, 4, 5])
     )
-    assert geodesic_distances(seam, here, name, targets=there)[0, 0] == 0
-    np.testing.assert_allclose(geodesic_distances(seam, here, name), geodesic_distances(seam, there, name))
-    assert NOTE in distance_engine(seam, name, points=here).notes[0]
+    assert geodesic_distances(seam, first, name, targets=second)[0, 0] == 0
+    np.testing.assert_allclose(geodesic_distances(seam, first, name), geodesic_distances(seam, second, name))
+    assert NOTE in distance_engine(seam, name, points=first).notes[0]
 
 
 def test_points_in_faces_that_welding_collapses(name):
@@ -267,11 +267,11 @@ def test_a_map_is_inverted_across_a_seam():
     """Of the images of one copy of a point, vertices on the other side of the seam are as near."""
     split = globe()
     _, seams = without_seams(split)
-    there = np.arange(split.n_vertices)
-    there[seams.vertex_index[seams.new_index] != there] = -1  # only the first of the copies is an image
-    there = isomatch.Correspondence(there, split.n_vertices)
+    images = np.arange(split.n_vertices)
+    images[seams.vertex_index[seams.new_index] != images] = -1  # only the first of the copies is an image
+    one_sided = isomatch.Correspondence(images, split.n_vertices)
     used = np.unique(split.faces)
-    back = there.reversed(split, split, within=1e-9)
+    back = one_sided.reversed(split, split, within=1e-9)
     assert back.matched[used].all()
     assert np.array_equal(split.vertices[back.vertices[used]], split.vertices[used])
-    assert coverage(split, there, 0.0) == pytest.approx(1.0)
+    assert coverage(split, one_sided, 0.0) == pytest.approx(1.0)
