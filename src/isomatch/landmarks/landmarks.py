@@ -174,7 +174,7 @@ class Landmarks:
 
     @property
     def semilandmarks(self) -> list[int]:
-        """Those on curves, and those of the patch."""
+        """Landmarks on curves, and in the patch."""
         return sorted({*self.patch, *(row for curve in self.curves for row in curve.rows)})
 
     def with_patch(self, positions: FloatArray) -> Landmarks:
