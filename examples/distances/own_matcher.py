@@ -28,7 +28,7 @@ class Upsampling(Refinement):
     def __call__(self, problem, fit):
         """Refine one map."""
         spectra = problem.spectra
-        return spectra.image(spectra.grown(fit.image, range(20, 101, 10)))
+        return spectra.image(spectra.fit_and_upsample(fit.image, range(20, 101, 10)))
 
 
 def axes_of_inertia(problem):

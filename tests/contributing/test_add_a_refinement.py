@@ -26,7 +26,7 @@ class Upsampling(Refinement):
 
     def __call__(self, problem, fit):
         spectra = problem.spectra
-        return spectra.image(spectra.grown(fit.image, (20, 40, 60, 80, 100)))
+        return spectra.image(spectra.fit_and_upsample(fit.image, (20, 40, 60, 80, 100)))
 
 
 @pytest.fixture

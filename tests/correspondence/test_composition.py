@@ -42,10 +42,10 @@ def off_by(f, source, target):
 
 def test_composition_keeps_precise_images(squares):
     a, b, c = squares
-    there, further = placed(a, b), placed(b, c)
-    on_surface, in_faces = there.then(further, b, c), there.then(further)
-    vertices = Correspondence(there.vertices, b.n_vertices).then(
-        Correspondence(further.vertices, c.n_vertices)
+    first, second = placed(a, b), placed(b, c)
+    on_surface, in_faces = first.then(second, b, c), first.then(second)
+    vertices = Correspondence(first.vertices, b.n_vertices).then(
+        Correspondence(second.vertices, c.n_vertices)
     )
     assert off_by(on_surface, a, c).max() < 1e-9
     assert off_by(in_faces, a, c).mean() < 0.8 * off_by(vertices, a, c).mean()
@@ -67,25 +67,25 @@ def test_composition_with_a_relabelling_and_with_the_identity(squares):
     a, b, _ = squares
     copy, new = relabelled(b, 3)
     renamed = Correspondence(new, b.n_vertices)
-    there = placed(a, b)
+    f = placed(a, b)
     values = np.random.default_rng(0).normal(size=b.n_vertices)
-    found, expected = there.then(renamed, b, copy) @ values, there @ (renamed @ values)
+    found, expected = f.then(renamed, b, copy) @ values, f @ (renamed @ values)
     np.testing.assert_allclose(found[inner(a)], expected[inner(a)], atol=1e-9)
     everything = Correspondence(np.arange(a.n_vertices), a.n_vertices)
-    for same in (everything.then(there), everything.then(there, a, b)):
+    for same in (everything.then(f), everything.then(f, a, b)):
         for name in ("vertices", "faces", "barycentric"):
-            np.testing.assert_array_equal(getattr(same, name), getattr(there, name))
+            np.testing.assert_array_equal(getattr(same, name), getattr(f, name))
 
 
 def test_composition_does_not_interpolate_across_a_tear():
     """The halves of the middle surface have images far apart: each point stays with its nearest corner."""
     grid = planar_delaunay(400, 1)
-    there = placed(planar_delaunay(300, 2), grid)
+    f = placed(planar_delaunay(300, 2), grid)
     left = grid.vertices[:, 0] < 0.5
-    apart = Mesh(grid.vertices + np.where(left, 0.0, 5.0)[:, None] * [1, 0, 0], grid.faces)
-    torn = Mesh(apart.vertices, grid.faces[left[grid.faces].all(axis=1) | ~left[grid.faces].any(axis=1)])
+    parted = Mesh(grid.vertices + np.where(left, 0.0, 5.0)[:, None] * [1, 0, 0], grid.faces)
+    torn = Mesh(parted.vertices, grid.faces[left[grid.faces].all(axis=1) | ~left[grid.faces].any(axis=1)])
     everything = Correspondence(np.arange(grid.n_vertices), grid.n_vertices)
-    found = there.then(everything, grid, torn)
+    found = f.then(everything, grid, torn)
     assert len(set(map(tuple, left[found.faces[found.matched]])) - {(True,) * 3, (False,) * 3}) == 0
 
 
@@ -100,12 +100,12 @@ def test_unmatched_corners_and_vertices():
 
 def test_precise_reversal_is_the_inverse(squares):
     a, b, _ = squares
-    there = placed(a, b)
-    back = there.reversed(a, b, within=0.2)
+    f = placed(a, b)
+    back = f.reversed(a, b, within=0.2)
     assert back.matched.all()
-    assert (~there.reversed().matched).mean() > 0.15
+    assert (~f.reversed().matched).mean() > 0.15
     assert off_by(back, b, a).max() < 1e-9
-    assert off_by(back.then(there, a, b), b, b).max() < 1e-9
+    assert off_by(back.then(f, a, b), b, b).max() < 1e-9
     assert (back.source_hash, back.target_hash) == (b.content_hash, a.content_hash)
 
 

@@ -64,7 +64,7 @@ def test_embedding_of_the_source_does_not_depend_on_the_map(relabelled):
 
 def test_upsampling_recovers_the_map_from_a_few_functions(relabelled):
     pair, _ = relabelled
-    found = pair.upsampled(np.eye(8), range(10, 61, 5))
+    found = pair.upsample(np.eye(8), range(10, 61, 5))
     assert found.shape == (60, 60)
     np.testing.assert_allclose(found, np.eye(60), atol=1e-8)
 
@@ -83,5 +83,5 @@ def test_signs_of_the_functions_do_not_matter(relabelled, samples):
     flipped = SpectralPair(SampledBasis(pair.source.functions * signs, samples), pair.target)
     image = new[samples].copy()
     image[::5] = 0
-    plain, turned = (each.image(each.functional_map(image, 25)) for each in (pair, flipped))
+    plain, turned = (basis.image(basis.functional_map(image, 25)) for basis in (pair, flipped))
     np.testing.assert_array_equal(plain, turned)

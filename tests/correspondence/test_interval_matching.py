@@ -113,7 +113,9 @@ def test_more_variants_gain_no_less(points):
     unary = np.random.default_rng(2).uniform(0, 1.0, (20, 60))
     seeds = np.array([[0, 0], [3, 3], [5, 17]])
     sides = exactly(some, some), exactly(points, points)
-    few, many = (grow_regions(*sides, unary, seeds, **GROWTH, width=width, apart=0.1)[1] for width in (1, 4))
+    few, many = (
+        grow_regions(*sides, unary, seeds, **GROWTH, width=width, min_distance=0.1)[1] for width in (1, 4)
+    )
     assert (many >= few - 1e-5).all()
 
 
@@ -128,8 +130,8 @@ def test_no_likely_candidate_is_assigned_where_distances_disagree_too_much(point
 def test_what_is_unknown_on_both_sides_is_no_contradiction(points):
     """A distance that the points show as longer, and the candidates as longer still, may be the same on the body."""
     some = points[:10]
-    apart = distances(some, some)
-    detours = Intervals(apart, 1.5 * apart)
+    exact = distances(some, some)
+    detours = Intervals(exact, 1.5 * exact)
     seeds, nothing = np.array([[4, 4]]), np.zeros((10, 10))
     options = {"cost": IntervalCost(inside=0.0), "near": 0.2, "dearest": 0.01, "width": 2}
     found, gains = grow_regions(detours, exactly(some, some), nothing, seeds, **options)

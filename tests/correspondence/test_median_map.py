@@ -20,10 +20,10 @@ def precise(seed):
 
 
 def test_equal_maps_are_their_median():
-    each = precise(0)
+    one = precise(0)
     for count in (1, 2, 3, 5):
-        joined = median_map([each] * count, BALL)
-        np.testing.assert_allclose(joined.pull_back(BALL.vertices), each.pull_back(BALL.vertices), atol=1e-5)
+        joined = median_map([one] * count, BALL)
+        np.testing.assert_allclose(joined.pull_back(BALL.vertices), one.pull_back(BALL.vertices), atol=1e-5)
 
 
 def test_one_wrong_map_of_three_changes_nothing_where_the_others_agree():
@@ -34,8 +34,8 @@ def test_one_wrong_map_of_three_changes_nothing_where_the_others_agree():
 
 def test_the_order_of_the_maps_does_not_matter():
     maps = [precise(seed) for seed in range(4)]
-    there, back = (median_map(each, BALL).pull_back(BALL.vertices) for each in (maps, maps[::-1]))
-    np.testing.assert_allclose(there, back, atol=1e-4)
+    found, expected = (median_map(order, BALL).pull_back(BALL.vertices) for order in (maps, maps[::-1]))
+    np.testing.assert_allclose(found, expected, atol=1e-4)
 
 
 def test_images_lie_inside_triangles_not_only_at_vertices():

@@ -28,8 +28,8 @@ def test_first_of_equals_on_small_integers(data, n, d):
     table = arrays(np.float64, (n + 3, d), elements=st.integers(-3, 3).map(float))
     both = data.draw(table)
     found, expected = nearest_rows(both[:n], both[n:]), brute_force(both[:n], both[n:])
-    apart = np.linalg.norm(both[:n][found] - both[n:], axis=1)
-    np.testing.assert_array_equal(apart, np.linalg.norm(both[:n][expected] - both[n:], axis=1))
+    distances = np.linalg.norm(both[:n][found] - both[n:], axis=1)
+    np.testing.assert_array_equal(distances, np.linalg.norm(both[:n][expected] - both[n:], axis=1))
 
 
 def test_of_repeated_candidates_the_first():
@@ -79,8 +79,10 @@ def test_cells_give_the_answer_of_brute_force(dimension):
     centres = rng.choice(900, 30, replace=False)
     cells = VertexCells.of(centres, rng.integers(30, size=900))
     found = nearest_in_cells(candidates, queries, cells)
-    apart = ((queries[:, None] - candidates) ** 2).sum(axis=2)
-    np.testing.assert_allclose(apart[np.arange(len(queries)), found], apart.min(axis=1), rtol=1e-9, atol=1e-9)
+    distances = ((queries[:, None] - candidates) ** 2).sum(axis=2)
+    np.testing.assert_allclose(
+        distances[np.arange(len(queries)), found], distances.min(axis=1), rtol=1e-9, atol=1e-9
+    )
     assert (found[: len(candidates[::7])] == np.arange(900)[::7]).all()
 
 
@@ -96,10 +98,10 @@ def test_of_few_the_nearest_but_for_rounding(n, m, d, dtype):
     rng = np.random.default_rng(n)
     candidates, queries = rng.normal(size=(n, d)).astype(dtype), rng.normal(size=(m, d)).astype(dtype)
     before = candidates.copy(), queries.copy()
-    apart = ((candidates[None].astype(float) - queries[:, None]) ** 2).sum(axis=2)
+    distances = ((candidates[None].astype(float) - queries[:, None]) ** 2).sum(axis=2)
     found = nearest_of_few(candidates, queries)
-    np.testing.assert_allclose(apart[np.arange(m), found], apart.min(axis=1), rtol=1e-5, atol=1e-5)
-    assert (found == apart.argmin(axis=1)).mean() > 0.99
+    np.testing.assert_allclose(distances[np.arange(m), found], distances.min(axis=1), rtol=1e-5, atol=1e-5)
+    assert (found == distances.argmin(axis=1)).mean() > 0.99
     np.testing.assert_array_equal(nearest_of_few(candidates, candidates), np.arange(n))
     np.testing.assert_array_equal(candidates, before[0])
     np.testing.assert_array_equal(queries, before[1])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from isomatch.correspondence import carried_along, nearest_rotation, poses_between
+from isomatch.correspondence import carry_along, nearest_rotation, poses_between
 
 
 @pytest.fixture
@@ -50,16 +50,18 @@ def test_no_rotation_does_what_a_mirror_image_does(surface):
 
 def test_distance_counts_both_ways(surface):
     half = surface[surface[:, 0] > 0]
-    there, back = poses_between(half, surface)[0], poses_between(surface, half)[0]
-    assert min(there.distance, back.distance) > 0.05
+    onto_whole, onto_half = poses_between(half, surface)[0], poses_between(surface, half)[0]
+    assert min(onto_whole.distance, onto_half.distance) > 0.05
 
 
 def test_points_are_carried_along_by_motions_and_by_what_is_nearest():
     random = np.random.default_rng(0)
-    here, beside = random.standard_normal((50, 3)), random.standard_normal((20, 3))
+    points, beside = random.standard_normal((50, 3)), random.standard_normal((20, 3))
     turn = nearest_rotation(random.standard_normal((3, 3)), mirrored=True)
-    moved = carried_along(beside, here, 1.5 * here @ turn + 2, scale=1.5, mirrored=True)
+    moved = carry_along(beside, points, 1.5 * points @ turn + 2, scale=1.5, mirrored=True)
     np.testing.assert_allclose(moved, 1.5 * beside @ turn + 2, atol=1e-9)
-    far = np.add(here, [100, 0, 0])  # a second part, which moves another way
-    both = carried_along(far, np.concatenate([here, far]), np.concatenate([here, far @ turn]), mirrored=True)
+    far = np.add(points, [100, 0, 0])  # a second part, which moves another way
+    both = carry_along(
+        far, np.concatenate([points, far]), np.concatenate([points, far @ turn]), mirrored=True
+    )
     np.testing.assert_allclose(both, far @ turn, atol=1e-3)

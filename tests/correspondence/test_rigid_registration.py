@@ -17,7 +17,7 @@ from isomatch.correspondence import (
     rigid_energy,
 )
 from isomatch.correspondence.rigid_energy import RigidEnergy
-from isomatch.spectral import factorised_for_threads, stiffness_and_masses
+from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
 from shapes import icosphere
@@ -48,9 +48,9 @@ def turned(points, seed=0):
 
 def assert_near(found, truth):
     """Vertices of the boundary may slide a little, since their normals lack the faces beyond."""
-    apart = np.linalg.norm(found - truth, axis=1)  # the edges are 0.03 long
-    assert apart.mean() < 3e-4
-    assert apart.max() < 5e-3
+    distances = np.linalg.norm(found - truth, axis=1)  # the edges are 0.03 long
+    assert distances.mean() < 3e-4
+    assert distances.max() < 5e-3
 
 
 def test_a_piece_that_lies_right_stays(whole, piece):
@@ -76,23 +76,23 @@ def test_a_step_solves_for_the_least_energy_that_the_notes_give(piece):
     start = mesh.vertices * [1.1, 0.9, 1.0]
     stiffness, areas = stiffness_and_masses(mesh)
     links = coo_array(stiffness)
-    apart = links.row != links.col
-    i, j, weights = links.row[apart], links.col[apart], np.maximum(-links.data[apart], 0)
+    edges = links.row != links.col
+    i, j, weights = links.row[edges], links.col[edges], np.maximum(-links.data[edges], 0)
     before = mesh.vertices[i] - mesh.vertices[j]
     turns = np.empty((mesh.n_vertices, 3, 3))
     for vertex in range(mesh.n_vertices):
-        here = i == vertex
-        after = start[i[here]] - start[j[here]]
-        turns[vertex] = Rotation.align_vectors(after, before[here], weights[here])[0].as_matrix()
+        around = i == vertex
+        after = start[i[around]] - start[j[around]]
+        turns[vertex] = Rotation.align_vectors(after, before[around], weights[around])[0].as_matrix()
 
     def energy(moved):
         bent = np.einsum("eij,ej->ei", turns[i], before)
         stretched = weights @ ((moved[i] - moved[j] - bent) ** 2).sum(axis=1)
         return areas @ ((moved - start) ** 2).sum(axis=1) + 0.5 * length**2 * stretched
 
-    pulled, _ = RigidEnergy.of_surface(mesh).pulled(mesh.vertices, start, None)
+    pulled, _ = RigidEnergy.of_surface(mesh).pulls(mesh.vertices, start, None)
     pull = areas / length**2
-    found = factorised_for_threads(stiffness, pull)(pull[:, None] * start + pulled)
+    found = factorise_for_threads(stiffness, pull)(pull[:, None] * start + pulled)
     change = 0.01 * np.random.default_rng(0).normal(size=found.shape)
     more, less = energy(found + change) - energy(found), energy(found - change) - energy(found)
     assert more > 0
@@ -110,7 +110,7 @@ def test_the_loops_sum_over_the_edges_around_each_vertex(piece):
     start, neighbours, values = energy.start, energy.neighbours, energy.weights
     covariances, pulled = np.ones((len(before), 3, 3)), np.ones(before.shape)
     rigid_energy._covariances(before, after, start, neighbours, values, covariances)
-    rigid_energy._pulled(before, turns, start, neighbours, values, pulled)
+    rigid_energy._sum_pulls(before, turns, start, neighbours, values, pulled)
     for i in rng.integers(len(before), size=20):
         edges, moved = before[i] - before, after[i] - after
         np.testing.assert_allclose(covariances[i], (weights[i, :, None] * edges).T @ moved, atol=1e-12)
@@ -176,14 +176,14 @@ def test_held_vertices_turn_a_sphere_that_nothing_else_would():
     off = sphere.vertices @ Rotation.from_euler("xyz", [10, 20, 5], degrees=True).as_matrix()
     held = np.arange(6)
 
-    def apart(held):
+    def distances(held):
         found = register_as_rigid_as_possible(sphere, sphere, index, off, [1.0] * 6, held=held)
         return np.linalg.norm(found - sphere.vertices, axis=1)
 
-    free, led = apart(None), apart((held, sphere.vertices[held]))
+    free, led = distances(None), distances((held, sphere.vertices[held]))
     assert led[held].max() < 0.5 * free[held].max()
     assert led.mean() < 0.5 * free.mean()
-    np.testing.assert_array_equal(apart((held[:0], off[:0])), free)
+    np.testing.assert_array_equal(distances((held[:0], off[:0])), free)
 
 
 def test_the_result_does_not_depend_on_the_number_of_threads(whole, piece, monkeypatch):
@@ -216,7 +216,7 @@ def test_rotations_are_turned_until_the_trace_is_largest():
     start = (
         Rotation.from_rotvec(np.random.default_rng(2).normal(scale=0.1, size=(200, 3))).as_matrix() @ wanted
     )
-    found = rigid_energy.turned(start, covariances)
+    found = rigid_energy.improve_rotations(start, covariances)
     traces, largest = (np.einsum("nij,nji->n", turn, covariances) for turn in (found, wanted))
     np.testing.assert_allclose(traces, largest, rtol=1e-3)
     np.testing.assert_allclose(found @ found.transpose(0, 2, 1), np.tile(np.eye(3), (200, 1, 1)), atol=1e-12)
@@ -229,6 +229,6 @@ def test_conjugate_gradients_solve_the_system_of_the_edges():
     diagonal, right = rng.uniform(0.5, 2.0, mesh.n_vertices), rng.normal(size=(mesh.n_vertices, 3))
     found = np.zeros_like(right)
     for _ in range(4):  # each time the residual is a hundredth
-        found = energy.solved(diagonal, right, found)
+        found = energy.solve(diagonal, right, found)
     wanted = np.linalg.solve(energy.stiffness.toarray() + np.diag(diagonal), right)
     np.testing.assert_allclose(found, wanted, atol=1e-6)

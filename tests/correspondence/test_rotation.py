@@ -30,5 +30,5 @@ def test_no_rotation_is_nearer():
 def test_matrices_of_a_stack_and_transposed_ones_do_not_matter():
     matrices = np.random.default_rng(3).standard_normal((200, 3, 3))
     found = nearest_rotation(matrices)
-    np.testing.assert_array_equal(found, [nearest_rotation(each) for each in matrices])
+    np.testing.assert_array_equal(found, [nearest_rotation(matrix) for matrix in matrices])
     np.testing.assert_allclose(nearest_rotation(matrices.swapaxes(1, 2)), found.swapaxes(1, 2), atol=1e-11)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import jv
 
-from isomatch import Graph, Mesh, PointCloud
-from isomatch._core.errors import DescriptorError, MeshError
+from isomatch import DescriptorError, Graph, Mesh, MeshError, PointCloud
 from isomatch.decimation import decimate
 from isomatch.descriptors import ball_signature, deviation_of
 from shapes import disguised, flat_grid, icosphere
@@ -41,10 +40,7 @@ def test_cylinder():
     rho = 0.3
     mesh, centre = bent_sheet(lambda u, v: (rho * np.sin(u / rho), v, rho * np.cos(u / rho)))
     a = RADII / rho
-    cosine, twice = (
-        2 * jv(1, a) / a,
-        jv(1, 2 * a) / a,
-    )  # means of cos and of cos of twice the angle over a disk
+    cosine, twice = 2 * jv(1, a) / a, jv(1, 2 * a) / a  # means of cos φ and cos 2φ over a disk
     around = np.sqrt(0.5 * (1 - twice)) / a
     up = np.sqrt(0.5 * (1 + twice) - cosine**2) / a
     expected = np.stack([(cosine - 1) / a, 0 * a + 0.5, around, up], axis=1)
@@ -57,29 +53,28 @@ def test_fold(half_angle):
     """Two half planes that meet at twice the half angle; the crease passes through the centre."""
     sine, cosine = np.sin(half_angle), np.cos(half_angle)
     mesh, centre = bent_sheet(lambda u, v: (u * sine, v, -np.abs(u) * cosine))
-    centroid = 4 / (3 * np.pi)  # of a half disk
+    centroid = 4 / (3 * np.pi)  # distance of the centroid of a half disk from its centre
     along, across, deep = 0.5, sine / 2, cosine * np.sqrt(0.25 - centroid**2)
     expected = [-centroid * cosine, *sorted([along, across, deep], reverse=True)]
     np.testing.assert_allclose(at_centre(mesh, centre), [expected] * 3, atol=0.006)
 
 
 def test_rim_of_a_thin_slab():
-    """A ball near the rim wraps around to the other side: its moments are integrals over a disk that is folded twice."""
-    thick, off = 0.04, 0.1
+    """A ball near the rim wraps around to the other side: its moments are integrals over a disk folded twice."""
+    thickness, rim = 0.04, 0.1
 
     def embed(u, v):
-        beyond = u - off  # the rim is 0.1 away, and the other side comes after another 0.04
-        x = np.where(beyond < 0, u, np.where(beyond < thick, off, off - (beyond - thick)))
-        z = np.where(beyond < 0, 0.0, np.where(beyond < thick, -beyond, -thick))
+        beyond = u - rim
+        x = np.where(beyond < 0, u, np.where(beyond < thickness, rim, rim - (beyond - thickness)))
+        z = np.where(beyond < 0, 0.0, np.where(beyond < thickness, -beyond, -thickness))
         return x, v, z
 
     mesh, centre = bent_sheet(embed, steps=240)
     radius, angle = np.meshgrid((np.arange(400) + 0.5) / 400, (np.arange(720) + 0.5) * np.pi / 360)
     weights = (radius / radius.sum()).ravel()
     for r, found in zip(RADII, at_centre(mesh, centre)):
-        disk = (
-            np.stack(embed(r * (radius * np.cos(angle)).ravel(), r * (radius * np.sin(angle)).ravel()), 1) / r
-        )
+        x, y = r * (radius * np.cos(angle)).ravel(), r * (radius * np.sin(angle)).ravel()
+        disk = np.stack(embed(x, y), 1) / r
         middle = weights @ disk
         extents = np.sqrt(np.linalg.eigvalsh((disk - middle).T * weights @ (disk - middle))[::-1])
         np.testing.assert_allclose(found, [middle[2], *extents], atol=0.01)
@@ -93,33 +88,25 @@ def test_sphere(size):
     cosine = np.cos(angle)
     above = (1 + cosine + cosine**2) / 3  # mean square of the height, which is uniform between cos and 1
     across = np.sqrt((1 - above) / 2) / angle
-    expected = np.stack(
-        [-(1 - cosine) / 2 / angle, across, across, (1 - cosine) / np.sqrt(12) / angle], axis=1
-    )
+    up = (1 - cosine) / np.sqrt(12) / angle
+    expected = np.stack([-(1 - cosine) / 2 / angle, across, across, up], axis=1)
     expected[:, 1:] = -np.sort(-expected[:, 1:], axis=1)
     for vertex in (0, 17, 4711):
         np.testing.assert_allclose(found.values[vertex], expected, atol=0.01)
 
 
 def test_tip_of_a_cone():
-    half_angle, steps, turns = 0.6, 60, 96
-    slant = np.linspace(0, 0.7, steps + 1)[1:, None]
+    steps, turns = 60, 96
+    sine, cosine = np.sin(0.6), np.cos(0.6)  # of the half angle
     turn = np.arange(turns) * 2 * np.pi / turns
-    ring = np.stack(
-        np.broadcast_arrays(
-            slant * np.sin(half_angle) * np.cos(turn),
-            slant * np.sin(half_angle) * np.sin(turn),
-            -slant * np.cos(half_angle),
-        ),
-        axis=-1,
-    ).reshape(-1, 3)
+    ring = np.stack([sine * np.cos(turn), sine * np.sin(turn), np.full(turns, -cosine)], 1)
+    rings = (np.linspace(0, 0.7, steps + 1)[1:, None, None] * ring).reshape(-1, 3)
     column = np.arange(turns)
     tip = np.stack([0 * column, 1 + column, 1 + (column + 1) % turns], 1)
     inner = (1 + turns * np.arange(steps - 1))[:, None]
     a, b = inner + column, inner + (column + 1) % turns
     faces = [tip, *(np.stack(x, -1).reshape(-1, 3) for x in ((a, a + turns, b), (b, a + turns, b + turns)))]
-    cone = Mesh(np.vstack([[[0, 0, 0]], ring]), np.concatenate(faces))
-    sine, cosine = np.sin(half_angle), np.cos(half_angle)
+    cone = Mesh(np.vstack([[[0, 0, 0]], rings]), np.concatenate(faces))
     expected = [-2 / 3 * cosine, *sorted([sine / 2, sine / 2, cosine / np.sqrt(18)], reverse=True)]
     np.testing.assert_allclose(at_centre(cone, 0), [expected] * 3, atol=0.008)
 
@@ -146,9 +133,9 @@ def test_remeshing_changes_little(example):
     coarse = decimate(mesh, mesh.n_vertices // 2)
     nearest = np.array([np.linalg.norm(mesh.vertices - x, axis=1).argmin() for x in coarse.mesh.vertices])
     fine, rough = ball_signature(mesh), ball_signature(coarse.mesh, unit=np.sqrt(mesh.area))
-    apart = rough.descriptor_distance(fine.at(nearest))
+    same = rough.descriptor_distance(fine.at(nearest))
     shuffled = rough.descriptor_distance(fine.at(np.random.default_rng(0).permutation(nearest)))
-    assert np.median(apart) < 0.25 * np.median(shuffled)
+    assert np.median(same) < 0.25 * np.median(shuffled)
 
 
 def test_a_cut_changes_nothing_where_it_is_far(example):
@@ -195,11 +182,10 @@ def test_descriptor_distance_counts_what_is_known_of_both(example):
 def test_clouds_with_normals(example):
     mesh = example[0].mesh
     cloud = ball_signature(PointCloud(mesh.vertices), normals=mesh.vertex_normals)
-    of_mesh = ball_signature(mesh)
-    shuffled = of_mesh.at(np.random.default_rng(0).permutation(mesh.n_vertices))
-    assert np.median(cloud.descriptor_distance(of_mesh)) < 0.5 * np.median(
-        cloud.descriptor_distance(shuffled)
-    )
+    same = ball_signature(mesh)
+    shuffled = same.at(np.random.default_rng(0).permutation(mesh.n_vertices))
+    medians = (np.median(cloud.descriptor_distance(signature)) for signature in (same, shuffled))
+    assert next(medians) < 0.5 * next(medians)
 
 
 @pytest.mark.parametrize(

@@ -76,9 +76,9 @@ def test_first_functions_only(basis, signature):
 
 def test_wave_kernel_of_a_landmark(basis):
     """Symmetric, equal to the signature at the landmark itself, and independent of the signs of functions."""
-    of_7, of_90 = (wave_kernel_map(basis, vertex, 9) for vertex in (7, 90))
-    np.testing.assert_allclose(of_7[90], of_90[7])
-    np.testing.assert_allclose(of_7[7], wave_kernel_signature(basis, 9)[7])
+    from_7, from_90 = (wave_kernel_map(basis, vertex, 9) for vertex in (7, 90))
+    np.testing.assert_allclose(from_7[90], from_90[7])
+    np.testing.assert_allclose(from_7[7], wave_kernel_signature(basis, 9)[7])
     flips = np.random.default_rng(0).choice([-1.0, 1.0], basis.vectors.shape[1])
     flipped = replace(basis, vectors=basis.vectors * flips)
-    np.testing.assert_allclose(wave_kernel_map(flipped, 7, 9), of_7)
+    np.testing.assert_allclose(wave_kernel_map(flipped, 7, 9), from_7)

@@ -25,30 +25,20 @@ from zoo import specimen, zoo
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What an engine is held to: the defaults, unless it has an entry in ``TOLERANCES``."""
+    """Largest errors of an engine: the defaults, unless it has an entry in ``TOLERANCES``."""
 
     on_sphere: float = 0.003  # mean relative error to great circles, 642 and 2562 vertices
     on_fine_sphere: float = 0.003
-    metric: float = 0.03  # asymmetry and violation of the triangle inequality, of the largest distance
+    metric: float = 0.01  # asymmetry and violation of the triangle inequality, over the largest distance
     to_fast_marching: float = 0.01  # mean relative difference on an animal of 2900 vertices
 
 
 TOLERANCES = {
     "exact": Tolerance(on_fine_sphere=1e-3, metric=1e-9, to_fast_marching=0.002),
-    "heat": Tolerance(on_sphere=0.02, on_fine_sphere=0.02, to_fast_marching=0.03),
+    "heat": Tolerance(on_sphere=0.02, on_fine_sphere=0.02, metric=0.03, to_fast_marching=0.03),
     "dijkstra": Tolerance(on_sphere=0.12, on_fine_sphere=0.12, metric=1e-9, to_fast_marching=0.1),
 }
 PACKAGES = {"exact": "pygeodesic", "heat": "potpourri3d"}
-
-
-@pytest.fixture(params=engine_names(Mesh))
-def name(request):
-    """Every registered engine for meshes; those whose package is not installed are skipped."""
-    try:
-        distance_engine(icosphere(0), request.param)
-    except MissingDependencyError as error:
-        pytest.skip(str(error))
-    return request.param
 
 
 @pytest.fixture
@@ -67,7 +57,7 @@ def test_great_circles(name, tolerance, level, size):
 
 
 def test_symmetry_and_triangle_inequality(name, tolerance, example):
-    sources = np.arange(0, 2900, 120)
+    sources = np.arange(0, 2900, 30 if name == "fast_marching" else 120)
     among = geodesic_distances(example[0].mesh, sources, name)[:, sources]
     slack = tolerance.metric
     assert np.abs(among - among.T).max() <= slack * among.max()
@@ -79,9 +69,9 @@ def test_symmetry_and_triangle_inequality(name, tolerance, example):
 def test_engines_agree_on_a_creature(name, tolerance, example):
     mesh = example[0].mesh
     sources = [0, 700, 2100]
-    marched, other = (geodesic_distances(mesh, sources, engine) for engine in ("fast_marching", name))
+    marched, found = (geodesic_distances(mesh, sources, engine) for engine in ("fast_marching", name))
     away = marched > 0
-    relative = other[away] / marched[away] - 1
+    relative = found[away] / marched[away] - 1
     assert np.abs(relative).mean() <= tolerance.to_fast_marching
     if name == "dijkstra":
         assert relative.min() > -0.01, "paths along edges are no shorter"
@@ -89,11 +79,11 @@ def test_engines_agree_on_a_creature(name, tolerance, example):
 
 def test_relabelling_and_moving_change_nothing(name, example):
     mesh = example[0].mesh
-    other = disguised(mesh, seed=5, scale=7.0)
+    copy = disguised(mesh, seed=5, scale=7.0)
     sources = np.array([3, 900, 2500])
     plain = geodesic_distances(mesh, sources, name)
-    moved = geodesic_distances(other.mesh, other.new_vertex[sources], name)[:, other.new_vertex]
-    np.testing.assert_allclose(moved, 7 * plain, rtol=1e-5, atol=1e-5 * plain.max())
+    moved = geodesic_distances(copy.mesh, copy.new_vertex[sources], name)[:, copy.new_vertex]
+    np.testing.assert_allclose(moved, 7 * plain, rtol=1e-5, atol=1e-6 * plain.max())
 
 
 def test_extreme_sizes(name):
@@ -104,14 +94,14 @@ def test_extreme_sizes(name):
         np.testing.assert_allclose(geodesic_distances(large, [5], name), expected, rtol=1e-5)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("threads", ["2", "5"])
-def test_threads_change_nothing(name, threads, example, monkeypatch):
+def test_threads_change_nothing(name, example, monkeypatch):
     sources = np.arange(0, 2900, 200)
-    monkeypatch.setenv("ISOMATCH_NUM_THREADS", "1")
-    alone = geodesic_distances(example[0].mesh, sources, name)
-    monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)
-    assert np.array_equal(geodesic_distances(example[0].mesh, sources, name), alone)
+    columns = []
+    for threads in ("1", "2", "5"):
+        monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)
+        columns.append(geodesic_distances(example[0].mesh, sources, name))
+    assert np.array_equal(columns[0], columns[1])
+    assert np.array_equal(columns[0], columns[2])
 
 
 def test_an_engine_has_its_name_and_the_size_of_the_surface(name):
@@ -192,22 +182,17 @@ def test_columns_beyond_the_memory_budget_are_refused(name, monkeypatch):
 
 @pytest.mark.long
 @pytest.mark.parametrize("scale", [1.0, 1e-150])
-def test_exact_distances_where_the_mesh_is_no_manifold(scale):
-    """Three squares that share an edge, as pages of a book do: of any two of them the distance is that in the plane."""
+def test_exact_distances_where_the_mesh_is_no_manifold(scale, book):
+    """Any two pages of a book lie in one plane, once unfolded."""
     pytest.importorskip("pygeodesic", reason="needs pygeodesic")
-    page = flat_grid(5, 5)
-    pages = [
-        page.vertices @ np.array([[c, s, 0], [0, 0, 1], [s, -c, 0]]) for c, s in ((1, 0), (0, 1), (-1, 0))
-    ]
-    book = Mesh(scale * np.concatenate(pages), np.concatenate([page.faces + 25 * k for k in range(3)]))
-    assert len(check(repair(book).mesh).non_manifold_edges) == 4
-    found = geodesic_distances(book, [7, 32], "exact") / scale
+    mesh, page = Mesh(scale * book[0].vertices, book[0].faces), book[1]
+    assert len(check(repair(mesh).mesh).non_manifold_edges) == 4
+    found = geodesic_distances(mesh, [7, 32], "exact") / scale
     mirrored = page.vertices * [-1, 1, 1]
-    for row, own in zip(found, (0, 1)):
-        for other in range(3):
-            there = page.vertices if other == own else mirrored
-            straight = np.linalg.norm(page.vertices[7] - there, axis=1)
-            np.testing.assert_allclose(row[25 * other : 25 * other + 25], straight, rtol=1e-12, atol=1e-12)
+    for row, page_of_source in zip(found, (0, 1)):
+        places = [page.vertices if k == page_of_source else mirrored for k in range(3)]
+        straight = np.linalg.norm(page.vertices[7] - np.concatenate(places), axis=1)
+        np.testing.assert_allclose(row, straight, rtol=1e-12, atol=1e-12)
 
 
 def test_heat_refuses_what_has_no_area():
@@ -283,8 +268,8 @@ def test_every_specimen_gives_distances_or_a_named_error(specimen, name):
 @pytest.mark.parametrize("specimen", zoo("two_components"), ids=str)
 def test_distances_between_components_are_infinite(specimen, name):
     distances = geodesic_distances(specimen.mesh, range(specimen.mesh.n_vertices), name, weld=False)
-    apart = specimen.mesh.components[:, None] != specimen.mesh.components
-    assert np.array_equal(np.isinf(distances), apart)
+    separate = specimen.mesh.components[:, None] != specimen.mesh.components
+    assert np.array_equal(np.isinf(distances), separate)
 
 
 def test_lowering_gives_the_distance_to_the_nearest_source(name):

@@ -36,8 +36,8 @@ def test_a_memory_map_of_single_precision_is_not_copied(matrix, tmp_path):
 
 
 def test_inf_is_allowed():
-    apart = np.array([[0, np.inf], [np.inf, 0]])
-    assert geodesic_distances(apart, [1]).tolist() == [[np.inf, 0.0]]
+    disconnected = np.array([[0, np.inf], [np.inf, 0]])
+    assert geodesic_distances(disconnected, [1]).tolist() == [[np.inf, 0.0]]
 
 
 def changed(matrix, i, j, value):

@@ -45,9 +45,9 @@ def test_each_sample_is_farthest_from_those_before(sampling):
 def test_samples_are_apart_and_cover(sampling):
     """All are r apart and every point is within r, the distance of the last sample from the others."""
     among = sampling.columns[:, sampling.vertices]
-    apart = among[~np.eye(P, dtype=bool)].min()
-    assert apart >= 0.98 * sampling.columns[:-1, sampling.vertices[-1]].min()
-    assert sampling.columns.min(axis=0).max() <= 1.02 * apart
+    smallest = among[~np.eye(P, dtype=bool)].min()
+    assert smallest >= 0.98 * sampling.columns[:-1, sampling.vertices[-1]].min()
+    assert sampling.columns.min(axis=0).max() <= 1.02 * smallest
 
 
 def test_every_vertex_may_be_a_sample():

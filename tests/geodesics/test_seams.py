@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch import Mesh, MissingDependencyError, PrecisePoints
+from isomatch import Mesh, PrecisePoints
 from isomatch.cli import main
 from isomatch.descriptors import ball_signature, mean_curvature
 from isomatch.evaluation import coverage
 from isomatch.geodesics import (
     distance_engine,
-    engine_names,
     farthest_point_sampling,
     geodesic_balls,
     geodesic_distances,
@@ -28,7 +27,7 @@ NOTE = "onto an earlier vertex at the same position"
 
 
 def globe(around=24, along=16):
-    """A sphere as texture coordinates cut it: the points of one meridian twice, those of the poles once a column."""
+    """A sphere as texture coordinates cut it: the points of one meridian twice, a pole once a column."""
     j, i = np.divmod(np.arange((along + 1) * (around + 1)), around + 1)
     turn, fall = 2 * np.pi * (i % around) / around, np.pi * j / along
     ring = np.sin(fall) * ((j > 0) & (j < along))
@@ -54,23 +53,14 @@ def split(request):
     return SPLIT[request.param]
 
 
-@pytest.fixture(params=engine_names(Mesh))
-def name(request):
-    try:
-        distance_engine(icosphere(0), request.param)
-    except MissingDependencyError as error:
-        pytest.skip(str(error))
-    return request.param
-
-
-def closed(mesh):
-    """The same surface where every point is there once, and the point of each vertex."""
+def weld(mesh):
+    """The same surface with every point once, and the point of each vertex."""
     first, point = np.unique(mesh.vertices, axis=0, return_inverse=True)
     return Mesh(first, point.ravel()[mesh.faces]), point.ravel()
 
 
 def test_distances_are_those_of_the_closed_surface(split, name):
-    whole, point = closed(split)
+    whole, point = weld(split)
     sources = [0, 7, split.n_vertices - 1]
     expected = geodesic_distances(whole, point[sources], name)[:, point]
     found = geodesic_distances(split, sources, name)
@@ -104,7 +94,7 @@ def test_a_surface_without_coincident_points_is_taken_as_it_is(name):
 
 
 def test_what_was_welded_is_noted(split):
-    n = split.n_vertices - closed(split)[0].n_vertices
+    n = split.n_vertices - weld(split)[0].n_vertices
     note = f"welded {n} vertices {NOTE}"
     assert distance_engine(split).notes[0] == note
     assert isomatch.laplace_basis(split, 5).notes[0] == note
@@ -113,7 +103,7 @@ def test_what_was_welded_is_noted(split):
 
 
 def test_sampling_balls_and_pairs_know_the_copies(split):
-    engine, point = distance_engine(split), closed(split)[1]
+    engine, point = distance_engine(split), weld(split)[1]
     columns = engine.distances_from(np.arange(split.n_vertices))
     sampling = farthest_point_sampling(engine, 12, 3)
     assert len(np.unique(point[sampling.vertices])) == 12
@@ -151,7 +141,7 @@ def test_a_distance_basis_is_that_of_the_closed_surface(method, weights):
 
 
 def test_eigenfunctions_are_those_of_the_closed_surface(split):
-    whole, _ = closed(split)
+    whole, _ = weld(split)
     found, expected = isomatch.laplace_basis(split, 12), isomatch.laplace_basis(whole, 12)
     np.testing.assert_allclose(found.values, expected.values, atol=1e-4)
     gram = found.vectors.T @ (found.weights[:, None] * found.vectors)
@@ -159,7 +149,7 @@ def test_eigenfunctions_are_those_of_the_closed_surface(split):
 
 
 def test_curvature_is_that_of_the_closed_surface(split):
-    whole, point = closed(split)
+    whole, point = weld(split)
     expected = mean_curvature(whole, isomatch.laplace_basis(whole, 9), 9)[point]
     np.testing.assert_allclose(
         mean_curvature(split, isomatch.laplace_basis(split, 9), 9), expected, rtol=0.02
@@ -167,7 +157,7 @@ def test_curvature_is_that_of_the_closed_surface(split):
 
 
 def test_ball_signatures_and_canonical_forms_are_the_same_on_both_sides(split):
-    point = closed(split)[1]
+    point = weld(split)[1]
     first = np.unique(point, return_index=True)[1][point]
     signature = ball_signature(split, [0.3])
     assert np.array_equal(signature.values, signature.values[first])
@@ -206,12 +196,12 @@ def test_points_on_a_seam_have_no_sides(name):
     """The middle of the common edge of two triangles, told by the corners of one or of the other."""
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
     seam = Mesh(points, [[0, 1, 2], [4, 3, 5]])
-    here, there = (
+    first, second = (
         PrecisePoints(np.array([corners]), np.array([[0.5, 0.5, 0.0]])) for corners in ([1, 2, 0], [3, 4, 5])
     )
-    assert geodesic_distances(seam, here, name, targets=there)[0, 0] == 0
-    np.testing.assert_allclose(geodesic_distances(seam, here, name), geodesic_distances(seam, there, name))
-    assert NOTE in distance_engine(seam, name, points=here).notes[0]
+    assert geodesic_distances(seam, first, name, targets=second)[0, 0] == 0
+    np.testing.assert_allclose(geodesic_distances(seam, first, name), geodesic_distances(seam, second, name))
+    assert NOTE in distance_engine(seam, name, points=first).notes[0]
 
 
 def test_points_in_faces_that_welding_collapses(name):
@@ -277,11 +267,11 @@ def test_a_map_is_inverted_across_a_seam():
     """Of the images of one copy of a point, vertices on the other side of the seam are as near."""
     split = globe()
     _, seams = without_seams(split)
-    there = np.arange(split.n_vertices)
-    there[seams.vertex_index[seams.new_index] != there] = -1  # only the first of the copies is an image
-    there = isomatch.Correspondence(there, split.n_vertices)
+    images = np.arange(split.n_vertices)
+    images[seams.vertex_index[seams.new_index] != images] = -1  # only the first of the copies is an image
+    one_sided = isomatch.Correspondence(images, split.n_vertices)
     used = np.unique(split.faces)
-    back = there.reversed(split, split, within=1e-9)
+    back = one_sided.reversed(split, split, within=1e-9)
     assert back.matched[used].all()
     assert np.array_equal(split.vertices[back.vertices[used]], split.vertices[used])
-    assert coverage(split, there, 0.0) == pytest.approx(1.0)
+    assert coverage(split, one_sided, 0.0) == pytest.approx(1.0)

@@ -19,11 +19,13 @@ from isomatch import (
     write_landmarks,
 )
 from isomatch.io import Frame
-from isomatch.landmarks import Curve, drawn_curve, equally_spaced, join_places, write_specimens
+from isomatch.landmarks import Curve, draw_curve, equally_spaced, join_places, write_specimens
 from isomatch.surfaces import nearest_on_surface
 from shapes import box, flat_grid, icosphere
 
 SPHERE = icosphere(3)
+SQUARE = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+SHIFTED = SPHERE.moved(np.add(SPHERE.vertices, [5, 2, 0]))
 NAMES = ("nose", "left, ear", "p#;4", "#1", "-Müller 'x' <&>")
 FORMATS = ("a.mrk.json", "a.fcsv", "a.pp", "a.csv")
 
@@ -46,30 +48,30 @@ def marks():
 @pytest.mark.parametrize("last", FORMATS)
 @pytest.mark.parametrize("first", FORMATS)
 def test_any_format_becomes_any_other(tmp_path, marks, first, last):
-    """Names, order and the last digit stay; only fcsv has no place for a landmark that is nowhere."""
-    sphere = replace(Asset.of_mesh(SPHERE), frame=Frame(words=("SPACE=RAS",)))
-    left = write_landmarks(tmp_path / first, marks)
+    """Names, order and the last digit stay; only fcsv has no place for a landmark without a place."""
+    sphere = in_space(SPHERE, "RAS")
+    lost = write_landmarks(tmp_path / first, marks)
     between = Landmarks.read(tmp_path / first, sphere)
-    left += write_landmarks(tmp_path / f"again_{last}", between)
+    lost += write_landmarks(tmp_path / f"again_{last}", between)
     found = Landmarks.read(tmp_path / f"again_{last}", sphere)
-    kept = [0, 1, 2, 4] if "a.fcsv" in (first, last) else [0, 1, 2, 3, 4]
-    assert found.names == tuple(NAMES[i] for i in kept)
-    np.testing.assert_array_equal(found.positions, marks.positions[kept])
-    assert ("landmarks without a place" in left) == (len(kept) < 5)
-    assert left.count("the space (RAS)") == (first in FORMATS[2:]) + (last in FORMATS[2:])
+    rows = [0, 1, 2, 4] if "a.fcsv" in (first, last) else [0, 1, 2, 3, 4]
+    assert found.names == tuple(NAMES[i] for i in rows)
+    np.testing.assert_array_equal(found.positions, marks.positions[rows])
+    assert ("landmarks without a place" in lost) == (len(rows) < 5)
+    assert lost.count("the space (RAS)") == (first in FORMATS[2:]) + (last in FORMATS[2:])
 
 
 def test_files_of_slicer_say_the_space_of_the_surface(tmp_path, marks):
-    """As an other program reads them: positions of the surface, and its space; without one, LPS."""
+    """As another program reads them: positions of the surface, and its space; without one, LPS."""
     for name, read in (
         ("a.mrk.json", lambda text: json.loads(text)["markups"][0]["controlPoints"][0]["position"]),
         ("a.fcsv", lambda text: [float(x) for x in text.splitlines()[3].split(",")[1:4]]),
     ):
-        for axes, said, other in (("RAS", "RAS", "LPS"), ("LPS", "LPS", "RAS"), (None, "LPS", "RAS")):
+        for axes, written, absent in (("RAS", "RAS", "LPS"), ("LPS", "LPS", "RAS"), (None, "LPS", "RAS")):
             write_landmarks(tmp_path / name, replace(marks, axes=axes))
             text = (tmp_path / name).read_text()
-            assert said in text
-            assert other not in text
+            assert written in text
+            assert absent not in text
             assert read(text) == marks.positions[0].tolist()
 
 
@@ -77,19 +79,18 @@ def in_space(mesh, axes):
     return replace(Asset.of_mesh(mesh), frame=Frame(words=(f"SPACE={axes}",)))
 
 
-@pytest.mark.parametrize("of_file", ["RAS", "LPS"])
-@pytest.mark.parametrize("of_surface", ["RAS", "LPS", None])
-def test_points_are_brought_into_the_space_of_the_surface(tmp_path, caplog, of_file, of_surface):
-    """Where the surface says none, the points tell which it is in: half a turn moves it by far."""
-    shifted = SPHERE.moved(np.add(SPHERE.vertices, [5, 2, 0]))
-    truth = on_faces(shifted, 4)
-    turn = 1 if of_surface in (of_file, None) else np.array([-1.0, -1.0, 1.0])
-    write_landmarks(tmp_path / "a.fcsv", Landmarks(truth * turn, "abcd", axes=of_file))
-    surface = in_space(shifted, of_surface) if of_surface else shifted
+@pytest.mark.parametrize("file_axes", ["RAS", "LPS"])
+@pytest.mark.parametrize("surface_axes", ["RAS", "LPS", None])
+def test_points_are_brought_into_the_space_of_the_surface(tmp_path, caplog, file_axes, surface_axes):
+    """If the surface says none, the points tell which it is in: half a turn moves it far away."""
+    truth = on_faces(SHIFTED, 4)
+    turn = 1 if surface_axes in (file_axes, None) else np.array([-1.0, -1.0, 1.0])
+    write_landmarks(tmp_path / "a.fcsv", Landmarks(truth * turn, "abcd", axes=file_axes))
+    surface = in_space(SHIFTED, surface_axes) if surface_axes else SHIFTED
     found = Landmarks.read(tmp_path / "a.fcsv", surface)
     np.testing.assert_array_equal(found.positions, truth)
-    assert found.axes == (of_surface or of_file)
-    assert ("if it is in RAS" in caplog.text) == (of_surface is None and of_file == "RAS")
+    assert found.axes == (surface_axes or file_axes)
+    assert ("if it is in RAS" in caplog.text) == (surface_axes is None and file_axes == "RAS")
 
 
 def test_left_stays_left_on_a_body_that_half_a_turn_carries_onto_itself(tmp_path, caplog):
@@ -106,30 +107,28 @@ def test_left_stays_left_on_a_body_that_half_a_turn_carries_onto_itself(tmp_path
 def test_points_a_little_off_the_surface_are_not_refused(tmp_path):
     """0.09 √area off, so that neither space fits much better than the other."""
     body = SPHERE.moved(SPHERE.vertices + np.array([0.1, 0, 0]))
-    off = on_faces(SPHERE, 4) * (1 + 0.09 * np.sqrt(SPHERE.area)) + np.array([0.1, 0, 0])
-    write_landmarks(tmp_path / "a.fcsv", Landmarks(off, "abcd", axes="RAS"))
+    points = on_faces(SPHERE, 4) * (1 + 0.09 * np.sqrt(SPHERE.area)) + np.array([0.1, 0, 0])
+    write_landmarks(tmp_path / "a.fcsv", Landmarks(points, "abcd", axes="RAS"))
     turned = body.moved(body.vertices * [-1, -1, 1])
     found = Landmarks.read(tmp_path / "a.fcsv", in_space(turned, "LPS"))
-    np.testing.assert_array_equal(found.positions, off * [-1, -1, 1])
+    np.testing.assert_array_equal(found.positions, points * [-1, -1, 1])
     found = Landmarks.read(tmp_path / "a.fcsv", body)
-    np.testing.assert_array_equal(found.positions, off)
+    np.testing.assert_array_equal(found.positions, points)
 
 
 def test_a_wrong_space_is_named(tmp_path):
-    shifted = SPHERE.moved(np.add(SPHERE.vertices, [5, 2, 0]))
-    write_landmarks(tmp_path / "a.fcsv", Landmarks(on_faces(shifted, 4), "abcd", axes="LPS"))
+    write_landmarks(tmp_path / "a.fcsv", Landmarks(on_faces(SHIFTED, 4), "abcd", axes="LPS"))
     with pytest.raises(LandmarkError, match=r"one of the files says the wrong space: .* half a turn"):
-        Landmarks.read(tmp_path / "a.fcsv", in_space(shifted, "RAS"))
+        Landmarks.read(tmp_path / "a.fcsv", in_space(SHIFTED, "RAS"))
 
 
 def test_a_table_says_no_space_and_the_surface_decides(tmp_path, caplog):
-    shifted = SPHERE.moved(np.add(SPHERE.vertices, [5, 2, 0]))
-    truth = on_faces(shifted, 4)
+    truth = on_faces(SHIFTED, 4)
     write_landmarks(tmp_path / "a.csv", Landmarks(truth, "abcd"))
     write_landmarks(tmp_path / "b.pp", Landmarks(truth * [-1, -1, 1], "abcd"))
-    np.testing.assert_array_equal(Landmarks.read(tmp_path / "a.csv", shifted).positions, truth)
+    np.testing.assert_array_equal(Landmarks.read(tmp_path / "a.csv", SHIFTED).positions, truth)
     assert not caplog.text
-    np.testing.assert_array_equal(Landmarks.read(tmp_path / "b.pp", shifted).positions, truth)
+    np.testing.assert_array_equal(Landmarks.read(tmp_path / "b.pp", SHIFTED).positions, truth)
     assert "after half a turn" in caplog.text
 
 
@@ -185,15 +184,15 @@ def test_nearest_point_of_all_triangles():
     mesh = Mesh(rng.random((40, 3)) * [10, 1, 1], rng.integers(40, size=(60, 3)))
     queries = rng.random((200, 3)) * [10, 1, 1]
     found = nearest_on_surface(mesh, queries)
-    apart = np.linalg.norm(found.interpolated(mesh.vertices) - queries, axis=1)
+    distance = np.linalg.norm(found.interpolated(mesh.vertices) - queries, axis=1)
     u = np.linspace(0, 1, 41)
     s, t = (grid.ravel() for grid in np.meshgrid(u, u))
     inside = s + t <= 1
     weights = np.stack([1 - s - t, s, t], axis=1)[inside]
     samples = np.einsum("ka,fad->fkd", weights, mesh.vertices[mesh.faces]).reshape(-1, 3)
     sampled = np.linalg.norm(queries[:, None] - samples, axis=2).min(axis=1)
-    assert (apart <= sampled + 1e-12).all()
-    assert (sampled - apart).max() < 0.3
+    assert (distance <= sampled + 1e-12).all()
+    assert (sampled - distance).max() < 0.3
     np.testing.assert_allclose(found.barycentric.sum(axis=1), 1)
 
 
@@ -212,12 +211,12 @@ def test_one_large_triangle_takes_no_memory():
 
 
 def test_vertices_without_faces_are_no_part_of_a_surface():
-    queries = on_faces(SPHERE, 9)
-    apart = Mesh(np.vstack([SPHERE.vertices, 1.001 * queries, np.full((1, 3), np.nan)]), SPHERE.faces)
-    found = nearest_on_surface(apart, 1.001 * queries).interpolated(SPHERE.vertices)
-    np.testing.assert_array_equal(
-        found, nearest_on_surface(SPHERE, 1.001 * queries).interpolated(SPHERE.vertices)
+    queries = 1.001 * on_faces(SPHERE, 9)
+    with_loose = Mesh(np.vstack([SPHERE.vertices, queries, np.full((1, 3), np.nan)]), SPHERE.faces)
+    found, expected = (
+        nearest_on_surface(mesh, queries).interpolated(SPHERE.vertices) for mesh in (with_loose, SPHERE)
     )
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_nearest_point_of_a_cloud():
@@ -230,7 +229,7 @@ def test_a_curve_on_a_sphere_is_a_great_circle():
     """Through two points, its length is the angle between them; its points are equally far from each other."""
     fine = icosphere(5)
     ends = np.array([[1.0, 0, 0], [0, 0, 1.0]])
-    path = drawn_curve(fine, ends, closed=False)
+    path = draw_curve(fine, ends, closed=False)
     assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(np.pi / 2, rel=1e-3)
     assert np.abs(path[:, 1]).max() < 1e-3
     piece, share = equally_spaced(path, 7, closed=False)
@@ -241,7 +240,7 @@ def test_a_curve_on_a_sphere_is_a_great_circle():
 
 def test_a_closed_curve_returns_to_its_first_point():
     corners = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
-    path = drawn_curve(icosphere(5), corners, closed=True)
+    path = draw_curve(icosphere(5), corners, closed=True)
     np.testing.assert_array_equal(path[0], path[-1])
     piece, share = equally_spaced(path, 8, closed=True)
     points = path[piece] + share[:, None] * (path[piece + 1] - path[piece])
@@ -252,7 +251,7 @@ def test_a_closed_curve_returns_to_its_first_point():
 
 def test_a_curve_on_points():
     cloud = PointCloud(icosphere(4).vertices)
-    path = drawn_curve(cloud, np.array([[1.0, 0, 0], [0, 0, 1.0]]), closed=False)
+    path = draw_curve(cloud, np.array([[1.0, 0, 0], [0, 0, 1.0]]), closed=False)
     assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(np.pi / 2, rel=0.03)
 
 
@@ -263,26 +262,22 @@ def test_a_curve_that_leaves_the_surface():
         np.vstack([near.faces, near.faces + 16]),
     )
     with pytest.raises(LandmarkError, match="suture"):
-        drawn_curve(two, np.array([[0.0, 0, 0], [1, 1, 0], [21, 0, 0]]), closed=False, name="suture")
+        draw_curve(two, np.array([[0.0, 0, 0], [1, 1, 0], [21, 0, 0]]), closed=False, name="suture")
     with pytest.raises(LandmarkError, match="two points"):
-        drawn_curve(near, np.zeros((1, 3)), closed=False)
+        draw_curve(near, np.zeros((1, 3)), closed=False)
 
 
 def test_curves_survive_their_files(tmp_path):
-    marks = Landmarks(
-        on_faces(SPHERE, 7), [*"abcdefg"], [Curve("suture", (1, 2, 3)), Curve("rim", (4, 5, 6), True)]
-    )
+    curves = Curve("suture", (1, 2, 3)), Curve("rim", (4, 5, 6), True)
+    marks = Landmarks(on_faces(SPHERE, 7), [*"abcdefg"], curves)
     for name in ("a.mrk.json", "a.csv"):
         assert write_landmarks(tmp_path / name, marks) == ()
         found = Landmarks.read(tmp_path / name, SPHERE)
         assert (found.names, found.curves) == (marks.names, marks.curves)
     assert write_landmarks(tmp_path / "a.pp", marks) == ("curves",)
     markups = json.loads((tmp_path / "a.mrk.json").read_text())["markups"]
-    assert [(each["type"], len(each["controlPoints"])) for each in markups] == [
-        ("Fiducial", 1),
-        ("Curve", 3),
-        ("ClosedCurve", 3),
-    ]
+    sizes = [(markup["type"], len(markup["controlPoints"])) for markup in markups]
+    assert sizes == [("Fiducial", 1), ("Curve", 3), ("ClosedCurve", 3)]
 
 
 def test_surface_semilandmarks_are_a_list_of_their_own(tmp_path):
@@ -331,15 +326,13 @@ def test_a_file_of_one_shape_has_curves_apart(tmp_path):
 def test_two_curves_of_one_name_stay_two(tmp_path):
     points = on_faces(SPHERE, 4).tolist()
     markup = {"type": "Curve", "name": "C", "coordinateSystem": "LPS"}
-    both = [
-        {**markup, "controlPoints": [{"label": "", "position": point} for point in each]}
-        for each in (points[:2], points[2:])
+    markups = [
+        {**markup, "controlPoints": [{"label": "", "position": point} for point in half]}
+        for half in (points[:2], points[2:])
     ]
-    (tmp_path / "a.mrk.json").write_text(json.dumps({"markups": both}))
-    assert Landmarks.read(tmp_path / "a.mrk.json", SPHERE).curves == (
-        Curve("C", (0, 1)),
-        Curve("C 2", (2, 3)),
-    )
+    (tmp_path / "a.mrk.json").write_text(json.dumps({"markups": markups}))
+    curves = Landmarks.read(tmp_path / "a.mrk.json", SPHERE).curves
+    assert curves == (Curve("C", (0, 1)), Curve("C 2", (2, 3)))
 
 
 def test_files_without_landmarks_or_a_known_suffix(tmp_path, marks):
@@ -407,32 +400,32 @@ def test_one_template_has_no_spread():
 
 
 def test_templates_that_agree_are_expected_to_be_nearer_than_one_alone():
-    """Errors of templates have a part in common and a part of their own: that of the median is foreseen by the spread."""
+    """Errors of templates have a common part and a part of their own; the spread predicts the error of the median."""
     plane, rng = flat_grid(20, 20), np.random.default_rng(0)
     truth = np.column_stack([rng.uniform(8, 11, (400, 2)), np.zeros(400)])
 
-    def off(size):
+    def noise(size):
         return np.column_stack([rng.normal(0, size, (400, 2)), np.zeros(400)])
 
     for count in (3, 12):
-        common = off(0.1)
-        given = [truth + common + off(0.18) for _ in range(count)]
-        alone = np.linalg.norm(given[0] - truth, axis=1).mean()
-        several = [Landmarks(each, expected_error=np.full(400, alone)) for each in given]
+        common = noise(0.1)
+        templates = [truth + common + noise(0.18) for _ in range(count)]
+        alone = np.linalg.norm(templates[0] - truth, axis=1).mean()
+        several = [Landmarks(points, expected_error=np.full(400, alone)) for points in templates]
         found = median_landmarks(several, plane)
         error = np.linalg.norm(found.positions - truth, axis=1).mean()
         assert 0.8 * error < found.expected_error.mean() < 1.25 * error < alone
     assert median_landmarks(several[:1], plane).expected_error.tolist() == [alone] * 400
 
 
-def test_the_median_of_three_points_is_that_of_fermat():
+def test_the_median_of_three_points_is_the_point_of_fermat():
     """In an equilateral triangle the centre, and at an angle beyond 120° the corner."""
     plane = flat_grid(3, 3)
     corners = [[[0.2, 0.2, 0]], [[1.8, 0.2, 0]], [[1.0, 0.2 + 0.8 * 3**0.5, 0]]]
-    found = median_landmarks([Landmarks(each) for each in corners], plane)
+    found = median_landmarks([*map(Landmarks, corners)], plane)
     np.testing.assert_allclose(found.positions, [[1.0, 0.2 + 0.8 / 3**0.5, 0]], atol=1e-9)
     flat = [[[0.2, 0.2, 0]], [[1.8, 0.2, 0]], [[1.0, 0.3, 0]]]
-    assert median_landmarks([Landmarks(each) for each in flat], plane).positions.tolist() == [[1.0, 0.3, 0]]
+    assert median_landmarks([*map(Landmarks, flat)], plane).positions.tolist() == [[1.0, 0.3, 0]]
 
 
 def test_medians_are_joined_by_name_and_leave_out_what_is_missing(caplog):
@@ -443,9 +436,8 @@ def test_medians_are_joined_by_name_and_leave_out_what_is_missing(caplog):
     np.testing.assert_allclose(found.positions, [a, b], atol=1e-12)
     assert "not in all templates: c" in caplog.text
     nowhere = Landmarks([[np.nan] * 3, b], ["a", "b"])
-    np.testing.assert_allclose(
-        median_landmarks([nowhere, nowhere], SPHERE).positions, [[np.nan] * 3, b], atol=1e-12
-    )
+    found = median_landmarks([nowhere, nowhere], SPHERE)
+    np.testing.assert_allclose(found.positions, [[np.nan] * 3, b], atol=1e-12)
     with pytest.raises(LandmarkError, match="name"):
         median_landmarks([Landmarks([a, b], ["x", "x"]), Landmarks([a, b], ["y", "y"])], SPHERE)
     with pytest.raises(LandmarkError, match="template"):
@@ -471,32 +463,24 @@ NOWHERE_IN = {
 
 @pytest.mark.parametrize("name", NOWHERE_IN)
 def test_landmarks_without_a_place_keep_name_and_order(tmp_path, name):
-    square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
     (tmp_path / name).write_text(NOWHERE_IN[name])
-    marks = Landmarks.read(tmp_path / name, square)
+    marks = Landmarks.read(tmp_path / name, SQUARE)
     assert marks.names == tuple("abcde")
     assert marks.placed.tolist() == [True, False, False, False, True]
     write_landmarks(tmp_path / "again.csv", marks)
-    again = Landmarks.read(tmp_path / "again.csv", square)
+    again = Landmarks.read(tmp_path / "again.csv", SQUARE)
     assert again.names == marks.names
     np.testing.assert_array_equal(again.positions, marks.positions)
 
 
 def test_a_label_of_freesurfer_has_vertices_or_positions(tmp_path):
-    square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
     (tmp_path / "lh.label").write_text("#!ascii label\n2\n2 9.0 9.0 9.0 0.0\n-1 0.5 0.25 0 1.0\n")
-    assert Landmarks.read(tmp_path / "lh.label", square).positions.tolist() == [[1, 1, 0], [0.5, 0.25, 0]]
+    assert Landmarks.read(tmp_path / "lh.label", SQUARE).positions.tolist() == [[1, 1, 0], [0.5, 0.25, 0]]
 
 
 def test_units_of_slicer_are_kept(tmp_path):
     point = {"label": "a", "position": [0.5, 0.25, 0], "positionStatus": "defined"}
-    markup = {
-        "type": "Fiducial",
-        "coordinateSystem": "LPS",
-        "coordinateUnits": "um",
-        "controlPoints": [point],
-    }
+    markup = {"type": "Fiducial", "coordinateUnits": "um", "controlPoints": [point]}
     (tmp_path / "a.mrk.json").write_text(json.dumps({"markups": [markup]}))
-    square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
-    write_landmarks(tmp_path / "b.mrk.json", Landmarks.read(tmp_path / "a.mrk.json", square))
+    write_landmarks(tmp_path / "b.mrk.json", Landmarks.read(tmp_path / "a.mrk.json", SQUARE))
     assert json.loads((tmp_path / "b.mrk.json").read_text())["markups"][0]["coordinateUnits"] == "um"

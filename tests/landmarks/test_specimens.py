@@ -22,19 +22,18 @@ def rows(points, separator=" "):
 
 def tps(points, dim=3):
     head = {2: "LM", 3: "LM3"}[dim]
-    return "".join(f"{head}=4\n{rows(each)}\nID=s{i}\n" for i, each in enumerate(points))
+    return "".join(f"{head}=4\n{rows(specimen)}\nID=s{i}\n" for i, specimen in enumerate(points))
 
 
 def wide(points, separator=","):
     head = [f"{mark}_{axis}" for mark in ("nose", "b", "c", "d") for axis in "XYZ"]
-    lines = [f"s{i}{separator}" + rows(each.reshape(1, -1), separator) for i, each in enumerate(points)]
+    lines = [f"s{i}{separator}" + rows(row[None], separator) for i, row in enumerate(points.reshape(2, -1))]
     return "\n".join([separator.join(["specimen", *head]), *lines])
 
 
 def long(points):
-    lines = [
-        f"s{i},{m},{rows(at[None], ',')}" for i, each in enumerate(points) for m, at in zip("abcd", each)
-    ]
+    places = [(i, mark, place) for i, marks in enumerate(points) for mark, place in zip("abcd", marks)]
+    lines = [f"s{i},{mark},{rows(place[None], ',')}" for i, mark, place in places]
     return "\n".join(["specimen,landmark,x,y,z", *lines])
 
 
@@ -63,8 +62,9 @@ def test_files_of_other_programs(name, tmp_path):
     (tmp_path / name).write_text(FILES[name])
     found = read_specimens(tmp_path / name)
     assert [*found] == ["s0", "s1"]
-    got = np.array([each.positions for each in found.values()])
-    np.testing.assert_allclose(got, POINTS * ([[[0.5]], [[1]]] if name == "scaled.tps" else 1), rtol=1e-12)
+    positions = [marks.positions for marks in found.values()]
+    scale = [[[0.5]], [[1]]] if name == "scaled.tps" else 1
+    np.testing.assert_allclose(positions, POINTS * scale, rtol=1e-12)
 
 
 def test_missing_and_planar_landmarks(tmp_path):
@@ -76,7 +76,7 @@ def test_missing_and_planar_landmarks(tmp_path):
     )
     for name in ("a.tps", "c.nts"):
         found = read_specimens(tmp_path / name)
-        np.testing.assert_array_equal([each.positions for each in found.values()], points)
+        np.testing.assert_array_equal([marks.positions for marks in found.values()], points)
         assert found["s0"].placed.tolist() == [True, True, False, True]
 
 
@@ -85,15 +85,16 @@ def test_folders(tmp_path):
     for suffix in (".mrk.json", ".fcsv", ".pts", ".csv"):
         folder = tmp_path / suffix
         folder.mkdir()
-        for i, each in enumerate(POINTS):
+        for i, points in enumerate(POINTS):
             order = [*range(4)] if i == 0 or suffix == ".pts" else [3, 1, 0, 2]
             if suffix == ".pts":
-                text = "\n".join(f"S00{j} {rows(at[None])}" for j, at in enumerate(each))
+                text = "\n".join(f"S00{j} {rows(place[None])}" for j, place in enumerate(points))
                 (folder / f"s{i}.pts").write_text(f"Version 1.0\n4\n{text}\n")
             else:
-                write_landmarks(folder / f"s{i}{suffix}", Landmarks(each[order], ["abcd"[j] for j in order]))
+                marks = Landmarks(points[order], ["abcd"[j] for j in order])
+                write_landmarks(folder / f"s{i}{suffix}", marks)
         found = read_specimens(folder)
-        np.testing.assert_allclose([each.positions for each in found.values()], POINTS)
+        np.testing.assert_allclose([marks.positions for marks in found.values()], POINTS)
         assert [*found] == ["s0", "s1"]
     (tmp_path / ".fcsv" / "s0.pts").write_text("Version 1.0\n1\na 0 0 0\n")
     with pytest.raises(FormatError, match=r"several kinds, \.fcsv, \.pts"):
@@ -154,8 +155,8 @@ def test_what_there_is_not(tmp_path):
         Landmarks.read(tmp_path / "flat.tps", (POINTS[0], [[0, 1, 2]]))
 
 
-def meeting(seed=0):
-    """Two landmarks; a curve from one to the other, one that begins in its middle, a closed one; a patch; each apart."""
+def meeting_curves(seed=0):
+    """Two landmarks; a curve that joins them, one from its middle, a closed one; a patch; places are repeated."""
     rng = np.random.default_rng(seed)
     nose, tail, *inner = rng.normal(size=(20, 3))
     points = [nose, *inner[:2], tail, nose, *inner[2:5], tail, inner[3], *inner[5:7], *inner[7:10]]
@@ -165,25 +166,12 @@ def meeting(seed=0):
 
 
 def test_each_place_is_given_once():
-    specimens = {f"s{i}": meeting(i) for i in range(3)}
+    specimens = {f"s{i}": meeting_curves(i) for i in range(3)}
     joined, place = join_places(specimens)
     first = joined["s0"]
-    assert first.names == (
-        "nose",
-        "tail",
-        "c1",
-        "c2",
-        "c3",
-        "c6",
-        "c7",
-        "c8",
-        "c9",
-        "c10",
-        "surface-1",
-        "surface-2",
-    )
-    named = {curve.name: [first.names[row] for row in curve.rows] for curve in first.curves}
-    assert named == {  # the ridge ends where the branch begins, so that this place stays
+    assert " ".join(first.names) == "nose tail c1 c2 c3 c6 c7 c8 c9 c10 surface-1 surface-2"
+    curves = {curve.name: [first.names[row] for row in curve.rows] for curve in first.curves}
+    assert curves == {  # the ridge ends where the branch begins, so that this place stays
         "ridge": ["nose", "c1", "c2"],
         "ridge 2": ["c2", "c3", "tail"],
         "branch": ["c2", "c6", "c7"],
@@ -194,12 +182,15 @@ def test_each_place_is_given_once():
     again, same = join_places(joined)
     assert again["s1"].names == first.names
     assert same.tolist() == [*range(12)]
-    apart = {"s0": meeting(), "s1": Landmarks(RNG.normal(size=(15, 3)), meeting().names, meeting().curves)}
-    assert len(join_places(apart)[0]["s0"]) == 15, "what coincides in one specimen alone is not one place"
+    marks = meeting_curves()
+    distinct = {"s0": marks, "s1": Landmarks(RNG.normal(size=(15, 3)), marks.names, marks.curves)}
+    assert len(join_places(distinct)[0]["s0"]) == 15, (
+        "points that coincide in one specimen only are two places"
+    )
 
 
 def test_sliders_name_the_landmarks(tmp_path):
-    specimens = {f"s{i}": meeting(i) for i in range(3)}
+    specimens = {f"s{i}": meeting_curves(i) for i in range(3)}
     assert write_specimens(tmp_path / "l.tps", specimens) == []
     write_specimens(tmp_path / "l.csv", specimens)
     lines = (tmp_path / "l_sliders.csv").read_text().split()
@@ -228,8 +219,8 @@ def test_a_place_that_is_missing_in_one_of_two_is_taken_from_the_other():
 def test_names_that_geomorph_takes_for_other_lines_are_told(tmp_path):
     marks = Landmarks(POINTS[0])
     names = ["SCALE5", "a", "IMAGE", "x LM3=2", "scale", "GRID=1"]
-    told = write_specimens(tmp_path / "l.tps", dict.fromkeys(names, marks))
-    assert told == ["SCALE5", "x LM3=2", "GRID=1"]
+    commands = write_specimens(tmp_path / "l.tps", dict.fromkeys(names, marks))
+    assert commands == ["SCALE5", "x LM3=2", "GRID=1"]
     assert write_specimens(tmp_path / "l.csv", {"SCALE5": marks}) == []
 
 
@@ -251,11 +242,11 @@ def test_the_lines_of_r_on_the_page_run(tmp_path):
     ask = ["-e", "options(rgl.useNULL = TRUE); suppressMessages(library(geomorph))"]
     if not program or subprocess.run([program, *ask], capture_output=True).returncode:
         pytest.skip("needs R with the package geomorph")
-    base = meeting().positions
+    marks = meeting_curves()
     specimens = {}
     for i in range(6):
-        bent = base + 0.05 * np.sin(base[:, [1, 2, 0]] * (1 + 0.2 * i))
-        specimens[f"s{i}"] = Landmarks(bent, meeting().names, meeting().curves)
+        bend = 0.05 * np.sin(marks.positions[:, [1, 2, 0]] * (1 + 0.2 * i))
+        specimens[f"s{i}"] = Landmarks(marks.positions + bend, marks.names, marks.curves)
     (tmp_path / "carried").mkdir()
     for name in ("landmarks.tps", "landmarks.csv"):
         write_specimens(tmp_path / "carried" / name, specimens)

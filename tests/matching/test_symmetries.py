@@ -11,7 +11,7 @@ from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.matching import prepare_pair
 from isomatch.matching.proposals.composed import symmetric_variants
 from isomatch.settings import SearchSettings, SymmetrySettings
-from isomatch.shapes.symmetries import LEAST_MOVED
+from isomatch.shapes.symmetries import MIN_MOVED
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import relabelled
 from later import some_later
@@ -64,7 +64,7 @@ def test_symmetries_keep_distances_and_move_points(brick):
     for symmetry in brick.symmetries:
         images = distances[np.ix_(symmetry.image_row, symmetry.image_row)]
         assert np.abs(images - distances).mean() < 0.08 * distances.mean(), "the spacing of the samples"
-        assert symmetry.moved > LEAST_MOVED
+        assert symmetry.moved > MIN_MOVED
 
 
 def test_twice_a_half_turn_or_a_mirror_image_is_the_identity(brick):

@@ -26,23 +26,20 @@ def test_centred_with_axes_of_decreasing_extent():
     patch = flat_grid(5, 20)
     form = canonical_form(patch, 2, "exact")
     np.testing.assert_allclose(patch.vertex_areas @ form.points, 0, atol=1e-9)
-    np.testing.assert_allclose(
-        (patch.vertex_areas[:, None] * form.points).T @ form.points, np.diag(form.values), atol=1e-6
-    )
+    gram = (patch.vertex_areas[:, None] * form.points).T @ form.points
+    np.testing.assert_allclose(gram, np.diag(form.values), atol=1e-6)
     assert form.values[0] > form.values[1] > 0
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["nystrom", "fmds"])
-def test_low_rank_routes_agree_with_the_dense_one(method):
-    mesh = creature(1500).mesh
+def test_low_rank_routes_agree_with_the_dense_one(mesh, method):
     dense, sampled = (canonical_form(mesh, 3, name).points for name in ("exact", method))
     assert procrustes(dense, sampled)[2] < 1e-3
 
 
 @pytest.mark.long
-def test_stress_is_that_of_all_pairs():
-    mesh = creature(1500).mesh
+def test_stress_covers_all_pairs(mesh):
     form = canonical_form(mesh, 3, "exact", weights="uniform")
     distances = geodesic_distances(mesh, np.arange(mesh.n_vertices))
     straight = squareform(pdist(form.points))
@@ -53,15 +50,14 @@ def test_stress_is_that_of_all_pairs():
 @pytest.mark.long
 def test_poses_of_one_body_look_alike():
     """Two poses on one triangulation: canonical forms differ less than the poses."""
-    one, other = (creature(1500, pose=pose).mesh for pose in (0, 1))
-    forms = [canonical_form(mesh).points for mesh in (one, other)]
-    assert procrustes(*forms)[2] < 0.5 * procrustes(one.vertices, other.vertices)[2]
+    poses = [creature(1500, pose=pose).mesh for pose in (0, 1)]
+    forms = [canonical_form(mesh).points for mesh in poses]
+    assert procrustes(*forms)[2] < 0.5 * procrustes(*(mesh.vertices for mesh in poses))[2]
 
 
 @pytest.mark.long
-def test_the_distance_basis_is_more_accurate_than_the_canonical_form():
+def test_the_distance_basis_is_more_accurate_than_the_canonical_form(mesh):
     """From the same columns, with an error smaller by almost an order of magnitude."""
-    mesh = creature(1500).mesh
     assert distance_basis(mesh, 50, 100).error_estimate() < 0.15 * canonical_form(mesh).stress
 
 
@@ -76,7 +72,7 @@ def test_weighted_points_are_found_again():
     distances = squareform(pdist(points))
     found, values = classical_scaling(distances**2, measure, 4)
     np.testing.assert_allclose(squareform(pdist(found)), distances, atol=1e-7)
-    # the points have three dimensions: of the fourth, the coordinates are the root of a rounded 0
+    # the points have three dimensions: coordinates of the fourth are the root of a rounded 0
     np.testing.assert_allclose(measure @ found, 0, atol=1e-4)
     np.testing.assert_allclose((measure[:, None] * found).T @ found, np.diag(values), atol=1e-6)
 

@@ -37,13 +37,6 @@ def test_nystrom(wolf, all_distances, seed):
 
 
 @pytest.mark.long
-def test_nystrom_on_a_tenth_of_the_rows(wolf):
-    rows = np.arange(0, wolf.n_vertices, 10)
-    basis = distance_basis(wolf, 50, 100, "nystrom", "uniform")
-    assert relative_error(basis.row(rows), geodesic_distances(wolf, rows)) < 0.0075
-
-
-@pytest.mark.long
 @pytest.mark.parametrize(("p", "error"), [(100, 0.0053), (200, 0.0046)])
 def test_predicted_on_a_tenth_of_the_rows(wolf, p, error):
     rows = np.arange(0, wolf.n_vertices, 10)
@@ -55,6 +48,5 @@ def test_predicted_on_a_tenth_of_the_rows(wolf, p, error):
 def test_laplace_basis(wolf, all_distances):
     """The best that 50 smooth functions can do when each column is projected on them."""
     smooth = np.linalg.qr(laplace_basis(wolf, 50).vectors)[0]
-    assert relative_error(smooth @ (smooth.T @ all_distances), all_distances) == pytest.approx(
-        0.018, abs=0.001
-    )
+    error = relative_error(smooth @ (smooth.T @ all_distances), all_distances)
+    assert error == pytest.approx(0.018, abs=0.001)

@@ -33,9 +33,8 @@ def test_flat_torus(method):
     x, y = np.divmod(np.arange(side**2), side)
     matrix = row[(x[:, None] - x) % side, (y[:, None] - y) % side]
     spectrum = np.fft.fft2(row).real.ravel()
-    expected = spectrum[np.argsort(-np.abs(spectrum), kind="stable")][
-        :13
-    ]  # complete multiplets: 1 + 4 + 4 + 4
-    basis = distance_basis(matrix, 13, side**2, method)
+    n = 1 + 4 + 4 + 4  # complete multiplets
+    expected = spectrum[np.argsort(-np.abs(spectrum), kind="stable")][:n]
+    basis = distance_basis(matrix, n, side**2, method)
     np.testing.assert_allclose(np.sort(basis.values), np.sort(expected), rtol=1e-6)
     assert basis.engine == "matrix"

@@ -11,15 +11,9 @@ from isomatch.spectral.low_rank import (
     ColumnPredictor,
     DensityWeighted,
     biharmonic_interpolant,
+    choose_nodes,
     fmds_basis,
-    representative_points,
 )
-from isomatch_lab.procedural import creature
-
-
-@pytest.fixture(scope="module")
-def mesh():
-    return creature(1500).mesh
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +51,7 @@ def test_low_rank_form_is_the_average_of_both_interpolations(mesh, sampling):
 
 
 def test_predicted_columns_are_the_measured_ones_at_the_samples(mesh, sampling):
-    predictor = ColumnPredictor.fitted(mesh, sampling)
+    predictor = ColumnPredictor.fit(mesh, sampling)
     predicted = predictor.distances(sampling.vertices, np.arange(mesh.n_vertices))
     assert np.abs(predicted - sampling.columns).mean() < 0.002 * sampling.columns.mean()
 
@@ -65,13 +59,12 @@ def test_predicted_columns_are_the_measured_ones_at_the_samples(mesh, sampling):
 def test_predicted_columns_are_nearer_than_interpolated_ones(mesh, sampling):
     rows = np.arange(5, mesh.n_vertices, 50)
     truth = geodesic_distances(mesh, rows)
-    predicted = ColumnPredictor.fitted(mesh, sampling).distances(rows, np.arange(mesh.n_vertices))
+    predicted = ColumnPredictor.fit(mesh, sampling).distances(rows, np.arange(mesh.n_vertices))
     interpolated = biharmonic_interpolant(mesh, sampling.vertices)[rows] @ sampling.columns
     assert np.linalg.norm(predicted - truth) < 0.5 * np.linalg.norm(interpolated - truth)
 
 
-def test_samples_are_denser_where_the_weight_is_larger():
-    mesh = creature(1500).mesh
+def test_samples_are_denser_where_the_weight_is_larger(mesh):
     engine = distance_engine(mesh)
     left = mesh.vertices[:, 0] < np.median(mesh.vertices[:, 0])
     even, uneven = (
@@ -83,24 +76,21 @@ def test_samples_are_denser_where_the_weight_is_larger():
     np.testing.assert_array_equal(uneven.columns, engine.distances_from(uneven.vertices))
 
 
-def test_shares_of_the_nodes_sum_to_the_weight(mesh, sampling):
-    nodes, shares = representative_points(
-        mesh.vertices, sampling.vertices, mesh.vertex_areas, np.ones(mesh.n_vertices), 300
-    )
+def test_weights_of_the_nodes_sum_to_the_whole(mesh, sampling):
+    gain = np.ones(mesh.n_vertices)
+    nodes, weights = choose_nodes(mesh.vertices, sampling.vertices, mesh.vertex_areas, gain, 300)
     assert len(set(nodes)) == 300
-    assert shares.sum() == pytest.approx(mesh.area)
-    assert (shares > 0).all()
+    assert weights.sum() == pytest.approx(mesh.area)
+    assert (weights > 0).all()
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("weights", ["area", "uniform"])
-def test_predicted_is_nearest_to_the_optimum(mesh, weights):
-    distances = geodesic_distances(mesh, np.arange(mesh.n_vertices))
-    distances = (distances + distances.T) / 2
+def test_predicted_is_nearest_to_the_optimum(mesh, all_distances, weights):
     root = np.sqrt(distance_basis(mesh, 1, 2, weights=weights).weights)
 
     def error(basis):
-        return np.linalg.norm(root[:, None] * (basis.row(np.arange(len(root))) - distances) * root)
+        return np.linalg.norm(root[:, None] * (basis.row(np.arange(len(root))) - all_distances) * root)
 
     exact = distance_basis(mesh, 50, method="exact", weights=weights)
     for k in (5, 20, 50):

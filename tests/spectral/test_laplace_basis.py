@@ -14,7 +14,7 @@ from isomatch import Mesh, MeshError, NotConvergedError, laplace_basis
 from isomatch.decimation import Prolongation, decimate
 from isomatch.spectral import refined_laplace_basis
 from isomatch.spectral.laplace_basis import smallest_eigenpairs
-from isomatch.spectral.laplacian import WIDTH, factorised, factorised_for_threads
+from isomatch.spectral.laplacian import WIDTH, factorise, factorise_for_threads
 from isomatch_lab.procedural import creature
 from shapes import cylinder, disguised, icosphere, planar_delaunay
 from zoo import specimen, torus
@@ -81,7 +81,7 @@ def test_agrees_with_arpack(mesh, basis):
     values, vectors = eigsh(stiffness, 100, mass, sigma=-1e-2 / mesh.area, v0=np.ones(mesh.n_vertices))
     np.testing.assert_allclose(basis.values[1:], values[1:], rtol=1e-6)
     overlap = np.abs(basis.vectors.T @ (mass @ vectors))
-    projected = np.linalg.norm(overlap[:90], axis=1)  # the last ones may be mixed with what was left out
+    projected = np.linalg.norm(overlap[:90], axis=1)  # the last functions may mix with those left out
     np.testing.assert_allclose(projected, 1, atol=1e-4)
     np.testing.assert_allclose(np.diag(overlap)[:30], 1, atol=1e-4)
 
@@ -97,25 +97,20 @@ def test_a_quarter_of_the_vertices_of_a_small_mesh(name):
     np.testing.assert_allclose(basis.values[1:], expected[1:], rtol=1e-6)
 
 
-def test_deterministic_and_independent_of_the_seed(mesh, basis):
-    again = laplace_basis(mesh, 100)
-    np.testing.assert_array_equal(again.vectors, basis.vectors)
-    other = laplace_basis(mesh, 100, seed=1)
-    np.testing.assert_allclose(other.values[1:], basis.values[1:], rtol=1e-6)
-    np.testing.assert_allclose(np.abs(other.vectors[:, :30]), np.abs(basis.vectors[:, :30]), atol=1e-3)
-
-
-def test_threads_change_nothing(mesh, basis, monkeypatch):
+def test_deterministic_and_independent_of_seed_and_threads(mesh, basis, monkeypatch):
+    found = laplace_basis(mesh, 100, seed=1)
+    np.testing.assert_allclose(found.values[1:], basis.values[1:], rtol=1e-6)
+    np.testing.assert_allclose(np.abs(found.vectors[:, :30]), np.abs(basis.vectors[:, :30]), atol=1e-3)
     for threads in ("1", "2"):
         monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)
         np.testing.assert_array_equal(laplace_basis(mesh, 100).vectors, basis.vectors)
 
 
 def test_relabelling_moving_and_scaling(mesh, basis):
-    other = disguised(mesh, seed=2, scale=10.0)
-    moved = laplace_basis(other.mesh, 100)
+    copy = disguised(mesh, seed=2, scale=10.0)
+    moved = laplace_basis(copy.mesh, 100)
     np.testing.assert_allclose(100 * moved.values[1:], basis.values[1:], rtol=1e-6)
-    carried = 10 * moved.vectors[other.new_vertex, :30]
+    carried = 10 * moved.vectors[copy.new_vertex, :30]
     np.testing.assert_allclose(carried, basis.vectors[:, :30], atol=1e-3 * np.abs(basis.vectors).max())
 
 
@@ -160,9 +155,8 @@ def test_vertex_without_area():
 
 @pytest.mark.parametrize("name", ["nan", "out_of_range", "empty", "no_faces"])
 def test_unusable_meshes(name):
-    mesh = specimen(name).mesh
     with pytest.raises(MeshError):
-        laplace_basis(Mesh(mesh.vertices, mesh.faces), 3)
+        laplace_basis(specimen(name).mesh, 3)
 
 
 @pytest.fixture(scope="module")
@@ -170,7 +164,7 @@ def transfer(mesh):
     return Prolongation(mesh, decimate(mesh, 1000))
 
 
-def refined(transfer, k):
+def refine(transfer, k):
     coarse = transfer.coarse.mesh
     prolongation = transfer.on_coarse.interpolation(coarse.n_vertices)
     return refined_laplace_basis(transfer.fine, laplace_basis(coarse, k), prolongation)
@@ -178,24 +172,23 @@ def refined(transfer, k):
 
 @pytest.mark.parametrize("k", [5, WIDTH, WIDTH + 1, 100])
 def test_refined_from_a_coarser_mesh(mesh, transfer, k):
-    """As if computed anew, but for the last tenth; with less than a block of functions too."""
-    anew, found = laplace_basis(mesh, k), refined(transfer, k)
-    most = 9 * k // 10
-    np.testing.assert_allclose(found.values[1:most], anew.values[1:most], rtol=0.01)
-    assert (found.values[1:] >= anew.values[1:] * (1 - 1e-4)).all(), (
-        "of a smaller space, by Rayleigh and Ritz"
-    )
+    """The same as if computed directly, except the last tenth; also with less than a block of functions."""
+    direct, found = laplace_basis(mesh, k), refine(transfer, k)
+    n = 9 * k // 10
+    np.testing.assert_allclose(found.values[1:n], direct.values[1:n], rtol=0.01)
+    is_larger = found.values[1:] >= direct.values[1:] * (1 - 1e-4)
+    assert is_larger.all(), "Rayleigh–Ritz in a smaller space gives larger values"
     assert abs(found.values[0]) < 1e-4 * found.values[-1]
     gram = found.vectors.T @ (found.weights[:, None] * found.vectors)
     np.testing.assert_allclose(gram, np.eye(k), atol=1e-5)
-    np.testing.assert_array_equal(found.weights, anew.weights)
-    overlap = np.abs(found.vectors.T @ (anew.weights[:, None] * anew.vectors))
-    np.testing.assert_allclose(np.linalg.norm(overlap[:most], axis=1), 1, atol=0.02)
+    np.testing.assert_array_equal(found.weights, direct.weights)
+    overlap = np.abs(found.vectors.T @ (direct.weights[:, None] * direct.vectors))
+    np.testing.assert_allclose(np.linalg.norm(overlap[:n], axis=1), 1, atol=0.02)
 
 
 def test_refined_from_the_same_mesh_changes_nothing(mesh, basis):
     transfer = Prolongation(mesh, decimate(mesh, mesh.n_vertices))
-    found = refined(transfer, 100)
+    found = refine(transfer, 100)
     np.testing.assert_allclose(found.values[1:], basis.values[1:], rtol=1e-3)
     np.testing.assert_allclose(found.vectors[:, :30], basis.vectors[:, :30], atol=1e-3 * basis.vectors.max())
 
@@ -204,20 +197,20 @@ def test_threads_do_not_change_what_is_refined(transfer, monkeypatch):
     found = []
     for threads in ("1", "2"):
         monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)
-        found.append(refined(transfer, 40).vectors)
+        found.append(refine(transfer, 40).vectors)
     np.testing.assert_array_equal(*found)
 
 
 def test_refined_scales_with_the_mesh(transfer):
-    found = refined(transfer, 40)
+    found = refine(transfer, 40)
     fine = Mesh(10 * transfer.fine.vertices, transfer.fine.faces)
-    scaled = refined(Prolongation(fine, decimate(fine, 1000)), 40)
+    scaled = refine(Prolongation(fine, decimate(fine, 1000)), 40)
     np.testing.assert_allclose(100 * scaled.values[1:], found.values[1:], rtol=1e-4)
 
 
 @pytest.mark.parametrize("width", [1, 3, WIDTH])
 def test_solving_in_both_precisions(width):
-    """Against a dense solver and that of SuperLU."""
+    """Against a dense solver and SuperLU."""
     rng = np.random.default_rng(width)
     n = 300
     rows, columns = rng.integers(n, size=(2, 4 * n))
@@ -229,19 +222,19 @@ def test_solving_in_both_precisions(width):
     dense = np.linalg.solve(matrix.toarray() + np.diag(diagonal), right)
     largest = np.abs(dense).max()
     for dtype, error in ((np.float32, 1e-5), (np.float64, 1e-12)):
-        found = factorised_for_threads(matrix, diagonal, dtype)(right)
+        found = factorise_for_threads(matrix, diagonal, dtype)(right)
         assert found.dtype == dtype
         assert found.shape == right.shape
         np.testing.assert_array_equal(right, given)
         np.testing.assert_allclose(found, dense, atol=error * largest)
-    np.testing.assert_allclose(factorised(matrix, diagonal)(right), dense, atol=1e-12 * largest)
+    np.testing.assert_allclose(factorise(matrix, diagonal)(right), dense, atol=1e-12 * largest)
 
 
-GROWN = """
+MEMORY_GROWTH = """
 import threading, psutil
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
-from isomatch.spectral import factorised_for_threads, stiffness_and_masses
+from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch.datasets import example_pair
 
 stiffness, masses = stiffness_and_masses(example_pair()[0].mesh)
@@ -249,7 +242,7 @@ kept = []
 
 def resident_after(times):
     for _ in range(times):
-        thread = threading.Thread(target=lambda: kept.append(factorised_for_threads(stiffness, masses)))
+        thread = threading.Thread(target=lambda: kept.append(factorise_for_threads(stiffness, masses)))
         thread.start()
         thread.join()
         kept.clear()
@@ -263,6 +256,6 @@ print((resident_after(100) - before) / size)
 
 @pytest.mark.long
 def test_factors_that_another_thread_made_give_their_memory_back():
-    """In a process of its own, of which the memory tells of nothing else; SuperLU's own would leave one each."""
-    told = subprocess.run([sys.executable, "-c", GROWN], capture_output=True, text=True, check=True)
-    assert float(told.stdout) < 30
+    """In a process of its own, so that its memory has no other cause; SuperLU's own factors would leak each time."""
+    run = subprocess.run([sys.executable, "-c", MEMORY_GROWTH], capture_output=True, text=True, check=True)
+    assert float(run.stdout) < 30

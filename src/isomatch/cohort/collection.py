@@ -90,7 +90,7 @@ class Collection(Plan):
         leader : Collection, optional
             A collection of surfaces beside these, with the same names, such as the bones of cartilages, which is run
             first. By default its template is that of this one. A map starts from that of its pair there, carried along
-            (`isomatch.correspondence.carried_along`), unless that is doubtful; nothing else is searched.
+            (`isomatch.correspondence.carry_along`), unless that is doubtful; nothing else is searched.
         beside : Collection, optional
             A collection of other surfaces of the same subjects, which is run first: its template is by default that of
             this one.

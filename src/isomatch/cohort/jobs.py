@@ -53,7 +53,7 @@ from isomatch.cohort.plan import (
 )
 from isomatch.cohort.unusual_shapes import OF_SHAPES, Outlier, holes_of, likeness_of, mirror_images, outliers
 from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
-from isomatch.correspondence import carried_along
+from isomatch.correspondence import carry_along
 from isomatch.io import mesh_from, surface_from
 from isomatch.matching import match_both
 from isomatch.settings import Config
@@ -468,7 +468,7 @@ def _carried(leader: Plan, plan: PlannedPair, source: PreparedShape, target: Pre
     mirrored = (maps.record.there.measures["orientation"] or 0.0) < 0
     scale = float(np.sqrt(there.area / here.area))
     points, own = cast(Mesh, source.surface).vertices, cast(Mesh, target.surface).vertices
-    moved = carried_along(points, here.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
+    moved = carry_along(points, here.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
     # they end at other places of their leader: sheets are laid onto each other as a whole
     return np.asarray(cKDTree(own - own.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
 

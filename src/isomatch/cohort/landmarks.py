@@ -239,7 +239,7 @@ def write_tables(
         for name, each in points.items():
             if (each.names, each.curves) == (first.names, first.curves):
                 factors = scales.get(name, 1.0) * _side_of(name, turned)
-                own = each.turned(axes)
+                own = each.in_axes(axes)
                 alike[name] = replace(own, positions=own.positions * factors)
         for name, each in points.items():
             lost |= {*write_landmarks(to / f"{name}{suffix}", each)}
@@ -426,7 +426,7 @@ class _Templates:
         if files and set(files) != set(self._marks):
             raise InputError("patches: give those of all shapes that have landmarks, and of no others")
         for name, path in files.items():
-            own = Landmarks.read(path, self._read(name)).turned(self._marks[name].axes)
+            own = Landmarks.read(path, self._read(name)).in_axes(self._marks[name].axes)
             self._marks[name] = self._marks[name].with_patch(own.positions)
         if surface_points:
             first, *others = self._marks

@@ -29,7 +29,7 @@ from isomatch.cohort.shape_statistics import MEASURED, STRUCTURES, CorrespondedS
 from isomatch.cohort.unusual_shapes import OTHERS
 from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
 from isomatch.matching import Outcome
-from isomatch.spectral import factorised_for_threads
+from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected
 
 Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
@@ -336,7 +336,7 @@ def _smoothing(mesh: Mesh, contact: _Contact) -> Callable[[FloatArray], FloatArr
     fading = np.clip(2 - contact.distances, 0, 1)
     weights = fading**2 * (3 - 2 * fading)
     stiffness = 1 / (mesh.n_vertices * REACH**2)
-    solve = factorised_for_threads(csc_array(laplacian(links + links.T)), weights + stiffness)
+    solve = factorise_for_threads(csc_array(laplacian(links + links.T)), weights + stiffness)
     return lambda pulls: np.asarray(solve(weights[:, None] * pulls))
 
 

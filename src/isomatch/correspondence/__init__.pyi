@@ -37,7 +37,7 @@ from isomatch.correspondence.nearest import (
     nearest_points,
     nearest_rows,
 )
-from isomatch.correspondence.poses import Pose, carried_along, nearest_rotation, poses_between
+from isomatch.correspondence.poses import Pose, carry_along, nearest_rotation, poses_between
 from isomatch.correspondence.registration import (
     RigidRegistration,
     nearest_with_normals,
@@ -76,7 +76,7 @@ __all__ = [
     "alignment_residual",
     "alignments_from_points",
     "assign_points",
-    "carried_along",
+    "carry_along",
     "closest_point_images",
     "faces_around_vertices",
     "fit_functional_map",

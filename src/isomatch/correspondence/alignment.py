@@ -9,17 +9,19 @@ import numpy as np
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest import nearest_of_few, nearest_rows
 
-# of the largest singular value; smaller ones are rounding, and leave the rotation undetermined
-NULL_DIRECTION = 1e-9
+# Singular values that are smaller, relative to the largest, are rounding and leave the rotation
+# undetermined.
+MIN_SINGULAR_RATIO = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class SignedPoints:
-    """A cloud of points (..., n, k) with ⟨x, y⟩ = Σ_c sign_c x_c y_c; a column of sign −1 stands for an imaginary one.
+    """A cloud of points (..., n, k), ⟨x, y⟩ = Σ_c sign_c x_c y_c; sign −1 stands for an imaginary column.
 
     Examples
     --------
-    In one real and one imaginary column, a vector may have a negative square, or square 0 without being 0.
+    In one real and one imaginary column, a vector may have a negative square, or square 0 without
+    being 0.
 
     >>> x = SignedPoints(np.array([[2.0, 1.0], [1.0, 1.0], [0.0, 1.0]]), np.array([1.0, -1.0]))
     >>> x.coordinates @ x.signed().T
@@ -43,8 +45,9 @@ class SignedPoints:
 def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
     """Find the orthogonal C (..., k_t, k_s) that minimises ‖T C − S‖ and mixes only columns of equal sign.
 
-    The clouds hold the same m points on both shapes, row by row; stacks (..., m, k) are aligned one by one. Where a
-    sign has more columns on one side, or the points leave a direction undetermined, C is a partial isometry. O(m k²).
+    The clouds hold the same m points on both shapes, row by row; stacks (..., m, k) are aligned one
+    by one. If a sign has more columns on one side, or the points leave a direction undetermined, C
+    is a partial isometry. O(m k²).
 
     Examples
     --------
@@ -54,18 +57,19 @@ def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
     array([[ 1.,  0.],
            [ 0., -1.]])
     """
-    # Schönemann, *A generalized solution of the orthogonal Procrustes problem*, Psychometrika 1966, once for each sign.
-    # For orthogonal C, ‖T C − S‖² = ‖T‖² + ‖S‖² − 2 tr(Cᵀ Tᵀ S). With the SVD Tᵀ S = U Σ Vᵀ the trace is tr((Uᵀ C V)ᵀ
-    # Σ) ≤ tr Σ, which C = U Vᵀ attains. That C keeps the inner products of each sign, and so all, (T C) diag(s) (T C)ᵀ
-    # = T diag(s) Tᵀ. Directions without a singular value are in no cloud: any C would do there, and they are dropped.
+    # Schönemann, *A generalized solution of the orthogonal Procrustes problem*, Psychometrika 1966,
+    # once for each sign. For orthogonal C, ‖T C − S‖² = ‖T‖² + ‖S‖² − 2 tr(Cᵀ Tᵀ S). With the SVD
+    # Tᵀ S = U Σ Vᵀ the trace is tr((Uᵀ C V)ᵀ Σ) ≤ tr Σ, which C = U Vᵀ attains. This C keeps the
+    # inner products of each sign, and so all, (T C) diag(s) (T C)ᵀ = T diag(s) Tᵀ. Directions
+    # without a singular value are in no cloud; any C would do, and they are dropped.
     cross = target.coordinates.swapaxes(-1, -2) @ source.coordinates  # (..., k_t, m) (..., m, k_s)
     rotation = np.zeros_like(cross)
     for sign in (1.0, -1.0):
         block = (..., *np.ix_(target.signs == sign, source.signs == sign))
         if cross[block].size:
             u, scale, v = np.linalg.svd(cross[block], full_matrices=False)
-            held = scale > NULL_DIRECTION * np.maximum(scale[..., :1], np.finfo(float).tiny)
-            rotation[block] = (u * held[..., None, :]) @ v
+            is_determined = scale > MIN_SINGULAR_RATIO * np.maximum(scale[..., :1], np.finfo(float).tiny)
+            rotation[block] = (u * is_determined[..., None, :]) @ v
     return rotation
 
 
@@ -85,7 +89,7 @@ def alignment_residual(source: SignedPoints, target: SignedPoints, rotation: Flo
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A map between two clouds, the C (k_t, k_s) that aligns them under it, target · C ≈ source, and its residual.
+    """A map between clouds, the C (k_t, k_s) that aligns them, target · C ≈ source, and its residual.
 
     Examples
     --------
@@ -145,16 +149,16 @@ def closest_point_images(
     >>> closest_point_images(corners, corners, np.array([[0, 1, 2, 2]]), max_iterations=10)
     array([[0, 1, 2, 3]])
     """
-    # min ‖P X₁ C − X₂‖ over maps P and orthogonal C (Shamai & Kimmel 2017; Besl & McKay, PAMI 1992, for rigid motions):
-    # with P known C is `signed_procrustes`, with C known the image of each point is the nearest one, and each step
-    # lowers the sum
-    images, moving = starts.copy(), np.arange(len(starts))
+    # min ‖P X₁ C − X₂‖ over maps P and orthogonal C (Shamai & Kimmel 2017; Besl & McKay, PAMI 1992,
+    # for rigid motions): given P, C is `signed_procrustes`; given C, the image of each point is the
+    # nearest one; each step lowers the sum.
+    images, active = starts.copy(), np.arange(len(starts))
     for _ in range(max_iterations):
-        previous = images[moving]
-        turned = target.coordinates @ signed_procrustes(source, target.at(previous))
-        for i, points in zip(moving, turned):
+        previous = images[active]
+        rotated = target.coordinates @ signed_procrustes(source, target.at(previous))
+        for i, points in zip(active, rotated):
             images[i] = nearest_of_few(points, source.coordinates)
-        moving = moving[(images[moving] == previous).mean(axis=1) < unchanged]
+        active = active[(images[active] == previous).mean(axis=1) < unchanged]
     return images
 
 
@@ -167,14 +171,15 @@ def alignments_from_points(
     off_diagonal: float = 0.01,
     ridge: float = 0.001,
 ) -> FloatArray:
-    """Align the leading k columns of two clouds at m corresponding rows (h, m), for each of h alignments: (h, k, k).
+    """Align the leading k columns of two clouds at m corresponding rows (h, m): (h, k, k).
 
-    A few points determine no more than ``n_columns``. ``off_diagonal`` is the penalty on mixing columns, and ``ridge``
-    that on every entry, which decides where the points do not.
+    A few points determine no more than ``n_columns``. ``off_diagonal`` is the penalty on mixing
+    columns, ``ridge`` the penalty on every entry, which decides what the points leave open.
 
     Examples
     --------
-    The second columns differ in sign. Two points show it; one at the origin of that column leaves it to the penalty.
+    The second columns differ in sign. Two points show it; one at the origin of that column leaves
+    it to the penalty.
 
     >>> cloud = SignedPoints(np.array([[1.0, 2.0], [-1.0, 1.0], [3.0, 0.0]]), np.ones(2))
     >>> mirrored = SignedPoints(cloud.coordinates * [1.0, -1.0], cloud.signs)
@@ -186,12 +191,12 @@ def alignments_from_points(
            [[ 1.,  0.],
             [ 0.,  0.]]])
     """
-    # Shamai & Kimmel 2017, initialisation from feature points: C with target[:, :k] C ≈ source[:, :k]. With Y and X the
-    # rows of the points, each column c_j of C solves by itself
+    # Shamai & Kimmel 2017, initialisation from feature points: C with target[:, :k] C ≈ source[:,
+    # :k]. With Y and X the rows of the points, each column c_j of C solves by itself
     #   min ‖Y c_j − x_j‖² + Σ_i (q s (i − j)² + r s) c_ij²,  (YᵀY + diag_i(q s (i − j)² + r s)) c_j = Yᵀ x_j,
-    # q and r the penalties, s the mean squared norm of the target's rows. Near-isometric shapes have nearly equal
-    # spectra, so that distant columns mix little. Columns of unequal sign do not mix: their rows are taken out. O(h
-    # k⁴).
+    # with the penalties q and r and the mean squared norm s of the target's rows. Near-isometric
+    # shapes have nearly equal spectra, so that distant columns mix little. Columns of unequal sign
+    # do not mix: their rows are left out. O(h k⁴).
     k = min(n_columns, len(target.signs), len(source.signs))
     leading = target.coordinates[:, :k]
     s = float((leading**2).sum(axis=1).mean())
@@ -200,7 +205,8 @@ def alignments_from_points(
     offset = np.subtract.outer(np.arange(k), np.arange(k))
     penalty = s * (off_diagonal * offset**2 + ridge)  # (i, j)
     gram, right = y.swapaxes(1, 2) @ y, y.swapaxes(1, 2) @ x  # (h, k, k)
-    # for every column j: (gram restricted to allowed rows and columns, identity elsewhere) c = right_j
+    # for every column j: (gram restricted to allowed rows and columns, identity elsewhere) c =
+    # right_j
     mask = allowed.T[:, :, None] & allowed.T[:, None, :]  # (j, i, i')
     systems = np.where(mask, gram[:, None], 0.0) + np.eye(k) * penalty.T[:, None, :]
     columns = np.linalg.solve(systems, (right * allowed).swapaxes(1, 2)[..., None])[..., 0]  # (h, j, i)
@@ -220,11 +226,12 @@ def alignment_from_functions(
 ) -> FloatArray:
     """Align two clouds of all vertices by q functions that should correspond, (n_s, q) and (n_t, q): (k, k).
 
-    The weights are the vertex areas, the rest is as for `alignments_from_points`.
+    The weights are the vertex areas; other parameters as for `alignments_from_points`.
 
     Examples
     --------
-    Functions that correspond, the indicators of the vertices, tell that the second column of the target has another sign.
+    Indicators of the vertices, which correspond, show that the second column of the target has the
+    other sign.
 
     >>> cloud = SignedPoints(np.array([[1.0, 2.0], [-1.0, 1.0], [3.0, 0.0]]), np.ones(2))
     >>> mirrored = SignedPoints(cloud.coordinates * [1.0, -1.0], cloud.signs)
@@ -233,18 +240,19 @@ def alignment_from_functions(
     array([[ 1.,  0.],
            [ 0., -1.]])
     """
-    # Shamai & Kimmel 2017, initialisation from descriptors. Columns of X = Q W, W = |Λ|^½, are orthogonal in the areas,
-    # so that Xᵀ A f = W (Qᵀ A f) holds W times the coefficients of f; for an isometry these of both shapes are joined
-    # by C as the points are: (F_tᵀ A_t X_t) C ≈ F_sᵀ A_s X_s, the problem of the points with one row for each function
-    of_source = (source.coordinates.T @ (source_weights[:, None] * source_functions)).T
-    of_target = (target.coordinates.T @ (target_weights[:, None] * target_functions)).T
-    points = SignedPoints(of_source, source.signs), SignedPoints(of_target, target.signs)
+    # Shamai & Kimmel 2017, initialisation from descriptors. Columns of X = Q W, W = |Λ|^½, are
+    # orthogonal in the areas, so that Xᵀ A f = W (Qᵀ A f) holds W times the coefficients of f. For
+    # an isometry C relates the coefficients of both shapes as it relates points: (F_tᵀ A_t X_t) C ≈
+    # F_sᵀ A_s X_s, the same problem with one row for each function.
+    on_source = (source.coordinates.T @ (source_weights[:, None] * source_functions)).T
+    on_target = (target.coordinates.T @ (target_weights[:, None] * target_functions)).T
+    points = SignedPoints(on_source, source.signs), SignedPoints(on_target, target.signs)
     rows = np.arange(source_functions.shape[1])[None]
     return np.asarray(alignments_from_points(*points, rows, rows, n_columns, off_diagonal, ridge)[0])
 
 
 def nearest_under_rotation(source: SignedPoints, target: SignedPoints, rotation: FloatArray) -> IntArray:
-    """Find the nearest target row (m_s,) of each source row, once the leading columns of the target are rotated.
+    """Find the nearest target row (m_s,) of each source row, with the leading columns of the target rotated.
 
     Examples
     --------

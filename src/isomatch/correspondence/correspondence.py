@@ -17,11 +17,11 @@ from isomatch._core.first_use import PlotOptions, Shown, visualization
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
 from isomatch.correspondence.map_arrays import (
     UNMATCHED,
-    checked_map,
-    composed,
-    inverse,
-    pulled_back,
-    pushed_forward,
+    check_map,
+    compose_arrays,
+    invert_arrays,
+    pull_back_rows,
+    push_forward_rows,
 )
 from isomatch.correspondence.map_files import map_parts, write_map
 from isomatch.io import SurfaceLike, mesh_from, surface_from
@@ -45,12 +45,14 @@ class Correspondence(Shown):
     n_target : int
         Number of target vertices.
     faces : (n_source, 3) array of int, optional
-        Corners of the target triangle that contains the precise image; −1 if unmatched. By default the target vertex
-        three times.
+        Corners of the target triangle that contains the precise image; −1 if unmatched. By default
+        the target vertex three times.
     barycentric : (n_source, 3) array of float, optional
-        Barycentric coordinates of the precise image in that triangle: not negative, with sum 1. By default (1, 0, 0).
+        Barycentric coordinates of the precise image in that triangle: not negative, with sum 1. By
+        default (1, 0, 0).
     source_hash, target_hash : str
-        ``content_hash`` of the two surfaces, by which other surfaces are refused; empty if not known.
+        ``content_hash`` of the two surfaces; maps refuse surfaces with another one. Empty if not
+        known.
 
     Examples
     --------
@@ -81,7 +83,7 @@ class Correspondence(Shown):
         source_hash: str = "",
         target_hash: str = "",
     ) -> None:
-        image, points = checked_map(vertices, n_target, faces, barycentric)
+        image, points = check_map(vertices, n_target, faces, barycentric)
         for array in (image, *points):
             array.flags.writeable = False
         arrays = {"vertices": image, "faces": points.corners, "barycentric": points.barycentric}
@@ -90,8 +92,8 @@ class Correspondence(Shown):
             object.__setattr__(self, field, value)
 
     def __repr__(self) -> str:
-        missing = int((~self.matched).sum())
-        tail = f", {missing} unmatched" if missing else ""
+        n_unmatched = int((~self.matched).sum())
+        tail = f", {n_unmatched} unmatched" if n_unmatched else ""
         return f"Correspondence(source {len(self.vertices)} → target {self.n_target}{tail})"
 
     def plot(
@@ -102,16 +104,18 @@ class Correspondence(Shown):
         values: ArrayLike | None = None,
         **options: Unpack[PlotOptions],
     ) -> Figure:
-        """Draw both surfaces side by side, in the same colour what corresponds; see `isomatch.visualization.draw_map`.
+        """Draw both surfaces, corresponding points in the same colour, by `visualization.draw_map`.
 
         Parameters
         ----------
         source, target : Mesh, PointCloud, or what `surface_from` takes, optional
-            The surfaces; by default those that the map was made for, as long as a variable holds them.
+            The surfaces; by default the surfaces of the map, as long as a variable holds them.
         values : (n_source,) array_like of float, optional
-            Numbers, such as an expected error, in whose colours the source is drawn once more; ``nan`` is grey.
+            Numbers, such as an expected error, that colour another picture of the source; ``nan``
+            is grey.
         **options
-            ``label`` of the values, ``colour_map``, ``title``, ``width``, ``view``, as for `plot_surface`.
+            ``label`` of the values, ``colour_map``, ``title``, ``width``, ``view``, as for
+            `plot_surface`.
 
         Raises
         ------
@@ -120,14 +124,14 @@ class Correspondence(Shown):
         DescriptorError, MeshError, SettingError
             If the values do not fit, a surface has no area, or there is no such colour map.
         """
-        room, surfaces = visualization(), self.surfaces(source, target)
+        draw, surfaces = visualization(), self.surfaces(source, target)
         label, colour_map = options.pop("label", ""), options.pop("colour_map", None)
-        panel = None if values is None else room.ValuePanel(values, label, colour_map=colour_map)
-        figure: Figure = room.draw_map(*map(room.drawable, surfaces), self, values=panel, **options)
+        panel = None if values is None else draw.ValuePanel(values, label, colour_map=colour_map)
+        figure: Figure = draw.draw_map(*map(draw.drawable, surfaces), self, values=panel, **options)
         return figure
 
     def surfaces(self, source: SurfaceLike = None, target: SurfaceLike = None) -> tuple[Surface, Surface]:
-        """Return the surfaces of the map: those given, or those that it was made for while a variable holds them.
+        """Return the surfaces of the map: those given, or its own as long as a variable holds them.
 
         Raises
         ------
@@ -152,11 +156,11 @@ class Correspondence(Shown):
 
     @property
     def matched(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """(n_source,) which source vertices have an image."""
+        """(n_source,) whether each source vertex has an image."""
         return self.vertices >= 0
 
     def check_fits(self, source: SurfaceLike = None, target: SurfaceLike = None) -> None:
-        """Raise `MapError` if this is a map of other surfaces: of other numbers of vertices, or with another hash."""
+        """Raise `MapError` if numbers of vertices or hashes of surfaces differ from the map."""
         for name, surface, n, own_hash, other_hash in (
             ("source", source, len(self.vertices), self.source_hash, self.target_hash),
             ("target", target, self.n_target, self.target_hash, self.source_hash),
@@ -183,28 +187,29 @@ class Correspondence(Shown):
     def pull_back(self, values: ArrayLike, fill: object = None) -> AnyArray:
         """Pull values back from the target to the source.
 
-        Real and complex floats are interpolated at the precise images. Integers, booleans and texts are labels, and
-        never averaged: each source vertex takes that of its target vertex, ``vertices``. Region numbers that are
-        stored as floats are interpolated unless made integers; `carry_attributes` tells them.
+        Real and complex floats are interpolated at the precise images. Integers, booleans and texts
+        are labels, and never averaged: each source vertex takes the label of its target vertex,
+        ``vertices``. Region numbers that are stored as floats are interpolated unless made
+        integers; `carry_attributes` recognises them.
 
         Parameters
         ----------
         values : (n_target, ...) array_like
             One row for each target vertex.
         fill : scalar, optional
-            Value where unmatched. By default ``nan``, −1 for signed integers, False, or an empty text; values of other
-            types have no default.
+            Value of unmatched vertices. By default ``nan``, −1 for signed integers, False, or an
+            empty text; values of other types have no default.
 
         Returns
         -------
         (n_source, ...) array
-            Of float64 or complex128, or labels of the type given; a text may be longer if ``fill`` is.
+            float64 or complex128, or labels of the given type; a text may be longer if ``fill`` is.
 
         Raises
         ------
         DescriptorError
-            If the number of rows is not that of the target's vertices, the type cannot hold ``fill``, or ``fill`` is
-            needed and not given.
+            If there is not one row for each target vertex, the type cannot hold ``fill``, or
+            ``fill`` is needed and not given.
         """
         rows = array_of(values, "values", DescriptorError)
         if rows.shape[:1] != (self.n_target,):
@@ -212,19 +217,20 @@ class Correspondence(Shown):
                 f"values have shape {rows.shape}, expected one row for each of the {self.n_target} target vertices; "
                 "pull_back goes from the target to the source, use reversed() for the other way"
             )
-        return pulled_back(rows, self.vertices, self.faces, self.barycentric, fill)
+        return pull_back_rows(rows, self.vertices, self.faces, self.barycentric, fill)
 
     def __matmul__(self, values: ArrayLike) -> AnyArray:
         """Pull back, as `pull_back`."""
         return self.pull_back(values)
 
     def to_sparse(self) -> csr_array:
-        """Matrix (n_source, n_target) of the barycentric weights: row i is empty if source vertex i is unmatched.
+        """Return the barycentric weights as a matrix (n_source, n_target), with empty rows if unmatched.
 
-        Its products are those of `pull_back` on floats, but 0 in place of ``nan`` where unmatched.
+        It multiplies floats as `pull_back` does, except that unmatched vertices get 0 instead of
+        ``nan``.
         """
-        held = np.flatnonzero(self.matched)
-        entries = self.barycentric[held].ravel(), (np.repeat(held, 3), self.faces[held].ravel())
+        matched = np.flatnonzero(self.matched)
+        entries = self.barycentric[matched].ravel(), (np.repeat(matched, 3), self.faces[matched].ravel())
         matrix = csr_array(entries, shape=self.shape)
         matrix.eliminate_zeros()
         return matrix
@@ -237,12 +243,13 @@ class Correspondence(Shown):
     def to_functional(
         self, source: LaplaceBasis | SurfaceLike, target: LaplaceBasis | SurfaceLike, k: int = 50
     ) -> FunctionalMap:
-        """Express the map in Laplace–Beltrami functions: a (k, k) matrix, target functions → source functions.
+        """Express the map as a (k, k) matrix from target to source Laplace–Beltrami functions.
 
         Parameters
         ----------
         source, target : LaplaceBasis, or what `surface_from` takes
-            Bases of the surfaces of the map, with one row for each vertex, or the surfaces, of which they are made.
+            Bases of the surfaces of the map, with one row for each vertex, or the surfaces
+            themselves.
         k : int
             Number of functions.
 
@@ -270,30 +277,33 @@ class Correspondence(Shown):
                     f"laplace_basis({name}, {k})"
                 )
             bases.append(LaplaceBasis(basis.vectors[:, :k], basis.values[:k], basis.weights, basis.notes))
-        held = self.matched
-        weights = np.sqrt(bases[0].weights[held, None])
-        pulled = self.pull_back(np.asarray(bases[1].vectors, dtype=np.float64))[held]
-        return FunctionalMap(fit_functional_map(weights * bases[0].vectors[held], weights * pulled), *bases)
+        matched = self.matched
+        weights = np.sqrt(bases[0].weights[matched, None])
+        pulled = self.pull_back(np.asarray(bases[1].vectors, dtype=np.float64))[matched]
+        return FunctionalMap(
+            fit_functional_map(weights * bases[0].vectors[matched], weights * pulled), *bases
+        )
 
     def push_forward(
         self, values: ArrayLike, source_areas: ArrayLike, target_areas: ArrayLike | None = None
     ) -> FloatArray:
         """Push values forward from the source to the target, weighted by areas.
 
-        With P = ``to_sparse()`` and the areas A_s, A_t of the vertices, this is A_t⁻¹ Pᵀ A_s g for densities, which
-        preserves the integral over the matched vertices: Σ A_t (push g) = Σ A_s g. It is the adjoint of P with respect
-        to areas, and 0 where no image lies. Without ``target_areas`` it is the mean (Pᵀ A_s g) / (Pᵀ A_s 1) of the
-        values that arrive, which preserves constants, and ``nan`` where none does. ``reversed(source, target)`` pulls
-        values to every target vertex instead.
+        With P = ``to_sparse()`` and the areas A_s, A_t of the vertices, this is A_t⁻¹ Pᵀ A_s g for
+        densities, which preserves the integral over the matched vertices: Σ A_t (push g) = Σ A_s g.
+        It is the adjoint of P with respect to areas, and 0 at vertices without an image. Without
+        ``target_areas`` it is the mean (Pᵀ A_s g) / (Pᵀ A_s 1) of the values that arrive, which
+        preserves constants, and ``nan`` if none arrives. ``reversed(source, target)`` pulls values
+        to every target vertex instead.
 
         Parameters
         ----------
         values : (n_source,) or (n_source, q) array_like of float
             One row for each source vertex.
         source_areas : (n_source,) array_like of float
-            Such as ``source.vertex_areas``.
+            Areas of the vertices, such as ``source.vertex_areas``.
         target_areas : (n_target,) array_like of float, optional
-            To preserve integrals.
+            Areas of the vertices, to preserve integrals.
 
         Returns
         -------
@@ -302,7 +312,8 @@ class Correspondence(Shown):
         Raises
         ------
         DescriptorError
-            If values or areas have another number of rows, or the values are not floats: labels have no mean.
+            If values or areas have another number of rows, or the values are not floats: labels
+            have no mean.
 
         Examples
         --------
@@ -312,30 +323,33 @@ class Correspondence(Shown):
         >>> f.push_forward([1.0, 2.0, 3.0], source_areas=[1.0, 3.0, 1.0], target_areas=[2.0, 1.0, 2.0])
         array([3.5, 0. , 1.5])
         """
-        return pushed_forward(self.T, self.matched, values, source_areas, target_areas)
+        return push_forward_rows(self.T, self.matched, values, source_areas, target_areas)
 
     def then(
         self, other: Correspondence, middle: SurfaceLike = None, target: SurfaceLike = None
     ) -> Correspondence:
         """Compose two maps: the source of this map → the target of the other.
 
-        A precise image inside a triangle of the middle surface is mapped between the images of its corners, if they lie
-        in one triangle. Otherwise it is the image of the nearest corner; with the surfaces it is the point of the target
-        nearest to the interpolated positions, but not across a tear: corners whose images are more than four times as
-        far from that of the nearest corner as usual, relative to the middle surface, are left out. The exact product,
-        whose rows may spread over three triangles, is ``self.to_sparse() @ other.to_sparse()``.
+        A precise image inside a triangle of the middle surface is mapped between the images of its
+        corners, if they lie in one triangle. Otherwise it gets the image of the nearest corner;
+        with the surfaces, it gets the point of the target nearest to the interpolated positions,
+        but not across a tear: corners whose images are more than four times as far from the image
+        of the nearest corner as usual, relative to the middle surface, are left out. The exact
+        product, whose rows may spread over three triangles, is ``self.to_sparse() @
+        other.to_sparse()``.
 
         Parameters
         ----------
         other : Correspondence
-            From the target of this map, the middle surface.
+            Map from the target of this map, the middle surface.
         middle, target : Mesh, or what `mesh_from` takes; optional
             Source and target of the other map; both or neither.
 
         Raises
         ------
         MapError
-            If the other map does not start from the target of this one, or is not one of these meshes.
+            If the other map does not start from the target of this map, or does not fit these
+            meshes.
         """
         if len(other.vertices) != self.n_target:
             raise MapError(
@@ -355,8 +369,8 @@ class Correspondence(Shown):
             middle, target = mesh_from(middle), mesh_from(target)
             other.check_fits(middle, target)
         points = PrecisePoints(self.faces, self.barycentric)
-        there = PrecisePoints(other.faces, other.barycentric)
-        image, images = composed(self.vertices, points, other.vertices, there, middle, target)
+        images = PrecisePoints(other.faces, other.barycentric)
+        image, images = compose_arrays(self.vertices, points, other.vertices, images, middle, target)
         return Correspondence(image, other.n_target, *images, self.source_hash, other.target_hash)
 
     def reversed(
@@ -364,44 +378,46 @@ class Correspondence(Shown):
     ) -> Correspondence:
         """Return the map target → source.
 
-        Without the surfaces, a target vertex gets the first source vertex that is mapped to it, and none if there is
-        none: usually a fifth of the vertices and more, which the repr counts as unmatched. With the surfaces, each
-        target vertex gets the point of the source whose image is nearest, the inverse of the piecewise linear map; a
-        vertex of the source if either surface has no triangles.
+        Without the surfaces, a target vertex gets the first source vertex that is mapped to it.
+        Usually a fifth of the vertices or more get none; the repr counts them as unmatched. With
+        the surfaces, each target vertex gets the point of the source whose image is nearest, the
+        inverse of the piecewise linear map; a vertex of the source if either surface has no
+        triangles.
 
         Parameters
         ----------
         source, target : Mesh, PointCloud, Graph, or what `surface_from` takes; optional
             The surfaces of the map; both or neither.
         within : float
-            Target vertices farther from any image, along edges, remain unmatched; in √(target area). They lie on what
-            the source does not have, as where it is a part of the target.
+            Target vertices farther from any image, along edges, remain unmatched; in √(target
+            area). They lie on parts that the source does not have, such as the rest of the target
+            if the source is a part of it.
 
         Raises
         ------
         MapError
-            If only one surface is given, or one that the map was not made for.
+            If only one surface is given, or a surface does not fit the map.
         """
         points: tuple[ArrayLike | None, ArrayLike | None] = None, None
         if source is None and target is None:
             image = np.full(self.n_target, UNMATCHED, dtype=np.int64)
-            last_first = np.flatnonzero(self.matched)[::-1]
-            image[self.vertices[last_first]] = last_first
+            rows = np.flatnonzero(self.matched)[::-1]  # the first of equal images is written last
+            image[self.vertices[rows]] = rows
         elif source is None or target is None:
             raise MapError("to reverse a map precisely, both surfaces are needed; give source and target")
         else:
             source, target = surface_from(source), surface_from(target)
             self.check_fits(source, target)
-            there = PrecisePoints(self.faces, self.barycentric)
-            points, reached = inverse(self.vertices, there, source, target, within)
+            images = PrecisePoints(self.faces, self.barycentric)
+            points, reached = invert_arrays(self.vertices, images, source, target, within)
             image = np.where(reached, points[0][:, 0], UNMATCHED)
         return Correspondence(image, len(self.vertices), *points, self.target_hash, self.source_hash)
 
     def save(self, path: str | Path) -> None:
         """Write everything to an ``.npz`` file, or the vertices alone to a text file (any other suffix).
 
-        Line i of the text, counted from 0 and without the header, is the target vertex of source vertex i. An
-        earlier file is replaced only once the new one is complete.
+        Line i of the text, counted from 0 and without the header, is the target vertex of source
+        vertex i. An existing file is replaced only by a complete one.
 
         Raises
         ------
@@ -432,25 +448,27 @@ class Correspondence(Shown):
         counts_from: int | None = None,
         variable: str | None = None,
     ) -> Correspondence:
-        """Read what `save` wrote, or the map of any other program: one target vertex for each source vertex.
+        """Read a file that `save` wrote, or the map of any other program.
 
         Parameters
         ----------
         path : path_like
-            An ``.npz`` file, an array (``.npy``), variables of MATLAB (``.mat``, before version 7.3), or text with one
-            vertex on each line (any other suffix). Files of earlier versions of isomatch are read too.
+            An ``.npz`` file, an array (``.npy``), variables of MATLAB (``.mat``, before version
+            7.3), or text with one vertex on each line (any other suffix). Files of earlier versions
+            of isomatch are read too.
         n_target : int, optional
-            Number of target vertices. A file that names another number is refused; for a file that names none the
-            default is its largest index + 1.
+            Number of target vertices. A file that names another number is refused; if a file names
+            none, the default is its largest index + 1.
         n_source : int, optional
-            Number of source vertices. A map of another number is refused; of several arrays in a file, the one of this
-            length is the map.
+            Number of source vertices. A map of another number is refused; if a file has several
+            arrays, the one of this length is the map.
         counts_from : {0, 1}, optional
-            What the indices count from. By default from 1 where the largest is ``n_target`` and none is 0, which is
-            logged as a warning, and otherwise from 0. Where MATLAB's could count from either, it has to be said. What
-            isomatch wrote counts from 0. −1 and nan, and 0 if they count from 1, mean unmatched.
+            First index. By default 1 if the largest index is ``n_target`` and none is 0, which is
+            logged as a warning, and otherwise 0. It is needed if a file of MATLAB could count from
+            either. Files of isomatch count from 0. −1 and nan, and 0 if indices count from 1, mean
+            unmatched.
         variable : str, optional
-            Name of the array, where a file has several of the same length.
+            Name of the array, if a file has several of the same length.
 
         Returns
         -------
@@ -460,8 +478,8 @@ class Correspondence(Shown):
         Raises
         ------
         FormatError
-            If the file is missing (`MissingFileError`), holds no map, several, or one between other shapes, could count
-            from 0 or from 1, or was written by an isomatch that is too new.
+            If the file is missing (`MissingFileError`), holds no map, several, or one between other
+            shapes, could count from 0 or from 1, or was written by an isomatch that is too new.
         SettingError
             If ``counts_from`` is neither 0 nor 1.
         """
@@ -472,7 +490,7 @@ class Correspondence(Shown):
 
 
 class MapFile(NamedTuple):
-    """A map that was read from a file, and how its indices were taken, see `IndexBase`.
+    """A map read from a file, and how its indices were understood, see `IndexBase`.
 
     Examples
     --------
@@ -496,10 +514,10 @@ def read_map(
     variable: str | None = None,
     allow_doubt: bool = False,
 ) -> MapFile:
-    """Read a map as `Correspondence.load` does, and say how its indices were taken, in place of a warning.
+    """Read a map as `Correspondence.load`, and return how its indices were understood, without warning.
 
-    With ``allow_doubt``, a map of MATLAB that can count from 0 or from 1 is not refused, but counted from 0 and not
-    certain.
+    With ``allow_doubt``, a map of MATLAB that can count from 0 or from 1 is not refused: it counts
+    from 0 and is not certain.
 
     Examples
     --------
@@ -515,9 +533,9 @@ def read_map(
     try:
         parts, base = map_parts(path, n_target, n_source, counts_from, variable)
         if path.suffix.lower() == ".mat" and not (base.is_likely or allow_doubt):
-            held = parts["vertices"][parts["vertices"] >= 0]
+            indices = parts["vertices"][parts["vertices"] >= 0]
             raise FormatError(
-                f"{path}: can count from 0 or from 1, with indices {held.min()}…{held.max()}; say which by "
+                f"{path}: can count from 0 or from 1, with indices {indices.min()}…{indices.max()}; say which by "
                 "counts_from (--counts-from), or save it as a text that counts from 0"
             )
         return MapFile(Correspondence(**parts), **base._asdict())

@@ -1,7 +1,8 @@
-"""Vertex maps and functional maps, turned into one another.
+"""Conversion between vertex maps and functional maps.
 
-A functional map F (k, k) carries functions of the target to the source: Φ_source F ≈ Φ_target[image], with Φ the
-Laplace–Beltrami functions, one column each, and image the target vertex of each source vertex.
+A functional map F (k, k) carries functions of the target to the source: Φ_source F ≈
+Φ_target[image], with Φ the Laplace–Beltrami functions, one column each, and image the target vertex
+of each source vertex.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from isomatch.correspondence.nearest import nearest_rows
 from isomatch.spectral import LaplaceBasis
 
 NearestVertices = Callable[[FloatArray, FloatArray], IntArray]
-"""Of candidates (n, d) and queries (m, d): the index (m,) of the candidate nearest to each query."""
+"""Maps candidates (n, d) and queries (m, d) to the index (m,) of the candidate nearest to each query."""
 
 
 class Embedding(NamedTuple):
@@ -39,9 +40,9 @@ class Embedding(NamedTuple):
 def spectral_embedding(
     functional_map: FloatArray, source_functions: FloatArray, target_functions: FloatArray
 ) -> Embedding:
-    """Place both shapes in the space in which images under a functional map (k_s, k_t) are nearest neighbours.
+    """Place both shapes so that images under a functional map (k_s, k_t) are nearest neighbours.
 
-    Of the functions (n_s, K_s) and (n_t, K_t) the first k_s and k_t are used. O(n_t k_s k_t).
+    It uses the first k_s and k_t of the functions (n_s, K_s) and (n_t, K_t). O(n_t k_s k_t).
 
     Examples
     --------
@@ -52,17 +53,18 @@ def spectral_embedding(
     >>> nearest_rows(target, source)
     array([1, 0])
     """
-    # Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012: the coefficients of the indicator of a vertex, over its area,
-    # are its row of Φ, and F carries those of the image to those of the vertex: F Φ_target[image]ᵀ ≈ Φ_source[vertex]ᵀ.
-    # So the image is the row of Φ_target Fᵀ nearest to that of Φ_source.
+    # Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012: the coefficients of the indicator of a
+    # vertex, divided by its area, are its row of Φ. F takes the coefficients of the image to those
+    # of the vertex, F Φ_target[image]ᵀ ≈ Φ_source[vertex]ᵀ. So the image is the row of Φ_target Fᵀ
+    # that is nearest to the row of Φ_source.
     k_source, k_target = functional_map.shape
     return Embedding(source_functions[:, :k_source], target_functions[:, :k_target] @ functional_map.T)
 
 
 def fit_functional_map(source_functions: FloatArray, target_functions: FloatArray) -> FloatArray:
-    """Fit F (k_s, k_t) to functions at q corresponding points, (q, k_s) and (q, k_t): min ‖Φ_source F − Φ_target‖.
+    """Fit F (k_s, k_t) to functions at q corresponding points by min ‖Φ_source F − Φ_target‖.
 
-    The smallest one if there are several. O(q k²), in double precision.
+    If there are several, it is the smallest one. O(q k²), in double precision.
 
     Examples
     --------
@@ -71,7 +73,8 @@ def fit_functional_map(source_functions: FloatArray, target_functions: FloatArra
     array([[ 1.,  0.],
            [ 0., -1.]])
 
-    Weighted points count as if they were repeated: multiply the rows of both sides by the square root of the weight.
+    Weighted points count as if they were repeated: multiply the rows of both sides by the square
+    root of the weight.
 
     >>> root = np.sqrt([[1.0], [2.0], [1.0]])
     >>> fit_functional_map(root * functions[:, :1], root * np.array([[2.0], [0.0], [2.0]]))
@@ -88,8 +91,8 @@ class FunctionalMap:
     Parameters
     ----------
     matrix : (k, k) array of float
-        C: column j holds the coefficients, on the source, of the pulled back target function j. For a map P that leaves
-        no vertex out, C = Φ_sᵀ A_s P Φ_t.
+        C: column j holds the coefficients, on the source, of the pulled back target function j. For
+        a map P of all vertices, C = Φ_sᵀ A_s P Φ_t.
     source, target : LaplaceBasis
         Φ_s and Φ_t, with k functions each, and the areas A_s and A_t.
 
@@ -113,7 +116,7 @@ class FunctionalMap:
         return f"FunctionalMap({self.target!r} → {self.source!r})"
 
     def pull_back(self, values: FloatArray) -> FloatArray:
-        """Pull the smooth part of target functions back to the source, Φ_s C Φ_tᵀ A_t f: (n_t, q) → (n_s, q)."""
+        """Pull the smooth part of target functions (n_t, q) back to the source, Φ_s C Φ_tᵀ A_t f."""
         return np.asarray(self.source.vectors @ (self.matrix @ self.target.coefficients(values)))
 
 
@@ -147,20 +150,21 @@ class SampledBasis:
 
     def fit(self, values: FloatArray, k: int) -> FloatArray:
         """Least-squares coefficients (k, q) of values (m, q) in the first k functions."""
-        # Φ = Q R, c = R⁻¹ Qᵀ v. One QR decomposition serves every k: its leading columns are that of the leading
-        # functions, and the leading block of R⁻¹ is the inverse of that of R, as R is triangular.
+        # Φ = Q R, c = R⁻¹ Qᵀ v. One QR decomposition serves every k: its leading columns decompose
+        # the leading functions, and the leading block of R⁻¹ is the inverse of the leading block of
+        # the triangular R.
         q, inverse = self._triangular
         return np.asarray(inverse[:k, :k] @ (q[:, :k].T @ values))
 
 
 @dataclass(frozen=True, eq=False)
 class SpectralPair:
-    """The bases of two shapes, between which vertex maps of the samples and functional maps turn into one another.
+    """The bases of two shapes, which convert vertex maps of the samples to functional maps and back.
 
     Examples
     --------
-    A cycle of eight vertices, and the same one turned by two vertices. The images of three vertices determine the map of
-    all.
+    A cycle of eight vertices is turned by two vertices. The images of three vertices determine the
+    map of all.
 
     >>> angle = np.arange(8) * np.pi / 4
     >>> fourier = np.column_stack([np.ones(8), np.cos(angle), np.sin(angle)])
@@ -192,28 +196,30 @@ class SpectralPair:
         source, target = spectral_embedding(functional_map, self.source.at_samples, self.target)
         return self.nearest(target, source)
 
-    def upsampled(self, functional_map: FloatArray, sizes: Iterable[int]) -> FloatArray:
+    def upsample(self, functional_map: FloatArray, sizes: Iterable[int]) -> FloatArray:
         """Alternate images and the functional map that fits them best, while its size grows."""
-        # ZoomOut, Melzi, Ren, Rodolà, Sharma, Wonka & Ovsjanikov, SIGGRAPH Asia 2019: from F of size k the map P, each
-        # image the nearest row in k functions, and from P the F = Φ_source⁺ P Φ_target of a larger size. Section 4.2
-        # derives both steps from min Σ_k ‖F_kᵀ F_k − I‖² / k over maps, F_k the leading block of size k: the pull back
-        # by an isometry commutes with the Laplacian, so that all leading blocks are orthogonal. Images of the sampled
-        # vertices only, which is their acceleration.
+        # ZoomOut, Melzi, Ren, Rodolà, Sharma, Wonka & Ovsjanikov, SIGGRAPH Asia 2019: F of size k
+        # gives the map P, each image the nearest row in k functions, and P gives F = Φ_source⁺ P
+        # Φ_target of a larger size. Section 4.2 derives both steps from the minimum of Σ_k ‖F_kᵀ
+        # F_k − I‖² / k for the leading blocks F_k of size k: the pull back by an isometry commutes
+        # with the Laplacian, so that all leading blocks are orthogonal. As in their accelerated
+        # version, only sampled vertices have images.
         for k in sizes:
             functional_map = self.functional_map(self.image(functional_map), k)
         return functional_map
 
-    def grown(self, image: IntArray, sizes: Sequence[int]) -> FloatArray:
-        """Fit the functional map of the first size to a vertex map (m,), and upsample it through the others."""
-        return self.upsampled(self.functional_map(image, sizes[0]), sizes[1:])
+    def fit_and_upsample(self, image: IntArray, sizes: Sequence[int]) -> FloatArray:
+        """Fit the functional map of the first size to a vertex map (m,), and upsample it to the others."""
+        return self.upsample(self.functional_map(image, sizes[0]), sizes[1:])
 
     def orthogonal_icp(
         self, functional_map: FloatArray, k: int, steps: int, weights: FloatArray
     ) -> FloatArray:
         """Alternate images and the orthogonal functional map of k functions that fits them best."""
-        # Ovsjanikov et al. 2012, section 6.2: C of an isometry is orthogonal in orthonormal bases. The orthogonal
-        # matrix nearest to a fit F = U Σ Vᵀ is its polar factor U Vᵀ. On the sampled vertices until nothing changes;
-        # then once on all n_s vertices, with their areas (n_s,) as weights, F = Φ_sᵀ A P Φ_t.
+        # Ovsjanikov et al. 2012, section 6.2: the matrix of an isometry is orthogonal in
+        # orthonormal bases. The orthogonal matrix nearest to a fit F = U Σ Vᵀ is its polar factor U
+        # Vᵀ. It iterates on the sampled vertices until nothing changes, then once on all n_s
+        # vertices, with their areas (n_s,) as weights, F = Φ_sᵀ A P Φ_t.
         image = np.zeros(0, dtype=np.int64)
         for _ in range(steps):
             previous, image = image, self.image(functional_map)

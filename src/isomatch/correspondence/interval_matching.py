@@ -1,4 +1,4 @@
-"""Consistency of putative correspondences under distance intervals: beam search, region growing, trilateration."""
+"""Correspondences that fit distance intervals: beam search, region growing, trilateration."""
 
 from __future__ import annotations
 
@@ -13,57 +13,61 @@ from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_rows
 
 Terms: TypeAlias = tuple[Any, ...]  # for compiled loops, see `IntervalCost.terms`
-FORBIDDEN = 50.0  # more than any assignment costs
-NOTHING = np.float32(-1e9)  # gain of a place in a beam that is still free
-FAST = {"nnan", "nsz", "reassoc", "contract", "arcp"}  # no number is nan, and last bits do not matter
+FORBIDDEN_COST = 50.0  # more than any assignment costs
+NO_GAIN = np.float32(-1e9)  # gain of a free place in a beam
+FAST_MATH = {"nnan", "nsz", "reassoc", "contract", "arcp"}  # no number is nan, and last bits do not matter
 
-# Where a part of a surface is missing, the distance of two points on the whole is known only to lie in an interval [l,
-# u]: u is the distance along the part, and l allows paths through what is missing (`MissingRegion`; Bracha, Dagès &
-# Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024). Under a map f of a near-isometric pair, the interval
-# of any two points should meet that of their images, a single number if f leads to a whole. Violations c are summed as in
-# a quadratic assignment problem, Σ_ab w_ab c_ab(f(a), f(b)) + Σ_a unary(a, f(a)), which is solved approximately by
-# assigning one point after the other: `assign_points` keeps many assignments of all points, `grow_regions` leaves out
-# points where no candidate agrees, `trilaterate` places each point by itself.
+# If a part of a surface is missing, the distance of two points on the whole lies in an interval [l,
+# u]: u is the distance along the part, and l allows paths through the missing region
+# (`MissingRegion`; Bracha, Dagès & Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS
+# 2024). Under a map f of a near-isometric pair, the interval of two points should meet the interval
+# of their images, a single number if f leads to a whole. Violations c are summed as in a quadratic
+# assignment problem, Σ_ab w_ab c_ab(f(a), f(b)) + Σ_a unary(a, f(a)), which is solved approximately
+# by assigning one point after the other: `assign_points` keeps many assignments of all points,
+# `grow_regions` leaves out points if no candidate agrees, `trilaterate` places each point by
+# itself.
 
 
 class Intervals(NamedTuple):
-    """Least and greatest distances (m, n) between m and n points: the same array twice where they are known.
+    """Least and greatest distances (m, n) between m and n points: the same array twice if they are known.
 
     Examples
     --------
-    >>> apart = np.array([[0.0, 2.0], [2.0, 0.0]])
-    >>> Intervals(0.5 * apart, apart).at(np.array([0]), np.array([1])).lower
+    >>> distances = np.array([[0.0, 2.0], [2.0, 0.0]])
+    >>> Intervals(0.5 * distances, distances).at(np.array([0]), np.array([1])).lower
     array([[1.]])
     """
 
     lower: AnyArray
     upper: AnyArray
 
-    def each(self, function: Callable[[AnyArray], AnyArray]) -> Intervals:
+    def map_bounds(self, function: Callable[[AnyArray], AnyArray]) -> Intervals:
         """Apply a function to both bounds, once if they are the same."""
         upper = function(self.upper)
         return Intervals(upper if self.lower is self.upper else function(self.lower), upper)
 
     def at(self, rows: IntArray, columns: IntArray) -> Intervals:
-        """Restrict to some of both."""
-        return self.each(lambda bound: bound[np.ix_(rows, columns)])
+        """Restrict to some rows and columns."""
+        return self.map_bounds(lambda bound: bound[np.ix_(rows, columns)])
 
     @property
     def single(self) -> Intervals:
         """Both bounds in single precision, for compiled loops."""
-        return self.each(lambda bound: np.ascontiguousarray(bound, np.float32))
+        return self.map_bounds(lambda bound: np.ascontiguousarray(bound, np.float32))
 
 
 @dataclass(frozen=True)
 class IntervalCost:
     """The cost of placing two points at distance d, if it should lie in the interval [l, u].
 
-    ``c(d) = min(v + inside |d − u|, most) / (soft + u)``, with v the violation of [(1 − tolerance) l, (1 + tolerance) u]:
-    ``most`` makes the cost robust, ``inside`` prefers the upper bound.
+    ``c(d) = min(v + inside |d − u|, most) / (soft + u)``, where v is the violation of [(1 −
+    tolerance) l, (1 + tolerance) u]: ``most`` makes the cost robust, ``inside`` prefers the upper
+    bound.
 
     Examples
     --------
-    A distance in the interval [1, 2] costs nothing; farther outside the cost grows with the violation, up to ``most``.
+    A distance in the interval [1, 2] costs nothing; outside the cost grows with the violation, up
+    to ``most``.
 
     >>> cost = IntervalCost(tolerance=0.0, inside=0.0, most=3.0, soft=0.0)
     >>> cost(np.array([1.5, 3.0, 100.0]), lower=np.ones(3), upper=np.full(3, 2.0))
@@ -93,8 +97,10 @@ class IntervalCost:
 @compiled(inline="always")
 def _costs(terms: Terms, point: int, assigned: IntArray, candidates: Intervals, total: AnyArray) -> Any:
     """Set the summed costs (c,) of the candidates of a point, and return the sum of the weights."""
-    # Σ_a w_a c(d(x_a, k)) over the points a that have a candidate x_a. If the distance of two candidates is an interval
-    # too, it violates [l, u] by how far the two are apart. Points outside, candidates inside: rows are read in order.
+    # Σ_a w_a c(d(x_a, k)) for the points a that have a candidate x_a. If the distance of two
+    # candidates is an interval too, it violates [l, u] by the gap between the two intervals. The
+    # outer loop runs through the points, the inner one through the candidates, so that rows are
+    # read in order.
     lower, higher, upper, weight, scaled, inside, most = terms
     least, greatest = candidates
     zero = total.dtype.type(0)
@@ -113,84 +119,97 @@ def _costs(terms: Terms, point: int, assigned: IntArray, candidates: Intervals, 
 
 
 def assign_points(
-    points: Intervals, candidates: Intervals, unary: FloatArray, cost: IntervalCost, width: int, apart: float
+    points: Intervals,
+    candidates: Intervals,
+    unary: FloatArray,
+    cost: IntervalCost,
+    width: int,
+    min_distance: float,
 ) -> tuple[IntArray, FloatArray]:
-    """Assign m points to c candidates by a beam search: one after the other, keeping partial assignments that differ.
+    """Assign m points to c candidates by a beam search, keeping partial assignments that differ.
 
-    From intervals between points, (m, m), and between candidates, (c, c), and the ``unary`` costs (m, c) of each
-    assignment by itself. Of the ``width`` assignments that are kept, candidates differ by a mean distance of at least
-    ``apart``: without it, all would be variants of one. Returns candidates (h, m), h ≤ width, and their cost (h,), least
-    cost first. O(width m (c m + width)).
+    It takes intervals between points, (m, m), and between candidates, (c, c), and the ``unary``
+    costs (m, c) of single assignments. The candidates of the ``width`` assignments that it keeps
+    differ by a mean distance of at least ``min_distance``; otherwise all would be variants of one.
+    Returns candidates (h, m), h ≤ width, and their cost (h,), least cost first. O(width m (c m +
+    width)).
 
     Examples
     --------
-    Candidates on a line at 0, 1, 3, 7. Three points whose distances are known exactly have one place there.
+    Candidates lie on a line at 0, 1, 3, 7. Three points whose distances are known exactly fit in
+    one place.
 
     >>> places = np.array([0.0, 1.0, 3.0, 7.0])
     >>> line, known = np.abs(places[:, None] - places), np.array([[0.0, 4.0, 2.0], [4.0, 0.0, 6.0], [2.0, 6.0, 0.0]])
     >>> sides = Intervals(known, known), Intervals(line, line)
-    >>> assigned, cost = assign_points(*sides, np.zeros((3, 4)), IntervalCost(), width=20, apart=0.1)
+    >>> assigned, cost = assign_points(*sides, np.zeros((3, 4)), IntervalCost(), width=20, min_distance=0.1)
     >>> assigned[0], float(cost[0])
     (array([2, 3, 1]), 0.0)
     """
-    # The cost of an assignment x of the first p points is a sum over pairs, so that one more point adds
+    # The cost of an assignment x of the first p points is a sum over pairs, so that one more point
+    # adds
     #   E(x_0 … x_p) = E(x_0 … x_{p−1}) + unary(p, x_p) + Σ_{a<p} c(d(x_a, x_p)),
-    # and of the h c children the cheapest that differ are kept. Two assignments differ if Σ_a d(x_a, y_a) ≥ apart p: that
-    # sum too is the one of the parents plus one distance. Of h: candidates (h, m), costs (h,), and sums (h, h).
+    # and the cheapest of the h c children that differ are kept. Two assignments differ if Σ_a
+    # d(x_a, y_a) ≥ p min_distance: this sum, too, is the sum of the parents plus one distance. The
+    # h assignments have candidates (h, m), costs (h,), and sums (h, h).
     m, c = unary.shape
-    terms = cost.terms(points.each(np.ascontiguousarray), np.ones_like(points.upper))
-    candidates = candidates.each(np.ascontiguousarray)
-    assigned, total = np.full((1, m), -1), np.zeros(1)
-    between, of_kept, room = np.zeros((width, width)), np.zeros((width, width)), np.zeros((width, c))
+    terms = cost.terms(points.map_bounds(np.ascontiguousarray), np.ones_like(points.upper))
+    candidates = candidates.map_bounds(np.ascontiguousarray)
+    images, total = np.full((1, m), -1), np.zeros(1)
+    sums, next_sums, room = np.zeros((width, width)), np.zeros((width, width)), np.zeros((width, c))
     for point in range(m):
-        added = room[: len(assigned)]
-        _costs_of(terms, np.full(len(assigned), point), assigned, candidates, added)
+        added = room[: len(images)]
+        _costs_of(terms, np.full(len(images), point), images, candidates, added)
         added += total[:, None] + unary[point]
         costs = added.ravel()  # (h c,): child = parent c + candidate
-        take = min(len(costs), 12 * width)  # more than are kept, because variants of one are dropped
-        best = np.sort(np.argpartition(costs, take - 1)[:take])
+        n_children = min(len(costs), 12 * width)  # more than are kept, because variants of one are dropped
+        best = np.sort(np.argpartition(costs, n_children - 1)[:n_children])
         best = best[np.argsort(costs[best], kind="stable")]  # least cost first, ties by number
         parent, last = np.divmod(best, c)
-        kept = _keep_differing(candidates.upper, (parent, last), apart * (point + 1), between, of_kept)
-        between, of_kept = of_kept, between
-        assigned, total = assigned[parent[kept]], costs[best[kept]]
-        assigned[:, point] = last[kept]
-    return assigned, total
+        kept = _keep_differing(candidates.upper, (parent, last), min_distance * (point + 1), sums, next_sums)
+        sums, next_sums = next_sums, sums
+        images, total = images[parent[kept]], costs[best[kept]]
+        images[:, point] = last[kept]
+    return images, total
 
 
-@compiled(fastmath=FAST)
+@compiled(fastmath=FAST_MATH)
 def _costs_of(
     terms: Terms, points: IntArray, rows: IntArray, candidates: Intervals, totals: AnyArray
 ) -> None:
-    """Set the summed costs (h, c) of the candidates for h points, towards candidates (h, m) of the others."""
+    """Set summed costs (h, c) of candidates for h points, given the candidates (h, m) of others."""
     for i in range(len(points)):
         _costs(terms, points[i], rows[i], candidates, totals[i])
 
 
 @compiled()
 def _keep_differing(
-    distances: AnyArray, children: tuple[IntArray, IntArray], apart: float, sums: AnyArray, of_kept: AnyArray
+    distances: AnyArray,
+    children: tuple[IntArray, IntArray],
+    min_distance: float,
+    sums: AnyArray,
+    next_sums: AnyArray,
 ) -> IntArray:
-    """Keep the first children whose summed distance to all kept before is at least ``apart``, at most width."""
-    # Each child has a parent and one more candidate, the last. sums (width, width) holds the summed distances between
-    # parents; those between the children kept are written to of_kept. Most children are too near to the latest one kept
-    # of the same parent, so they are compared with that one first.
-    (parent, last), width = children, len(sums)
+    """Keep the first children, at most width, whose summed distances are at least ``min_distance``."""
+    # Each child has a parent and one more candidate, the last. sums (width, width) holds the summed
+    # distances between parents; the sums between the children kept are written to next_sums. Most
+    # children are too near to the latest sibling kept, so they are compared with it first.
+    (parents, last), width = children, len(sums)
     kept, latest = np.zeros(width, np.int64), np.full(width, -1)
     n = 0
     for i in range(len(last)):
-        mine, here = parent[i], last[i]
-        sibling = latest[mine]
-        if sibling >= 0 and sums[mine, mine] + distances[here, last[kept[sibling]]] < apart:
+        parent, candidate = parents[i], last[i]
+        sibling = latest[parent]
+        if sibling >= 0 and sums[parent, parent] + distances[candidate, last[kept[sibling]]] < min_distance:
             continue
         for k in range(n - 1, -1, -1):
-            of_kept[n, k] = sums[mine, parent[kept[k]]] + distances[here, last[kept[k]]]
-            if of_kept[n, k] < apart:
+            next_sums[n, k] = sums[parent, parents[kept[k]]] + distances[candidate, last[kept[k]]]
+            if next_sums[n, k] < min_distance:
                 break
         else:
-            kept[n], latest[mine] = i, n
+            kept[n], latest[parent] = i, n
             for k in range(n + 1):  # the column; distances need not be symmetric to the last bit
-                of_kept[k, n] = sums[parent[kept[k]], mine] + distances[last[kept[k]], here]
+                next_sums[k, n] = sums[parents[kept[k]], parent] + distances[last[kept[k]], candidate]
             n += 1
             if n == width:
                 break
@@ -198,7 +217,7 @@ def _keep_differing(
 
 
 def pin_first(unary: FloatArray, candidates: IntArray) -> None:
-    """Let the first q points go to given candidates (q,) alone, by their costs (m, c), which are changed in place.
+    """Force the first q points to given candidates (q,) by changing their costs (m, c) in place.
 
     Examples
     --------
@@ -208,7 +227,7 @@ def pin_first(unary: FloatArray, candidates: IntArray) -> None:
     [[50.0, 50.0, 0.0], [1.0, 1.0, 1.0]]
     """
     first = np.arange(len(candidates))
-    unary[first] = FORBIDDEN
+    unary[first] = FORBIDDEN_COST
     unary[first, candidates] = 0.0
 
 
@@ -222,19 +241,21 @@ def grow_regions(
     dearest: float,
     refused: float = np.inf,
     width: int = 1,
-    apart: float = 0.0,
+    min_distance: float = 0.0,
 ) -> tuple[IntArray, FloatArray]:
     """Assign m points to c candidates, from one pair outward; a point that agrees with nothing gets none.
 
-    Of the intervals between points, (m, m), and between candidates, (c, c), a distance u weighs 1 / (near + u). Unary
-    costs (m, c) are negative where an assignment is likely; seeds (s, 2) are pairs of a point and its candidate. At the
-    mean cost ``dearest`` nothing is gained, beyond ``refused`` nothing is assigned. Of a growing region, ``width``
-    variants are kept, in which candidates of a point are at least ``apart``. Returns the candidate of each point, (s, m),
-    −1 for none, and what each region gains, (s,). O(s width m² c), on all threads, in single precision.
+    In the intervals between points, (m, m), and between candidates, (c, c), a distance u has the
+    weight 1 / (near + u). Unary costs (m, c) are negative for likely assignments; seeds (s, 2) are
+    pairs of a point and its candidate. At the mean cost ``dearest`` nothing is gained, beyond
+    ``refused`` nothing is assigned. Each region grows in ``width`` variants, in which candidates of
+    a point are at least ``min_distance``. Returns the candidate of each point, (s, m), −1 for none,
+    and the gain of each region, (s,). O(s width m² c), on all threads, in single precision.
 
     Examples
     --------
-    Candidates on a line at 0, 1, 3, 7. Of three points whose distances are 4, 2 and 50, the last is far from everything.
+    Candidates lie on a line at 0, 1, 3, 7. The last of three points is at a distance of 50, far
+    from everything.
 
     >>> places = np.array([0.0, 1.0, 3.0, 7.0])
     >>> line, known = np.abs(places[:, None] - places), np.array([[0.0, 4, 50], [4, 0, 50], [50, 50, 0]])
@@ -244,64 +265,75 @@ def grow_regions(
     """
     regions, gains = np.full((len(seeds), len(unary)), -1), np.zeros(len(seeds))
     regions[np.arange(len(seeds)), seeds[:, 0]] = seeds[:, 1]
-    # the nearest first, of all points the seed itself
+    # nearest points first, beginning with the seed itself
     order = np.argsort(np.where(np.eye(len(unary)), -1.0, points.upper), axis=1, kind="stable")[seeds[:, 0]]
-    points, candidates, alone = points.single, candidates.single, np.ascontiguousarray(unary, np.float32)
-    # near points weigh more, whose distances are known better and whose agreement says more of where a point belongs
+    points, candidates, single_unary = (
+        points.single,
+        candidates.single,
+        np.ascontiguousarray(unary, np.float32),
+    )
+    # near points have more weight: their distances are known better, and their agreement locates a
+    # point better
     terms = cost.terms(points, 1 / (np.float32(near) + points.upper))
-    bounds = *map(np.float32, (dearest, refused, apart)), width
+    bounds = *map(np.float32, (dearest, refused, min_distance)), width
 
-    def region(row: int) -> None:
-        gains[row] = _grow(terms, candidates, alone, order[row], bounds, regions[row])
+    def grow(row: int) -> None:
+        gains[row] = _grow_region(terms, candidates, single_unary, order[row], bounds, regions[row])
 
-    parallel_rows(region, len(seeds))
+    parallel_rows(grow, len(seeds))
     return regions, gains
 
 
-@compiled(fastmath=FAST)
-def _grow(
+@compiled(fastmath=FAST_MATH)
+def _grow_region(
     terms: Terms, candidates: Intervals, unary: Float32Array, order: IntArray, bounds: Terms, region: IntArray
 ) -> float:
-    """Fill in the candidates (m,) of the points in their order, of which the first has one; return the gain."""
-    # Points join in order of their distance from that of the seed. Of each variant, in order of their gain, "no partner"
-    # gains 0 and a candidate k of mean cost c̄(k) towards those assigned before
+    """Fill in the candidates (m,) of points in their order; the first has one already. Return the gain."""
+    # Points join in order of their distance from the seed. In each variant, "no partner" gains 0,
+    # and a candidate k of mean cost c̄(k), given the earlier assignments, gains
     #   g(k) = 1 − c̄(k) / dearest − unary(k):
-    # one point more for a perfect agreement, nothing at the dearest cost. So a region ends where no candidate fits, and
-    # the sum of the gains counts the points by how well they fit. A candidate nearer than ``apart`` to another one of the
-    # same variant takes its place, if it gains more, so that variants differ.
-    dearest, refused, apart, width = bounds
+    # one point more for a perfect agreement, nothing at the dearest cost. So a region ends where no
+    # candidate fits, and the sum of the gains counts the points by how well they fit. Variants are
+    # sorted by their gain. A candidate nearer than ``min_distance`` to another one of the same
+    # variant replaces it if it gains more, so that variants differ.
+    dearest, refused, min_distance, width = bounds
     one, total = np.float32(1), np.zeros(unary.shape[1], np.float32)
-    variants, gains = np.full((width, len(region)), -1), np.full(width, NOTHING)
+    variants, gains = np.full((width, len(region)), -1), np.full(width, NO_GAIN)
     for point in range(len(region)):
         variants[0, point] = region[point]
     gains[0] = one - unary[order[0], region[order[0]]]
-    grown, parents, images = np.empty_like(gains), np.empty(width, np.int64), np.empty(width, np.int64)
+    next_gains, parents, images = np.empty_like(gains), np.empty(width, np.int64), np.empty(width, np.int64)
     for point in order[1:]:
         for i in range(width):
-            grown[i], parents[i], images[i] = gains[i], i, -1
+            next_gains[i], parents[i], images[i] = gains[i], i, -1
         for i in range(width):
-            if gains[i] <= NOTHING:
+            if gains[i] <= NO_GAIN:
                 break
             weights = _costs(terms, point, variants[i], candidates, total)
             for k in range(len(total)):
                 mean = total[k] / weights
                 gain = gains[i] + one - mean / dearest - unary[point, k]
-                if mean > refused or gain <= grown[-1]:
+                if mean > refused or gain <= next_gains[-1]:
                     continue
-                at = width - 1
+                place = width - 1
                 for j in range(width):
-                    if parents[j] == i and images[j] >= 0 and candidates.upper[images[j], k] < apart:
-                        at = j
+                    if parents[j] == i and images[j] >= 0 and candidates.upper[images[j], k] < min_distance:
+                        place = j
                         break
-                if gain <= grown[at]:
+                if gain <= next_gains[place]:
                     continue
-                while at > 0 and grown[at - 1] < gain:
-                    grown[at], parents[at], images[at] = grown[at - 1], parents[at - 1], images[at - 1]
-                    at -= 1
-                grown[at], parents[at], images[at] = gain, i, k
+                while place > 0 and next_gains[place - 1] < gain:
+                    above = place - 1
+                    next_gains[place], parents[place], images[place] = (
+                        next_gains[above],
+                        parents[above],
+                        images[above],
+                    )
+                    place = above
+                next_gains[place], parents[place], images[place] = gain, i, k
         variants = variants[parents]
         for i in range(width):
-            gains[i], variants[i, point] = grown[i], images[i]
+            gains[i], variants[i, point] = next_gains[i], images[i]
     for point in range(len(region)):
         region[point] = variants[0, point]
     return float(gains[0])
@@ -310,26 +342,26 @@ def _grow(
 def trilaterate(
     points: Intervals, candidates: Intervals, cost: IntervalCost, near: float | None = None
 ) -> tuple[IntArray, FloatArray]:
-    """Place each point where its intervals to all anchors agree best with those of the candidates to their images.
+    """Place each point at the candidate whose distances to the images of all anchors agree best with its own.
 
-    Of the intervals from m anchors to q points, (m, q), and from their images to c candidates, (m, c), a distance u
-    weighs 1 / (near + u)², or all weigh alike. Returns a candidate for each point (q,), and its mean cost (q,). O(q m c),
-    in single precision.
+    In the intervals from m anchors to q points, (m, q), and from their images to c candidates, (m,
+    c), a distance u has the weight 1 / (near + u)², or all have the same weight. Returns a
+    candidate for each point (q,), and its mean cost (q,). O(q m c), in single precision.
 
     Examples
     --------
-    Anchors at both ends of a line of five candidates. The first point is known exactly. Two candidates fit the second;
-    the one nearer to its upper bounds costs less.
+    Anchors are at both ends of a line of five candidates. The first point is known exactly. Two
+    candidates fit the second; the one nearer to its upper bounds costs less.
 
     >>> ends = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 0.0]])
     >>> points = Intervals(np.array([[1.0, 0.0], [3.0, 2.0]]), np.array([[1.0, 2.0], [3.0, 3.0]]))
     >>> trilaterate(points, Intervals(ends, ends), IntervalCost())[0]
     array([1, 2])
     """
-    points, candidates = points.each(np.transpose).single, candidates.single
+    points, candidates = points.map_bounds(np.transpose).single, candidates.single
     (q, m), c = points.upper.shape, candidates.upper.shape[1]
     weights = np.ones_like(points.upper) if near is None else 1 / (np.float32(near) + points.upper) ** 2
     totals, anchors = np.empty((q, c), np.float32), np.tile(np.arange(m), (q, 1))
     _costs_of(cost.terms(points, weights), np.arange(q), anchors, candidates, totals)
-    placed = totals.argmin(axis=1)
-    return placed, totals[np.arange(q), placed] / weights.sum(axis=1, dtype=np.float64)
+    best = totals.argmin(axis=1)
+    return best, totals[np.arange(q), best] / weights.sum(axis=1, dtype=np.float64)

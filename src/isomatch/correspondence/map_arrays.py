@@ -1,4 +1,4 @@
-"""The arrays of a map: checked, composed, inverted, and values carried along them."""
+"""The arrays of a map: checks, composition, inversion, and values carried along them."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from isomatch.surfaces import Mesh, PrecisePoints, Surface
 
 UNMATCHED = -1
 _FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}  # by the kind of an array's type
-TORN = 4.0  # times the usual stretch of an edge by a map: more is a tear
+MAX_STRETCH_RATIO = 4.0  # an edge that a map stretches more, relative to the median edge, is torn
 
 
-def checked_map(
+def check_map(
     vertices: ArrayLike, n_target: int, faces: ArrayLike | None, barycentric: ArrayLike | None
 ) -> tuple[IntArray, PrecisePoints]:
-    """Check the arrays of a map, see `Correspondence`, and return target vertices and precise images (n_source,)."""
+    """Check the arrays of a `Correspondence`; return target vertices and precise images (n_source,)."""
     indices = array_of(vertices, "the vertices of a map", MapError)
     if indices.ndim != 1 or (indices.size and indices.dtype.kind not in "iu"):
         raise MapError(
@@ -52,8 +52,8 @@ def _precise(faces: AnyArray, weights: FloatArray, image: IntArray, n_target: in
         raise MapError("faces and barycentric must both have one row of three for each source vertex")
     if faces.size and faces.dtype.kind not in "iu":
         raise MapError(f"faces have type {faces.dtype}, expected integers: three target vertices each")
-    held = image >= 0
-    rows = slice(None) if held.all() else held  # which spares copies
+    matched = image >= 0
+    rows = slice(None) if matched.all() else matched  # a slice makes no copies
     if faces[rows].min(initial=0) < 0 or faces[rows].max(initial=-1) >= n_target:
         raise MapError(f"faces name vertices outside the target's 0…{n_target - 1}")
     smallest = weights[rows].min(initial=0.0)
@@ -62,14 +62,14 @@ def _precise(faces: AnyArray, weights: FloatArray, image: IntArray, n_target: in
     if smallest < -1e-9 or not (np.abs(sums - 1) <= 1e-6).all():
         raise MapError("barycentric weights must be numbers that are not negative and sum to 1 in each row")
     corners = faces.astype(np.int64)
-    corners[~held], weights[~held] = UNMATCHED, (1.0, 0.0, 0.0)
+    corners[~matched], weights[~matched] = UNMATCHED, (1.0, 0.0, 0.0)
     return PrecisePoints(corners, weights)
 
 
-def pulled_back(
+def pull_back_rows(
     rows: AnyArray, vertices: IntArray, faces: IntArray, barycentric: FloatArray, fill: object
 ) -> AnyArray:
-    """Interpolate floats (n_target, ...) at precise images; take labels of vertices; ``fill`` where unmatched."""
+    """Interpolate floats (n_target, ...) at precise images, or take labels; ``fill`` if unmatched."""
     if not len(rows):  # nothing is matched
         kind = np.result_type(rows, np.float64) if rows.dtype.kind in "fc" else rows.dtype
         carried: AnyArray = np.zeros((len(vertices), *rows.shape[1:]), kind)
@@ -78,11 +78,11 @@ def pulled_back(
         carried = (weights * rows[faces]).sum(axis=1)
     else:
         carried = rows[vertices]
-    holes = vertices < 0
-    return _filled(carried, holes, fill) if holes.any() else carried
+    unmatched = vertices < 0
+    return _fill_rows(carried, unmatched, fill) if unmatched.any() else carried
 
 
-def pushed_forward(
+def push_forward_rows(
     transposed: csc_array,
     matched: BoolArray,
     values: ArrayLike,
@@ -98,11 +98,11 @@ def pushed_forward(
             "reversed(source, target).pull_back, or give floats"
         )
     areas = numbers_of(source_areas, "source areas", DescriptorError)
-    wanted = [("values", rows.shape[:1], n_source), ("source areas", areas.shape, n_source)]
+    sizes = [("values", rows.shape[:1], n_source), ("source areas", areas.shape, n_source)]
     if target_areas is not None:
         total = numbers_of(target_areas, "target areas", DescriptorError)
-        wanted.append(("target areas", total.shape, n_target))
-    for name, shape, n in wanted:
+        sizes.append(("target areas", total.shape, n_target))
+    for name, shape, n in sizes:
         if shape != (n,):
             raise DescriptorError(f"{name} have shape {shape}, expected ({n},): one for each vertex")
     if target_areas is None:
@@ -111,119 +111,121 @@ def pushed_forward(
     with np.errstate(invalid="ignore", divide="ignore"):
         pushed: FloatArray = (transposed @ np.where(matched[:, None], weighted, 0.0)) / total[:, None]
     if target_areas is not None:
-        pushed[transposed @ np.ones(n_source) == 0] = 0.0  # no image lies there, even if there is no area
+        pushed[transposed @ np.ones(n_source) == 0] = (
+            0.0  # vertices without an image, even if they have no area
+        )
     return pushed.reshape(n_target, *rows.shape[1:])
 
 
-def _filled(labels: AnyArray, holes: BoolArray, fill: object) -> AnyArray:
-    """Put a value where there is none; `DescriptorError` if the type of the values cannot hold it."""
+def _fill_rows(labels: AnyArray, unmatched: BoolArray, fill: object) -> AnyArray:
+    """Set the rows of unmatched vertices; `DescriptorError` if their type cannot hold ``fill``."""
     if fill is None:
         fill = _FILLS.get(labels.dtype.kind)
         if fill is None:
             raise DescriptorError(
-                f"{holes.sum()} source vertices are unmatched, and nothing stands for that in values of type "
+                f"{unmatched.sum()} source vertices are unmatched, and nothing stands for that in values of type "
                 f"{labels.dtype}; give fill"
             )
     value = np.asarray(fill)
     kind = np.result_type(labels, value) if labels.dtype.kind == value.dtype.kind in "US" else labels.dtype
-    kept = False
+    fits = False
     with suppress(TypeError, ValueError, OverflowError), np.errstate(invalid="ignore"):
-        same = value.astype(kind) == value or (value != value and kind.kind in "fcmM")
-        kept = value.ndim == 0 and bool(same)
-    if not kept:
+        is_same = value.astype(kind) == value or (value != value and kind.kind in "fcmM")
+        fits = value.ndim == 0 and bool(is_same)
+    if not fits:
         raise DescriptorError(f"fill = {fill!r} is no value of type {labels.dtype}")
-    filled: AnyArray = labels.astype(kind)
-    filled[holes] = value
-    return filled
+    rows: AnyArray = labels.astype(kind)
+    rows[unmatched] = value
+    return rows
 
 
-def composed(
+def compose_arrays(
     vertices: IntArray,  # (n,) middle vertex of each source vertex
     points: PrecisePoints,  # the same, precisely
     image: IntArray,  # (m,) target vertex of each middle vertex
-    there: PrecisePoints,  # the same, precisely
+    images: PrecisePoints,  # the same, precisely
     middle: Mesh | None,
     target: Mesh | None,
 ) -> tuple[IntArray, PrecisePoints]:
-    """Map the images under one map by another, see `Correspondence.then`: target vertices (n,) and n precise images."""
+    """Map the images under one map by another, see `Correspondence.then`: vertices (n,) and n points."""
     by_weight = np.argsort(-points.barycentric, axis=1, kind="stable")
     corners = np.take_along_axis(points.corners, by_weight, axis=1)
     weights = np.take_along_axis(points.barycentric, by_weight, axis=1)
     nearest = corners[:, 0]
     target_vertex = np.where(vertices >= 0, image[nearest], UNMATCHED)
-    faces, barycentric = there.corners[nearest], there.barycentric[nearest]
+    faces, barycentric = images.corners[nearest], images.barycentric[nearest]
     weights = np.where((image >= 0)[corners], weights, 0.0)
     inside = np.flatnonzero((target_vertex >= 0) & (weights[:, 1:] > 0).any(axis=1))
     weights = weights[inside] / weights[inside].sum(axis=1, keepdims=True)
-    between = PrecisePoints(corners[inside], weights)
-    precise, changed = (
-        composed_in_faces(between, there)
+    inner_points = PrecisePoints(corners[inside], weights)
+    precise, is_precise = (
+        _compose_in_faces(inner_points, images)
         if middle is None or target is None
-        else composed_on_surface(between, there, middle, target)
+        else _compose_on_surface(inner_points, images, middle, target)
     )
-    rows = inside[changed]
-    faces[rows], barycentric[rows] = (part[changed] for part in precise)
+    rows = inside[is_precise]
+    faces[rows], barycentric[rows] = (array[is_precise] for array in precise)
     target_vertex[rows] = faces[rows, barycentric[rows].argmax(axis=1)]
     return target_vertex, PrecisePoints(faces, barycentric)
 
 
-def composed_in_faces(points: PrecisePoints, there: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:
-    """Compose exactly where the images of all corners of a point lie in one triangle: m points, and which they are."""
+def _compose_in_faces(points: PrecisePoints, images: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:
+    """Compose m points if the images of their corners lie in one triangle; tell whether they do (m,)."""
     m = len(points.corners)
-    corners = there.corners[points.corners]  # (m, 3, 3)
-    weights = (there.barycentric[points.corners] * points.barycentric[:, :, None]).reshape(m, 9)
-    composed_points = PrecisePoints.at_vertices(np.full(m, -1))
+    corners = images.corners[points.corners]  # (m, 3, 3)
+    weights = (images.barycentric[points.corners] * points.barycentric[:, :, None]).reshape(m, 9)
+    composed = PrecisePoints.at_vertices(np.full(m, -1))
     inside = np.zeros(m, dtype=bool)
     for k in range(3):
         same = corners.reshape(m, 9, 1) == corners[:, None, k]  # (m, 9, 3)
         new = ~inside & (same.any(axis=2) | (weights == 0)).all(axis=1)
         first_same = same & (same.cumsum(axis=2) == 1)
-        composed_points.corners[new] = corners[new, k]
-        composed_points.barycentric[new] = np.einsum("ma,mac->mc", weights[new], first_same[new])
+        composed.corners[new] = corners[new, k]
+        composed.barycentric[new] = np.einsum("ma,mac->mc", weights[new], first_same[new])
         inside |= new
-    return composed_points, inside
+    return composed, inside
 
 
-def composed_on_surface(
-    points: PrecisePoints, there: PrecisePoints, middle: Mesh, target: Mesh
+def _compose_on_surface(
+    points: PrecisePoints, images: PrecisePoints, middle: Mesh, target: Mesh
 ) -> tuple[PrecisePoints, BoolArray]:
-    """Interpolate the images of the corners of m points in space, and take the nearest point of the target."""
-    # Corners that the map tears from the first one are left out. The second result tells which of the m points have
-    # more than one corner left.
+    """Interpolate images of corners of m points in space, and take the nearest points of the target."""
+    # Corners that the map tears from the first one are left out. The second result tells which of
+    # the m points have more than one corner left.
     positions, _, _ = normalised(target.vertices)
-    images = there.interpolated(positions)
-    corners, both = points.corners, (normalised(middle.vertices)[0], images)
-    apart, stretched = (np.linalg.norm(x[corners] - x[corners[:, :1]], axis=2) for x in both)
-    used = (points.barycentric > 0) & (apart > 0)
-    usual = np.median(stretched[used] / apart[used]) if used.any() else 0.0
-    near = used & (stretched <= TORN * usual * apart)
+    places = images.interpolated(positions)
+    corners, surfaces = points.corners, (normalised(middle.vertices)[0], places)
+    before, after = (np.linalg.norm(x[corners] - x[corners[:, :1]], axis=2) for x in surfaces)
+    used = (points.barycentric > 0) & (before > 0)
+    usual = np.median(after[used] / before[used]) if used.any() else 0.0
+    near = used & (after <= MAX_STRETCH_RATIO * usual * before)
     near[:, 0] = True
     weights = np.where(near, points.barycentric, 0.0)
-    between = PrecisePoints(points.corners, weights / weights.sum(axis=1, keepdims=True))
+    inner_points = PrecisePoints(points.corners, weights / weights.sum(axis=1, keepdims=True))
     groups = VertexGroups.of(np.arange(target.n_vertices), target.n_vertices)
-    start = there.corners[points.corners].reshape(-1, 9)
+    start = images.corners[points.corners].reshape(-1, 9)
     start = np.where(start < 0, start[:, :1], start)
-    composed_points = PlacedMesh(target, positions, groups).inverse(between.interpolated(images), start)
-    return composed_points, near[:, 1:].any(axis=1)
+    composed = PlacedMesh(target, positions, groups).inverse(inner_points.interpolated(places), start)
+    return composed, near[:, 1:].any(axis=1)
 
 
-def inverse(
-    image: IntArray, there: PrecisePoints, source: Surface, target: Surface, within: float
+def invert_arrays(
+    image: IntArray, images: PrecisePoints, source: Surface, target: Surface, within: float
 ) -> tuple[PrecisePoints, BoolArray]:
-    """Find the point of the source whose image is nearest to each vertex of the target, and which vertices have one."""
-    # the search starts from the source vertices mapped to the target vertex nearest along edges
+    """Find the source point whose image is nearest to each target vertex; tell which have one (n,)."""
+    # The search starts from the source vertices mapped to the target vertex nearest along edges.
     matched = image >= 0
     n = target.n_vertices
     if not matched.any():
         return PrecisePoints.at_vertices(np.full(n, -1)), np.zeros(n, dtype=bool)
-    gap, near = distance_along_edges_to_nearest(target, np.unique(image[matched]), weld=True)
-    reached = gap <= within * np.sqrt(target.area)
+    distance, near = distance_along_edges_to_nearest(target, np.unique(image[matched]), weld=True)
+    reached = distance <= within * np.sqrt(target.area)
     groups = VertexGroups.of(image, n)
     preimages = PrecisePoints.at_vertices(np.where(reached, groups.members[groups.start[near * reached]], -1))
     if isinstance(source, Mesh) and isinstance(target, Mesh):
         positions, _, _ = normalised(target.vertices)
         places = np.full((len(image), 3), np.nan)
-        places[matched] = there.interpolated(positions)[matched]
+        places[matched] = images.interpolated(positions)[matched]
         exact = PlacedMesh(source, places, groups).inverse(positions[reached], near[reached, None])
         preimages.corners[reached], preimages.barycentric[reached] = exact
     return preimages, reached

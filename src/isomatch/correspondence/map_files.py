@@ -1,4 +1,4 @@
-"""Files of maps, of isomatch and of other programs: which array is the map, and what its indices count from."""
+"""Files of maps, of isomatch and of other programs: which array is the map, and its first index."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ _HEADER = re.compile(
     r"# (?P<n_source>[0-9]{1,18}) source vertices, (?P<n_target>[0-9]{1,18}) target vertices"
     r"(?:.*\n#.*\n# source hash (?P<source_hash>\w+), target hash (?P<target_hash>\w+))?"
 )
-LONGEST_HEADER = 1000  # bytes of a text
+MAX_HEADER_BYTES = 1000  # of a text
 _LINES = "write one 0-based target vertex on each line, -1 where unmatched"
-_MOST_NAMED = 8  # arrays that a message lists
+_MAX_LISTED_ARRAYS = 8  # in a message
 
 
 def write_map(path: Path, parts: dict[str, Any]) -> None:
@@ -90,31 +90,31 @@ def map_parts(
     counts_from: int | None = None,
     variable: str | None = None,
 ) -> tuple[dict[str, Any], IndexBase]:
-    """Read the parts of a map, by name, and how its indices were taken; for the arguments see `Correspondence.load`."""
+    """Read the parts of a map, by name, and its first index; arguments as in `Correspondence.load`."""
     suffix = path.suffix.lower()
-    declared, stored = False, None
+    is_ours, n_stored = False, None
     if suffix == ".mat":
         arrays = read_mat(path, "a map", "one array of target vertices")
-        parts: dict[str, Any] = {"vertices": the_vector(path, arrays, n_source, variable)}
+        parts: dict[str, Any] = {"vertices": choose_vector(path, arrays, n_source, variable)}
     elif suffix == ".npy":
-        parts = {"vertices": the_vector(path, {"the array": read_array(path)}, n_source)}
+        parts = {"vertices": choose_vector(path, {"the array": read_array(path)}, n_source)}
     elif suffix == ".npz":
-        declared, stored, parts = _read_arrays(path, n_source, n_target, variable)
+        is_ours, n_stored, parts = _read_arrays(path, n_source, n_target, variable)
     else:
-        declared, stored, parts = _read_text(path)
-    if stored is not None and n_target not in (None, stored):
+        is_ours, n_stored, parts = _read_text(path)
+    if n_stored is not None and n_target not in (None, n_stored):
         raise FormatError(
-            f"{path}: is a map onto a target of {stored} vertices, not {n_target}; give the map of these two shapes"
+            f"{path}: is a map onto a target of {n_stored} vertices, not {n_target}; give the map of these two shapes"
         )
     if n_source is not None and len(parts["vertices"]) != n_source:
         raise FormatError(
             f"{path}: maps {len(parts['vertices'])} vertices, but the source has {n_source}; give the map of these two "
             "shapes in this direction"
         )
-    n_target = n_target if stored is None else stored
+    n_target = n_target if n_stored is None else n_stored
     image, base = parts["vertices"], IndexBase(0)
-    if not declared:
-        image, base = counted_from_zero(path, image, n_target, counts_from)
+    if not is_ours:
+        image, base = count_from_zero(path, image, n_target, counts_from)
     n_target = int(image.max(initial=-1)) + 1 if n_target is None else n_target
     return parts | {"vertices": image, "n_target": n_target}, base
 
@@ -130,11 +130,11 @@ def _read_arrays(
     with Archive.opened(path, refuse) as file:
         names = file.names
         is_of_pair = {"record", *(f"{side}_vertices" for side in SIDES)} <= set(names)
-        # what isomatch wrote has a direction or a version
+        # files of isomatch have a direction or a version
         if not {"direction", "format_version"} & set(names):
             if not names:
                 refuse("it has no array 'vertices'")
-            return False, None, {"vertices": the_vector(path, file.read_all(names), n_source, variable)}
+            return False, None, {"vertices": choose_vector(path, file.read_all(names), n_source, variable)}
     if variable is not None:
         raise FormatError(
             f"{path}: isomatch wrote it, and its map is not {variable!r}; leave out the variable"
@@ -149,7 +149,7 @@ def _read_arrays(
 
 
 def pair_parts(arrays: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the parts of both maps of a pair, there and back, of what `PAIR_FORMAT` reads.
+    """Return the parts of both maps of a pair, there and back, from the arrays of `PAIR_FORMAT`.
 
     `ValueError`, `KeyError` or `TypeError` if the record of the pair is damaged.
 
@@ -173,27 +173,26 @@ def pair_parts(arrays: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any
 
 
 def _of_pair(path: Path, n_source: int | None, n_target: int | None) -> tuple[bool, int, dict[str, Any]]:
-    """Take of the maps of a pair the one between so many vertices, there if both are."""
+    """Take the map of a pair that fits the numbers of vertices, the one from source to target if both fit."""
     try:
         maps = pair_parts(PAIR_FORMAT.read(path))
     except (ValueError, KeyError, TypeError) as error:
         if isinstance(error, FormatError):
             raise
         raise FormatError(f"{path}: not the maps of a pair ({error}); match it again") from None
-    wanted = n_source, n_target
-    fitting = [
+    fitting = (
         parts
         for parts in maps
-        if all(n in (None, own) for n, own in zip(wanted, (len(parts["vertices"]), parts["n_target"])))
-    ]
-    parts = (fitting or maps)[0]
+        if n_source in (None, len(parts["vertices"])) and n_target in (None, parts["n_target"])
+    )
+    parts = next(fitting, maps[0])
     return True, parts.pop("n_target"), parts
 
 
 def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:
-    """Read a map from a text file: whether isomatch wrote it, its number of target vertices, if any, and vertices."""
+    """Read a text: whether isomatch wrote it, its number of target vertices, if any, and the parts."""
     with opened(path) as file:
-        header = _HEADER.match(file.read(LONGEST_HEADER).decode("utf-8-sig", errors="replace"))
+        header = _HEADER.match(file.read(MAX_HEADER_BYTES).decode("utf-8-sig", errors="replace"))
     if header:
         require_known_version(path, int(header["version"] or FIRST_VERSION), FORMAT.version)
 
@@ -210,10 +209,10 @@ def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:
 
 
 class IndexBase(NamedTuple):
-    """What indices count from, 0 or 1, and how that was found.
+    """The first index of a file, 0 or 1, and how it was found.
 
-    ``is_certain`` if the file says so or was said to, or no other reading fits; ``is_likely`` if the other reading is
-    unlikely; ``note`` says what was decided, if something had to be.
+    ``is_certain`` if the file or the user says it, or no other reading fits; ``is_likely`` if the
+    other reading is unlikely; ``note`` tells a decision, if one was necessary.
 
     Examples
     --------
@@ -227,15 +226,15 @@ class IndexBase(NamedTuple):
     note: str = ""
 
 
-def the_vector(
+def choose_vector(
     path: Path, arrays: Mapping[str, Any], n_source: int | None, variable: str | None = None
 ) -> AnyArray:
     """Choose the array that is a map, one number for each source vertex, by its shape or its name."""
     squeezed = {name: np.squeeze(value) for name, value in arrays.items() if isinstance(value, np.ndarray)}
-    named = [f"{name} {value.shape}" for name, value in squeezed.items()]
-    held = ", ".join(named[:_MOST_NAMED]) or "no array"
+    shapes = [f"{name} {value.shape}" for name, value in squeezed.items()]
+    listed = ", ".join(shapes[:_MAX_LISTED_ARRAYS]) or "no array"
     if variable is not None and variable not in arrays:
-        raise FormatError(f"{path}: has no variable {variable!r}; it holds {held}")
+        raise FormatError(f"{path}: has no variable {variable!r}; it holds {listed}")
     fitting = {
         name: value
         for name, value in squeezed.items()
@@ -245,8 +244,8 @@ def the_vector(
     vertices = "vertices" if n_source is None else f"{n_source} vertices"
     if not fitting:
         raise FormatError(
-            f"{path}: not a map (no array has one number for each of the source's {vertices}); it holds {held}; give the "
-            "map of these two shapes in this direction"
+            f"{path}: not a map (no array has one number for each of the source's {vertices}); it holds {listed}; "
+            "give the map of these two shapes in this direction"
         )
     if len(fitting) > 1:
         names = ", ".join(fitting)
@@ -257,10 +256,10 @@ def the_vector(
     return next(iter(fitting.values()))
 
 
-def counted_from_zero(
+def count_from_zero(
     path: Path, indices: AnyArray, n_target: int | None, counts_from: int | None
 ) -> tuple[IntArray, IndexBase]:
-    """Return indices that count from 0; −1 means unmatched, as nan does, and 0 in a file that counts from 1."""
+    """Return indices that count from 0; −1 and nan mean unmatched, and 0 in a file that counts from 1."""
     if counts_from not in (None, 0, 1):
         raise SettingError(f"counts_from = {counts_from!r} is neither 0 nor 1")
     if indices.dtype.kind == "f":
@@ -278,9 +277,10 @@ def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target
     """Find whether indices (m,) of ``what`` count from 0 or from 1, where −1, and maybe 0, means unmatched.
 
     - The largest is ``n``, their number if known, and none is 0: from 1, for certain.
-    - There are 0 and −1, which then means unmatched, or each index from 0 to the largest once: from 0, for certain.
-    - There are 0 and no −1: likely from 0; but not if there are several 0, more than of any other index, as where 0 means
-      unmatched.
+    - There are 0 and −1, which then means unmatched, or each index from 0 to the largest once:
+      from 0, for certain.
+    - There are 0 and no −1: likely from 0; but not if 0 occurs several times, more often than any
+      other index, as if it meant unmatched.
     - Otherwise from 0, which is not likely.
 
     Raises
@@ -297,17 +297,17 @@ def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target
     >>> index_base(Path("map.txt"), np.array([2, 0, -1, 2]), 4)[:3]
     (0, True, True)
     """
-    held = indices[indices >= 0].astype(np.int64)
-    if not len(held):
+    matched = indices[indices >= 0].astype(np.int64)
+    if not len(matched):
         return IndexBase(0)
-    least, most = int(held.min()), int(held.max())
-    if most == n and least == 0:
+    least, largest = int(matched.min()), int(matched.max())
+    if largest == n and least == 0:
         raise FormatError(
             f"{path}: has both 0 and {n}, the number of {what}; if it counts from 1, and 0 means unmatched, say that it "
             "counts from 1, or else give the map of these two shapes"
         )
-    if most == n:
-        note = f"{path.name}: counts from 1, as its largest index, {most}, is the number of {what}"
+    if largest == n:
+        note = f"{path.name}: counts from 1, as its largest index, {largest}, is the number of {what}"
         return IndexBase(1, note=note)
     if least > 0:
         note = (
@@ -316,8 +316,8 @@ def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target
             else f"{path.name}: indices are read as 0-based; neither 0 nor {n} is among them, which would settle it"
         )
         return IndexBase(0, False, False, note)
-    _, times = np.unique(held, return_counts=True)
-    if len(held) < len(indices) or len(held) == len(times) == most + 1:
+    _, times = np.unique(matched, return_counts=True)
+    if len(matched) < len(indices) or len(matched) == len(times) == largest + 1:
         return IndexBase(0)
     if times[0] > max(1, times[1:].max(initial=0)):
         note = f"{path.name}: indices are read as 0-based; its {times[0]} zeros mean unmatched if they are 1-based"

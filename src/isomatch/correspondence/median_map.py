@@ -1,4 +1,4 @@
-"""Maps that several ways give between two surfaces, as one: the geometric median of the images on the target."""
+"""Several maps between two surfaces joined to one: the geometric median of the images on the target."""
 
 from __future__ import annotations
 
@@ -14,28 +14,31 @@ from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import PrecisePoints
 
-MOST_STEPS = 1000
-EXACT = 1e-12  # of the extent of the points: movement in the last step
-PRECISE = 1e-6  # of the target's extent, far less than maps can be right
+MAX_STEPS = 1000
+# Movement in the last step, relative to the extent of the points; the second is far below the
+# errors of maps.
+EXACT_STEP = 1e-12
+PRECISE_STEP = 1e-6
 
 
 def median_map(
     maps: Sequence[Correspondence], target: SurfaceLike, errors: Sequence[float] | None = None
 ) -> Correspondence:
-    """Join maps between the same two surfaces: to the geometric median of the images of each vertex, on the target.
+    """Join maps between the same two surfaces: each vertex is mapped to the geometric median of its images.
 
-    The median lies inside a triangle, on a sheet that one of the images is on. A vertex is unmatched where fewer than
-    half of the maps have an image. One wrong map in three moves an image little. O(n m) time for each of some tens of
-    steps.
+    The median lies inside a triangle, on the sheet of one of the images. A vertex is unmatched if
+    fewer than half of the maps have an image. One wrong map in three moves an image little. O(n m)
+    time for each of some tens of steps.
 
     Parameters
     ----------
     maps : sequence of Correspondence
         Source → target, such as compositions over several other shapes.
     target : Mesh, or what `mesh_from` takes
-        Where they end.
+        Target of the maps.
     errors : sequence of float, optional
-        Expected error of each. Of two maps, all between both images are medians: it is then the mean by 1 / error².
+        Expected error of each map. For two maps, any point between both images is a median: the
+        result is then their mean, weighted by 1 / error².
 
     Raises
     ------
@@ -54,22 +57,21 @@ def median_map(
         raise MapError("no maps to join; give at least one")
     mesh = mesh_from(target)
     first = maps[0]
-    for each in maps:
-        each.check_fits(target=mesh)
-        if each.shape != first.shape or each.source_hash != first.source_hash:
-            raise MapError(f"cannot join {first!r} with {each!r}: they start from different surfaces")
+    for other in maps:
+        other.check_fits(target=mesh)
+        if other.shape != first.shape or other.source_hash != first.source_hash:
+            raise MapError(f"cannot join {first!r} with {other!r}: they start from different surfaces")
     places, _, _ = normalised(mesh.vertices)
-    images = np.stack([each.pull_back(places) for each in maps])  # (m, n, 3)
-    starts = np.stack([each.vertices for each in maps], axis=1)  # (n, m)
+    images = np.stack([one.pull_back(places) for one in maps])  # (m, n, 3)
+    starts = np.stack([one.vertices for one in maps], axis=1)  # (n, m)
     rows = np.flatnonzero(2 * (starts >= 0).sum(axis=1) >= len(maps))
-    median = geometric_median(images[:, rows], PRECISE)
+    median = geometric_median(images[:, rows], PRECISE_STEP)
     if len(maps) == 2 and errors is not None and np.min(errors) > 0:
-        share = 1 / (1 + (errors[0] / errors[1]) ** 2)  # of the first
-        mean = share * images[0, rows] + (1 - share) * images[1, rows]
+        weight = 1 / (1 + (errors[0] / errors[1]) ** 2)  # of the first map
+        mean = weight * images[0, rows] + (1 - weight) * images[1, rows]
         median = np.where(np.isnan(mean), median, mean)
-    any_of = starts[rows].max(axis=1, keepdims=True)
     groups = VertexGroups.of(np.arange(mesh.n_vertices), mesh.n_vertices)
-    near = np.where(starts[rows] < 0, any_of, starts[rows])
+    near = np.where(starts[rows] < 0, starts[rows].max(axis=1, keepdims=True), starts[rows])
     points = PlacedMesh(mesh, places, groups).inverse(median, near)
     faces, barycentric = PrecisePoints.at_vertices(np.full(len(starts), UNMATCHED))
     faces[rows], barycentric[rows] = points
@@ -77,7 +79,7 @@ def median_map(
     return Correspondence(vertices, mesh.n_vertices, faces, barycentric, *hashes)
 
 
-def geometric_median(points: FloatArray, tolerance: float = EXACT) -> FloatArray:
+def geometric_median(points: FloatArray, tolerance: float = EXACT_STEP) -> FloatArray:
     """Find the points (m, 3) with the least sum of distances from points (t, m, 3); nan rows are left out.
 
     Examples
@@ -85,21 +87,22 @@ def geometric_median(points: FloatArray, tolerance: float = EXACT) -> FloatArray
     >>> geometric_median(np.array([[[0.0, 0, 0]], [[1, 0, 0]], [[9, 0, 0]]])).round(6)
     array([[1., 0., 0.]])
     """
-    # Weiszfeld 1937: Σ_k |p_k − x| has the gradient Σ_k (x − p_k) / |p_k − x|, which vanishes at the mean of the p_k
-    # with the weights 1 / |p_k − x|: x is put there in turn, until no point moves by more than the tolerance, relative
-    # to the extent of the points. Where a median is one of the points the weight is singular; they are compared at the
-    # end. Of two points, any between them.
-    there = np.asarray(np.isfinite(points).all(axis=2))[:, :, None]
-    points = np.where(there, points, 0.0)
-    count = there.sum(axis=0)
+    # Weiszfeld 1937: Σ_k |p_k − x| has the gradient Σ_k (x − p_k) / |p_k − x|, which vanishes at
+    # the mean of the p_k with the weights 1 / |p_k − x|: x moves to this mean until no point moves
+    # by more than the tolerance, relative to the extent of the points. If a median is one of the
+    # points, its weight is singular; so all points are compared with the result. Any point between
+    # two is a median.
+    known = np.asarray(np.isfinite(points).all(axis=2))[:, :, None]
+    points = np.where(known, points, 0.0)
+    count = known.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         middle = points.sum(axis=0) / count
     if (count <= 2).all():
         return np.asarray(middle)
-    extent = float(np.abs(np.where(there, points - np.nan_to_num(middle), 0.0)).max())
-    for _ in range(MOST_STEPS if extent > 0 else 0):
-        apart = np.linalg.norm(points - middle, axis=2, keepdims=True)
-        weights = np.where(there, 1.0 / np.maximum(apart, tolerance * extent), 0.0)
+    extent = float(np.abs(np.where(known, points - np.nan_to_num(middle), 0.0)).max())
+    for _ in range(MAX_STEPS if extent > 0 else 0):
+        distances = np.linalg.norm(points - middle, axis=2, keepdims=True)
+        weights = np.where(known, 1.0 / np.maximum(distances, tolerance * extent), 0.0)
         with np.errstate(invalid="ignore"):
             moved = (weights * points).sum(axis=0) / weights.sum(axis=0)
         step = np.nan_to_num(np.abs(moved - middle)).max()
@@ -108,11 +111,12 @@ def geometric_median(points: FloatArray, tolerance: float = EXACT) -> FloatArray
             break
 
     def total(medians: FloatArray) -> FloatArray:
-        apart = np.linalg.norm(medians - points, axis=2)
-        return np.asarray(np.where(there[:, :, 0], apart, 0.0).sum(axis=0))
+        distances = np.linalg.norm(medians - points, axis=2)
+        return np.asarray(np.where(known[:, :, 0], distances, 0.0).sum(axis=0))
 
     best, least = middle, total(middle)
-    for own in np.where(there, points, np.nan):
-        sums = total(own)
-        best, least = np.where((sums < least)[:, None], own, best), np.where(sums < least, sums, least)
+    for candidates in np.where(known, points, np.nan):
+        sums = total(candidates)
+        is_less = sums < least
+        best, least = np.where(is_less[:, None], candidates, best), np.where(is_less, sums, least)
     return np.asarray(np.where(count > 2, best, middle))

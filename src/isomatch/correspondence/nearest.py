@@ -13,12 +13,13 @@ from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_map
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
-TINY = np.float32(1e-30)
-ROWS = 1024  # queries at once among few candidates
-BLOCK = 512  # queries at once; fixed, so that results do not depend on the number of threads
-ROUNDING = 1e-5  # of sums of products in single precision, relative to the squared norms
-TIE = 1e-6  # score differences below this share of the largest squared norm are compared again in float64
-CHUNK = 2048  # points at once; fixed, so that results do not depend on the number of threads
+MIN_SQUARED_DISTANCE = np.float32(1e-30)  # instead of 0 in denominators
+QUERIES_OF_FEW = 1024  # queries at once among few candidates
+# Queries and points of one task; fixed, so that results do not depend on the number of threads.
+QUERIES_PER_TASK = 512
+POINTS_PER_TASK = 2048
+ROUNDING_RATIO = 1e-5  # error of sums of products in single precision, relative to the squared norms
+TIE_RATIO = 1e-6  # scores that differ by less, relative to the largest squared norm, are compared in float64
 
 
 def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
@@ -32,29 +33,29 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
     >>> nearest_rows(candidates, np.array([[1.0, 0.0], [3.0, 1.0]]))
     array([0, 1])
     """
-    # |y − x|² = |y|² − 2 (y · x − ½ |x|²): the nearest candidate has the largest score y · x − ½ |x|², one matrix
-    # product for all. Candidates whose score is within the rounding of the best are ranked by their true distance in
-    # double precision
+    # |y − x|² = |y|² − 2 (y · x − ½ |x|²): the nearest candidate has the largest score y · x − ½
+    # |x|², one matrix product for all. Candidates whose scores equal the best up to rounding are
+    # ranked by their distance in double precision.
     centre = candidates.mean(axis=0)
     x, y = np.ascontiguousarray(candidates - centre), np.ascontiguousarray(queries - centre)
     norms = np.einsum("ij,ij->i", x, x)
     table = np.vstack([x.T, -0.5 * norms]).astype(np.float32)
     probes = np.hstack([y, np.ones((len(y), 1))]).astype(np.float32)
-    slack = TIE * float(max(norms.max(initial=0.0), np.einsum("ij,ij->i", y, y).max(initial=0.0)))
+    slack = TIE_RATIO * float(max(norms.max(initial=0.0), np.einsum("ij,ij->i", y, y).max(initial=0.0)))
 
     def block(first: int) -> IntArray:
-        rows = slice(first, first + BLOCK)
+        rows = slice(first, first + QUERIES_PER_TASK)
         scores = probes[rows] @ table
         best = np.zeros(len(scores), dtype=np.int64)
         bars = scores.max(axis=1, initial=-np.inf) - np.float32(slack)
-        _settle(scores, bars, x, y[rows], best)
+        _choose_nearest(scores, bars, x, y[rows], best)
         return best
 
-    return _joined(parallel_map(block, range(0, len(y), BLOCK)))
+    return _concatenate(parallel_map(block, range(0, len(y), QUERIES_PER_TASK)))
 
 
 def nearest_of_few(candidates: FloatArray, queries: FloatArray) -> IntArray:
-    """Find nearest rows as `nearest_rows` does, faster for few rows; of equally near ones in single precision, any.
+    """Find nearest rows as `nearest_rows`, faster for few; any of those equal in single precision.
 
     Examples
     --------
@@ -63,16 +64,16 @@ def nearest_of_few(candidates: FloatArray, queries: FloatArray) -> IntArray:
     """
     table, norms = single(candidates).T, single(0.5 * np.einsum("ij,ij->i", candidates, candidates))
     nearest = []
-    for first in range(0, len(queries), ROWS):
-        scores = single(queries[first : first + ROWS]) @ table
+    for first in range(0, len(queries), QUERIES_OF_FEW):
+        scores = single(queries[first : first + QUERIES_OF_FEW]) @ table
         scores -= norms
         nearest.append(scores.argmax(axis=1))
-    return _joined(nearest)
+    return _concatenate(nearest)
 
 
 @dataclass(frozen=True, eq=False)
 class VertexCells:
-    """A partition of n vertices into cells, each around a centre: those of cell a are ``members[start[a]:start[a + 1]]``.
+    """A partition of n vertices into cells: cell a has the vertices ``members[start[a]:start[a + 1]]``.
 
     Examples
     --------
@@ -93,11 +94,12 @@ class VertexCells:
 
 
 def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexCells) -> IntArray:
-    """Find nearest rows as `nearest_rows` does, in single precision, by any cells; compact ones make it fast."""
-    # By the triangle inequality |y − x| ≥ |y − z| − r for every vertex x of a cell with the centre z and the radius r
-    # in these coordinates, and |y − x| ≥ ||y − z| − |x − z||. Cells, and vertices, that are farther by this than the
-    # nearest so far are passed over. A surface is two-dimensional whatever d is, so a handful of cells is opened for
-    # each query: 2 m c d operations for the centres, about m d n / c for each cell opened.
+    """Find nearest rows as `nearest_rows`, in single precision, by cells; compact cells are fast."""
+    # By the triangle inequality |y − x| ≥ |y − z| − r for every vertex x of a cell with the centre
+    # z and the radius r in these coordinates, and |y − x| ≥ ||y − z| − |x − z||. Cells and vertices
+    # whose bound exceeds the nearest distance so far are passed over. A surface is two-dimensional
+    # in any d, so a handful of cells is opened for each query: 2 m c d operations for the centres,
+    # about m d n / c for each cell opened.
     middle = candidates.mean(axis=0)
     x = _single(candidates, middle)
     x, centres = x[cells.members], x[cells.centres]
@@ -106,30 +108,32 @@ def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexC
     _radii(x, centres, cells.start, from_centre, radius)
 
     def block(first: int) -> IntArray:
-        y = _single(queries[first : first + BLOCK], middle)
-        squared_apart = y @ (-2 * centres.T)
-        own = np.einsum("ij,ij->i", y, y)
-        squared_apart += norms
-        squared_apart += own[:, None]
-        doubt = single(ROUNDING * (own + norms.max()))
+        y = _single(queries[first : first + QUERIES_PER_TASK], middle)
+        squared = y @ (-2 * centres.T)  # distances of queries from centres
+        query_norms = np.einsum("ij,ij->i", y, y)
+        squared += norms
+        squared += query_norms[:, None]
+        error = single(ROUNDING_RATIO * (query_norms + norms.max()))
         best = np.zeros(len(y), dtype=np.int64)
-        _open_cells(squared_apart, doubt, radius, from_centre, x, y, cells.start, cells.members, best)
+        _open_cells(squared, error, radius, from_centre, x, y, cells.start, cells.members, best)
         return best
 
-    return _joined(parallel_map(block, range(0, len(queries), BLOCK)))
+    return _concatenate(parallel_map(block, range(0, len(queries), QUERIES_PER_TASK)))
 
 
 def _single(points: FloatArray, middle: FloatArray) -> Float32Array:
-    """Points about the middle, in single precision."""
+    """Points relative to the middle, in single precision."""
     return np.subtract(points, middle, dtype=np.float32, casting="same_kind")
 
 
-def _joined(parts: list[IntArray]) -> IntArray:
+def _concatenate(parts: list[IntArray]) -> IntArray:
     return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
 
 
 @compiled(fastmath={"nnan", "nsz", "reassoc", "contract"})
-def _settle(scores: Float32Array, bars: Float32Array, x: FloatArray, y: FloatArray, best: IntArray) -> None:
+def _choose_nearest(
+    scores: Float32Array, bars: Float32Array, x: FloatArray, y: FloatArray, best: IntArray
+) -> None:
     for i in range(len(scores)):
         winner, nearest = -1, np.inf
         for j in range(scores.shape[1]):
@@ -152,8 +156,8 @@ def _radii(
 
 @compiled(fastmath={"nsz", "reassoc", "contract"}, error_model="numpy")
 def _open_cells(
-    squared_apart: Float32Array,
-    doubt: Float32Array,
+    squared: Float32Array,
+    error: Float32Array,
     radius: Float32Array,
     from_centre: Float32Array,
     x: Float32Array,
@@ -165,24 +169,24 @@ def _open_cells(
     for i in range(len(y)):
         first = 0
         for cell in range(len(radius)):
-            if squared_apart[i, cell] < squared_apart[i, first]:
+            if squared[i, cell] < squared[i, first]:
                 first = cell
         winner, nearest, reach = -1, np.float32(np.inf), np.float32(np.inf)
         for turn in range(-1, len(radius)):
             cell = first if turn < 0 else turn
             within = reach + radius[cell]
-            if turn == first or squared_apart[i, cell] - doubt[i] > within * within:
+            if turn == first or squared[i, cell] - error[i] > within * within:
                 continue
-            away = np.sqrt(max(squared_apart[i, cell], doubt[i], TINY))
-            beyond = reach + doubt[i] / away
+            to_centre = np.sqrt(max(squared[i, cell], error[i], MIN_SQUARED_DISTANCE))
+            limit = reach + error[i] / to_centre
             for j in range(start[cell], start[cell + 1]):
-                if abs(away - from_centre[j]) > beyond:
+                if abs(to_centre - from_centre[j]) > limit:
                     continue
                 distance = squared_distance(x, j, y, i)
                 if distance < nearest or (distance == nearest and members[j] < winner):
                     winner, nearest = members[j], distance
-                    reach = np.sqrt(nearest) * np.float32(1.0 + ROUNDING)
-                    beyond = reach + doubt[i] / away
+                    reach = np.sqrt(nearest) * np.float32(1.0 + ROUNDING_RATIO)
+                    limit = reach + error[i] / to_centre
         best[i] = winner
 
 
@@ -203,14 +207,16 @@ def nearest_points(
     nearest_vertex: IntArray,
     around: tuple[IntArray, IntArray] | None = None,
 ) -> PrecisePoints:
-    """Find the nearest points of the triangles around the nearest vertices (m,), which are their first corners.
+    """Find the nearest points of the triangles around the nearest vertices (m,), their first corners.
 
-    Triangles (f, 3) are flat in the d dimensions of the coordinates (n, d); without any, the vertices are the result.
-    ``around`` is what `faces_around_vertices` gives, if that is known. About 6 m faces, 5 d operations each.
+    Triangles (f, 3) are flat in the d dimensions of the coordinates (n, d); without any, the
+    vertices are the result. ``around`` is the result of `faces_around_vertices`, if known. About 6
+    m faces, 5 d operations each.
 
     Examples
     --------
-    The first query lies over the triangle, the nearest point of the second is in the middle of an edge.
+    The first query lies above the triangle, the nearest point of the second is in the middle of an
+    edge.
 
     >>> triangle = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     >>> queries = np.array([[0.25, 0.25, 3.0], [0.5, -2.0, 0.0]])
@@ -218,22 +224,23 @@ def nearest_points(
     array([[0.5 , 0.25, 0.25],
            [0.5 , 0.5 , 0.  ]])
     """
-    # Ezuz & Ben-Chen, *Deblurring and Denoising of Maps between Shapes*, SGP 2017: the precise image of a vertex is the
-    # nearest point of all triangles in the space of the embedding; here of those around the nearest vertex
+    # Ezuz & Ben-Chen, *Deblurring and Denoising of Maps between Shapes*, SGP 2017: the precise
+    # image of a vertex is the nearest point of all triangles in the space of the embedding; here
+    # only of the triangles around the nearest vertex.
     start, order = around or faces_around_vertices(faces, len(coordinates))
     points = PrecisePoints.at_vertices(nearest_vertex)
 
     def chunk(first: int) -> None:
-        rows = slice(first, first + CHUNK)
+        rows = slice(first, first + POINTS_PER_TASK)
         images = points.corners[rows], points.barycentric[rows]
         _nearest(coordinates, queries[rows], faces, start, order, *images)
 
-    parallel_map(chunk, range(0, len(nearest_vertex), CHUNK))
+    parallel_map(chunk, range(0, len(nearest_vertex), POINTS_PER_TASK))
     return points
 
 
 def faces_around_vertices(faces: IntArray, n_vertices: int) -> tuple[IntArray, IntArray]:
-    """List the faces around each vertex: ``order[start[a]:start[a + 1]]`` holds 3 face + corner for each, increasing.
+    """List 3 face + corner around each vertex a, increasing: ``order[start[a]:start[a + 1]]``.
 
     Examples
     --------
@@ -257,13 +264,13 @@ def _nearest(
 ) -> None:
     for i in range(len(points)):
         a = corners[i, 0]
-        best = 0.0  # squared distance, less that of the vertex
-        for at in range(start[a], start[a + 1]):
-            face, corner = order[at] // 3, order[at] % 3
+        best = 0.0  # squared distance minus the squared distance of the vertex
+        for e in range(start[a], start[a + 1]):
+            face, corner = order[e] // 3, order[e] % 3
             b, c = faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]
-            # the nearest point a + s u + t v of a triangle minimises |p − s u − t v|², which needs inner products
-            # alone, in any dimension; with u = b − a, v = c − a, p = point − a; unconstrained it solves [uu uv; uv vv]
-            # (s, t) = (up, vp)
+            # The nearest point a + s u + t v of a triangle minimises |p − s u − t v|², with u = b −
+            # a, v = c − a, p = point − a. That only needs inner products, in any dimension; without
+            # constraints it solves [uu uv; uv vv] (s, t) = (up, vp).
             uu = uv = vv = up = vp = 0.0
             for d in range(x.shape[1]):
                 u, v, p = x[b, d] - x[a, d], x[c, d] - x[a, d], points[i, d] - x[a, d]
@@ -281,7 +288,7 @@ def _nearest(
 
 @dataclass(frozen=True, eq=False)
 class SurfaceIndex:
-    """An index of a surface, by its triangles (f, 3) and cells, for searches in any smooth coordinates of its n vertices.
+    """An index of a surface, by triangles (f, 3) and cells, for searches in smooth coordinates.
 
     Examples
     --------
@@ -306,6 +313,6 @@ class SurfaceIndex:
         return nearest_in_cells(coordinates, queries, self.cells)
 
     def points(self, coordinates: FloatArray, queries: FloatArray) -> PrecisePoints:
-        """Nearest point on the triangles around the nearest vertex, see `nearest_points`; that vertex comes first."""
+        """Nearest point on the triangles around the nearest vertex, which comes first; `nearest_points`."""
         nearest = self.vertices(coordinates, queries)
         return nearest_points(coordinates, queries, self.faces, nearest, self._around)

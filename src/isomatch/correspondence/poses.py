@@ -1,4 +1,4 @@
-"""Rotations nearest to matrices, similarities that bring one surface near another, and points carried along."""
+"""Rotations nearest to matrices, similarities between surfaces, points carried along with a map."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from scipy.spatial.distance import cdist
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.threads import parallel_map
 
-AT_ONCE = 10_000  # matrices of a thread
-KEPT = 4  # poses that are refined, nearest first: a solid may lie on its axes in as many ways
-MOST_STEPS = 30
-FALLOFF = 4.0  # of the weights of points carried along; chosen: sums over a surface converge from 2 on
-NO_DISTANCE = 1e-6  # of the largest one
-SETTLED = 0.999  # times the distance before, above which a pose has settled
+MATRICES_PER_TASK = 10_000
+MAX_REFINED_POSES = 4  # nearest first: a solid may lie on its axes in as many ways
+MAX_STEPS = 30
+FALLOFF_EXPONENT = 4.0  # of weights that fall with distance; chosen: sums over a surface converge from 2 on
+MIN_DISTANCE_RATIO = 1e-6  # smaller distances, relative to the largest, count as this
+MIN_PROGRESS_RATIO = 0.999  # a pose has converged if its distance exceeds this multiple of the one before
 
 
 def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray:
     """Find the rotation (..., d, d) nearest to each matrix, or the nearest mirror image, of determinant −1.
 
-    ``points @ R`` is nearest to others, row by row, for the rotation R nearest to ``points.T @ others``. O(d³) for each.
+    ``points @ R`` is nearest to others, row by row, for the rotation R nearest to ``points.T @
+    others``. O(d³) for each.
 
     Examples
     --------
@@ -32,12 +33,13 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
     array([[ 0.02,  1.  ],
            [-1.  ,  0.02]])
     """
-    # Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Crystallographica A 32, 1976. With
-    # M = U Σ Vᵀ, ‖R − M‖² is least where tr(Rᵀ M) = tr((Uᵀ R V)ᵀ Σ) is greatest: at R = U Vᵀ among orthogonal matrices,
-    # and at R = U diag(1, …, 1, ±1) Vᵀ among those of a given determinant, which costs the least singular value twice.
-    # For M = XᵀY, tr(Rᵀ M) is the sum of the products of X R and Y, so that R also minimises ‖X R − Y‖.
-    if matrices.ndim == 3 and len(matrices) > AT_ONCE:
-        blocks = np.array_split(matrices, -(-len(matrices) // AT_ONCE))
+    # Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta
+    # Crystallographica A 32, 1976. With M = U Σ Vᵀ, ‖R − M‖² is least where tr(Rᵀ M) = tr((Uᵀ R V)ᵀ
+    # Σ) is greatest: at R = U Vᵀ among orthogonal matrices, and at R = U diag(1, …, 1, ±1) Vᵀ for a
+    # given determinant, which costs the least singular value twice. For M = XᵀY, tr(Rᵀ M) is the
+    # sum of the products of X R and Y, so that R also minimises ‖X R − Y‖.
+    if matrices.ndim == 3 and len(matrices) > MATRICES_PER_TASK:
+        blocks = np.array_split(matrices, -(-len(matrices) // MATRICES_PER_TASK))
         return np.concatenate(parallel_map(lambda block: nearest_rotation(block, mirrored), blocks))
     u, _, vt = np.linalg.svd(matrices)
     side = -1.0 if mirrored else 1.0
@@ -45,48 +47,49 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
     return np.asarray(u @ vt)
 
 
-def carried_along(
-    points: FloatArray, here: FloatArray, there: FloatArray, *, scale: float = 1.0, mirrored: bool = False
+def carry_along(
+    points: FloatArray, before: FloatArray, after: FloatArray, *, scale: float = 1.0, mirrored: bool = False
 ) -> FloatArray:
-    """Carry points of space along with a map: rigidly around each, as the points say that are nearest to it.
+    """Carry points of space along with a map, each by the rigid motion of the nearest surface points.
 
     Parameters
     ----------
     points : (n, 3) ndarray
         Points beside a surface.
-    here, there : (m, 3) ndarrays
+    before, after : (m, 3) ndarrays
         Points of the surface, and their images, m ≥ 4.
     scale : float
-        By how much lengths change.
+        Factor by which lengths change.
     mirrored : bool
         Whether the map mirrors.
 
     Returns
     -------
     (n, 3) ndarray
-        Where they are carried to: p → ȳ + s R (p − x̄) by moving least squares (Schaefer, McPhail, Warren 2006), with the
-        weights 1 / distance⁴. O(n m).
+        Images of the points: p → ȳ + s R (p − x̄) by moving least squares (Schaefer, McPhail,
+        Warren 2006), with the weights 1 / distance⁴. O(n m).
 
     Examples
     --------
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    >>> carried_along(np.array([[2, 0, 0.0]]), corners, corners @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]).round(9) + 0
+    >>> carry_along(np.array([[2, 0, 0.0]]), corners, corners @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]).round(9) + 0
     array([[0., 2., 0.]])
     """
-    # with weighted means x̄, ȳ: R = arg min Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|², by the SVD of Σ_j w_j x_j y_jᵀ − x̄ ȳᵀ
-    apart = cdist(points, here)
-    weights = np.maximum(apart, NO_DISTANCE * apart.max()) ** -FALLOFF
+    # with weighted means x̄, ȳ: R = arg min Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|², by the SVD of Σ_j
+    # w_j x_j y_jᵀ − x̄ ȳᵀ
+    distances = cdist(points, before)
+    weights = np.maximum(distances, MIN_DISTANCE_RATIO * distances.max()) ** -FALLOFF_EXPONENT
     weights /= weights.sum(axis=1, keepdims=True)
-    centre, centre_there = weights @ here, weights @ there
-    products = (here[:, :, None] * there[:, None, :]).reshape(-1, 9)
-    covariance = (weights @ products).reshape(-1, 3, 3) - centre[:, :, None] * centre_there[:, None, :]
-    turned = ((points - centre)[:, None] @ nearest_rotation(covariance, mirrored))[:, 0]
-    return np.asarray(centre_there + scale * turned)
+    centre, image_centre = weights @ before, weights @ after
+    products = (before[:, :, None] * after[:, None, :]).reshape(-1, 9)
+    covariance = (weights @ products).reshape(-1, 3, 3) - centre[:, :, None] * image_centre[:, None, :]
+    offsets = ((points - centre)[:, None] @ nearest_rotation(covariance, mirrored))[:, 0]
+    return np.asarray(image_centre + scale * offsets)
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A similarity x ↦ scale · x @ rotation + shift, and how near it brings one surface to another, normals included.
+    """A similarity x ↦ scale · x @ rotation + shift, and the distance to the other surface, normals included.
 
     Examples
     --------
@@ -98,18 +101,19 @@ class Pose:
     scale: float
     shift: FloatArray
     nearest: IntArray
-    distance: float  # mean distance of the points of either surface from the nearest one of the other
+    distance: float  # mean distance of the points of either surface from the nearest point of the other
 
 
 def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False) -> list[Pose]:
-    """Find similarities that bring points of one surface near those of another, nearest first, at most `KEPT`.
+    """Find at most four similarities that bring one surface near another, nearest first.
 
     Parameters
     ----------
     source, target : (n_source, 6) and (n_target, 6) arrays of float
-        Evenly spread points, and their normals times a unit, as `with_normals` gives them. Distances are in this space.
+        Evenly spread points, and their normals times a unit, as from `with_normals`. Distances are
+        in this space.
     mirrored : bool
-        Whether to find mirror images in place of rotations.
+        Whether to find mirror images instead of rotations.
 
     Examples
     --------
@@ -121,28 +125,30 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
     >>> bool(np.allclose(pose.rotation, turn)), round(pose.scale, 6), pose.shift.round(6).tolist()
     (True, 2.0, [5.0, 5.0, 5.0])
     """
-    # The principal axes of the source are laid on those of the target in all 24 ways, as two of them may be of nearly
-    # equal length. From the nearest ones, closest points and the best similarity alternate (Besl & McKay, *A method for
-    # registration of 3-D shapes*, PAMI 1992). 0.05 s for 400 points each.
+    # The principal axes of the source are laid on the axes of the target in all 24 ways, because
+    # two of them may have nearly equal lengths. From the nearest poses, closest points and the best
+    # similarity alternate (Besl & McKay, *A method for registration of 3-D shapes*, PAMI 1992).
+    # 0.05 s for 400 points each.
     tree = cKDTree(target)
-    ways = _axes_on_axes(source[:, :3], target[:, :3], mirrored)
-    starts = parallel_map(lambda way: tree.query(_moved(source, *way)), ways)
+    similarities = _align_axes(source[:, :3], target[:, :3], mirrored)
+    starts = parallel_map(lambda similarity: tree.query(_move(source, *similarity)), similarities)
     starts.sort(key=lambda start: start[0].mean())
-    poses = parallel_map(lambda start: _settled(source, tree, start[1], mirrored), starts[:KEPT])
+    starts = starts[:MAX_REFINED_POSES]
+    poses = parallel_map(lambda start: _refine_pose(source, tree, start[1], mirrored), starts)
     return sorted(poses, key=lambda pose: pose.distance)
 
 
-def _settled(source: FloatArray, tree: cKDTree, nearest: IntArray, mirrored: bool) -> Pose:
-    """Alternate the best similarity and closest points until they settle."""
+def _refine_pose(source: FloatArray, tree: cKDTree, nearest: IntArray, mirrored: bool) -> Pose:
+    """Alternate the best similarity and closest points until they converge."""
     least = np.inf
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         similarity = _best_similarity(source, tree.data[nearest], mirrored)
-        moved = _moved(source, *similarity)
+        moved = _move(source, *similarity)
         distances, nearest = tree.query(moved)
-        settled = distances.mean() > SETTLED * least
+        has_converged = distances.mean() > MIN_PROGRESS_RATIO * least
         if distances.mean() < least:
             least, best = distances.mean(), (similarity, moved, nearest)
-        if settled:
+        if has_converged:
             break
     similarity, moved, nearest = best
     back = cKDTree(moved).query(tree.data)[0]
@@ -153,13 +159,16 @@ Similarity: TypeAlias = tuple[FloatArray, float, FloatArray]
 """Rotation, scale and shift."""
 
 
-def _axes_on_axes(source: FloatArray, target: FloatArray, mirrored: bool) -> list[Similarity]:
-    """Similarities that lay the centre and the principal axes of some points on those of others, in all 24 ways."""
-    (centre, size, axes), (to, their_size, theirs) = _principal_axes(source), _principal_axes(target)
-    signs = [np.array(each) for each in product([1.0, -1.0], repeat=3)]
-    turns = [axes @ (np.eye(3)[list(p)] * sign) @ theirs.T for p in permutations(range(3)) for sign in signs]
-    scale, turns = their_size / size, [turn for turn in turns if (np.linalg.det(turn) < 0) == mirrored]
-    return [(turn, scale, to - scale * centre @ turn) for turn in turns]
+def _align_axes(source: FloatArray, target: FloatArray, mirrored: bool) -> list[Similarity]:
+    """Similarities that lay the principal axes of some points on the axes of others, in all 24 ways."""
+    centre, size, axes = _principal_axes(source)
+    target_centre, target_size, target_axes = _principal_axes(target)
+    scale, similarities = target_size / size, list[Similarity]()
+    for order, signs in product(permutations(range(3)), product([1.0, -1.0], repeat=3)):
+        turn = axes @ (np.eye(3)[list(order)] * signs) @ target_axes.T
+        if (np.linalg.det(turn) < 0) == mirrored:
+            similarities.append((turn, scale, target_centre - scale * centre @ turn))
+    return similarities
 
 
 def _principal_axes(points: FloatArray) -> tuple[FloatArray, float, FloatArray]:
@@ -169,17 +178,17 @@ def _principal_axes(points: FloatArray) -> tuple[FloatArray, float, FloatArray]:
 
 
 def _best_similarity(source: FloatArray, target: FloatArray, mirrored: bool) -> Similarity:
-    """Similarity of least squares from points and normals to others, row by row (Umeyama, PAMI 1991)."""
-    # min over s, R, t of Σ ‖s x_i R + t − y_i‖² has t = ȳ − s x̄ R, so that both may be centred. Then R is that of
-    # Kabsch for XᵀY, whatever s; normals add their own products. The derivative by s vanishes at s = Σ (x_i R) · y_i /
-    # Σ ‖x_i‖².
-    centre, to = source[:, :3].mean(axis=0), target[:, :3].mean(axis=0)
-    here, there = source[:, :3] - centre, target[:, :3] - to
-    turn = nearest_rotation(here.T @ there + source[:, 3:].T @ target[:, 3:], mirrored)
-    scale = float(np.sum((here @ turn) * there) / np.sum(here**2))
-    return turn, scale, to - scale * centre @ turn
+    """Least-squares similarity from points and normals to others, row by row (Umeyama, PAMI 1991)."""
+    # The minimum of Σ ‖s x_i R + t − y_i‖² has t = ȳ − s x̄ R, so that both may be centred. Then R
+    # is Kabsch's rotation for XᵀY, for any s; normals add their own products. The derivative by s
+    # vanishes at s = Σ (x_i R) · y_i / Σ ‖x_i‖².
+    centre, target_centre = source[:, :3].mean(axis=0), target[:, :3].mean(axis=0)
+    x, y = source[:, :3] - centre, target[:, :3] - target_centre
+    turn = nearest_rotation(x.T @ y + source[:, 3:].T @ target[:, 3:], mirrored)
+    scale = float(np.sum((x @ turn) * y) / np.sum(x**2))
+    return turn, scale, target_centre - scale * centre @ turn
 
 
-def _moved(points: FloatArray, turn: FloatArray, scale: float, shift: FloatArray) -> FloatArray:
-    """Points and normals under a similarity."""
+def _move(points: FloatArray, turn: FloatArray, scale: float, shift: FloatArray) -> FloatArray:
+    """Move points and normals by a similarity."""
     return np.hstack([scale * points[:, :3] @ turn + shift, points[:, 3:] @ turn])

@@ -14,12 +14,12 @@ from isomatch._core.threads import parallel_map, row_product
 from isomatch.correspondence.functional_maps import Embedding, SampledBasis
 from isomatch.correspondence.nearest import SurfaceIndex
 from isomatch.correspondence.rigid_energy import RigidEnergy
-from isomatch.spectral import factorised_for_threads
+from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints
 
-NORMAL_UNIT = 0.1  # for surfaces of area 1
-ROTATED = 2  # times that the rotations are fitted between two searches for nearest points
-RIDGE = 1e-6  # of the number of equations; above the rounding of normal equations in single precision
+NORMAL_UNIT = 0.1  # length of normals beside positions, for surfaces of area 1
+ROTATION_FITS = 2  # between two searches for nearest points
+RIDGE_PER_EQUATION = 1e-6  # above the rounding of normal equations in single precision
 
 
 def register_as_rigid_as_possible(
@@ -33,23 +33,25 @@ def register_as_rigid_as_possible(
 ) -> FloatArray:
     """Bend the source onto the target, so that its lengths change as little as possible.
 
-    Where a map crowds or spreads its images, as near a boundary, the bent surface keeps its own spacing.
+    If a map crowds or spreads its images, as near a boundary, the bent surface keeps its own
+    spacing.
 
     Parameters
     ----------
     source, target : Mesh
         The surfaces, in the same units.
     index : SurfaceIndex
-        Of the target.
+        Index of the target.
     positions : (n_source, 3) array of float
-        Where a map puts the source's vertices on the target.
+        Images of the source's vertices under a map.
     lengths : iterable of float
-        One step for each: the length over which the source resists being stretched. Decreasing lengths first move
+        Length of each step at which the source resists stretching. Decreasing lengths first move
         large pieces, then small ones.
     normal_unit : float
         As for `nearest_with_normals`.
     held : (l,) array of int and (l, 3) array of float, optional
-        Vertices of the source and where they are drawn to, each as strongly as a disc whose radius is the length.
+        Vertices of the source and the points that attract them, each as strongly as a disc whose
+        radius is the length.
 
     Returns
     -------
@@ -63,7 +65,7 @@ def register_as_rigid_as_possible(
 
     Examples
     --------
-    An octahedron is bent onto itself turned by 0.3 rad, from positions that are a tenth smaller than it.
+    An octahedron is bent onto a copy turned by 0.3 rad, from positions that are a tenth smaller.
 
     >>> from isomatch.correspondence import VertexCells
     >>> corners = np.concatenate([np.eye(3), -np.eye(3)])
@@ -82,8 +84,8 @@ def register_as_rigid_as_possible(
 class RigidRegistration:
     """As-rigid-as-possible registrations of one surface, which share its Laplacian.
 
-    With ``keeps``, the factors of each length are kept for further registrations, about 1 kB a vertex and length. They
-    are the same for all with equal lengths, scale and vertices that are held.
+    With ``keeps``, the factors of each length are kept for further registrations with the same
+    length, scale and held vertices, about 1 kB a vertex and length.
 
     Examples
     --------
@@ -108,12 +110,12 @@ class RigidRegistration:
     def _new_solver(
         self, length: float, scale: float, held: tuple[int, ...]
     ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-        """How strongly each vertex is drawn (n,), and the function that solves for where all go."""
-        # ∇E = 0 over ℓ²: (L + a / ℓ²) y = a p / ℓ² + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j), where a = scale² areas, and
-        # π ℓ², a disc of that radius, for vertices that are held
+        """Strength (n,) that attracts vertices to their points, and the function that solves for positions."""
+        # ∇E = 0, divided by ℓ²: (L + a / ℓ²) y = a p / ℓ² + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j),
+        # where a = scale² areas. Held vertices have π ℓ², a disc of that radius.
         pull = self._energy.areas * (scale / length) ** 2
         pull[list(held)] = np.pi
-        return pull, factorised_for_threads(self._energy.stiffness, pull)
+        return pull, factorise_for_threads(self._energy.stiffness, pull)
 
     _kept_solver = cached_method(_new_solver)
 
@@ -128,22 +130,23 @@ class RigidRegistration:
         held: tuple[IntArray, FloatArray] | None = None,
         most_scaled: float = 1.0,
     ) -> FloatArray:
-        """Bend the source, ``scale`` times as large, onto the target; the rest as in `register_as_rigid_as_possible`.
+        """Bend the source, ``scale`` times as large, onto the target; see `register_as_rigid_as_possible`.
 
-        Pieces may become ``most_scaled`` times as large or as small at no cost: 1 keeps lengths, and more makes the
-        registration as similar as possible, for shapes whose limbs differ in size.
+        Pieces may grow or shrink by the factor ``most_scaled`` at no cost: 1 keeps lengths, and
+        more makes the registration as similar as possible, for shapes whose limbs differ in size.
 
         Raises
         ------
         SettingError
             If a length is not above 0, or ``most_scaled`` is below 1.
         """
-        # With points x_i, areas a_i, weights w of the tufted intrinsic Delaunay triangulation and rotations R_i, each
-        # step lowers
+        # With points x_i, areas a_i, weights w of the tufted intrinsic Delaunay triangulation and
+        # rotations R_i, each step lowers
         #   Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²,
-        # the second sum of Sorkine & Alexa 2007 (`RigidEnergy`), alternately in R and in y. Between two steps p_i moves
-        # to the target's point nearest to y_i. A pull on one vertex decays over the length ℓ, for (A + ℓ² L) y = A p is
-        # a screened Poisson equation. 25 ms a step for 5000 vertices: a factorisation, and n nearest points in six
+        # alternately in R and in y. The second sum is the energy of Sorkine & Alexa 2007
+        # (`RigidEnergy`). Between two steps p_i moves to the target's point nearest to y_i. A pull
+        # on one vertex decays within the length ℓ, because (A + ℓ² L) y = A p is a screened Poisson
+        # equation. 25 ms a step for 5000 vertices: a factorisation, and n nearest points in six
         # dimensions.
         lengths = tuple(lengths)
         if not most_scaled >= 1.0:
@@ -159,11 +162,11 @@ class RigidRegistration:
                 wanted = nearest.interpolated(target.vertices)
             solver = self._kept_solver if self.keeps else self._new_solver
             pull, solve = solver(length, scale, tuple(vertices.tolist()))
-            drawn = pull[:, None] * wanted
-            drawn[vertices] = np.pi * points
-            for _ in range(ROTATED):
-                pulled, turn = energy.pulled(before, moved, turn, most_scaled)
-                moved = np.ascontiguousarray(solve(drawn + pulled))
+            attraction = pull[:, None] * wanted
+            attraction[vertices] = np.pi * points
+            for _ in range(ROTATION_FITS):
+                pulls, turn = energy.pulls(before, moved, turn, most_scaled)
+                moved = np.ascontiguousarray(solve(attraction + pulls))
         return moved
 
 
@@ -172,13 +175,14 @@ def nearest_with_normals(
 ) -> PrecisePoints:
     """Find the point of a surface nearest to each vertex of a mesh, in space and in normals times a unit.
 
-    Minimises ‖x − y‖² + unit² ‖n(x) − n(y)‖². Normals tell sheets apart that lie close together, such as both sides of a
-    thin part. The default of the unit is for surfaces of area about 1.
+    It minimises ‖x − y‖² + unit² ‖n(x) − n(y)‖². Normals distinguish sheets that lie close
+    together, such as both sides of a thin part. The default of the unit is for surfaces of area
+    about 1.
 
     Examples
     --------
-    Two sheets 0.02 apart face up and down. The query between them faces up, and is a little nearer to the one that faces
-    down.
+    Two sheets 0.02 apart face up and down. The query between them faces up, and is a little nearer
+    to the lower sheet, which faces down.
 
     >>> from isomatch.correspondence import VertexCells
     >>> corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -194,7 +198,7 @@ def nearest_with_normals(
 
 
 def with_normals(mesh: Mesh, unit: float = NORMAL_UNIT) -> FloatArray:
-    """Append the vertex normals of a mesh, times a unit, to its positions, (n, 6): the space of `nearest_with_normals`.
+    """Append vertex normals times a unit to the positions of a mesh, (n, 6); `nearest_with_normals`.
 
     Examples
     --------
@@ -212,7 +216,7 @@ def register_nonrigid(
     target_vertices: IntArray,
     steps: int,
 ) -> Embedding:
-    """Move the source, in the space of an embedding, smoothly onto the target, which stays as it is.
+    """Move the source, in the space of an embedding, smoothly onto the fixed target.
 
     Parameters
     ----------
@@ -229,7 +233,8 @@ def register_nonrigid(
 
     Examples
     --------
-    A square is moved onto one that is shifted by 0.1. Displacements are constant, so that one step does it.
+    A square is moved onto a copy shifted by 0.1. Displacements are constant, so that one step
+    suffices.
 
     >>> import numpy as np
     >>> from isomatch.correspondence import VertexCells
@@ -240,23 +245,26 @@ def register_nonrigid(
     >>> moved.source.round(4)[:2].tolist()
     [[0.1, 0.0], [1.1, 0.0]]
     """
-    # In each step the samples of either surface find their nearest points on the other one, and the displacement u = Φ
-    # c of the source that joins all these pairs best, Σ |x + u(x) − y|² over pairs (x, y), is applied to the source as
-    # it was. As the surfaces come to coincide, the map between them becomes smooth, and the two directions become
-    # inverse to each other, as in Ezuz, Solomon & Ben-Chen, *Reversible Harmonic Maps between Discrete Surfaces*, TOG
-    # 2019. The normal equations are (ΦᵀΦ + ridge) c = Φᵀ (y − x), with the rows of Φ at x.
-    of_target = embedding.target
+    # In each step the samples of either surface find their nearest points on the other surface. The
+    # displacement u = Φ c that joins all these pairs (x, y) best, in the sum of |x + u(x) − y|², is
+    # applied to the undisplaced source. As the surfaces come to coincide, the map between them
+    # becomes smooth, and its two directions become inverse to each other, as in Ezuz, Solomon &
+    # Ben-Chen, *Reversible Harmonic Maps between Discrete Surfaces*, TOG 2019. The normal equations
+    # are (ΦᵀΦ + ridge) c = Φᵀ (y − x), with the rows of Φ at x.
+    fixed = embedding.target
     functions, source_vertices = displacements.functions, displacements.vertices
     moved, at_samples = embedding.source, single(displacements.at_samples)
     for _ in range(steps):
-        searches = (target, of_target, moved[source_vertices]), (source, moved, of_target[target_vertices])
+        searches = (target, fixed, moved[source_vertices]), (source, moved, fixed[target_vertices])
         forth, back = parallel_map(lambda search: search[0].points(*search[1:]), searches)
-        # forth: u(s) = nearest point − s at samples of the source; back: u(nearest point) = t − nearest point
+        # forth: u(s) = nearest point − s at samples of the source; back: u(nearest point) = t −
+        # nearest point
         design = np.vstack([at_samples, back.interpolated(functions)])
-        from_source = forth.interpolated(of_target) - embedding.source[source_vertices]
-        to_target = of_target[target_vertices] - back.interpolated(embedding.source)
+        from_source = forth.interpolated(fixed) - embedding.source[source_vertices]
+        to_target = fixed[target_vertices] - back.interpolated(embedding.source)
         wanted = np.vstack([from_source, to_target])
-        gram = (design.T @ design).astype(np.float64) + RIDGE * len(design) * np.eye(design.shape[1])
+        ridge = RIDGE_PER_EQUATION * len(design) * np.eye(design.shape[1])
+        gram = (design.T @ design).astype(np.float64) + ridge
         coefficients = solve(gram, (design.T @ wanted).astype(np.float64), assume_a="pos")
         moved = embedding.source + row_product(functions, coefficients)
-    return Embedding(moved, of_target)
+    return Embedding(moved, fixed)

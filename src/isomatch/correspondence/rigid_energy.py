@@ -1,4 +1,4 @@
-"""The energy of an as-rigid-as-possible deformation: how much edges change, but for a rotation around each vertex."""
+"""The energy of an as-rigid-as-possible deformation: changes of edges, up to local rotations."""
 
 from __future__ import annotations
 
@@ -13,46 +13,49 @@ from isomatch.correspondence.poses import nearest_rotation
 from isomatch.spectral import stiffness_and_masses
 from isomatch.surfaces import Mesh
 
-TURNS, STILL = 20, 1e-4  # most turns of a rotation, and the angle (rad) of the last
-SMALLEST = 1e-30  # in place of 0 in denominators
-EDGE_SHARE = 2 / 3  # so that edges of equilateral triangles have the weights of the cotangents
-PRECISION, MOST_ITERATIONS = 1e-2, 100  # of conjugate gradients
-STIFFEST = 20.0  # weight of an edge: where triangles are slivers, the shortest edges count no more
+MAX_TURNS = 20  # corrections of a rotation
+MIN_TURN_ANGLE = 1e-4  # rad; a smaller correction is the last
+MIN_DENOMINATOR = 1e-30
+EDGE_FACTOR = 2 / 3  # gives edges of equilateral triangles the cotangent weights
+MAX_RESIDUAL_RATIO = 1e-2  # of conjugate gradients
+MAX_ITERATIONS = 100
+MAX_EDGE_WEIGHT = 20.0  # limits the shortest edges of slivers
 
 
 @dataclass(frozen=True, eq=False)
 class RigidEnergy:
     """½ Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|² of vertices x_i that move to y_i."""
 
-    # Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. Each vertex i has a rotation R_i, which its
-    # edges e_ij = x_i − x_j should follow: e'_ij = y_i − y_j ≈ R_i e_ij. The energy is lowered in the rotations and in
-    # y in turn. Local step: given y, each R_i is by itself the rotation that maximises
+    # Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. Each vertex i has a
+    # rotation R_i, which its edges e_ij = x_i − x_j should follow: e'_ij = y_i − y_j ≈ R_i e_ij.
+    # The energy is lowered alternately in the rotations and in y. Local step: given y, each R_i is
+    # the rotation that maximises
     #   Σ_j w_ij e'_ij · R_i e_ij = tr(R_i Σ_i),  Σ_i = Σ_j w_ij e_ij e'_ijᵀ,
-    # that of Kabsch for Σ_iᵀ. Global step: given the rotations, the derivative by y_i, where each edge counts from both
-    # ends,
+    # Kabsch's rotation for Σ_iᵀ. Global step: given the rotations, the derivative by y_i, where
+    # each edge counts from both ends,
     #   ∂E/∂y_i = 2 Σ_j w_ij (e'_ij − ½ (R_i + R_j) e_ij),
-    # vanishes for all i where L y = p, p_i = Σ_j w_ij ½ (R_i + R_j) e_ij: the vertices are *pulled* to p.
+    # vanishes for all i if L y = p with the *pulls* p_i = Σ_j w_ij ½ (R_i + R_j) e_ij.
     stiffness: csc_array  # (n, n) L: −w_ij off the diagonal, rows sum to 0
-    areas: FloatArray  # (n,) of the vertices, in squared units of the surface
+    areas: FloatArray  # (n,) vertex areas in squared units of the surface
     start: IntArray  # (n + 1,) the neighbours of vertex i are neighbours[start[i]:start[i + 1]]
     neighbours: IntArray  # (e,)
     weights: FloatArray  # (e,) w_ij
 
     @classmethod
     def of_surface(cls, mesh: Mesh) -> RigidEnergy:
-        """Take the weights of the tufted intrinsic Delaunay triangulation: independent of the triangles."""
+        """Take the weights of the tufted intrinsic Delaunay triangulation, independent of the triangles."""
         return cls._of(*stiffness_and_masses(mesh))
 
     @classmethod
     def of_edges(cls, mesh: Mesh) -> RigidEnergy:
-        """Give each edge of the mesh its area over its squared length: triangles keep their shape, slivers too."""
-        # w_ij = ⅔ √(a_i a_j) / |x_i − x_j|², at most STIFFEST. In a grid of equilateral triangles of side h a vertex
-        # has a third of six faces of area √3 h² / 4, which is √3 h² / 2: w = 1 / √3 = ½ (cot 60° + cot 60°), the weight
-        # of the cotangents
-        areas = np.maximum(mesh.vertex_areas, SMALLEST)
+        """Weight each edge of the mesh by its area over its squared length: even slivers keep their shape."""
+        # w_ij = ⅔ √(a_i a_j) / |x_i − x_j|², at most MAX_EDGE_WEIGHT. In a grid of equilateral
+        # triangles of side h a vertex has a third of six faces of area √3 h² / 4, which is √3 h² /
+        # 2: w = 1 / √3 = ½ (cot 60° + cot 60°), the cotangent weight.
+        areas = np.maximum(mesh.vertex_areas, MIN_DENOMINATOR)
         i, j = mesh.edges.T
-        shortest = np.maximum(mesh.edge_lengths, SMALLEST)
-        weights = np.minimum(EDGE_SHARE * np.sqrt(areas[i] * areas[j]) / shortest**2, STIFFEST)
+        lengths = np.maximum(mesh.edge_lengths, MIN_DENOMINATOR)
+        weights = np.minimum(EDGE_FACTOR * np.sqrt(areas[i] * areas[j]) / lengths**2, MAX_EDGE_WEIGHT)
         links = coo_array((weights, (i, j)), shape=(len(areas),) * 2)
         links = (links + links.T).tocsr()
         return cls._of(csc_array(diags_array(links.sum(axis=1)) - links), areas)
@@ -60,51 +63,54 @@ class RigidEnergy:
     @classmethod
     def _of(cls, stiffness: csc_array, areas: FloatArray) -> RigidEnergy:
         links = coo_array(stiffness)
-        apart = links.row != links.col  # L_ij = −w_ij off the diagonal
-        order = np.lexsort((links.col[apart], links.row[apart]))
-        start = np.append(0, np.cumsum(np.bincount(links.row[apart], minlength=len(areas))))
-        neighbours = links.col[apart][order].astype(np.int64)
-        return cls(stiffness, areas, start, neighbours, -links.data[apart][order])
+        is_edge = links.row != links.col  # L_ij = −w_ij off the diagonal
+        row, column, value = (array[is_edge] for array in (links.row, links.col, links.data))
+        order = np.lexsort((column, row))
+        start = np.append(0, np.cumsum(np.bincount(row, minlength=len(areas))))
+        return cls(stiffness, areas, start, column[order].astype(np.int64), -value[order])
 
-    def pulled(
+    def pulls(
         self, before: FloatArray, moved: FloatArray, turn: FloatArray | None, most_scaled: float = 1.0
     ) -> tuple[FloatArray, FloatArray]:
-        """Where the vertices are pulled (n, 3), and the best rotations (n, 3, 3), sought near ``turn`` if given."""
-        # edges around a vertex may become most_scaled times as long or as short at no cost
-        covariances, pulled = np.zeros((len(self.areas), 3, 3)), np.zeros(before.shape)
+        """Compute the pulls (n, 3), and the best rotations (n, 3, 3), sought near ``turn`` if given."""
+        # edges around a vertex may grow or shrink by the factor most_scaled at no cost
+        covariances, pulls = np.zeros((len(self.areas), 3, 3)), np.zeros(before.shape)
         _covariances(before, moved, self.start, self.neighbours, self.weights, covariances)
         if turn is None:
-            fitted = grown = nearest_rotation(covariances).transpose(0, 2, 1)
+            rotations = scaled = nearest_rotation(covariances).transpose(0, 2, 1)
         else:
-            fitted = grown = turned(turn, covariances)
+            rotations = scaled = improve_rotations(turn, covariances)
         if most_scaled > 1.0:
-            # as similar as possible: R_i becomes s_i R_i, where Σ_j w_ij |e'_ij − s R_i e_ij|² is least at
-            # s_i = tr(R_i Σ_i) / Σ_j w_ij |e_ij|², within 1 / most_scaled and most_scaled
-            own_scale = self._scales(before, fitted, covariances)
-            grown = fitted * np.clip(own_scale, 1.0 / most_scaled, most_scaled)[:, None, None]
-        _pulled(before, grown, self.start, self.neighbours, self.weights, pulled)
-        return pulled, fitted
+            # As similar as possible: R_i becomes s_i R_i, where Σ_j w_ij |e'_ij − s R_i e_ij|² is
+            # least at s_i = tr(R_i Σ_i) / Σ_j w_ij |e_ij|², between 1 / most_scaled and
+            # most_scaled.
+            scales = self._scales(before, rotations, covariances)
+            scaled = rotations * np.clip(scales, 1.0 / most_scaled, most_scaled)[:, None, None]
+        _sum_pulls(before, scaled, self.start, self.neighbours, self.weights, pulls)
+        return pulls, rotations
 
-    def solved(self, diagonal: FloatArray, right: FloatArray, start: FloatArray) -> FloatArray:
-        """Solve (L + diag(d)) y = b (n, 3) approximately, from a guess, by conjugate gradients; d (n,) is above 0."""
-        # The residual becomes a hundredth of that of the guess: enough where the next step starts from it. Each
-        # iteration is linear in the edges; their number grows with the length that the diagonal stands for.
+    def solve(self, diagonal: FloatArray, right: FloatArray, start: FloatArray) -> FloatArray:
+        """Solve (L + diag(d)) y = b (n, 3), d > 0, approximately from a guess, by conjugate gradients."""
+        # The residual becomes a hundredth of the residual of the guess: enough if the next step
+        # starts from the result. Each iteration is linear in the edges; more are needed for a
+        # longer length behind the diagonal.
         y = start.copy()
         _conjugate_gradients(self.start, self.neighbours, self.weights, diagonal, right, y)
         return y
 
-    def scale(self, before: FloatArray, moved: FloatArray, pulled: FloatArray) -> float:
-        """By how much the surface at rest is best enlarged, given what `pulled` returns: y·p / x·L x."""
-        # Σ_i Σ_j w_ij |e'_ij − s R_i e_ij|² is least at s = Σ w e' · R e / Σ w |e|². Summed over both ends of each
-        # edge, with the antisymmetry of e, the numerator is 2 Σ_i y_i · p_i and the denominator 2 x · L x
-        return float((moved * pulled).sum() / max((before * (self.stiffness @ before)).sum(), SMALLEST))
+    def scale(self, before: FloatArray, moved: FloatArray, pulls: FloatArray) -> float:
+        """Compute the best factor to enlarge the surface at rest, given the `pulls`: y·p / x·L x."""
+        # Σ_i Σ_j w_ij |e'_ij − s R_i e_ij|² is least at s = Σ w e' · R e / Σ w |e|². In the sum
+        # from both ends of each edge, with the antisymmetry of e, the numerator is 2 Σ_i y_i · p_i
+        # and the denominator 2 x · L x.
+        return float((moved * pulls).sum() / max((before * (self.stiffness @ before)).sum(), MIN_DENOMINATOR))
 
     def _scales(self, before: FloatArray, turn: FloatArray, covariances: FloatArray) -> FloatArray:
         """Return the best scale (n,) of the edges around each vertex, given their rotations."""
         owner = np.repeat(np.arange(len(before)), np.diff(self.start))
         squares = self.weights * ((before[owner] - before[self.neighbours]) ** 2).sum(axis=1)
         squares = np.bincount(owner, squares, len(before))
-        return np.asarray(np.einsum("nij,nji->n", turn, covariances) / np.maximum(squares, SMALLEST))
+        return np.asarray(np.einsum("nij,nji->n", turn, covariances) / np.maximum(squares, MIN_DENOMINATOR))
 
 
 @compiled()
@@ -117,20 +123,21 @@ def _conjugate_gradients(
     y: FloatArray,
 ) -> None:
     """Improve y for three right-hand sides at once, preconditioned by the diagonal of the matrix."""
-    # Hestenes & Stiefel 1952 with the preconditioner M = diag(A): with r = b − A y and z = M⁻¹ r, directions
-    # s ← z + (r·z / r'·z') s, steps y ← y + (r·z / s·A s) s, until r·z has fallen by PRECISION² of each column
+    # Hestenes & Stiefel 1952 with the preconditioner M = diag(A): with r = b − A y and z = M⁻¹ r,
+    # directions s ← z + (r·z / r'·z') s, steps y ← y + (r·z / s·A s) s, until r·z has fallen by
+    # PRECISION² of each column
     n = len(y)
     total, residual, step, product = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     first, before, now, along, share = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     for i in range(n):
         total[i] = diagonal[i]
-        for at in range(start[i], start[i + 1]):
-            total[i] += weights[at]
-    _multiplied(start, neighbours, weights, total, y, product)
+        for e in range(start[i], start[i + 1]):
+            total[i] += weights[e]
+    _multiply_columns(start, neighbours, weights, total, y, product)
     for i in range(n):
         for c in range(3):
             residual[i, c] = right[i, c] - product[i, c]
-    for iteration in range(MOST_ITERATIONS):
+    for iteration in range(MAX_ITERATIONS):
         now[:] = 0.0
         for i in range(n):
             for c in range(3):
@@ -139,7 +146,7 @@ def _conjugate_gradients(
         for c in range(3):
             if iteration == 0:
                 first[c] = now[c]
-            is_near &= now[c] <= PRECISION**2 * first[c]
+            is_near &= now[c] <= MAX_RESIDUAL_RATIO**2 * first[c]
         if is_near:
             break
         for c in range(3):
@@ -148,7 +155,7 @@ def _conjugate_gradients(
         for i in range(n):
             for c in range(3):
                 step[i, c] = residual[i, c] / total[i] + share[c] * step[i, c]
-        _multiplied(start, neighbours, weights, total, step, product)
+        _multiply_columns(start, neighbours, weights, total, step, product)
         along[:] = 0.0
         for i in range(n):
             for c in range(3):
@@ -162,7 +169,7 @@ def _conjugate_gradients(
 
 
 @compiled(inline="always")
-def _multiplied(
+def _multiply_columns(
     start: IntArray,
     neighbours: IntArray,
     weights: FloatArray,
@@ -173,8 +180,8 @@ def _multiplied(
     """Set the products of the matrix, given its diagonal, and three columns."""
     for i in range(len(x)):
         a, b, c = total[i] * x[i, 0], total[i] * x[i, 1], total[i] * x[i, 2]
-        for at in range(start[i], start[i + 1]):
-            j, weight = neighbours[at], weights[at]
+        for e in range(start[i], start[i + 1]):
+            j, weight = neighbours[e], weights[e]
             a -= weight * x[j, 0]
             b -= weight * x[j, 1]
             c -= weight * x[j, 2]
@@ -193,8 +200,8 @@ def _covariances(
     """Set the covariances (n, 3, 3) of the edges around each vertex before and after."""
     covariances[:] = 0.0
     for i in range(len(before)):
-        for at in range(start[i], start[i + 1]):
-            j, weight = neighbours[at], weights[at]
+        for e in range(start[i], start[i + 1]):
+            j, weight = neighbours[e], weights[e]
             for row in range(3):
                 edge = weight * (before[i, row] - before[j, row])
                 for column in range(3):
@@ -202,43 +209,44 @@ def _covariances(
 
 
 @compiled()
-def _pulled(
+def _sum_pulls(
     before: FloatArray,
     turn: FloatArray,
     start: IntArray,
     neighbours: IntArray,
     weights: FloatArray,
-    pulled: FloatArray,
+    pulls: FloatArray,
 ) -> None:
-    """Set the sums (n, 3) over the edges around each vertex, turned by the mean rotation of their ends."""
-    pulled[:] = 0.0
+    """Set the sums (n, 3) of the edges around each vertex, rotated by the mean rotation of their ends."""
+    pulls[:] = 0.0
     for i in range(len(before)):
-        for at in range(start[i], start[i + 1]):
-            j, weight = neighbours[at], 0.5 * weights[at]
+        for e in range(start[i], start[i + 1]):
+            j, weight = neighbours[e], 0.5 * weights[e]
             for row in range(3):
                 for column in range(3):
                     edge = before[i, column] - before[j, column]
-                    pulled[i, row] += weight * (turn[i, row, column] + turn[j, row, column]) * edge
+                    pulls[i, row] += weight * (turn[i, row, column] + turn[j, row, column]) * edge
 
 
 @compiled()
-def turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
+def improve_rotations(turn: FloatArray, covariances: FloatArray) -> FloatArray:
     """Turn rotations (n, 3, 3) that nearly maximise the trace of R Σ until they do."""
-    # Müller, Bender, Chentanez & Macklin, *A Robust Method to Extract the Rotational Part of Deformations*, MIG 2016. A
-    # small turn by the vector ω changes tr(R Σ) by tr([ω]× m) = ω · a, m = R Σ, with a the axial vector of the skew
-    # part of m: the trace grows fastest around a, and is greatest where a = 0, so that m is symmetric. Around the unit
-    # axis n its second derivative is n · m n − tr m. Newton's step for the angle would be |a| / (tr m − n · m n);
-    # without the last term, as here, it is shorter and does not overshoot.
+    # Müller, Bender, Chentanez & Macklin, *A Robust Method to Extract the Rotational Part of
+    # Deformations*, MIG 2016. A small turn by the vector ω changes tr(R Σ) by tr([ω]× m) = ω · a, m
+    # = R Σ, with a the axial vector of the skew part of m: the trace grows fastest around a, and is
+    # greatest where a = 0, so that m is symmetric. Around the unit axis n its second derivative is
+    # n · m n − tr m. Newton's step for the angle would be |a| / (tr m − n · m n); without the last
+    # term, as here, it is shorter and does not overshoot.
     rotations, step, r, m = turn.copy(), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for i in range(len(turn)):
         _multiply(rotations[i], covariances[i], m)
-        for _ in range(TURNS):
-            # m = R Σ is symmetric where its trace is largest. Its skew part is along the axis of the missing turn; the
-            # size of that part over the trace is roughly the angle
+        for _ in range(MAX_TURNS):
+            # m = R Σ is symmetric where its trace is largest. The axial vector of its skew part is
+            # the axis of the missing turn; its length over the trace is roughly the angle.
             x, y, z = m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]
             size = np.sqrt(x * x + y * y + z * z)
-            angle = size / (abs(m[0, 0] + m[1, 1] + m[2, 2]) + SMALLEST)
-            if angle < STILL:
+            angle = size / (abs(m[0, 0] + m[1, 1] + m[2, 2]) + MIN_DENOMINATOR)
+            if angle < MIN_TURN_ANGLE:
                 break
             # Rodrigues: cos I + sin [axis]× + (1 − cos) axis axisᵀ
             x, y, z, sine, rest = x / size, y / size, z / size, np.sin(angle), 1 - np.cos(angle)

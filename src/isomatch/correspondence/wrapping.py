@@ -1,4 +1,4 @@
-"""The target's surface in the source's topology: the source, bent onto the target from where a map puts it."""
+"""The target's surface in the source's topology: the source bent onto the target, starting from a map."""
 
 from __future__ import annotations
 
@@ -21,24 +21,25 @@ from isomatch.decimation import normalised
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-N_GUIDES = 30  # vertices with an image, with which a component without any moves
+N_GUIDES = 30  # matched vertices that a component without any image follows
 STRETCH_QUANTILE = 0.99
 
 
 @dataclass(frozen=True)
 class WrapQuality:
-    """How good a surface in the topology of another one is, beside the error of the map.
+    """Quality of a surface in the topology of another one, apart from the error of the map.
 
     Parameters
     ----------
     turned : float
-        Share of the faces that are turned over against the rotation of the surface around them.
+        Share of the faces that are inverted relative to the rotation of the surface around them.
     stretch : float
-        99th percentile of how many times as long, or as short, an edge becomes; after all became longer or shorter alike.
+        99th percentile of the factor by which edges grow or shrink, relative to the median.
     distance : float
-        Mean distance of the vertices from the target, over √area of the target; those that are extended do not count.
+        Mean distance of the vertices from the target, over √area of the target; extended vertices
+        do not count.
     extended : int
-        Vertices for which the target has nothing.
+        Number of vertices without a counterpart on the target.
 
     Examples
     --------
@@ -54,17 +55,17 @@ class WrapQuality:
 
 @dataclass(frozen=True, eq=False)
 class Wrapped:
-    """What `wrap` returns.
+    """The result of `wrap`.
 
     Parameters
     ----------
     mesh : Mesh
         The source, bent onto the target.
     extended : (n,) array of bool
-        Vertices for which the target has nothing, as they have no image or lie over an opening: those around them place
-        them.
+        Vertices without a counterpart on the target, because they have no image or lie over an
+        opening; the vertices around them place them.
     quality : WrapQuality
-        How good the surface is.
+        Measures of the surface.
 
     Examples
     --------
@@ -82,11 +83,12 @@ class Wrapped:
 def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLike) -> Wrapped:
     """Draw the target's surface with the vertices and faces of the source.
 
-    The source is bent onto the target, so that its triangles keep their shape: at first to the images of the map, then
-    to the nearest points of the target. So it lies on the target or very near it, folds of the map are smoothed out, and
-    the two sides of a thin wall stay apart. Where the target has nothing, it is completed as rigidly as possible, and a
-    component without any image moves with the nearest that have one, as a similarity. A map that reverses the orientation
-    gives a mirror image. Time and memory are linear, 60 µs a vertex.
+    The source is bent onto the target, so that its triangles keep their shape: first to the images
+    of the map, then to the nearest points of the target. So it lies on the target or very near it,
+    folds of the map are smoothed out, and the two sides of a thin wall stay apart. Parts that the
+    target lacks are completed as rigidly as possible; a component without any image follows the
+    nearest vertices with one, by a similarity. A map that reverses the orientation gives a mirror
+    image. Time and memory are linear, 60 µs a vertex.
 
     Parameters
     ----------
@@ -102,7 +104,7 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     Raises
     ------
     MapError
-        If the map is one of other surfaces, or has no image.
+        If the map is a map of other surfaces, or has no image.
 
     Examples
     --------
@@ -116,23 +118,23 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
         raise MapError(
             f"{correspondence!r} gives no vertex an image, so there is nothing to wrap; match again"
         )
-    (whole, vertex), (onto, onto_vertex) = _welded(source), _welded(target)
+    (whole, vertex), (onto, onto_vertex) = _weld(source), _weld(target)
     welded = welded_map(correspondence, vertex, onto_vertex)
     places, centre, size = normalised(onto.vertices)
     whole, onto = whole.moved(normalised(whole.vertices)[0]), onto.moved(places)
     images = PrecisePoints(np.maximum(welded.faces, 0), np.array(welded.barycentric))
     matched = welded.matched
-    # over an opening, nearest points are on its rim: they tell nothing of what belongs there
+    # nearest points of an opening lie on its rim and say nothing about the missing surface
     inside = matched & ~(Boundary(onto).holds(images) & ~Boundary.vertices_of(whole))
     trusted = inside if inside.any() else matched
-    positions = _extended(whole, images.interpolated(onto.vertices), trusted)
+    positions = _extend(whole, images.interpolated(onto.vertices), trusted)
     extended, turned = ~matched, 0
     bendable = np.isin(whole.components, whole.components[matched]) & (whole.vertex_areas > 0)
     part, rows = whole.submesh(bendable)
     if part.area > 0 and onto.area > 0:
         bent = bend_template(part, onto, positions[rows], trusted[rows], matched[rows])
         positions[rows], extended[rows], turned = bent.positions, bent.beyond, int(bent.turned.sum())
-        positions = _extended(whole, positions, matched | bendable)
+        positions = _extend(whole, positions, matched | bendable)
     stretch, distance = _stretch(whole, positions), _distance(positions[~extended], onto)
     n_extended = int(extended[vertex].sum())
     quality = WrapQuality(turned / max(whole.n_faces, 1), stretch, distance, n_extended)
@@ -140,10 +142,10 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
 
 
 def _stretch(mesh: Mesh, positions: FloatArray) -> float:
-    """How many times as long or as short, relative to all, almost all edges become at most."""
+    """Factor by which almost all edges grow or shrink at most, relative to the median."""
     before, after = mesh.edge_lengths, mesh.moved(positions).edge_lengths
-    sound = before > 0
-    ratios = np.maximum(after[sound], np.finfo(float).tiny) / before[sound]
+    is_sound = before > 0
+    ratios = np.maximum(after[is_sound], np.finfo(float).tiny) / before[is_sound]
     if not len(ratios):
         return 1.0
     relative = np.abs(np.log(ratios / np.median(ratios)))
@@ -151,38 +153,39 @@ def _stretch(mesh: Mesh, positions: FloatArray) -> float:
 
 
 def _distance(positions: FloatArray, target: Mesh) -> float:
-    """Mean distance from a surface, over √area of it."""
+    """Mean distance from a surface, divided by its √area."""
     if not len(positions) or not target.area > 0:
         return 0.0
     nearest = np.asarray(cKDTree(target.vertices).query(positions)[1], dtype=np.int64)
     points = nearest_points(target.vertices, positions, target.faces, nearest)
-    apart = np.linalg.norm(points.interpolated(target.vertices) - positions, axis=1)
-    return float(apart.mean() / np.sqrt(target.area))
+    distances = np.linalg.norm(points.interpolated(target.vertices) - positions, axis=1)
+    return float(distances.mean() / np.sqrt(target.area))
 
 
-def _welded(mesh: Mesh) -> tuple[Mesh, IntArray]:
-    """Close seams: join boundary vertices at the same position; also the vertex of each. Collapsed faces are left out."""
-    first, rim = np.arange(mesh.n_vertices), np.unique(mesh.boundary_edges)
-    first[rim] = rim[first_equal(mesh.vertices[rim])]
+def _weld(mesh: Mesh) -> tuple[Mesh, IntArray]:
+    """Join boundary vertices at one position, drop collapsed faces; also return each one's vertex (n,)."""
+    first, boundary = np.arange(mesh.n_vertices), np.unique(mesh.boundary_edges)
+    first[boundary] = boundary[first_equal(mesh.vertices[boundary])]
     kept, vertex = np.unique(first, return_inverse=True)
     faces = vertex[mesh.sound_faces]
-    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    return Mesh(mesh.vertices[kept], faces[whole]), vertex
+    is_whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    return Mesh(mesh.vertices[kept], faces[is_whole]), vertex
 
 
-def _extended(mesh: Mesh, positions: FloatArray, placed: BoolArray) -> FloatArray:
-    """Place the others: where linked to vertices placed, by a similarity and harmonic offsets; else by the nearest."""
-    # a similarity of the whole brings what curves over an opening
-    similarity = _similar(mesh.vertices[placed][None], positions[placed][None])
+def _extend(mesh: Mesh, positions: FloatArray, placed: BoolArray) -> FloatArray:
+    """Place others: by a similarity and harmonic offsets if linked to placed ones, else with the nearest."""
+    # the similarity of the whole gives the curvature over an opening
+    similarity = _fit_similarities(mesh.vertices[placed][None], positions[placed][None])
     similar = similarity(mesh.vertices, np.zeros(len(placed), int))
-    # The difference u of the positions from a similarity of the whole is extended harmonically along the surface: L u =
-    # 0 at the unknown vertices, L_uu u_u = −L_uk u_k, with edges of the weight 1 / length
+    # The difference u between the positions and the similarity is extended harmonically along the
+    # surface: L u = 0 at the unknown vertices, L_uu u_u = −L_uk u_k, with edges of weight 1 /
+    # length.
     positions = positions.copy()
     linked = np.isin(mesh.components, mesh.components[placed])
     ends = mesh.edges
     weight = 1 / np.maximum(mesh.edge_lengths, 1e-12 * mesh.edge_lengths.max(initial=0.0))
-    both = np.tile(weight, 2), (ends.T.ravel(), ends[:, ::-1].T.ravel())
-    links = csr_array(both, shape=(mesh.n_vertices,) * 2)
+    entries = np.tile(weight, 2), (ends.T.ravel(), ends[:, ::-1].T.ravel())
+    links = csr_array(entries, shape=(mesh.n_vertices,) * 2)
     laplacian = (diags_array(links.sum(axis=1)) - links).tocsr()
     unknown = np.flatnonzero(~placed & linked)
     if len(unknown):
@@ -195,32 +198,32 @@ def _extended(mesh: Mesh, positions: FloatArray, placed: BoolArray) -> FloatArra
     centres = np.stack(sums, axis=1) / counts[:, None]
     guides = np.flatnonzero(placed)
     nearest = cKDTree(mesh.vertices[guides]).query(centres, range(1, min(N_GUIDES, len(guides)) + 1))[1]
-    here, there = (x[guides[nearest]] for x in (mesh.vertices, positions))  # (components, guides, 3)
-    positions[rows] = _similar(here, there)(mesh.vertices[rows], component)
+    guided = (x[guides[nearest]] for x in (mesh.vertices, positions))  # (components, guides, 3)
+    positions[rows] = _fit_similarities(*guided)(mesh.vertices[rows], component)
     return positions
 
 
-def _similar(here: FloatArray, there: FloatArray) -> Callable[[FloatArray, IntArray], FloatArray]:
+def _fit_similarities(x: FloatArray, y: FloatArray) -> Callable[[FloatArray, IntArray], FloatArray]:
     """Fit similarities to groups of points (g, q, 3); they move points (m, 3), each as its group (m,)."""
-    # Kabsch's rotation of centred points, and the scale of their root mean squares, which unlike that of least squares
-    # does not shrink where they do not fit
-    middles = here.mean(axis=1), there.mean(axis=1)
-    here, there = here - middles[0][:, None], there - middles[1][:, None]
-    rotations = nearest_rotation(here.transpose(0, 2, 1) @ there)
-    before, after = np.linalg.norm(here, axis=(1, 2)), np.linalg.norm(there, axis=(1, 2))
-    grown = np.where((before > 0) & (after > 0), after / np.where(before > 0, before, 1.0), 1.0)
+    # Kabsch's rotation of centred points, and the ratio of their root mean squares as the scale.
+    # Unlike the least-squares scale it does not shrink if the points do not fit.
+    x_mean, y_mean = x.mean(axis=1), y.mean(axis=1)
+    x, y = x - x_mean[:, None], y - y_mean[:, None]
+    rotations = nearest_rotation(x.transpose(0, 2, 1) @ y)
+    before, after = np.linalg.norm(x, axis=(1, 2)), np.linalg.norm(y, axis=(1, 2))
+    scales = np.where((before > 0) & (after > 0), after / np.where(before > 0, before, 1.0), 1.0)
 
-    def moved(points: FloatArray, group: IntArray) -> FloatArray:
-        offsets = grown[group, None] * (points - middles[0][group])
-        return np.asarray((offsets[:, None] @ rotations[group])[:, 0] + middles[1][group])
+    def move(points: FloatArray, group: IntArray) -> FloatArray:
+        offsets = scales[group, None] * (points - x_mean[group])
+        return np.asarray((offsets[:, None] @ rotations[group])[:, 0] + y_mean[group])
 
-    return moved
+    return move
 
 
 def welded_map(given: Correspondence, source_vertex: IntArray, target_vertex: IntArray) -> Correspondence:
-    """Return the map between the vertices into which the points of both sides are welded, (n_source,) and (n_target,).
+    """Return the map of welded vertices, given the welded vertex of each, (n_source,) and (n_target,).
 
-    A vertex has the image of the first of its points that has one.
+    A welded vertex has the image of the first of its vertices that has one.
 
     Examples
     --------

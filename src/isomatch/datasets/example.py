@@ -1,4 +1,4 @@
-"""The pair of creatures shipped with the package, and the exact truth between two triangulations of one surface."""
+"""The pair of creatures shipped with the package, and the exact truth between two triangulations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ class Creature:
     mesh : Mesh
         The posed surface, n vertices: closed, manifold, oriented outward, connected, of genus 0.
     rest : (n, 3) array
-        Position of each vertex on the rest surface, which all creatures of one kind, style and symmetry share.
+        Position of each vertex on the rest surface, which all creatures of one kind, style and
+        symmetry share.
     kind : str
         Body plan.
     style : int
@@ -54,7 +55,8 @@ FILE = files("isomatch.datasets") / "shipped" / "creature_pair.npz"
 def example_pair() -> tuple[Creature, Creature]:
     """Load two poses of one asymmetric animal with different triangulations; only numpy is needed.
 
-    The source stands, and the target runs with its head turned; `ground_truth` gives their correspondence.
+    The source stands, and the target runs with its head turned; `ground_truth` gives their
+    correspondence.
 
     Examples
     --------
@@ -62,11 +64,11 @@ def example_pair() -> tuple[Creature, Creature]:
     >>> source, target
     (Creature(quadruped, style 0, 2968 vertices), Creature(quadruped, style 0, 3242 vertices))
     """
-    with as_file(FILE) as path, np.load(path) as stored:
+    with as_file(FILE) as path, np.load(path) as arrays:
         source, target = (
             Creature(
-                mesh=Mesh(stored[f"{name}_vertices"], stored[f"{name}_faces"]),
-                rest=stored[f"{name}_rest"].astype(np.float64),
+                mesh=Mesh(arrays[f"{name}_vertices"], arrays[f"{name}_faces"]),
+                rest=arrays[f"{name}_rest"].astype(np.float64),
                 kind="quadruped",
                 style=0,
                 symmetric=False,
@@ -93,15 +95,16 @@ class Truth:
 def ground_truth(source: Creature, target: Creature, *, mirrored: bool = False) -> Truth:
     """Find the true correspondence of two creatures through their common rest surface.
 
-    They are of the same kind, style and symmetry; pose, resolution and triangulation may differ. For each vertex of the
-    source, it is the closest point of the target's rest mesh, which differs from the rest surface by O(h²), h being the
-    edge length. The mirrored one is the other true correspondence of symmetric creatures, from left to right.
+    They have the same kind, style and symmetry; pose, resolution and triangulation may differ. The
+    image of a source vertex is the closest point of the target's rest mesh, which differs from the
+    rest surface by O(h²) for edges of length h. The mirrored truth is the other true correspondence
+    of symmetric creatures, from left to right.
     """
-    for what in ("kind", "style", "symmetric"):
-        ours, theirs = getattr(source, what), getattr(target, what)
-        if ours != theirs:
+    for name in ("kind", "style", "symmetric"):
+        first, second = getattr(source, name), getattr(target, name)
+        if first != second:
             raise InputError(
-                f"source has {what}={ours!r} and target {what}={theirs!r}, so they share no rest "
+                f"source has {name}={first!r} and target {name}={second!r}, so they share no rest "
                 "surface and have no ground truth; make both with the same one"
             )
     if mirrored and not source.symmetric:
@@ -115,9 +118,9 @@ def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
     corners, barycentric = nearest_on_surface(mesh, points)
     number = {face: i for i, face in enumerate(map(tuple, mesh.faces.tolist()))}
     faces = np.array([number.get(face, -1) for face in map(tuple, corners.tolist())], dtype=np.int64)
-    alone = np.flatnonzero(faces < 0)  # vertices, which are in the first face that has them
-    used, first = np.unique(mesh.faces, return_index=True)
-    at = first[np.searchsorted(used, corners[alone, 0])]
-    faces[alone], barycentric[alone] = at // 3, np.eye(3)[at % 3]
+    at_vertex = np.flatnonzero(faces < 0)  # points at vertices, which get the first face with that vertex
+    used, first_corner = np.unique(mesh.faces, return_index=True)
+    corner = first_corner[np.searchsorted(used, corners[at_vertex, 0])]
+    faces[at_vertex], barycentric[at_vertex] = corner // 3, np.eye(3)[corner % 3]
     nearest: IntArray = KDTree(mesh.vertices).query(points)[1].astype(np.int64)
     return Truth(nearest, faces, np.maximum(barycentric, 0.0))  # −1e-17 by rounding

@@ -1,11 +1,11 @@
 """Compiled loops of the decimation: quadrics of vertices, costs of edges and their collapse.
 
-Three arrays hold the state; what belongs together lies together in memory.
+Three arrays hold the state, so that the data of a vertex lies together in memory.
 
 - ``vertices`` (n, 13): position, and the quadric xᵀ A x + 2 bᵀ x + c: the upper triangle of A, b and c.
 - ``marks`` (n, 5) of int32: the columns FIRST, KIND, VERSION, MARK, PARENT.
-- ``corners`` (3 m, 2) of int32: corner 3 f + k, the place k of face f, has a vertex, −1 in a face that has vanished, and
-  the corner that follows it in the list of those at this vertex, which starts at FIRST and ends at −1.
+- ``corners`` (3 m, 2) of int32: corner 3 f + k, place k of face f, has a vertex, −1 in a face that has
+  vanished, and the next corner in the list at this vertex, which starts at FIRST and ends at −1.
 """
 
 from __future__ import annotations
@@ -21,10 +21,12 @@ Index: TypeAlias = int | np.int64
 
 FIRST, KIND, VERSION, MARK, PARENT = range(5)
 INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices
-BOUNDARY_WEIGHT = 1.0  # of a plane through a boundary edge, beside a face as large as the square on that edge
-LARGEST_TURN = 0.2  # least cosine of the angle by which a face may turn in one collapse
-SLIVER = 0.2  # shape of a face, 4 √3 area / squared edges, below which it must not be halved
-N_BUCKETS = 128  # of costs, in the order of which edges are collapsed; with 1024 the result is no better
+# The weight of the plane through a boundary edge, relative to a face as large as the square on that
+# edge.
+BOUNDARY_WEIGHT = 1.0
+MIN_TURN_COSINE = 0.2  # cosine of the largest angle by which a face may turn in one collapse
+SLIVER_SHAPE = 0.2  # shape of a face, 4 √3 area / squared edges, below which it must not be halved
+N_BUCKETS = 128  # buckets that sort edges by cost; with 1024 the result is no better
 
 
 @compiled(error_model="numpy")
@@ -40,7 +42,7 @@ def link_corners(marks: AnyArray, corners: AnyArray) -> None:
 
 @compiled()
 def remove_gaps(vertices: FloatArray, marks: AnyArray, corners: AnyArray, owner: AnyArray) -> int:
-    """Move what is left after a round to the front, and return the number of corners; owners follow PARENT."""
+    """Move the remaining vertices and corners to the front, count the corners, and update the owners."""
     n_left = 0
     for v in range(len(vertices)):
         if marks[v, PARENT] == v:
@@ -77,12 +79,14 @@ def describe_vertices(
             length = np.sqrt(x * x + y * y + z * z)
             if length > 0.0:
                 x, y, z = x / length, y / length, z / length
-                # a third of the area, which is half of the length of the cross product, for each corner
+                # each corner has a third of the area, which is half of the length of the cross
+                # product
                 _add_planes(vertices, v, x, y, z, length / 6.0, point_weight * length / 6.0)
                 for end in (b, c):
                     if kind == BOUNDARY and link[end, 1] < 0:
-                        # the plane through that boundary edge that is perpendicular to the face: e × n, as long as the
-                        # edge, so that the weight is a third of the square on it
+                        # The plane through that boundary edge and perpendicular to the face has the
+                        # normal e × n, as long as the edge, so that the weight is a third of the
+                        # square on the edge.
                         ex, ey, ez = difference(vertices, end, v)
                         weight = BOUNDARY_WEIGHT / 3.0
                         _add_planes(
@@ -93,7 +97,7 @@ def describe_vertices(
 
 @compiled(error_model="numpy")
 def _kind(v: Index, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
-    """Whether the faces at v form a disc, inside or at the boundary; ``link`` joins the neighbours that share a face."""
+    """Whether the faces at v form a disc, inside or at the boundary; ``link`` joins neighbours in a face."""
     corner = marks[v, FIRST]
     while corner >= 0:
         for end in other_vertices(corners, corner):
@@ -117,17 +121,17 @@ def _kind(v: Index, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
         corner = corners[corner, 1]
     if n_ends > 2 or n_faces == 0:
         return FIXED
-    before, here = np.int64(-1), start
+    previous, current = np.int64(-1), start
     for _ in range(n_faces):
-        if here < 0 or (here == start and before >= 0):
+        if current < 0 or (current == start and previous >= 0):
             return FIXED  # several fans
-        before, here = here, np.int64(link[here, int(link[here, 0] == before)])
+        previous, current = current, np.int64(link[current, int(link[current, 0] == previous)])
     return BOUNDARY if n_ends == 2 else INSIDE
 
 
 @compiled(error_model="numpy")
 def costs_of_edges(vertices: FloatArray, marks: AnyArray, ends: IntArray, in_place: bool) -> FloatArray:
-    """Costs of edges (k, 2); infinite for those that cannot be collapsed."""
+    """Costs of edges (k, 2); infinite if an edge cannot be collapsed."""
     costs = np.empty(len(ends))
     for i in range(len(ends)):
         costs[i] = _placement(vertices, marks, ends[i, 0], ends[i, 1], in_place)[3]
@@ -142,22 +146,23 @@ def collapse_edges(
     queue: AnyArray,
     scale: float,
     limit: float,
-    most: int,
+    max_per_block: int,
     block: int,
     in_place: bool,
 ) -> int:
-    """Collapse edges of a cost below the limit, at most so many in each block of vertices, the cheapest first."""
-    # Where there are several blocks, what is worked on fits into the cache, and a vertex takes part in one collapse of
-    # each block. PARENT becomes the vertex into which each was merged, the first of all that were merged with it. Rows
-    # of the queue are edges: the next one in the same bucket, their ends, and the sum of the VERSIONs of those, by
-    # which an edge is known to be out of date. The first N_BUCKETS rows start the buckets, in which ``scale`` is the
-    # cost in the middle. The row after them starts the list of free rows; it has also the number of rows in use and the
-    # lowest bucket that may hold something
+    """Collapse edges of a cost below the limit, cheapest first, at most ``max_per_block`` in each block."""
+    # With several blocks, the working set fits into the cache, and a vertex takes part in one
+    # collapse of each block. PARENT becomes the vertex into which each was merged, the first of all
+    # that were merged with it. A row of the queue is an edge: the next one in the same bucket, its
+    # ends, and the sum of their VERSIONs, which tells that an edge is out of date. The first
+    # N_BUCKETS rows start the buckets; the middle bucket has the cost ``scale``. The row after them
+    # starts the list of free rows, and holds the number of rows in use and the lowest bucket in
+    # use.
     n = len(vertices)
     for w in range(n):
         marks[w, VERSION] = marks[w, MARK] = 0
         marks[w, PARENT] = w
-    turn, n_gone = 0, 0
+    turn, n_collapsed = 0, 0
     for first in range(0, n, block):
         for i in range(N_BUCKETS + 1):
             queue[i, 0] = -1
@@ -166,8 +171,8 @@ def collapse_edges(
             if marks[w, PARENT] == w:
                 turn += 1
                 _enqueue(w, w, vertices, marks, corners, queue, turn, scale, limit, in_place)
-        bucket, most_gone = 0, n_gone + most
-        while n_gone < most_gone:
+        bucket, block_limit = 0, n_collapsed + max_per_block
+        while n_collapsed < block_limit:
             while bucket < N_BUCKETS and queue[bucket, 0] < 0:
                 bucket += 1
             if bucket == N_BUCKETS:
@@ -187,20 +192,20 @@ def collapse_edges(
             if not _preserves_topology(u, v, marks, corners, turn):
                 continue
             x, y, z, _ = _placement(vertices, marks, u, v, in_place)
-            spoils = False
-            for end, other_end in ((u, v), (v, u)):
-                spoils = spoils or _spoils(end, other_end, x, y, z, vertices, marks, corners)
-            if spoils:
+            if _spoils_face(u, v, x, y, z, vertices, marks, corners) or _spoils_face(
+                v, u, x, y, z, vertices, marks, corners
+            ):
                 continue
-            # the quadric of the merged vertex is the sum of both, so that it measures the distances to the planes of all
-            # faces around the vertices that were merged into it (Garland & Heckbert 1997, section 4)
+            # The quadric of the merged vertex is the sum of both, so that it measures the distances
+            # to the planes of all faces around the vertices that were merged into it (Garland &
+            # Heckbert 1997, section 4).
             vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z
             for i in range(3, 13):
                 vertices[u, i] += vertices[v, i]
             marks[u, KIND] = max(marks[u, KIND], marks[v, KIND])
             marks[u, VERSION] += 1
             marks[v, PARENT] = u
-            n_gone += 1
+            n_collapsed += 1
             _merge_corners(u, v, marks, corners)
             turn += 2
             if block == n:
@@ -209,13 +214,13 @@ def collapse_edges(
                 bucket = queue[N_BUCKETS, 2]
     for w in range(n):
         marks[w, PARENT] = marks[marks[w, PARENT], PARENT]  # which comes before v
-    return n_gone
+    return n_collapsed
 
 
 @compiled(error_model="numpy")
 def _enqueue(
     v: Index,
-    below: int,
+    end: int,
     vertices: FloatArray,
     marks: AnyArray,
     corners: AnyArray,
@@ -225,11 +230,11 @@ def _enqueue(
     limit: float,
     in_place: bool,
 ) -> None:
-    """Put the edges from v to its neighbours below a number into the queue; without room they wait for the next round."""
+    """Queue the edges from v to its neighbours before ``end``; without room they wait for the next round."""
     corner = marks[v, FIRST]
     while corner >= 0:
         for w in other_vertices(corners, corner):
-            if w >= below or marks[w, MARK] == turn:
+            if w >= end or marks[w, MARK] == turn:
                 continue
             marks[w, MARK] = turn
             cost = _placement(vertices, marks, v, w, in_place)[3]
@@ -254,12 +259,13 @@ def _enqueue(
 @compiled(error_model="numpy")
 def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, turn: int) -> bool:
     """Whether the surface stays the same when u and v become one."""
-    # the link condition of Dey et al. 1999: the vertices that are neighbours of both u and v must be those opposite to
-    # their edge, Lk u ∩ Lk v = Lk uv. A boundary counts as closed by one more vertex, which two boundary vertices
-    # share: so they are merged only along the boundary, at whose edge there is one face, which is not a component of
-    # its own. MARK is turn at neighbours of u, and turn + 1 at those opposite to the edge
+    # The link condition of Dey et al. 1999: the common neighbours of u and v must be the vertices
+    # opposite to their edge, Lk u ∩ Lk v = Lk uv. A boundary counts as closed by one more vertex,
+    # which two boundary vertices share: so they are merged only along a boundary edge, whose one
+    # face must not be a component of its own. MARK is turn at neighbours of u, and turn + 1 at the
+    # vertices opposite to the edge.
     opposite = turn + 1
-    n_shared, n_here = 0, 0
+    n_shared, n_around_u = 0, 0
     corner = marks[u, FIRST]
     while corner >= 0:
         b, c = other_vertices(corners, corner)
@@ -273,19 +279,21 @@ def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, 
             for w in (b, c):
                 if marks[w, MARK] != opposite:
                     marks[w, MARK] = turn
-        n_here += int(b >= 0)
+        n_around_u += int(b >= 0)
         corner = corners[corner, 1]
-    n_there, closes_there = 0, False
+    n_around_v, is_closed = 0, False
     corner = marks[v, FIRST]
     while corner >= 0:
         b, c = other_vertices(corners, corner)
-        n_there += int(b >= 0)
+        n_around_v += int(b >= 0)
         if b >= 0 and b != u and c != u:
             if marks[b, MARK] == turn or marks[c, MARK] == turn:
                 return False
-            closes_there |= marks[b, MARK] == opposite and marks[c, MARK] == opposite
+            is_closed |= marks[b, MARK] == opposite and marks[c, MARK] == opposite
         corner = corners[corner, 1]
-    if closes_there:  # would another face come to lie on that one, as in a tetrahedron?
+    if (
+        is_closed
+    ):  # a face at v has both opposite vertices: would a face at u coincide with it, as in a tetrahedron?
         corner = marks[u, FIRST]
         while corner >= 0:
             b, c = other_vertices(corners, corner)
@@ -293,15 +301,15 @@ def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, 
                 return False
             corner = corners[corner, 1]
     if marks[u, KIND] == BOUNDARY and marks[v, KIND] == BOUNDARY:
-        return n_shared == 1 and n_here + n_there > 2
+        return n_shared == 1 and n_around_u + n_around_v > 2
     return n_shared == 2
 
 
 @compiled(error_model="numpy")
-def _spoils(
+def _spoils_face(
     u: Index, v: Index, x: float, y: float, z: float, vertices: FloatArray, marks: AnyArray, corners: AnyArray
 ) -> bool:
-    """Whether a face at u without v turns too far, or becomes too thin, when u moves to (x, y, z)."""
+    """Whether a face at u, without v, turns too far or becomes too thin when u moves to (x, y, z)."""
     corner = marks[u, FIRST]
     while corner >= 0:
         b, c = other_vertices(corners, corner)
@@ -315,20 +323,21 @@ def _spoils(
         nx, ny, nz = ey * qz - ez * qy, ez * qx - ex * qz, ex * qy - ey * qx
         before = np.sqrt(mx * mx + my * my + mz * mz)
         after = np.sqrt(nx * nx + ny * ny + nz * nz)
-        if mx * nx + my * ny + mz * nz < LARGEST_TURN * before * after:
+        if mx * nx + my * ny + mz * nz < MIN_TURN_COSINE * before * after:
             return True
-        # squared edges: with a = c − b, and p from b, |a|² + |p|² + |p − a|² is twice |a|² + |p|² − a·p
+        # squared edges: with a = c − b, and p from b, |a|² + |p|² + |p − a|² is twice |a|² + |p|² −
+        # a·p
         edge = ex * ex + ey * ey + ez * ez
         before /= edge + px * px + py * py + pz * pz - ex * px - ey * py - ez * pz
         after /= edge + qx * qx + qy * qy + qz * qz - ex * qx - ey * qy - ez * qz
-        if np.sqrt(3.0) * after < SLIVER and after < 0.5 * before:
+        if np.sqrt(3.0) * after < SLIVER_SHAPE and after < 0.5 * before:
             return True
     return False
 
 
 @compiled(error_model="numpy")
 def _merge_corners(u: Index, v: Index, marks: AnyArray, corners: AnyArray) -> None:
-    """Remove the faces that u and v share, and give u the others of v."""
+    """Remove the faces that u and v share, and give the other faces of v to u."""
     last = -1
     for vertex in (u, v):
         corner = marks[vertex, FIRST]
@@ -354,16 +363,18 @@ def _merge_corners(u: Index, v: Index, marks: AnyArray, corners: AnyArray) -> No
 def _placement(
     vertices: FloatArray, marks: AnyArray, u: Index, v: Index, in_place: bool
 ) -> tuple[float, float, float, float]:
-    """Where u and v go when they become one, and the error there; infinite if at least one must not move."""
-    # the error xᵀ A x + 2 bᵀ x + c of the sum of both quadrics is least where its gradient 2 (A x + b) vanishes, at x =
-    # −A⁻¹ b, which is computed by cofactors: A is symmetric. If A is nearly singular, as on a plane, x stays at v; if
-    # one vertex is freer than the other, at that which is not
+    """Place where u and v become one vertex, and the error there; infinite if they cannot."""
+    # The error xᵀ A x + 2 bᵀ x + c of the sum of both quadrics is least where its gradient 2 (A x +
+    # b) vanishes, at x = −A⁻¹ b, which is computed by cofactors: A is symmetric. If A is nearly
+    # singular, as on a plane, x stays at v; if one vertex is freer than the other, x stays at the
+    # less free one.
     p, q = vertices[u], vertices[v]
     xx, xy, xz, yy, yz, zz = p[3] + q[3], p[4] + q[4], p[5] + q[5], p[6] + q[6], p[7] + q[7], p[8] + q[8]
     bx, by, bz = p[9] + q[9], p[10] + q[10], p[11] + q[11]
-    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+    quadric = xx, xy, xz, yy, yz, zz, bx, by, bz, p[12] + q[12]
+    x, y, z = q[0], q[1], q[2]
     if marks[u, KIND] > marks[v, KIND]:
-        x, y, z = vertices[u, 0], vertices[u, 1], vertices[u, 2]
+        x, y, z = p[0], p[1], p[2]
     elif not in_place and marks[u, KIND] == marks[v, KIND]:
         cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
         determinant = xx * cx + xy * cy + xz * cz
@@ -372,34 +383,19 @@ def _placement(
             x = -(cx * bx + cy * by + cz * bz) / determinant
             y = -(cy * bx + cyy * by + cyz * bz) / determinant
             z = -(cz * bx + cyz * by + czz * bz) / determinant
-    constant = vertices[u, 12] + vertices[v, 12]
-    cost = _quadric(xx, xy, xz, yy, yz, zz, bx, by, bz, constant, x, y, z)
+    cost = _cost_at(quadric, x, y, z)
     if in_place and marks[u, KIND] == marks[v, KIND]:
-        px, py, pz = vertices[u, 0], vertices[u, 1], vertices[u, 2]
-        other = _quadric(xx, xy, xz, yy, yz, zz, bx, by, bz, constant, px, py, pz)
-        if other < cost:
-            x, y, z, cost = px, py, pz, other
+        cost_at_u = _cost_at(quadric, p[0], p[1], p[2])
+        if cost_at_u < cost:
+            x, y, z, cost = p[0], p[1], p[2], cost_at_u
     if marks[u, KIND] + marks[v, KIND] > FIXED:
         cost = np.inf
     return x, y, z, cost
 
 
 @compiled(error_model="numpy")
-def _quadric(
-    xx: float,
-    xy: float,
-    xz: float,
-    yy: float,
-    yz: float,
-    zz: float,
-    bx: float,
-    by: float,
-    bz: float,
-    constant: float,
-    x: float,
-    y: float,
-    z: float,
-) -> float:
+def _cost_at(quadric: tuple[float, ...], x: float, y: float, z: float) -> float:
+    xx, xy, xz, yy, yz, zz, bx, by, bz, constant = quadric
     cost = constant + x * (xx * x + 2.0 * (xy * y + xz * z + bx))
     cost += y * (yy * y + 2.0 * (yz * z + by)) + z * (zz * z + 2.0 * bz)
     return cost
@@ -423,10 +419,10 @@ def difference(vertices: FloatArray, a: Index, b: Index) -> tuple[float, float, 
 def _add_planes(
     vertices: FloatArray, v: Index, x: float, y: float, z: float, weight: float, point_weight: float
 ) -> None:
-    """Add the squared distances to the plane through v with that normal, and to v itself."""
-    # the squared distance of x to the plane through p with the unit normal n is (n·(x − p))² = xᵀ n nᵀ x − 2 (n·p) n·x
-    # + (n·p)², so that A = n nᵀ, b = −(n·p) n and c = (n·p)²; that to the point p has A = I, b = −p and c = p·p. All
-    # times weights
+    """Add the squared distances to the plane through v with normal (x, y, z), and to v itself."""
+    # The squared distance of x to the plane through p with the unit normal n is (n·(x − p))² = xᵀ n
+    # nᵀ x − 2 (n·p) n·x + (n·p)², so that A = n nᵀ, b = −(n·p) n and c = (n·p)². The squared
+    # distance to the point p has A = I, b = −p and c = p·p. All are multiplied by weights.
     px, py, pz = vertices[v, 0], vertices[v, 1], vertices[v, 2]
     d = -weight * (x * px + y * py + z * pz)
     vertices[v, 3] += weight * x * x + point_weight

@@ -1,4 +1,4 @@
-"""Decimation: a coarser mesh of the same surface, by collapsing edges in the order of their quadric errors."""
+"""Decimation: a coarser mesh of the same surface, made by collapsing edges of least quadric error."""
 
 from __future__ import annotations
 
@@ -24,15 +24,21 @@ from isomatch.decimation._collapse import (
 )
 from isomatch.surfaces import Mesh, in_spatial_order
 
-LARGE = 2**16  # vertices, beyond which a round goes block by block; fewer mostly lie in the cache
-BLOCK = 2048  # vertices, of about 250 bytes each: half of a cache of 1 MB
-MOST_GONE = 0.5  # of the vertices of a block
-SHARES = (0.4, 0.6, 0.8, 1.0)  # of the edges that a round may collapse; after little progress, the next
-LEAST_PROGRESS = 0.02  # of the vertices, in a round
-POINT_WEIGHT = 1e-2  # of squared distances to the merged vertices, beside those to the planes of faces
-# where no vertex moves: at a tenth of an animal's vertices, the volume is nearer by 1 %
-IN_PLACE_WEIGHT = 1e-3
-N_SAMPLES = 20_000  # faces, whose edges tell the distribution of costs
+MAX_CACHED_VERTICES = (
+    2**16
+)  # a mesh with more vertices is decimated block by block, for the sake of the cache
+BLOCK_VERTICES = 2048  # a vertex takes about 250 bytes: half of a cache of 1 MB
+MAX_BLOCK_SHARE = 0.5  # share of the vertices of a block that are merged in one round
+# Share of the edges that a round may collapse. The next larger share follows a round that merged
+# fewer than MIN_PROGRESS_SHARE of the vertices.
+EDGE_SHARES = (0.4, 0.6, 0.8, 1.0)
+MIN_PROGRESS_SHARE = 0.02
+# Weight of squared distances to the merged vertices, relative to those to the planes of faces. If
+# no vertex may move, the smaller weight brings the volume of an animal nearer by 1 %, at a tenth of
+# its vertices.
+POINT_WEIGHT = 1e-2
+IN_PLACE_POINT_WEIGHT = 1e-3
+N_SAMPLED_FACES = 20_000  # faces whose edges give the distribution of costs
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,7 +52,8 @@ class Decimated:
     owner : (n_fine,) array of int
         Vertex of the coarse mesh into which each vertex was merged.
     wanted : int
-        The number of vertices asked for. The coarse mesh has more if no other edge could be collapsed.
+        The number of vertices asked for. The coarse mesh has more if no other edge could be
+        collapsed.
     """
 
     mesh: Mesh
@@ -75,18 +82,19 @@ def decimate(
     n_vertices : int
         Number of vertices to keep. A mesh that has no more is returned as it is.
     in_place : bool
-        Whether each coarse vertex lies, but for rounding, where one of the vertices merged into it was, and vertices of
-        boundaries are not merged with one another.
+        Whether each coarse vertex lies, up to rounding, where one of the vertices merged into it
+        was, and vertices of boundaries are not merged with one another.
     weights : (n,) array of float, optional
-        Weights of the vertices. If given, the cost of an edge is the sum of the squared distances to the vertices
-        merged, times their weights, whatever the planes of the faces: the density of the coarse mesh grows with √weight.
+        Weights of the vertices. If given, the cost of an edge is the sum of the squared distances
+        to the vertices merged, times their weights; planes of faces have no part in it. The density
+        of the coarse mesh grows with √weight.
 
     Returns
     -------
     Decimated
-        Components, boundary loops, Euler number, and the directions of faces are those of the mesh. So a small component
-        or loop keeps a few vertices, and no vertex at which the mesh is not manifold is merged into another: the result
-        then may have more vertices than asked for.
+        It has the components, boundary loops, Euler number, and directions of faces of the mesh. So
+        a small component or loop keeps a few vertices, and no vertex at which the mesh is not
+        manifold is merged into another: the result then may have more vertices than asked for.
 
     Raises
     ------
@@ -95,9 +103,10 @@ def decimate(
 
     Notes
     -----
-    Garland & Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997, where an edge is collapsed if
-    that preserves the topology (Dey, Edelsbrunner, Guha & Nekhayev, *Topology preserving edge contraction*, 1999), and
-    turns no face too far nor makes it a sliver. O(n) time, about 300 bytes for each vertex.
+    Garland & Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997, where
+    an edge is collapsed if that preserves the topology (Dey, Edelsbrunner, Guha & Nekhayev,
+    *Topology preserving edge contraction*, 1999), and turns no face too far nor makes it a sliver.
+    O(n) time, about 300 bytes for each vertex.
 
     Examples
     --------
@@ -113,9 +122,10 @@ def decimate(
 def decimations(
     mesh: Mesh, sizes: Sequence[int], *, in_place: bool = False, weights: FloatArray | None = None
 ) -> list[Decimated]:
-    """Make several coarser meshes, each the same as by `decimate`, of descending sizes; rounds in common are done once.
+    """Make coarser meshes of descending sizes, each the same as by `decimate`; common rounds are done once.
 
-    About 300 bytes more for each vertex where a larger one ends, and the last rounds of each.
+    Each size costs its last rounds and about 300 bytes for each vertex left when it parts from the
+    others.
     """
     if list(sizes) != sorted(sizes, reverse=True) or not len(sizes):
         raise SettingError(f"sizes = {list(sizes)} are not descending; give the largest first")
@@ -128,31 +138,30 @@ def decimations(
     rounds = _Rounds.of(mesh, in_place, weights)
     coarse = []
     for size in sizes:
-        shared = None
+        common = None
         while rounds.n > size and not rounds.is_over:
             if size > sizes[-1] and not rounds.is_far_from(size):
-                shared = shared or deepcopy(rounds)  # before a round that may end at this size
+                common = common or deepcopy(rounds)  # before a round that may end at this size
             rounds.collapse(size)
-        coarse.append(rounds.decimated(mesh, size))
-        rounds = shared or rounds
+        coarse.append(rounds.result(mesh, size))
+        rounds = common or rounds
     return small + coarse
 
 
 @dataclass(eq=False)
 class _Rounds:
-    """A mesh on its way to a coarser one: the arrays of `_collapse`, in which rounds leave room at the end."""
+    """A mesh on its way to a coarser one: the arrays of `_collapse`, compact after every round."""
 
-    # each round collapses edges below a cost, the cheapest first, on a mesh that is compact in memory; of a large mesh
-    # those of each block of vertices
+    # Each round collapses edges below a cost, the cheapest first; in a large mesh block by block.
 
     n: int  # vertices left
-    vertices: FloatArray  # of these three, the first n rows, and those of the faces left, are used
+    vertices: FloatArray
     marks: AnyArray
     corners: AnyArray
     owner: AnyArray  # (n_fine,) of int32: the vertex into which each vertex of the mesh was merged
     in_place: bool
-    n_shares: int = 0
-    n_gone: int = 0
+    n_shares: int = 0  # number of EDGE_SHARES tried
+    n_collapsed: int = 0  # in the last round
 
     @classmethod
     def of(cls, mesh: Mesh, in_place: bool, weights: FloatArray | None) -> Self:
@@ -167,7 +176,7 @@ class _Rounds:
         owner = np.empty(n, dtype=np.int32)
         owner[order] = np.arange(n, dtype=np.int32)
         link_corners(marks, corners)
-        point_weight = IN_PLACE_WEIGHT if in_place else POINT_WEIGHT
+        point_weight = IN_PLACE_POINT_WEIGHT if in_place else POINT_WEIGHT
         describe_vertices(vertices, marks, corners, np.empty((n, 2), dtype=np.int32), point_weight)
         if weights is not None:
             _describe_by_distances(vertices, weights[order])
@@ -178,36 +187,34 @@ class _Rounds:
     @property
     def is_over(self) -> bool:
         """Whether no edge can be collapsed."""
-        return self.n_shares == len(SHARES) and not self.n_gone
+        return self.n_shares == len(EDGE_SHARES) and not self.n_collapsed
 
-    def is_far_from(self, wanted: int) -> bool:
-        """Whether the mesh is large, and cannot reach the number of vertices that is wanted in a round by blocks."""
-        return self.n > LARGE and self.n * (1 - MOST_GONE) > wanted + BLOCK
+    def is_far_from(self, n_vertices: int) -> bool:
+        """Whether the mesh is large and cannot reach the number of vertices in a round by blocks."""
+        return self.n > MAX_CACHED_VERTICES and self.n * (1 - MAX_BLOCK_SHARE) > n_vertices + BLOCK_VERTICES
 
-    def collapse(self, wanted: int) -> None:
-        """Collapse edges in one round."""
-        if self.n_gone <= LEAST_PROGRESS * self.n:
-            self.n_shares = min(self.n_shares + 1, len(SHARES))
-        share, block, most = SHARES[self.n_shares - 1], self.n, self.n - wanted
-        if self.is_far_from(wanted):
-            block, most = BLOCK, int(MOST_GONE * BLOCK)
-        scale, limit = _costs(self.vertices, self.marks, self.corners, share, self.in_place)
+    def collapse(self, n_vertices: int) -> None:
+        """Collapse edges in one round, until a number of vertices is left."""
+        if self.n_collapsed <= MIN_PROGRESS_SHARE * self.n:
+            self.n_shares = min(self.n_shares + 1, len(EDGE_SHARES))
+        share, block, max_per_block = EDGE_SHARES[self.n_shares - 1], self.n, self.n - n_vertices
+        if self.is_far_from(n_vertices):
+            block, max_per_block = BLOCK_VERTICES, int(MAX_BLOCK_SHARE * BLOCK_VERTICES)
+        arrays = self.vertices, self.marks, self.corners
+        scale, limit = _costs(*arrays, share, self.in_place)
         queue = np.empty((N_BUCKETS + 1 + 3 * block, 4), dtype=np.int32)
-        self.n_gone = collapse_edges(
-            self.vertices, self.marks, self.corners, queue, scale, limit, most, block, self.in_place
-        )
-        self.n -= self.n_gone
+        self.n_collapsed = collapse_edges(*arrays, queue, scale, limit, max_per_block, block, self.in_place)
+        self.n -= self.n_collapsed
         n_corners = remove_gaps(self.vertices, self.marks, self.corners, self.owner)
         self.vertices, self.marks = self.vertices[: self.n], self.marks[: self.n]
         self.corners = self.corners[:n_corners]
         link_corners(self.marks, self.corners)
 
-    def decimated(self, mesh: Mesh, wanted: int) -> Decimated:
-        """Return what is left."""
+    def result(self, mesh: Mesh, wanted: int) -> Decimated:
+        """Return the coarse mesh, its vertices in the order of the first fine vertices merged into them."""
         _, centre, size = normalised(mesh.vertices)
-        # of the vertices merged into each; of equal indices the last counts
         first = np.empty(self.n, dtype=np.int64)
-        first[self.owner[::-1]] = np.arange(len(self.owner))[::-1]
+        first[self.owner[::-1]] = np.arange(len(self.owner))[::-1]  # among equal indices the last counts
         order, number = np.argsort(first), np.empty(self.n, dtype=np.int64)
         number[order] = np.arange(self.n)
         faces = number[self.corners[:, 0]].reshape(-1, 3)
@@ -226,8 +233,8 @@ def _describe_by_distances(vertices: FloatArray, weights: FloatArray) -> None:
 def _costs(
     vertices: FloatArray, marks: AnyArray, corners: AnyArray, share: float, in_place: bool
 ) -> tuple[float, float]:
-    """Median of the costs of edges, and the cost below which a share of them is."""
-    step = len(corners) // (3 * N_SAMPLES) + 1
+    """Median and another quantile of the costs of edges."""
+    step = len(corners) // (3 * N_SAMPLED_FACES) + 1
     ends = corners[:, 0].reshape(-1, 3)[::step, :2].astype(np.int64)
     costs = costs_of_edges(vertices, marks, ends, in_place)
     costs = costs[np.isfinite(costs)]
@@ -238,7 +245,7 @@ def _costs(
 
 
 def normalised(vertices: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Vertices about their middle, of size 1 or less; the middle, and the size."""
+    """Move the middle of vertices to 0 and scale them to [−1, 1]; return also the middle, and the size."""
     low, high = (np.array([extreme(x) for x in vertices.T]) for extreme in (np.min, np.max))  # fast
     centre = low / 2 + high / 2
     size = float((high / 2 - low / 2).max()) or 1.0

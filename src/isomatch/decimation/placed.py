@@ -14,14 +14,17 @@ from isomatch._core.threads import parallel_map
 from isomatch.decimation._collapse import Index, difference, link_corners, other_vertices
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_in_triangle
 
-MOST_TRIED = 8  # vertices of each group, where steps to the nearest of all may start
-INSIDE_A_FACE = 1e-9  # least weight of a corner, far above rounding
-ON_A_FACE = 1e-20  # squared distance, in the units of the normalised mesh, far below a face
-CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads
+MAX_STARTS = 8  # vertices of each group that are tried as the start of the search
+# A point is inside a face, and the search ends, if all weights exceed the first, far above
+# rounding, and its squared distance is at most the second, far below the size of a face of the
+# normalised mesh.
+MIN_INSIDE_WEIGHT = 1e-9
+MAX_SQUARED_DISTANCE = 1e-20
+CHUNK_POINTS = 8192  # points of one task; fixed, so that results do not depend on the number of threads
 
 
 class VertexGroups(NamedTuple):
-    """Vertices in groups: ``members[start[a]:start[a + 1]]`` are those of group a, increasing."""
+    """Vertices in groups: group a has the vertices ``members[start[a]:start[a + 1]]``, increasing."""
 
     start: AnyArray
     members: AnyArray
@@ -39,25 +42,28 @@ class PlacedMesh:
     """A mesh and the places (n, 3) of its vertices in space, linear in between."""
 
     mesh: Mesh
-    places: FloatArray  # (n, 3) in [−1, 1], so that squares neither overflow nor underflow; nan for a vertex without
-    groups: VertexGroups  # vertices of the mesh, so grouped that those near a place can be found
+    places: FloatArray  # (n, 3) in [−1, 1], so that squares neither overflow nor underflow; nan if a vertex has none
+    groups: VertexGroups  # vertices of the mesh; a search starts in the groups near a position
 
     def inverse(self, positions: FloatArray, near: IntArray) -> PrecisePoints:
         """Find the points of the mesh whose places are nearest to positions (m, 3). O(m).
 
-        The search starts at the nearest vertex of groups (m, q) near each, at least one of which has a vertex with a
-        place, and goes by steps to neighbours that are nearer, and then to the faces around: so another sheet is not
-        reached, however near. The corner of greatest weight comes first.
+        The search starts at the nearest vertex in groups (m, q) near each position, at least one of
+        which has a vertex with a place. It goes to neighbours that are nearer, and then to the
+        faces around, so that it never reaches another sheet. The corner of greatest weight comes
+        first.
         """
         preimages = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
         arguments = positions, near, read_only(self.places), *self.groups, *self._linked_corners
         n_groups = len(self.groups.start) - 1
-        by_group = VertexGroups.of(near[:, 0], n_groups).members  # for the sake of the cache
+        by_group = VertexGroups.of(
+            near[:, 0], n_groups
+        ).members  # positions of a group together, for the cache
 
         def chunk(first: int) -> None:
-            _inverse_image(by_group[first : first + CHUNK], *arguments, *preimages)
+            _inverse_image(by_group[first : first + CHUNK_POINTS], *arguments, *preimages)
 
-        parallel_map(chunk, range(0, len(near), CHUNK))
+        parallel_map(chunk, range(0, len(near), CHUNK_POINTS))
         return preimages
 
     @cached_property
@@ -94,16 +100,16 @@ def _inverse_image(
         nearest, least = np.int64(0), np.inf
         for j in range(corners.shape[1]):
             owner = corners[i, j]
-            step = (start[owner + 1] - start[owner]) // MOST_TRIED + 1
-            for at in range(start[owner], start[owner + 1], step):
-                v = np.int64(members[at])
+            step = (start[owner + 1] - start[owner]) // MAX_STARTS + 1
+            for k in range(start[owner], start[owner + 1], step):
+                v = np.int64(members[k])
                 squared = (places[v, 0] - qx) ** 2 + (places[v, 1] - qy) ** 2 + (places[v, 2] - qz) ** 2
                 if squared < least:
                     nearest, least = v, squared
-        before = np.int64(-1)
-        while before != nearest:
-            before = nearest
-            corner = marks[before, 0]
+        centre = np.int64(-1)
+        while centre != nearest:
+            centre = nearest
+            corner = marks[centre, 0]
             while corner >= 0:
                 for v in other_vertices(linked, corner):
                     squared = (places[v, 0] - qx) ** 2 + (places[v, 1] - qy) ** 2 + (places[v, 2] - qz) ** 2
@@ -124,7 +130,10 @@ def _inverse_image(
                     least = squared
                     preimage[i, 0], preimage[i, 1], preimage[i, 2] = a, b, c
                     weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
-            if least <= ON_A_FACE and min(weights[i, 0], weights[i, 1], weights[i, 2]) > INSIDE_A_FACE:
+            if (
+                least <= MAX_SQUARED_DISTANCE
+                and min(weights[i, 0], weights[i, 1], weights[i, 2]) > MIN_INSIDE_WEIGHT
+            ):
                 break
         sort_corners(preimage, weights, i)
 
@@ -149,9 +158,9 @@ def nearest_in_face(
 def sort_corners(corners: IntArray, barycentric: FloatArray, i: int) -> None:
     """Turn the corners of a point so that the one of greatest weight comes first."""
     k = 0
-    for other in range(1, 3):
-        if barycentric[i, other] > barycentric[i, k]:
-            k = other
+    for j in range(1, 3):
+        if barycentric[i, j] > barycentric[i, k]:
+            k = j
     a, b, c = corners[i, k], corners[i, (k + 1) % 3], corners[i, (k + 2) % 3]
     r, s, t = barycentric[i, k], barycentric[i, (k + 1) % 3], barycentric[i, (k + 2) % 3]
     corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c

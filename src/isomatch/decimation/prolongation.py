@@ -14,7 +14,7 @@ from isomatch._core.threads import parallel_map
 from isomatch.decimation._collapse import FIRST, Index, other_vertices
 from isomatch.decimation.decimation import Decimated, normalised
 from isomatch.decimation.placed import (
-    CHUNK,
+    CHUNK_POINTS,
     PlacedMesh,
     VertexGroups,
     linked_corners,
@@ -23,17 +23,21 @@ from isomatch.decimation.placed import (
 )
 from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
 
-LEAST_COSINE = 0.5  # between the normals of a vertex and of a face; what is missing costs, NORMAL_WEIGHT
-ROUNDING = 1e-6  # of positions in single precision
-NORMAL_WEIGHT = 0.2  # times the area of a coarse vertex, beside squared distances
+# A face whose normal has a smaller cosine with the normal of the vertex, an angle of more than 60°,
+# counts as farther away: its squared distance grows by NORMAL_WEIGHT times the area of the coarse
+# vertex times the missing cosine.
+MIN_FACING_COSINE = 0.5
+NORMAL_WEIGHT = 0.2
+MAX_ROUNDING = 1e-6  # error of positions in single precision
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Prolongation:
-    """Carries points from a fine mesh to a coarse one that `decimate` made of it, and back, along the surface.
+    """Carries points from a fine mesh to its decimation by `decimate`, and back, along the surface.
 
-    Another finger, or the other lip, is no image, however near in space: points are only sought where the decimation has
-    merged vertices with those around it, and normals tell apart the two sides of what is thin.
+    Another finger, or the other lip, is no image, even if it is near in space: the search stays
+    near the vertices that the decimation has merged, and normals distinguish the two sides of a
+    thin wall.
     """
 
     fine: Mesh
@@ -51,10 +55,10 @@ class Prolongation:
 
     @cached_property
     def on_coarse(self) -> PrecisePoints:
-        """The place of each fine vertex on the coarse mesh, n points; the corner of greatest weight comes first."""
-        # the nearest point of the coarse faces around the owner and the neighbours of that, about 25 for each vertex,
-        # of which those around the owner come first, so that most others can be passed over. A face counts as farther
-        # away if its normal differs by more than 60° from that of the vertex
+        """The place (n points) of each fine vertex on the coarse mesh, its corner of greatest weight first."""
+        # The place is the nearest point of the coarse faces around the owner and its neighbours,
+        # about 25 for each vertex. Faces around the owner come first, so that most others can be
+        # passed over.
         points, _, _ = normalised(self.fine.vertices)
         normals = vertex_normals(points, self.fine.sound_faces)
         coarse = self._coarse
@@ -64,26 +68,26 @@ class Prolongation:
         places = PrecisePoints.at_vertices(self.coarse.owner)
 
         def chunk(first: int) -> None:
-            last = min(first + CHUNK, len(points))
+            last = min(first + CHUNK_POINTS, len(points))
             _nearest_on_coarse(first, last, points, normals, *tables, *places)
 
-        parallel_map(chunk, range(0, self.fine.n_vertices, CHUNK))
+        parallel_map(chunk, range(0, self.fine.n_vertices, CHUNK_POINTS))
         return places
 
     @cached_property
     def nearest_members(self) -> IntArray:
-        """(n_coarse,) the nearest of the fine vertices merged into each coarse one."""
+        """(n_coarse,) the nearest fine vertex among those merged into each coarse vertex."""
         nearest = np.full(self.coarse.mesh.n_vertices, -1, dtype=np.int64)
         _fill_nearest(self.fine.vertices, self.coarse.mesh.vertices, self.coarse.owner, nearest)
         return nearest
 
     def near_fine(self, positions: FloatArray, corners: IntArray) -> PrecisePoints:
-        """Carry positions (m, 3) on or near the coarse mesh to the fine one: the inverse of `on_coarse`. O(m).
+        """Carry positions (m, 3) on or near the coarse mesh to the fine one, the inverse of `on_coarse`. O(m).
 
-        The search starts at the fine vertices merged into corners (m, q), coarse vertices near each position. Of all
-        points in fine triangles, whose corners are taken at their places on the coarse mesh, the nearest: exact where
-        the fine triangles lie in coarse ones, and otherwise off by less than a fine triangle. The corner of greatest
-        weight comes first.
+        The search starts at the fine vertices merged into corners (m, q), coarse vertices near each
+        position. It finds the nearest point in fine triangles whose corners are at their places on
+        the coarse mesh: exact where the fine triangles lie in coarse ones, and otherwise off by
+        less than a fine triangle. The corner of greatest weight comes first.
         """
         _, centre, size = normalised(self.fine.vertices)
         return self._placed.inverse((positions - centre) / size, corners)
@@ -104,58 +108,63 @@ class Prolongation:
 def _faces_near(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
     """Faces around each vertex a, then those around its neighbours: ``near[start[a]:start[a + 1]]``."""
     marks, corners = linked_corners(mesh)
-    start, seen = np.zeros(mesh.n_vertices + 1, dtype=np.int64), np.full(mesh.n_faces, -1, dtype=np.int32)
-    _list_near(marks, corners, seen, start, np.empty(0, dtype=np.int32))
+    start, last_seen_by = (
+        np.zeros(mesh.n_vertices + 1, dtype=np.int64),
+        np.full(mesh.n_faces, -1, dtype=np.int32),
+    )
+    _list_near(marks, corners, last_seen_by, start, np.empty(0, dtype=np.int32))
     near = np.empty(start[-1], dtype=np.int32)
-    seen[:] = -1
-    _list_near(marks, corners, seen, start, near)
+    last_seen_by[:] = -1
+    _list_near(marks, corners, last_seen_by, start, near)
     return start, near
 
 
 @compiled()
-def _list_near(marks: AnyArray, corners: AnyArray, seen: AnyArray, start: IntArray, near: AnyArray) -> None:
-    """List the faces near each vertex, or only count them where there is no room."""
+def _list_near(
+    marks: AnyArray, corners: AnyArray, last_seen_by: AnyArray, start: IntArray, near: AnyArray
+) -> None:
+    """List the faces near each vertex; only count them if ``near`` is empty."""
     count = 0
     for v in range(len(marks)):
         corner = marks[v, FIRST]
         while corner >= 0:
-            count = _listed(corner // 3, v, seen, near, count)
+            count = _list_face(corner // 3, v, last_seen_by, near, count)
             corner = corners[corner, 1]
         corner = marks[v, FIRST]
         while corner >= 0:
             for w in other_vertices(corners, corner):
                 around = marks[w, FIRST]
                 while around >= 0:
-                    count = _listed(around // 3, v, seen, near, count)
+                    count = _list_face(around // 3, v, last_seen_by, near, count)
                     around = corners[around, 1]
             corner = corners[corner, 1]
         start[v + 1] = count
 
 
 @compiled(inline="always")
-def _listed(face: Index, v: Index, seen: AnyArray, near: AnyArray, count: int) -> int:
-    """List a face that was not yet seen from v."""
-    if seen[face] == v:
+def _list_face(face: Index, v: Index, last_seen_by: AnyArray, near: AnyArray, count: int) -> int:
+    """List a face that v has not yet seen."""
+    if last_seen_by[face] == v:
         return count
-    seen[face] = v
-    if len(near):  # else they are only counted
+    last_seen_by[face] = v
+    if len(near):
         near[count] = face
     return count + 1
 
 
 def _frames(mesh: Mesh) -> tuple[Float32Array, FloatArray]:
-    """Balls (m, 4) that hold the faces, and a frame of each face, (m, 15); nan without area."""
+    """Balls (m, 4) that contain the faces, and a frame of each face, (m, 15); nan without area."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     centre = (a + b + c) / 3
-    radius = np.sqrt(np.max([((x - centre) ** 2).sum(axis=1) for x in (a, b, c)], axis=0)) + ROUNDING
+    radius = np.sqrt(np.max([((x - centre) ** 2).sum(axis=1) for x in (a, b, c)], axis=0)) + MAX_ROUNDING
     cross = mesh.face_cross
     squared = (cross**2).sum(axis=1)
     squared[squared == 0] = np.nan
-    of_b, of_c = np.cross(c - a, cross) / squared[:, None], np.cross(cross, b - a) / squared[:, None]
-    heights = [1 / (g**2).sum(axis=1) for g in (of_b + of_c, of_b, of_c)]
-    # centre, normal, gradients of the weights of b and c, and for each of the three weights the squared distance over
-    # which it changes by 1
-    frames = np.column_stack([centre, cross / np.sqrt(squared)[:, None], of_b, of_c, *heights])
+    gradient_b = np.cross(c - a, cross) / squared[:, None]  # of the barycentric weight of b
+    gradient_c = np.cross(cross, b - a) / squared[:, None]
+    # squared distance along which each weight changes by 1
+    heights = [1 / (g**2).sum(axis=1) for g in (gradient_b + gradient_c, gradient_b, gradient_c)]
+    frames = np.column_stack([centre, cross / np.sqrt(squared)[:, None], gradient_b, gradient_c, *heights])
     return single(np.column_stack([centre, radius])), frames
 
 
@@ -175,12 +184,12 @@ def _nearest_on_coarse(
     corners: IntArray,
     barycentric: FloatArray,
 ) -> None:
-    """Replace the owners in ``corners`` by the nearest points of the faces near them, the nearest corner first."""
+    """Replace the owners in ``corners`` by the nearest points in faces near them, nearest corner first."""
     for i in range(first, last):
         owner = corners[i, 0]
         best = reach = np.inf
-        for at in range(start[owner], start[owner + 1]):
-            f = near[at]
+        for k in range(start[owner], start[owner + 1]):
+            f = near[k]
             px, py, pz = points[i, 0] - balls[f, 0], points[i, 1] - balls[f, 1], points[i, 2] - balls[f, 2]
             if px * px + py * py + pz * pz >= (reach + balls[f, 3]) ** 2:
                 continue
@@ -191,7 +200,7 @@ def _nearest_on_coarse(
             r = 1.0 - s - t
             cost = height * height
             a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-            if not (r >= 0.0 and s >= 0.0 and t >= 0.0):  # beyond an edge, at least as far as from its line
+            if not (r >= 0.0 and s >= 0.0 and t >= 0.0):  # beyond an edge: no nearer than its line
                 outside = 0.0
                 if r < 0.0:
                     outside = r * r * frames[f, 12]
@@ -210,9 +219,9 @@ def _nearest_on_coarse(
             facing = (
                 frames[f, 3] * normals[i, 0] + frames[f, 4] * normals[i, 1] + frames[f, 5] * normals[i, 2]
             )
-            if not facing <= LEAST_COSINE:  # of a face without area it is not a number
-                facing = LEAST_COSINE if facing > LEAST_COSINE else 0.0
-            cost += tolerance[owner] * (LEAST_COSINE - facing)
+            if not facing <= MIN_FACING_COSINE:  # nan if the face has no area
+                facing = MIN_FACING_COSINE if facing > MIN_FACING_COSINE else 0.0
+            cost += tolerance[owner] * (MIN_FACING_COSINE - facing)
             if cost < best:
                 best, reach = cost, np.sqrt(max(cost, 0.0))
                 corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
@@ -222,7 +231,7 @@ def _nearest_on_coarse(
 
 @compiled()
 def _fill_nearest(fine: FloatArray, coarse: FloatArray, owner: IntArray, nearest: IntArray) -> None:
-    """Find, for each coarse vertex, the nearest of the fine ones that it owns."""
+    """Find the nearest fine vertex that each coarse vertex owns."""
     least = np.full(len(coarse), np.inf)
     for v in range(len(fine)):
         w = owner[v]

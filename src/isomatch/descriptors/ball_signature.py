@@ -1,4 +1,4 @@
-"""The ball signature: what a surface looks like in space around each point, at several radii."""
+"""The ball signature: the shape of the surface in space around each point, at several radii."""
 
 from __future__ import annotations
 
@@ -22,45 +22,44 @@ from isomatch.geodesics import (
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud
 
-# in √area, from a wrist to a knee: larger balls reach other limbs where limbs touch; docs/lab/design_notes.md
+# Radii in √area, from a wrist to a knee; larger balls reach other limbs where limbs touch:
+# docs/lab/design_notes.md
 RADII = (0.04, 0.06, 0.09)
 
-# of the offset and the extents in a comparison; the greatest extent tells little: docs/lab/design_notes.md
+# Weights of the offset and the three extents in a comparison; the greatest extent tells little
+# (same page).
 WEIGHTS = (1.0, 0.0, 0.5, 1.0)
 
-# edges, on average, that a radius must span; of a mesh of 5000 vertices 0.04 is 2.5
-LEAST_EDGES = 2.0
-
-# length by which a ball may reach over a boundary and count, in the same units; so little changes its moments little
-OVERHANG = 0.02
-
-# standard deviations below this are noise of the triangulation, which must not be magnified
-LEAST_DEVIATION = 0.03
-
-# distance, in spacings of the samples, up to which a sample counts for a vertex; chosen: at least one does
-NEAR = 1.5
-
-TINY = 1e-9
-MOST_DIFFERENCE = 2.0  # standard deviations from which values differ as much as any two
+MIN_RADIUS_EDGES = (
+    2.0  # mean edges that a radius must span; in a mesh of 5000 vertices the radius 0.04 spans 2.5
+)
+MAX_OVERHANG = 0.02  # length, in the unit, by which a ball may cross a boundary; its moments hardly change
+MIN_DEVIATION = 0.03  # smaller standard deviations are noise of the triangulation and must not be magnified
+MAX_SAMPLE_SPACINGS = 1.5  # a sample counts for vertices up to this distance, chosen so that most have one
+MIN_HALF_CELL = 1e-9  # half width, in the unit, of the cell of a vertex without area
+MAX_DIFFERENCE = 2.0  # larger differences, in standard deviations, count as this
 
 
 @dataclass(frozen=True, eq=False)
 class BallSignature:
-    """Moments of the geodesic balls around n points of a surface, at r radii; lengths are in units of the ``unit`` given.
+    """Moments of the geodesic balls around n points of a surface, at r radii; lengths in the given ``unit``.
 
-    ``values`` holds for each ball the offset of its centroid from its centre along the normal, positive in hollows, and
-    its three extents, the greatest first: square roots of the eigenvalues of its covariance. All over the radius.
+    ``values`` holds for each ball the offset of its centroid from its centre along the normal,
+    positive in hollows, and its three extents, the greatest first: square roots of the eigenvalues
+    of its covariance. They are divided by the radius.
     """
 
     radii: FloatArray  # (r,)
     values: FloatArray  # (n, r, 4)
-    to_boundary: FloatArray  # (n,) inf where there is none
-    finest: float = 0.0  # radius below which a ball has too few vertices to tell anything
+    to_boundary: FloatArray  # (n,) distance to the boundary; inf if there is none
+    finest: float = 0.0  # smaller balls have too few vertices to tell anything
 
     @cached_property
     def known(self) -> BoolArray:
-        """(n, r) whether the boundary is far enough, and the triangulation fine enough, for the values to count."""
-        return np.asarray((self.radii <= self.to_boundary[:, None] + OVERHANG) & (self.radii >= self.finest))
+        """(n, r) whether values count: the boundary is far enough, and the triangulation fine enough."""
+        return np.asarray(
+            (self.radii <= self.to_boundary[:, None] + MAX_OVERHANG) & (self.radii >= self.finest)
+        )
 
     def at(self, vertices: IntArray) -> BallSignature:
         """Restrict to some points (m,)."""
@@ -68,19 +67,20 @@ class BallSignature:
 
     def scaled(self, factor: float, radii: ArrayLike) -> BallSignature:
         """Give the signature of the surface enlarged by a factor, interpolated at other radii (q,)."""
-        wanted = np.asarray(radii, dtype=np.float64)
-        place = np.interp(np.log(wanted / factor), np.log(self.radii), np.arange(len(self.radii)))
+        radii = np.asarray(radii, dtype=np.float64)
+        place = np.interp(np.log(radii / factor), np.log(self.radii), np.arange(len(self.radii)))
         below = np.minimum(place.astype(np.int64), len(self.radii) - 2)
         part = (place - below)[:, None]
         values = (1 - part) * self.values[:, below] + part * self.values[:, below + 1]
-        return BallSignature(wanted, values, factor * self.to_boundary, factor * self.finest)
+        return BallSignature(radii, values, factor * self.to_boundary, factor * self.finest)
 
     def descriptor_distance(self, other: BallSignature, deviation: FloatArray | None = None) -> FloatArray:
-        """Compare with the signature of as many points: the mean difference (n,) of what is known of both.
+        """Compare with the signature of n other points: the mean difference (n,) of the values known of both.
 
-        In standard deviations, each counted up to 2; nan where nothing is known of both. Offsets count most, then the
-        least extent: how the surface bulges, and how thick it is. ``deviation`` (r, 4) is the unit of the differences,
-        see `deviation_of`; by default that of these points and the others.
+        It is in standard deviations, each counted up to 2; nan if no value is known of both.
+        Offsets count most, then the least extent: how the surface bulges, and how thick it is.
+        ``deviation`` (r, 4) is the unit of the differences, by default `deviation_of` both
+        signatures.
 
         Raises
         ------
@@ -93,21 +93,21 @@ class BallSignature:
                 f"{other.radii.tolist()} cannot be compared; take as many points and the same radii"
             )
         unit = deviation_of(self, other) if deviation is None else deviation
-        apart = np.minimum(np.abs(self.values - other.values) / unit, MOST_DIFFERENCE)
-        apart = apart @ WEIGHTS / np.sum(WEIGHTS)
-        both = self.known & other.known
-        n_known = both.sum(axis=1)
-        total = np.where(both, apart, 0.0).sum(axis=1)
+        difference = np.minimum(np.abs(self.values - other.values) / unit, MAX_DIFFERENCE)
+        difference = difference @ WEIGHTS / np.sum(WEIGHTS)
+        known = self.known & other.known
+        n_known = known.sum(axis=1)
+        total = np.where(known, difference, 0.0).sum(axis=1)
         return np.asarray(np.divide(total, n_known, out=np.full(len(total), np.nan), where=n_known > 0))
 
 
 def deviation_of(*signatures: BallSignature) -> FloatArray:
-    """Measure the standard deviations (r, 4) of what is known of some surfaces together; at least 0.03."""
-    deviations = np.full(signatures[0].values.shape[1:], LEAST_DEVIATION)
+    """Measure the standard deviations (r, 4) of the known values of some surfaces together; at least 0.03."""
+    deviations = np.full(signatures[0].values.shape[1:], MIN_DEVIATION)
     for j in range(len(deviations)):
-        values = np.concatenate([each.values[each.known[:, j], j] for each in signatures])
+        values = np.concatenate([signature.values[signature.known[:, j], j] for signature in signatures])
         if len(values):
-            deviations[j] = np.maximum(values.std(axis=0), LEAST_DEVIATION)
+            deviations[j] = np.maximum(values.std(axis=0), MIN_DEVIATION)
     return deviations
 
 
@@ -122,8 +122,9 @@ def ball_signature(
 ) -> BallSignature:
     """Compute the ball signature of every vertex of a surface.
 
-    It is felt where a ball bends in space, but knows inside from outside, thick from thin, a knee from the hollow behind
-    it; and a boundary changes it only where it cuts a ball. Mirror images have the same values.
+    It depends on the pose where a joint bends a ball. It tells inside from outside, thick from
+    thin, a knee from the hollow behind it, and a boundary changes it only where it cuts a ball.
+    Mirror images have the same values.
 
     Parameters
     ----------
@@ -132,26 +133,27 @@ def ball_signature(
     radii : (r,) array_like of float
         Increasing, in units of ``unit``. The smallest should span several edges.
     unit : float, optional
-        The length that is 1; by default √area. Of a part, √area of the whole.
+        The length that is 1; by default √area. For a part, give √area of the whole.
     samples : (m,) array_like of int, optional
-        Vertices whose balls are computed; the others get means of near ones. By default all.
+        Vertices whose balls are computed; the other vertices get means of near samples. By default
+        all.
     normals : (n, 3) array_like, optional
-        Unit normals; of a cloud they must be given.
+        Unit normals; a cloud needs them.
     weld : bool
         Whether vertices of a mesh at exactly the same position are one point of the surface.
 
     Raises
     ------
     DescriptorError
-        If the surface is a graph, which has no normals, or a cloud without normals; if radii are not positive and
-        increasing; or if there is no sample.
+        If the surface is a graph, which has no normals, or a cloud without normals; if radii are
+        not positive and increasing; or if there is no sample.
     MeshError
         If a sample is no vertex.
 
     Notes
     -----
-    Moments of balls on surfaces are integral invariants, see Pottmann et al., *Integral invariants for robust geometry
-    processing*, CAGD 2009, there of balls in space. O(m b log b) time for balls of b vertices.
+    Moments of balls are integral invariants; Pottmann et al., *Integral invariants for robust
+    geometry processing*, CAGD 2009, take balls in space. O(m b log b) time for balls of b vertices.
 
     Examples
     --------
@@ -174,9 +176,9 @@ def ball_signature(
     centres = np.arange(n) if samples is None else points_of(samples, n).corners[:, 0]
     welded, seams = without_seams(surface, weld)
     if seams:
-        at = None if samples is None else seams.new_index[centres]
-        turned = None if normals is None else _normals(surface, normals)[seams.vertex_index]
-        signature = ball_signature(welded, radii, unit=unit, samples=at, normals=turned, weld=False)
+        samples = None if samples is None else seams.new_index[centres]
+        normals = None if normals is None else _normals(surface, normals)[seams.vertex_index]
+        signature = ball_signature(welded, radii, unit=unit, samples=samples, normals=normals, weld=False)
         return signature.at(seams.new_index)
     reach = np.asarray(radii, dtype=np.float64)
     if reach.ndim != 1 or not len(reach) or reach[0] <= 0 or (np.diff(reach) <= 0).any():
@@ -185,7 +187,7 @@ def ball_signature(
     centres, areas = np.unique(centres), np.asarray(surface.vertex_areas)
     if not len(centres):
         raise DescriptorError("samples is empty; give at least one vertex, or None for all")
-    half_cells = np.maximum(np.sqrt(areas / np.pi), TINY * length)  # a vertex may have no area
+    half_cells = np.maximum(np.sqrt(areas / np.pi), MIN_HALF_CELL * length)  # a vertex may have no area
     farthest = length * reach[-1] + float(half_cells.max())
     balls = geodesic_balls(distance_engine(surface, weld=False), centres, farthest)
     shape = len(centres), len(reach)
@@ -196,12 +198,12 @@ def ball_signature(
     values = np.concatenate([offsets[..., None], extents], axis=-1)
     if len(centres) < n:
         values = _spread(surface, centres, balls, values)
-    finest = LEAST_EDGES * float(surface.edge_lengths.mean()) if isinstance(surface, Mesh) else 0.0
+    finest = MIN_RADIUS_EDGES * float(surface.edge_lengths.mean()) if isinstance(surface, Mesh) else 0.0
     return BallSignature(reach, values, _to_boundary(surface) / length, finest / length)
 
 
 def _normals(surface: Mesh | PointCloud, normals: ArrayLike | None) -> FloatArray:
-    """Take the unit normals (n, 3) of the user, or those of a mesh."""
+    """Check the unit normals (n, 3) of the user, or compute the normals of a mesh."""
     if normals is None:
         if isinstance(surface, Mesh):
             return surface.vertex_normals
@@ -213,26 +215,25 @@ def _normals(surface: Mesh | PointCloud, normals: ArrayLike | None) -> FloatArra
 
 
 def _to_boundary(surface: Mesh | PointCloud) -> FloatArray:
-    """(n,) distance of each vertex to the boundary; inf where there is none."""
-    boundary = np.unique(surface.boundary_edges) if isinstance(surface, Mesh) else np.zeros(0, dtype=np.int64)
-    if not len(boundary):
+    """(n,) distance of each vertex to the boundary; inf if there is none."""
+    if isinstance(surface, PointCloud) or not len(surface.boundary_edges):
         return np.full(surface.n_vertices, np.inf)
-    return distance_along_edges_to_nearest(surface, boundary)[0]
+    return distance_along_edges_to_nearest(surface, np.unique(surface.boundary_edges))[0]
 
 
 def _spread(surface: Mesh | PointCloud, centres: IntArray, balls: Balls, values: FloatArray) -> FloatArray:
-    """Give every vertex the mean of the values (m, r, 4) of near centres; of the nearest where none is near."""
-    n = surface.n_vertices
-    near = NEAR * np.sqrt(surface.area / len(centres))
-    weights = np.maximum(1 - balls.distances / near, 0.0) ** 2
+    """Give every vertex the mean of the values (m, r, 4) of near centres, or the values of the nearest one."""
+    n, flat = surface.n_vertices, values.reshape(len(centres), -1)
+    reach = MAX_SAMPLE_SPACINGS * np.sqrt(surface.area / len(centres))
+    weights = np.maximum(1 - balls.distances / reach, 0.0) ** 2
     rows = np.repeat(np.arange(len(centres)), np.diff(balls.start))
-    mean = scipy.sparse.csr_array((weights, (balls.points, rows)), shape=(n, len(centres)))
-    total = mean.sum(axis=1)
-    spread = (mean @ values.reshape(len(centres), -1)) / np.where(total > 0, total, 1.0)[:, None]
+    sums = scipy.sparse.csr_array((weights, (balls.points, rows)), shape=(n, len(centres)))
+    total = sums.sum(axis=1)
+    spread = (sums @ flat) / np.where(total > 0, total, 1.0)[:, None]
     alone = np.flatnonzero(total <= 0)
     if len(alone):
         _, nearest = distance_along_edges_to_nearest(surface, centres)
-        spread[alone] = values.reshape(len(centres), -1)[np.searchsorted(centres, nearest[alone])]
+        spread[alone] = flat[np.searchsorted(centres, nearest[alone])]
     return np.asarray(spread.reshape(n, *values.shape[1:]))
 
 
@@ -249,11 +250,12 @@ def _moments(
     offsets: FloatArray,
     covariances: FloatArray,
 ) -> None:
-    """Fill in the offsets (m, r) of centroids along the normal, and covariances (m, r, 3, 3); lengths over the radius."""
-    # A vertex stands for a disk of radius ``half_cells``; a ball has the share of it that the front has passed, so that
-    # the moments change continuously with the radius. Of a smooth surface of mean curvature H the height over the
-    # tangent plane is −½ (κ₁ x² + κ₂ y²), whose mean over a disk of radius r is −¼ r² · ½ (κ₁ + κ₂) = −H r² / 4: the
-    # offset is −H r / 4 to leading order. ∫ x² over the unit disk is ¼ of its area: two extents are ½.
+    """Fill in the offsets (m, r) of centroids along the normal, and covariances (m, r, 3, 3), in radii."""
+    # A vertex stands for a disk of radius ``half_cells``; a ball has the share of it that the front
+    # has passed, so that the moments change continuously with the radius. The height of a smooth
+    # surface of mean curvature H above the tangent plane is −½ (κ₁ x² + κ₂ y²), whose mean over a
+    # disk of radius r is −¼ r² · ½ (κ₁ + κ₂) = −H r² / 4: the offset is −H r / 4 to leading order.
+    # ∫ x² over the unit disk is ¼ of its area: two extents are ½.
     for i in range(len(centres)):
         centre = centres[i]
         for j in range(len(radii)):
@@ -266,11 +268,12 @@ def _moments(
                     continue
                 share = min(share, 1.0)
                 w = half_cells[v] ** 2 * share
-                # the share lies nearer to the centre than the vertex, by the half of what is missing
-                near = (1.0 - (1.0 - share) * half_cells[v] / max(distances[e], half_cells[v])) / r
-                x = near * (points[v, 0] - points[centre, 0])
-                y = near * (points[v, 1] - points[centre, 1])
-                z = near * (points[v, 2] - points[centre, 2])
+                # the middle of the share lies nearer to the centre than the vertex, by half the
+                # missing width
+                factor = (1.0 - (1.0 - share) * half_cells[v] / max(distances[e], half_cells[v])) / r
+                x = factor * (points[v, 0] - points[centre, 0])
+                y = factor * (points[v, 1] - points[centre, 1])
+                z = factor * (points[v, 2] - points[centre, 2])
                 total += w
                 mx, my, mz = mx + w * x, my + w * y, mz + w * z
                 mxx, mxy, mxz = mxx + w * (x * x), mxy + w * (x * y), mxz + w * (x * z)

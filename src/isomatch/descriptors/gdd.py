@@ -14,8 +14,8 @@ from isomatch.spectral import DistanceBasis
 class GeodesicDistanceDescriptor:
     """Descriptor X = Q Λ^½ with D ≈ X Xᵀ (bilinear, without conjugation).
 
-    Λ is indefinite, so every column of X is purely real or purely imaginary. The real coordinates ``Q |Λ|^½`` and the
-    signature are stored; D_ij ≈ Σ_c signature_c · x_ic · x_jc.
+    Λ is indefinite, so every column of X is purely real or purely imaginary. Stored are the real
+    coordinates ``Q |Λ|^½`` and the signature; D_ij ≈ Σ_c signature_c · x_ic · x_jc.
 
     Parameters
     ----------
@@ -26,7 +26,8 @@ class GeodesicDistanceDescriptor:
 
     Examples
     --------
-    Three points on a line: D has trace 0, so that one real coordinate is balanced by two imaginary ones.
+    Three points on a line: D has trace 0, so that one real coordinate is balanced by two imaginary
+    ones.
 
     >>> from isomatch import distance_basis
     >>> line = np.array([[0.0, 1.0, 2.0], [1.0, 0.0, 1.0], [2.0, 1.0, 0.0]])
@@ -52,7 +53,7 @@ class GeodesicDistanceDescriptor:
 
 
 def geodesic_distance_descriptor(basis: DistanceBasis, k: int | None = None) -> GeodesicDistanceDescriptor:
-    """Compute the geodesic distance descriptor of every vertex, from the first k vectors of its distance basis, or all.
+    """Compute the geodesic distance descriptor of every vertex from k vectors of a distance basis, or all.
 
     Notes
     -----
@@ -66,10 +67,11 @@ def geodesic_distance_descriptor(basis: DistanceBasis, k: int | None = None) -> 
     >>> bool(abs(x.coordinates[0] @ x.inner()[1] - 2**0.5) < 1e-6)
     True
     """
-    # X = Q Λ^½ makes D ≈ Q Λ Qᵀ = X Xᵀ. If a permutation P takes the distances of a shape to those of another, D₂ = P
-    # D₁ Pᵀ, then X₂ X₂ᵀ = (P X₁) (P X₁)ᵀ, and X₂ = P X₁ C with C Cᵀ = I. As both Q are orthonormal eigenvectors, C is
-    # ±1 on the diagonal, or orthogonal among those of one eigenvalue; real and imaginary columns, of eigenvalues of
-    # other sign, never mix (`signed_procrustes`). So the map is found as min ‖P X₁ C − X₂‖ over P and C in turn.
+    # X = Q Λ^½ makes D ≈ Q Λ Qᵀ = X Xᵀ. If a permutation P takes the distances of one shape to the
+    # distances of another, D₂ = P D₁ Pᵀ, then X₂ X₂ᵀ = (P X₁) (P X₁)ᵀ, and X₂ = P X₁ C with C Cᵀ =
+    # I. As both Q are orthonormal eigenvectors, C is ±1 on the diagonal, or orthogonal among
+    # columns of one eigenvalue; real and imaginary columns, of eigenvalues of opposite sign, never
+    # mix (`signed_procrustes`). So the map is found as min ‖P X₁ C − X₂‖, alternately in P and C.
     # Columns are not normalised: they decay, so that the leading ones have the largest weight.
     values = basis.values[:k]
     return GeodesicDistanceDescriptor(basis.vectors[:, :k] * np.sqrt(np.abs(values)), np.sign(values))

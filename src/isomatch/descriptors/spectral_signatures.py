@@ -10,7 +10,7 @@ from isomatch.repair import without_seams
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh
 
-CLIPPED = 0.02  # share of the values clipped at either end; curvature at sharp tips is noisy and large
+CLIPPED_SHARE = 0.02  # share of the values clipped at either end; curvature at sharp tips is noisy and large
 
 
 def wave_kernel_signature(
@@ -32,12 +32,13 @@ def wave_kernel_signature(
     Returns
     -------
     (n, n_energies) array of float
-        Probability density of a particle of that energy at each vertex, in 1 / squared mesh units.
+        Probability density of a particle of each energy at each vertex, in 1 / squared mesh units.
 
     Notes
     -----
-    Aubry, Schlickewei & Cremers, *The Wave Kernel Signature*, ICCV Workshops 2011, equation 5: Σ_i g_e(λ_i) φ_i(x)², with
-    the filter g_e a normal distribution of log λ about the energy e, of sum 1. O(n k n_energies).
+    Aubry, Schlickewei & Cremers, *The Wave Kernel Signature*, ICCV Workshops 2011, equation 5: Σ_i
+    g_e(λ_i) φ_i(x)², where the filter g_e is a normal distribution of log λ about the energy e,
+    with sum 1. O(n k n_energies).
 
     Examples
     --------
@@ -61,8 +62,9 @@ def wave_kernel_map(
 ) -> FloatArray:
     """Wave kernel between one vertex, such as a landmark, and all vertices, (n, n_energies).
 
-    The rest as for `wave_kernel_signature`. Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012, after the heat kernel
-    map of Ovsjanikov, Mérigot, Mémoli & Guibas, *One Point Isometric Matching with the Heat Kernel*, SGP 2010.
+    Parameters as for `wave_kernel_signature`. Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012,
+    after the heat kernel map of Ovsjanikov, Mérigot, Mémoli & Guibas, *One Point Isometric Matching
+    with the Heat Kernel*, SGP 2010.
     """
     # Σ_i g_e(λ_i) φ_i(x) φ_i(y)
     filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
@@ -70,10 +72,11 @@ def wave_kernel_map(
 
 
 def _wave_filters(values: FloatArray, n_energies: int, bandwidth: float) -> FloatArray:
-    """Compute normal distributions over the logarithms of positive eigenvalues, (k, n_energies); columns sum to 1."""
-    # Aubry et al. 2011, equation 5: a particle whose energy is known to be about e, as a normal distribution of log λ,
-    # is at x with the probability density Σ_i g_e(λ_i) φ_i(x)², averaged over all time, as the phases of different
-    # eigenvalues cancel; Σ_i g_e(λ_i) = 1. The logarithm, for perturbations of a shape change eigenvalues by factors.
+    """Compute normal distributions of the logarithms of positive eigenvalues, (k, e); columns sum to 1."""
+    # Aubry et al. 2011, equation 5: a particle whose log energy is normally distributed about e is
+    # at x with the probability density Σ_i g_e(λ_i) φ_i(x)², averaged over all time, as the phases
+    # of different eigenvalues cancel; Σ_i g_e(λ_i) = 1. Perturbations of a shape change eigenvalues
+    # by factors, hence the logarithm.
     logs = np.log(np.maximum(values, values[-1] * 1e-12))
     energies = np.linspace(logs[0], logs[-1], n_energies)
     sigma = bandwidth * (energies[1] - energies[0]) if n_energies > 1 else 1.0
@@ -96,8 +99,8 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
     Returns
     -------
     (n, n_times) array of float
-        Heat that remains at a vertex after each time, in 1 / squared mesh units; each column is divided by its integral
-        over the surface, the heat trace.
+        Heat that remains at a vertex after each time, in 1 / squared mesh units; each column is
+        divided by its integral over the surface, the heat trace.
 
     Notes
     -----
@@ -114,8 +117,9 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
     array([1., 1., 1.])
     """
     values, squares = basis.values[:k], basis.vectors[:, :k] ** 2
-    # the heat kernel k_t(x, x) = Σ_i exp(−λ_i t) φ_i(x)²: at these times exp(−λ t) is 10⁻⁴ for the last and for the
-    # second eigenvalue. Divided by its integral, the heat trace Σ_i exp(−λ_i t), each scale counts alike
+    # The heat kernel is k_t(x, x) = Σ_i exp(−λ_i t) φ_i(x)². At the first and last time exp(−λ t)
+    # is 10⁻⁴ for the last and the second eigenvalue. Divided by its integral, the heat trace Σ_i
+    # exp(−λ_i t), all scales count alike.
     scale = 4 * np.log(10)
     times = np.geomspace(scale / values[-1], scale / values[1], n_times)
     decay = np.exp(-values[:, None] * times)  # (k, t)
@@ -125,9 +129,9 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
 def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int, *, weld: bool = True) -> FloatArray:
     """Signed mean curvature (n,) of a mesh smoothed to its first k Laplace eigenfunctions, in 1 / mesh units.
 
-    It is positive where the surface bulges to the side to which its faces look: on outward bumps of a closed mesh that is
-    wound outward. Unlike the other descriptors it is extrinsic: it depends on the pose, but not on rigid motion. It is
-    clipped to the 2 % and 98 % quantiles.
+    It is positive where the surface bulges to the side to which its faces are wound, such as
+    outward bumps of a closed mesh wound outward. Unlike the other descriptors it is extrinsic: it
+    depends on the pose, but not on rigid motion. It is clipped to the 2 % and 98 % quantiles.
 
     Parameters
     ----------
@@ -138,12 +142,14 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int, *, weld: bool = Tr
     k : int
         Number of eigenfunctions used; fewer give a smoother surface.
     weld : bool
-        Whether vertices at exactly the same position are one point of the surface, as they were for ``laplace``.
+        Whether vertices at exactly the same position are one point of the surface, as they were for
+        ``laplace``.
     """
-    # The mean curvature normal is −Δ V = 2 H N for the coordinates V of a surface (Meyer et al., *Discrete
-    # Differential-Geometry Operators for Triangulated 2-Manifolds*, 2003). With V_k = Φ_k Φ_kᵀA V the low-passed
-    # coordinates (Vallet & Lévy, *Spectral Geometry Processing with Manifold Harmonics*, 2008), −Δ V_k = Φ_k Λ_k Φ_kᵀA
-    # V, and with the normals N_k of the smooth surface H = ½ ⟨−Δ V_k, N_k⟩; a sphere of radius r has H = 1 / r.
+    # The mean curvature normal is −Δ V = 2 H N for the coordinates V of a surface (Meyer et al.,
+    # *Discrete Differential-Geometry Operators for Triangulated 2-Manifolds*, 2003). With V_k = Φ_k
+    # Φ_kᵀA V the low-passed coordinates (Vallet & Lévy, *Spectral Geometry Processing with Manifold
+    # Harmonics*, 2008), −Δ V_k = Φ_k Λ_k Φ_kᵀA V, and with the normals N_k of the smooth surface H
+    # = ½ ⟨−Δ V_k, N_k⟩; a sphere of radius r has H = 1 / r.
     coefficients = laplace.coefficients(mesh.vertices, k)
     basis = laplace.vectors[:, :k]
     smooth = row_product(basis, coefficients)
@@ -152,14 +158,14 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int, *, weld: bool = Tr
     normals = normals[seams.new_index] if seams else normals
     bending = row_product(basis, laplace.values[:k, None] * coefficients)  # −Δ of the coordinates
     curvature = 0.5 * np.einsum("ij,ij->i", bending, normals)
-    low, high = np.quantile(curvature, [CLIPPED, 1 - CLIPPED])
+    low, high = np.quantile(curvature, [CLIPPED_SHARE, 1 - CLIPPED_SHARE])
     return np.asarray(np.clip(curvature, low, high), dtype=np.float64)
 
 
 def standardised(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Shift and scale functions (n, q) to mean 0 and variance 1 in the weights (n,): (f − f̄) / σ with f̄ = Σ w f / Σ w.
+    """Shift and scale functions (n, q) to mean 0 and variance 1 in the weights (n,), (f − f̄) / σ.
 
-    A function that is constant up to rounding, 1e-12 of the largest value of all, becomes 0.
+    A function that is constant up to rounding, 1e-12 of the largest of all values, becomes 0.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The Princeton protocol: geodesic errors of a map against the direct or mirrored truth, and their cumulative curve."""
+"""The Princeton protocol: geodesic errors of a map against the truth, and their cumulative curve."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from isomatch.surfaces import Mesh, PrecisePoints
 LIMIT = 0.25  # largest error shown in published curves
 THRESHOLDS = np.linspace(0.0, LIMIT, 101)
 SHARES = (0.05, 0.10, 0.25)  # thresholds reported in tables
-UNMATCHED_ERROR = 1.0  # of a vertex without an image, in means: √(target area)
+UNMATCHED_ERROR = 1.0  # error, in √(target area), that a vertex without an image adds to a mean
 
 
 @dataclass(frozen=True, eq=False)
 class SidedErrors:
-    """Errors (q,) of one map, as `geodesic_errors`, against the direct and, where it is known, the mirrored truth."""
+    """Errors (q,) of one map by `geodesic_errors`, against the direct and, if known, the mirrored truth."""
 
     direct: FloatArray
     mirrored: FloatArray | None = None
@@ -38,7 +38,7 @@ class SidedErrors:
     @property
     def better(self) -> FloatArray:
         """(q,) errors against the better truth: one decision for the whole map, not one for each vertex."""
-        return self.direct if self.mirrored is None or not self.flipped else self.mirrored
+        return self.mirrored if self.mirrored is not None and self.flipped else self.direct
 
 
 def geodesic_errors(
@@ -68,10 +68,11 @@ def geodesic_errors(
     engine : DistanceEngine, optional
         Distances on the target; by default by fast marching.
     points : PrecisePoints, optional
-        The q true images, where they are known as points in triangles; the vertices of ``truth`` are then of no account.
+        The q true images, if they are known as points in triangles; they replace the target
+        vertices of ``truth``.
     unit : float, optional
-        By what distances are divided, in place of √(target area), such as √area of a whole of which the target is a
-        part.
+        Length that divides distances instead of √(target area), such as √area of the whole if the
+        target is a part.
 
     Returns
     -------
@@ -80,23 +81,23 @@ def geodesic_errors(
 
     Notes
     -----
-    Kim, Lipman & Funkhouser, *Blended Intrinsic Maps*, SIGGRAPH 2011. One front for each distinct true image, which by
-    fast marching goes no farther than the image; no n × n matrix.
+    Kim, Lipman & Funkhouser, *Blended Intrinsic Maps*, SIGGRAPH 2011. One front for each distinct
+    true image, which by fast marching goes no farther than the image; no n × n matrix.
     """
     if n_points is not None and n_points < len(truth):
-        drawn = np.sort(generator(seed).choice(len(truth), n_points, replace=False))
-        truth = truth[drawn]
-        points = None if points is None else PrecisePoints(points.corners[drawn], points.barycentric[drawn])
+        rows = np.sort(generator(seed).choice(len(truth), n_points, replace=False))
+        truth = truth[rows]
+        points = None if points is None else PrecisePoints(points.corners[rows], points.barycentric[rows])
     image = correspondence.vertices[truth[:, 0]]
     matched = image >= 0
     errors = np.full(len(truth), np.inf)
     engine = engine or distance_engine(target)
     if points is None:
-        apart = pair_distances(engine, np.column_stack([truth[matched, 1], image[matched]]))
+        distances = pair_distances(engine, np.column_stack([truth[matched, 1], image[matched]]))
     else:
-        held = PrecisePoints(points.corners[matched], points.barycentric[matched])
-        apart = _distances_to_points(target, engine, image[matched], held)
-    errors[matched] = apart / (np.sqrt(target.area) if unit is None else unit)
+        points = PrecisePoints(points.corners[matched], points.barycentric[matched])
+        distances = _distances_to_points(target, engine, image[matched], points)
+    errors[matched] = distances / (np.sqrt(target.area) if unit is None else unit)
     return errors
 
 
@@ -104,14 +105,15 @@ def _distances_to_points(
     target: Mesh, engine: DistanceEngine, vertices: IntArray, points: PrecisePoints
 ) -> FloatArray:
     """Distance (m,) from each of m vertices to a point in a triangle."""
-    # interpolated between those to its corners, and a straight line if the vertex is one of them
+    # interpolated between the distances to its corners, or straight if the vertex is one of the
+    # corners
     pairs = np.column_stack([np.repeat(vertices, 3), points.corners.ravel()])
     to_corners = pair_distances(engine, pairs).reshape(-1, 3)
     weights = points.barycentric
-    weighted = np.where(weights > 0, weights * to_corners, 0.0)  # 0 × inf counts nothing
+    interpolated = np.where(weights > 0, weights * to_corners, 0.0).sum(axis=1)  # 0 × inf counts as 0
     straight = np.linalg.norm(points.interpolated(target.vertices) - target.vertices[vertices], axis=1)
     is_corner = (points.corners == vertices[:, None]).any(axis=1)
-    return np.asarray(np.where(is_corner, straight, weighted.sum(axis=1)))
+    return np.asarray(np.where(is_corner, straight, interpolated))
 
 
 def sided_errors(
@@ -126,12 +128,12 @@ def sided_errors(
     points: PrecisePoints | None = None,
     unit: float | None = None,
 ) -> SidedErrors:
-    """Geodesic errors against the direct and the mirrored truth of a pair of symmetric shapes, over the same rows.
+    """Geodesic errors against the direct and the mirrored truth of symmetric shapes, on the same rows.
 
     Parameters
     ----------
     target, correspondence, truth, n_points, seed, engine, points, unit
-        As for `geodesic_errors`; the points are those of the direct truth.
+        As for `geodesic_errors`; the points belong to the direct truth.
     mirrored : (q, 2) array of int, optional
         The truth after a left–right flip of one shape, with the same source vertex in each row.
 
@@ -146,16 +148,15 @@ def sided_errors(
     """
     if mirrored is not None and not np.array_equal(truth[:, 0], mirrored[:, 0]):
         raise MapError("direct and mirrored truth differ in their source vertices; give the same rows")
-    return SidedErrors(
-        geodesic_errors(target, correspondence, truth, n_points, seed, engine, points=points, unit=unit),
-        None
-        if mirrored is None
-        else geodesic_errors(target, correspondence, mirrored, n_points, seed, engine, unit=unit),
-    )
+    options = n_points, seed, engine
+    direct = geodesic_errors(target, correspondence, truth, *options, points=points, unit=unit)
+    if mirrored is None:
+        return SidedErrors(direct)
+    return SidedErrors(direct, geodesic_errors(target, correspondence, mirrored, *options, unit=unit))
 
 
 def smallest(sides: Iterable[SidedErrors]) -> SidedErrors:
-    """Take, point by point, the smallest error of several maps that are equally good readings of one."""
+    """Take, point by point, the smallest error of several maps that read one result in equally good ways."""
     sides = list(sides)
     direct = np.min([side.direct for side in sides], axis=0)
     mirrored = [side.mirrored for side in sides if side.mirrored is not None]
@@ -173,7 +174,7 @@ def cumulative_curve(errors: FloatArray, thresholds: ArrayLike = THRESHOLDS) -> 
 
 
 def area_under_curve(errors: FloatArray, limit: float = LIMIT) -> float:
-    """Area under the cumulative curve on [0, limit], divided by the limit: from 0 to 1, which is perfect.
+    """Area under the cumulative curve on [0, limit], divided by the limit: 0 to 1, where 1 is perfect.
 
     >>> area_under_curve(np.array([0.0, 0.125, np.inf, np.inf]))
     0.375
@@ -184,9 +185,9 @@ def area_under_curve(errors: FloatArray, limit: float = LIMIT) -> float:
 def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERAGE_RADIUS) -> float:
     """Share of the target's area that is near an image, as in ``Quality.coverage``.
 
-    A target vertex is covered, with its area, when an image lies within the reach along edges, in √(target area). With
-    0, only images themselves are covered: even a good map between independent triangulations then stays well below 1,
-    and a coarse source covers little of a fine target.
+    A target vertex is covered, with its area, when an image lies within the reach along edges, in
+    √(target area). With 0, only images themselves are covered: even a good map between independent
+    triangulations then stays well below 1, and a coarse source covers little of a fine target.
 
     Examples
     --------
@@ -205,15 +206,16 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERA
 
 def cycle_errors(
     source: Mesh,
-    there: Correspondence,
+    forth: Correspondence,
     back: Correspondence,
     n_points: int | None = None,
     seed: int = 0,
     engine: DistanceEngine | None = None,
 ) -> FloatArray:
-    """Geodesic distance on the source between a vertex and its image under both maps, divided by √(source area).
+    """Geodesic distance on the source from a vertex to its image under both maps, over √(source area).
 
-    Of n_points vertices, drawn, or of all; ``inf`` where either map has no image. One front for each vertex judged.
+    For n_points random vertices, or all; ``inf`` where either map has no image. It computes
+    distances from each of these vertices.
 
     Examples
     --------
@@ -221,10 +223,10 @@ def cycle_errors(
     >>> cycle_errors(square, Correspondence([1, 2, 3, 0], 4), Correspondence([3, 0, 1, 1], 4))
     array([0., 0., 1., 0.])
     """
-    cycle = there.then(back)
+    cycle = forth.then(back)
     if cycle.shape != (source.n_vertices, source.n_vertices):
         raise MapError(
-            f"{there!r} and {back!r} do not lead from {source!r} to itself; give maps source → target and back"
+            f"{forth!r} and {back!r} do not lead from {source!r} to itself; give maps source → target and back"
         )
     vertices = np.arange(source.n_vertices)
     return geodesic_errors(source, cycle, np.column_stack([vertices, vertices]), n_points, seed, engine)

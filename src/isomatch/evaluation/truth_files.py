@@ -1,4 +1,4 @@
-"""Files of truth between two shapes: a map, pairs of vertices, or points in triangles; counted from 0 or from 1."""
+"""Files of truth between two shapes: a map, pairs of vertices, or points in triangles."""
 
 from __future__ import annotations
 
@@ -15,8 +15,12 @@ from isomatch._core.errors import FormatError, some
 from isomatch.correspondence import IndexBase, index_base, read_map
 from isomatch.surfaces import Mesh, PrecisePoints
 
-ROUNDED = 1e-2  # by which published weights, which have few digits, may be negative or miss the sum of 1
-WITH_MASK = ".map"  # PARTIALSMAL appends to a map, counted from 0, which target vertices have a counterpart
+MAX_ROUNDING = (
+    1e-2  # published weights, which have few digits, may be this negative or miss the sum of 1 by this
+)
+MASKED_SUFFIX = (
+    ".map"  # PARTIALSMAL appends to a map, counted from 0, which target vertices have a counterpart
+)
 EXPECTED = (
     "expected, for each vertex of the source, a vertex of the target or a triangle and three weights, or else rows of a "
     "source vertex and a target vertex"
@@ -24,13 +28,16 @@ EXPECTED = (
 
 
 class Truth(NamedTuple):
-    """What a file says of two shapes."""
+    """The truth between two shapes in a file."""
 
-    rows: IntArray  # (q, 2) source and target vertex; of a point in a triangle, the corner with the largest weight
-    points: PrecisePoints | None  # the q images, where they are points in triangles
-    # (m,) source vertices without a counterpart, if the file tells of all, or marks some as −1
-    alone: IntArray | None
-    base: IndexBase  # what the file counts from
+    rows: (
+        IntArray  # (q, 2) source and target vertex; a point in a triangle gives its corner of largest weight
+    )
+    points: PrecisePoints | None  # the q images, if they are points in triangles
+    alone: (
+        IntArray | None
+    )  # (m,) source vertices without a counterpart, if the file has all, or marks some as −1
+    base: IndexBase  # first index in the file
 
 
 def read_truth(path: Path, source: Mesh, target: Mesh, counts_from: int | None = None) -> Truth:
@@ -39,43 +46,45 @@ def read_truth(path: Path, source: Mesh, target: Mesh, counts_from: int | None =
     Parameters
     ----------
     path : Path
-        Text, ``.npy``, ``.mat``, or anything that `isomatch.Correspondence.load` reads. One column: the target vertex of
-        each source vertex, −1 if it has no counterpart. Two columns: source and target vertices that correspond. Four
-        columns: for each source vertex a triangle of the target and its three barycentric weights.
+        Text, ``.npy``, ``.mat``, or anything that `isomatch.Correspondence.load` reads. One column:
+        the target vertex of each source vertex, −1 if it has no counterpart. Two columns: source
+        and target vertices that correspond. Four columns: for each source vertex a triangle of the
+        target and its three barycentric weights.
     source, target : Mesh
     counts_from : {0, 1}, optional
-        What vertices and triangles count from; if from 1, 0 also means no counterpart. By default, see
-        `isomatch.correspondence.index_base`.
+        What vertices and triangles count from; if from 1, 0 also means no counterpart. By default,
+        see `isomatch.correspondence.index_base`.
     """
     table = _table(path, source.n_vertices)
     if table is None:
-        truth = _of_map(path, source, target, counts_from)
+        truth = _truth_of_map(path, source, target, counts_from)
     elif table.shape[1] == 2:
-        truth = _of_rows(path, table, source, target, counts_from)
+        truth = _truth_of_rows(path, table, source, target, counts_from)
     else:
-        truth = _of_triangles(path, table, source.n_vertices, target, counts_from)
+        truth = _truth_of_triangles(path, table, source.n_vertices, target, counts_from)
     if not len(truth.rows):
         raise FormatError(f"{path}: no vertex has a counterpart; give a truth with at least one")
     return truth
 
 
 def read_marked(of_source: Path, of_target: Path, target: Mesh) -> Truth:
-    """Read the landmarks of two shapes as SHREC'20 has them; those with the same number correspond.
+    """Read the landmarks of two shapes as in SHREC'20; landmarks with the same number correspond.
 
-    Each ``.mat`` file has the numbers of k landmarks, ``points``, their nearest vertices, ``verts``, and ``baryc`` (k,
-    4), a triangle and three weights. All count from 1.
+    Each ``.mat`` file has the numbers of k landmarks, ``points``, their nearest vertices,
+    ``verts``, and ``baryc`` (k, 4), a triangle and three weights. All count from 1.
     """
     sides = []
     for path in (of_source, of_target):
-        held = read_mat(path, "landmarks", "points, verts and baryc")
+        arrays = read_mat(path, "landmarks", "points, verts and baryc")
         try:
-            weights = np.reshape(held["baryc"], (-1, 4))
-            sides.append((np.ravel(held["points"]), np.ravel(held["verts"]), weights))
+            weights = np.reshape(arrays["baryc"], (-1, 4))
+            sides.append((np.ravel(arrays["points"]), np.ravel(arrays["verts"]), weights))
         except (KeyError, ValueError) as error:
             raise FormatError(f"{path}: no landmarks ({error}); expected points, verts and baryc") from None
-    _, here, there = np.intersect1d(sides[0][0], sides[1][0], return_indices=True)
-    vertices = _whole(of_source, sides[0][1][here]) - 1
-    truth = _of_triangles(of_target, sides[1][2][there].astype(np.float64), len(here), target, 1)
+    _, on_source, on_target = np.intersect1d(sides[0][0], sides[1][0], return_indices=True)
+    vertices = _whole_numbers(of_source, sides[0][1][on_source]) - 1
+    triangles = sides[1][2][on_target].astype(np.float64)
+    truth = _truth_of_triangles(of_target, triangles, len(vertices), target, 1)
     if not len(truth.rows):
         raise FormatError(f"{of_source}: has no landmark of {of_target}")
     return truth._replace(rows=np.column_stack([vertices[truth.rows[:, 0]], truth.rows[:, 1]]), alone=None)
@@ -106,76 +115,79 @@ def _table(path: Path, n_source: int) -> FloatArray | None:
     return arrays[0].astype(np.float64) if arrays else None
 
 
-def _of_map(path: Path, source: Mesh, target: Mesh, counts_from: int | None) -> Truth:
+def _truth_of_map(path: Path, source: Mesh, target: Mesh, counts_from: int | None) -> Truth:
     n_source = source.n_vertices
-    if path.suffix.lower() == WITH_MASK:
+    if path.suffix.lower() == MASKED_SUFFIX:
         image = tables.read_integers(path, 1, "is not a vertex; write one on each line")[:, 0]
         if len(image) == n_source + target.n_vertices:
-            return _of_image(path, image[:n_source], target, None, IndexBase(0))
+            return _truth_of_image(path, image[:n_source], target, None, IndexBase(0))
     reading = read_map(path, target.n_vertices, n_source, counts_from=counts_from, allow_doubt=True)
     base = IndexBase(reading.counts_from, reading.is_certain, reading.is_likely, reading.note)
     precise = (reading.map.barycentric.max(axis=1) < 1).any()
     points = PrecisePoints(reading.map.faces, reading.map.barycentric) if precise else None
-    return _of_image(path, reading.map.vertices, target, points, base)
+    return _truth_of_image(path, reading.map.vertices, target, points, base)
 
 
-def _of_image(
+def _truth_of_image(
     path: Path, image: IntArray, target: Mesh, points: PrecisePoints | None, base: IndexBase
 ) -> Truth:
     _require_within(path, "target vertices", image, -1, target.n_vertices)
-    has = np.flatnonzero(image >= 0)
+    matched = np.flatnonzero(image >= 0)
     if points is not None:
-        points = PrecisePoints(points.corners[has], points.barycentric[has])
-    return Truth(np.column_stack([has, image[has]]), points, np.flatnonzero(image < 0), base)
+        points = PrecisePoints(points.corners[matched], points.barycentric[matched])
+    return Truth(np.column_stack([matched, image[matched]]), points, np.flatnonzero(image < 0), base)
 
 
-def _of_rows(path: Path, table: FloatArray, source: Mesh, target: Mesh, counts_from: int | None) -> Truth:
-    """Read rows of a source vertex and a target vertex, −1 if it has none; both columns count from the same."""
-    rows = _whole(path, table)
+def _truth_of_rows(
+    path: Path, table: FloatArray, source: Mesh, target: Mesh, counts_from: int | None
+) -> Truth:
+    """Read rows of a source vertex and a target vertex, −1 if it has none; one base for both columns."""
+    rows = _whole_numbers(path, table)
     base = IndexBase(counts_from or 0)
-    if counts_from is None and (rows[:, 0] != 0).all():  # a row is of a source vertex
+    if counts_from is None and (rows[:, 0] != 0).all():  # every row has a source vertex
         base = index_base(path, rows[:, 0], source.n_vertices, "source vertices")
         if not base.is_certain:
             base = index_base(path, rows[:, 1], target.n_vertices)
     rows = np.where(rows == -1, -1, rows - base.counts_from)
     _require_within(path, "source vertices", rows[:, 0], 0, source.n_vertices)
     _require_within(path, "target vertices", rows[:, 1], -1, target.n_vertices)
-    has = rows[:, 1] >= 0
-    alone = np.setdiff1d(rows[~has, 0], rows[has, 0])
-    tells_of_all = len(alone) or len(np.unique(rows[:, 0])) == source.n_vertices
-    return Truth(rows[has], None, alone if tells_of_all else None, base)
+    matched = rows[:, 1] >= 0
+    alone = np.setdiff1d(rows[~matched, 0], rows[matched, 0])
+    is_complete = len(alone) or len(np.unique(rows[:, 0])) == source.n_vertices
+    return Truth(rows[matched], None, alone if is_complete else None, base)
 
 
-def _of_triangles(
+def _truth_of_triangles(
     path: Path, table: FloatArray, n_source: int, target: Mesh, counts_from: int | None
 ) -> Truth:
-    """Read a triangle and three weights for each source vertex; a negative triangle means that it has no counterpart."""
+    """Read a triangle, negative for no counterpart, and three weights for each source vertex."""
     if len(table) != n_source:
         raise FormatError(
             f"{path}: {len(table)} rows for the {n_source} vertices of the source; give one for each"
         )
     triangle = np.where(np.isfinite(table).all(axis=1) & (table[:, 0] >= 0), table[:, 0], -1)
-    triangle = _whole(path, triangle)
+    triangle = _whole_numbers(path, triangle)
     base = IndexBase(counts_from or 0)
     if counts_from is None:
         base = index_base(path, triangle, target.n_faces, "triangles of the target")
-    has = np.flatnonzero(triangle >= base.counts_from)
-    faces, weights = triangle[has] - base.counts_from, table[has, 1:]
+    matched = np.flatnonzero(triangle >= base.counts_from)
+    faces, weights = triangle[matched] - base.counts_from, table[matched, 1:]
     _require_within(path, "triangles of the target", faces, 0, target.n_faces)
-    off = np.flatnonzero((weights < -ROUNDED).any(axis=1) | (np.abs(weights.sum(axis=1) - 1) > ROUNDED))
-    if len(off):
+    sums = weights.sum(axis=1)
+    bad = matched[(weights < -MAX_ROUNDING).any(axis=1) | (np.abs(sums - 1) > MAX_ROUNDING)]
+    if len(bad):
         raise FormatError(
-            f"{path}: weights of vertices {some(has[off])} are negative or do not sum to 1; {EXPECTED}"
+            f"{path}: weights of vertices {some(bad)} are negative or do not sum to 1; {EXPECTED}"
         )
     weights = np.maximum(weights, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
     corners = target.faces[faces]
-    nearest = corners[np.arange(len(has)), weights.argmax(axis=1)]
-    alone = np.setdiff1d(np.arange(n_source), has)
-    return Truth(np.column_stack([has, nearest]), PrecisePoints(corners, weights), alone, base)
+    nearest = corners[np.arange(len(matched)), weights.argmax(axis=1)]
+    alone = np.setdiff1d(np.arange(n_source), matched)
+    return Truth(np.column_stack([matched, nearest]), PrecisePoints(corners, weights), alone, base)
 
 
-def _whole(path: Path, table: FloatArray) -> IntArray:
+def _whole_numbers(path: Path, table: FloatArray) -> IntArray:
     if not (np.isfinite(table).all() and (table == np.rint(table)).all()):
         raise FormatError(f"{path}: fractions are no vertices; {EXPECTED}")
     return table.astype(np.int64)

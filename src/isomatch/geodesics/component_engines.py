@@ -19,15 +19,17 @@ from isomatch.surfaces import Mesh
 Solver = Callable[[int], FloatArray]
 """Distances from a vertex of a connected mesh to all its vertices, (n,)."""
 
-# by pygeodesic
-_NOT_HANDLED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
+# Defects in the report of `check` that pygeodesic cannot handle: it crashes, or returns wrong
+# distances.
+_UNSUPPORTED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
 
 
 class ComponentEngine(ColumnEngine):
     """Distances within each connected component from its own solver, and ``inf`` between components.
 
-    A subclass sets ``name`` and implements ``_solver``. Some packages return finite numbers across components; here
-    they never see more than one. A solver is set up when the first source lies in its component, and kept.
+    A subclass sets ``name`` and implements ``_solver``. A package sees one component at a time,
+    because some return finite numbers across components. A solver is set up when the first source
+    lies in its component, and kept.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -35,8 +37,7 @@ class ComponentEngine(ColumnEngine):
         self.n_points = mesh.n_vertices
         self._unit = ordinary_unit(mesh)
         self._mesh = mesh.moved(mesh.vertices / self._unit)
-        # of components, with their vertices, increasing
-        self._solvers: dict[int, tuple[IntArray, Solver]] = {}
+        self._solvers: dict[int, tuple[IntArray, Solver]] = {}  # by component, with its vertices, increasing
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = np.full((len(sources), self.n_points), np.inf)
@@ -59,10 +60,13 @@ class ComponentEngine(ColumnEngine):
 class Exact(ComponentEngine):
     """Exact geodesic distances on the polyhedron, by propagating windows of straight rays across edges."""
 
-    # Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987, as implemented by D.
-    # Kirsanov in the package pygeodesic. Components that are not manifold, which it cannot handle, by the windows of
-    # `geodesic_path`. O(n² log n) time per column in the worst case, on one thread; about 40 to 70 times as long as
-    # fast marching at 5 000 vertices (60 ms and more), and 120 times at 28 000.
+    # Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987, as
+    # implemented by D. Kirsanov in the package pygeodesic. The windows of `geodesic_path` serve
+    # components that are not manifold, where pygeodesic 0.1.11 crashes (an edge of three faces) or
+    # is wrong (0 between two cones that share their tip). They serve paths for the same reason, and
+    # are 5 to 25 times as fast there, because they stop at the target. For whole columns they take
+    # 1.6 times as long. O(n² log n) time per column in the worst case, on one thread; about 40 to
+    # 70 times as long as fast marching at 5 000 vertices (60 ms and more), and 120 times at 28 000.
     name = "exact"
 
     def __init__(self, mesh: Mesh) -> None:
@@ -71,8 +75,8 @@ class Exact(ComponentEngine):
 
     def _solver(self, component: Mesh) -> Solver:
         report = check(component, wall=0.0)
-        if any(len(getattr(report, defect)) for defect in _NOT_HANDLED):
-            return _by_windows(repair(component, weld=False, remove_unused=False, orient=False).mesh)
+        if any(len(getattr(report, defect)) for defect in _UNSUPPORTED):
+            return _window_solver(repair(component, weld=False, remove_unused=False, orient=False).mesh)
         algorithm = self._algorithm(component.vertices, component.faces.astype(np.int32))
 
         def distances_from(source: int) -> FloatArray:
@@ -81,7 +85,7 @@ class Exact(ComponentEngine):
         return distances_from
 
 
-def _by_windows(mesh: Mesh) -> Solver:
+def _window_solver(mesh: Mesh) -> Solver:
     unfolded, along_edges = UnfoldedFaces.of(mesh), Dijkstra(mesh)
 
     def distances_from(source: int) -> FloatArray:
@@ -93,12 +97,13 @@ def _by_windows(mesh: Mesh) -> Solver:
 
 
 class Heat(ComponentEngine):
-    """Smooth approximate distances: heat diffuses for a short time, and the directions of its gradient are integrated."""
+    """Smooth approximate distances: heat diffuses for a short time, its gradient's directions are integrated."""
 
-    # Crane, Weischedel & Wardetzky, *The heat method for distance computation*, CACM 2017, on the robust Laplacian of
-    # Sharp & Crane 2020: (A + t L) u = δ for a short time t, X = −∇u / |∇u|, and L φ = ∇·X for the distance φ. Two
-    # sparse solves per column after one factorisation per component, on one thread, in the package potpourri3d. The
-    # result is smoother than the distance and is not a metric: neither symmetric nor an upper bound.
+    # Crane, Weischedel & Wardetzky, *The heat method for distance computation*, CACM 2017, on the
+    # robust Laplacian of Sharp & Crane 2020: (A + t L) u = δ for a short time t, X = −∇u / |∇u|,
+    # and L φ = ∇·X for the distance φ. Two sparse solves per column after one factorisation per
+    # component, on one thread, in the package potpourri3d. The result is smoother than the distance
+    # and is not a metric: neither symmetric nor an upper bound.
     name = "heat"
 
     def __init__(self, mesh: Mesh) -> None:

@@ -11,16 +11,16 @@ from isomatch.geodesics.protocol import ColumnEngine, require_finite
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-BLOCK = 8  # sources that a thread takes at once
+SOURCES_PER_TASK = 8  # of a thread
 
 
 class Dijkstra(ColumnEngine):
     """Lengths of shortest paths along edges."""
 
-    # Dijkstra, *A note on two problems in connexion with graphs*, 1959, as implemented in scipy. O(e + n log n) time
-    # per column for e edges, on all threads. On a graph this is the exact distance. On a mesh or a point cloud paths
-    # zigzag, so distances are too long however fine the sampling: by about 5 to 8 % on a mesh; for point clouds see
-    # `PointCloud`.
+    # Dijkstra, *A note on two problems in connexion with graphs*, 1959, as implemented in scipy.
+    # O(e + n log n) time per column for e edges, on all threads. On a graph this is the exact
+    # distance. On a mesh or a point cloud paths zigzag, so distances are too long at any sampling:
+    # by about 5 to 8 % on a mesh; for point clouds see `PointCloud`.
     name = "dijkstra"
 
     def __init__(self, surface: Mesh | PointCloud | Graph) -> None:
@@ -28,10 +28,11 @@ class Dijkstra(ColumnEngine):
             require_finite(surface)
         self.n_points = surface.n_vertices
         i, j = surface.edges.T
-        both = np.concatenate([i, j]), np.concatenate([j, i])
-        # coincident vertices are joined by an edge of length 0, which csr_array keeps as an explicit zero
+        directed = np.concatenate([i, j]), np.concatenate([j, i])
+        # coincident vertices are joined by an edge of length 0, which csr_array keeps as an
+        # explicit zero
         lengths = np.tile(surface.edge_lengths, 2)
-        self._graph = scipy.sparse.csr_array((lengths, both), shape=(self.n_points,) * 2)
+        self._graph = scipy.sparse.csr_array((lengths, directed), shape=(self.n_points,) * 2)
 
     def lower(self, nearest: FloatArray, source: int) -> None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
@@ -41,7 +42,7 @@ class Dijkstra(ColumnEngine):
         np.minimum(nearest, column, out=nearest)
 
     def _columns(self, sources: IntArray) -> FloatArray:
-        blocks = [sources[first : first + BLOCK] for first in range(0, len(sources), BLOCK)]
+        blocks = [sources[i : i + SOURCES_PER_TASK] for i in range(0, len(sources), SOURCES_PER_TASK)]
         rows = parallel_map(lambda block: scipy.sparse.csgraph.dijkstra(self._graph, indices=block), blocks)
         return np.concatenate(rows) if rows else np.zeros((0, self.n_points))
 
@@ -49,10 +50,11 @@ class Dijkstra(ColumnEngine):
 def distance_along_edges_to_nearest(
     surface: Surface, vertices: IntArray, *, weld: bool = False
 ) -> tuple[FloatArray, IntArray]:
-    """Compute the distance along edges from each vertex to the nearest of m others, at least one, and which one that is.
+    """Compute the distance along edges from each vertex to the nearest of m ≥ 1 others, and the index of that one.
 
-    Both (n,), in the units of the surface; ``inf`` and negative where no path leads. With ``weld``, vertices of a mesh at
-    exactly the same position are one point. One run of Dijkstra's algorithm from all vertices at once.
+    Both (n,), in the units of the surface; ``inf`` and negative where no path leads. With ``weld``,
+    vertices of a mesh at exactly the same position are one point. One run of Dijkstra's algorithm
+    from all vertices at once.
 
     Examples
     --------
@@ -64,10 +66,10 @@ def distance_along_edges_to_nearest(
     surface, seams = without_seams(surface, weld)
     if seams:
         point = seams.new_index
-        gap, near = distance_along_edges_to_nearest(surface, point[vertices])
-        nearest = np.full(surface.n_vertices, -1)
-        nearest[point[vertices]] = vertices
-        return gap[point], np.where(near < 0, -1, nearest[np.maximum(near, 0)])[point]
+        distance, nearest = distance_along_edges_to_nearest(surface, point[vertices])
+        vertex = np.full(surface.n_vertices, -1)
+        vertex[point[vertices]] = vertices
+        return distance[point], np.where(nearest < 0, -1, vertex[np.maximum(nearest, 0)])[point]
     i, j = surface.edges.T
     lengths = np.maximum(surface.edge_lengths, 1e-300)
     graph = scipy.sparse.coo_array((lengths, (i, j)), shape=(surface.n_vertices,) * 2).tocsr()

@@ -13,7 +13,7 @@ from isomatch.geodesics.component_engines import Exact, Heat
 from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.fast_marching import FastMarching
 from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix, WeldedEngine
-from isomatch.geodesics.points import PointsInFaces, inserted, joined, points_of, vertices_of
+from isomatch.geodesics.points import PointsInFaces, concatenate_points, insert_points, points_of, vertices_of
 from isomatch.geodesics.protocol import DistanceEngine, pair_distances
 from isomatch.io import SurfaceLike, surface_from
 from isomatch.repair import without_seams
@@ -24,25 +24,25 @@ ENGINES: dict[type, tuple[type[Any], ...]] = {
     PointCloud: (Dijkstra,),
     Graph: (Dijkstra,),
 }
-"""The registry: engine classes for each kind of surface, the default first. All lists of names derive from it."""
+"""The registry: engine classes for each kind of surface, the default first."""
 
-DIVIDING = (Exact.name, Dijkstra.name)
-"""Engines for which a point in a face becomes a vertex; the others would err more, because triangles become thin."""
+INSERTING = (Exact.name, Dijkstra.name)
+"""Engines for which a point in a face becomes a vertex; the thin triangles would mislead the others."""
 
 MetricSpace: TypeAlias = Mesh | PointCloud | Graph | AnyArray | DistanceFunction | DistanceEngine
 """Everything that has distances: a surface, an n × n matrix, a function of sources, or an engine."""
 
 
 def engine_names(kind: type | None = None) -> tuple[str, ...]:
-    """Names that `distance_engine` accepts for a class of surfaces, by default all; the default engine comes first.
+    """Names that `distance_engine` accepts for a class of surfaces, by default all; the default comes first.
 
     Examples
     --------
     >>> engine_names(Mesh)[0], engine_names(Graph)[0]
     ('fast_marching', 'dijkstra')
     """
-    fitting = [engines for of, engines in ENGINES.items() if kind is None or issubclass(kind, of)]
-    return tuple(dict.fromkeys(engine.name for engines in fitting for engine in engines))
+    groups = [engines for surface, engines in ENGINES.items() if kind is None or issubclass(kind, surface)]
+    return tuple(dict.fromkeys(engine.name for engines in groups for engine in engines))
 
 
 def metric_space(given: MetricSpace | SurfaceLike) -> MetricSpace:
@@ -64,28 +64,32 @@ def distance_engine(
     Parameters
     ----------
     surface : Mesh, PointCloud, Graph, (n, n) array, callable, DistanceEngine, or what `surface_from` takes
-        The metric space, n points. An array holds all distances; a callable maps an (m,) array of sources to (m, n)
-        distances and is called with one source to learn n; an engine is returned as it is.
+        The metric space, n points. An array holds all distances; a callable maps an (m,) array of
+        sources to (m, n) distances and is called with one source to learn n; an engine is returned
+        as it is.
     name : str, optional
         One of ``engine_names(type(surface))``; by default the first of them.
     weld : bool
-        Whether vertices of a mesh at exactly the same position are one point of the surface, as along the seams of a
-        texture. Otherwise a seam is a cut.
+        Whether vertices of a mesh at exactly the same position are one point of the surface, as
+        along the seams of a texture. Otherwise a seam is a cut.
     points : PrecisePoints, optional
-        m further points of a mesh, in its faces or on its edges: points n … n + m − 1 of the engine.
+        m further points of a mesh, in its faces or on its edges: points n … n + m − 1 of the
+        engine.
 
     Returns
     -------
     DistanceEngine
-        Its ``name`` is that of the engine chosen, or ``"matrix"`` or ``"function"`` if distances are given. If vertices
-        were welded, its points are still the vertices of the user, and its ``notes`` say how many were welded.
+        Its ``name`` is the name of the engine chosen, or ``"matrix"`` or ``"function"`` if
+        distances are given. If vertices were welded, its points are still the vertices of the user,
+        and its ``notes`` say how many were welded.
 
     Raises
     ------
     SettingError
         If the surface has no engine of that name.
     MeshError
-        If the surface, or the given distances, do not fit the engine; or if further points are not of the surface.
+        If the surface, or the given distances, do not fit the engine; or if further points are not
+        of the surface.
     MissingDependencyError
         If the engine needs an extra that is not installed.
 
@@ -103,24 +107,24 @@ def distance_engine(
         return WeldedEngine(distance_engine(surface, name, weld=False), seams.new_index, seams.changes)
     for kind, engines in ENGINES.items():
         if isinstance(surface, kind):
-            for chosen in engines:
-                if name in (None, chosen.name):
-                    engine: DistanceEngine = chosen(surface)
+            for engine_class in engines:
+                if name in (None, engine_class.name):
+                    engine: DistanceEngine = engine_class(surface)
                     return engine
             raise SettingError(
                 f"a {kind.__name__} has no engine {name!r}; available: {', '.join(map(repr, engine_names(kind)))}"
             )
     if isinstance(surface, DistanceEngine):
-        wrapped = surface
+        engine = surface
     elif isinstance(surface, np.ndarray):
-        wrapped = GivenMatrix(surface)
+        engine = GivenMatrix(surface)
     else:
-        wrapped = GivenFunction(cast(DistanceFunction, surface))
-    if name not in (None, wrapped.name):
+        engine = GivenFunction(cast(DistanceFunction, surface))
+    if name not in (None, engine.name):
         raise SettingError(
-            f"engine {name!r} cannot be chosen: the distances are given, by engine {wrapped.name!r}"
+            f"engine {name!r} cannot be chosen: the distances are given, by engine {engine.name!r}"
         )
-    return wrapped
+    return engine
 
 
 def _with_points(surface: MetricSpace, points: PrecisePoints, name: str | None, weld: bool) -> DistanceEngine:
@@ -134,13 +138,13 @@ def _with_points(surface: MetricSpace, points: PrecisePoints, name: str | None, 
     vertex = seams.new_index if seams else np.arange(surface.n_vertices)
     points = points._replace(corners=vertex[points.corners])
     engine: DistanceEngine
-    if name in DIVIDING:
-        divided = inserted(mesh, points)
-        engine, further = distance_engine(divided.mesh, name, weld=False), divided.vertex
+    if name in INSERTING:
+        division = insert_points(mesh, points)
+        engine, added = distance_engine(division.mesh, name, weld=False), division.vertex
     else:
         engine = PointsInFaces(distance_engine(mesh, name, weld=False), mesh, points)
-        further = np.arange(mesh.n_vertices, engine.n_points)
-    return WeldedEngine(engine, np.concatenate([vertex, further]), seams.changes if seams else ())
+        added = np.arange(mesh.n_vertices, engine.n_points)
+    return WeldedEngine(engine, np.concatenate([vertex, added]), seams.changes if seams else ())
 
 
 def geodesic_distances(
@@ -160,7 +164,8 @@ def geodesic_distances(
     sources : (m,) array_like of int, or PrecisePoints
         Vertices, or points in the faces of a mesh.
     engine : str, optional
-        How the distances are computed, one of ``engine_names(type(surface))``; by default the first of them.
+        How the distances are computed, one of ``engine_names(type(surface))``; by default the first
+        of them.
     targets : (t,) array_like of int, or PrecisePoints, optional
         Vertices or points, to which distances are wanted; by default all vertices.
     weld : bool
@@ -182,8 +187,8 @@ def geodesic_distances(
 
     Notes
     -----
-    O(m n log n) time for fast marching and Dijkstra, on all threads; 8 m n bytes for the result. To ask more than once,
-    set up the engine once, with `distance_engine`.
+    O(m n log n) time for fast marching and Dijkstra, on all threads; 8 m n bytes for the result. To
+    ask more than once, set up the engine once, with `distance_engine`.
 
     Examples
     --------
@@ -201,19 +206,19 @@ def geodesic_distances(
            [0.5]]))
     """
     surface = metric_space(surface)
-    inside = [places for places in (sources, targets) if isinstance(places, PrecisePoints)]
-    points = joined(*inside) if inside else None
-    chosen = distance_engine(surface, engine, weld=weld, points=points)
-    n = chosen.n_points - (len(points.corners) if points else 0)
-    more = iter(range(n, chosen.n_points))
+    precise = [points for points in (sources, targets) if isinstance(points, PrecisePoints)]
+    added = concatenate_points(*precise) if precise else None
+    chosen = distance_engine(surface, engine, weld=weld, points=added)
+    n = chosen.n_points - (len(added.corners) if added else 0)
+    numbers_added = iter(range(n, chosen.n_points))
 
-    def numbers(places: ArrayLike | PrecisePoints) -> AnyArray:
-        if isinstance(places, PrecisePoints):
-            return np.array([next(more) for _ in places.corners], dtype=np.int64)
-        return vertices_of(places, n)
+    def numbers_of(points: ArrayLike | PrecisePoints) -> AnyArray:
+        if isinstance(points, PrecisePoints):
+            return np.array([next(numbers_added) for _ in points.corners], dtype=np.int64)
+        return vertices_of(points, n)
 
-    origins = numbers(sources)
+    rows = numbers_of(sources)
     if targets is None:
-        return chosen.distances_from(origins)[:, :n]
-    pairs = np.stack(np.meshgrid(origins, numbers(targets), indexing="ij"), axis=-1)
+        return chosen.distances_from(rows)[:, :n]
+    pairs = np.stack(np.meshgrid(rows, numbers_of(targets), indexing="ij"), axis=-1)
     return pair_distances(chosen, pairs.reshape(-1, 2)).reshape(pairs.shape[:2])

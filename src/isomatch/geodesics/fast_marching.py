@@ -12,20 +12,20 @@ from isomatch._core.threads import parallel_rows
 from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite
 from isomatch.surfaces import Mesh
 
-MOST_SHIFT = 0.02  # of an edge; limits how much the curvature correction changes a distance in one triangle
-MOST_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead
-TIE = 1e-6  # of a step; paths that differ by less count as equal, and the first one found is kept
-UNFOLD_STEPS = 40  # most faces crossed in search of a vertex that splits an obtuse angle
-RIGHT_ANGLE = 1e-6  # angles whose cosine is smaller in magnitude count as right, which need no split
+MAX_SHIFT_EDGES = 0.02  # largest change of a distance by the curvature correction in one triangle, in edges
+MAX_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead
+TIE_STEPS = 1e-6  # paths that differ by less, in steps, count as equal; the first one found is kept
+MAX_UNFOLDED_FACES = 40  # faces crossed in search of a vertex that splits an obtuse angle
+RIGHT_ANGLE_COSINE = 1e-6  # an angle whose cosine is smaller in magnitude counts as right and needs no split
 NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)
 
 
 class FastMarching(ColumnEngine):
     """Fast marching with unfolded obtuse triangles and a correction for the curvature of the front."""
 
-    # Kimmel & Sethian, *Computing geodesic paths on manifolds*, PNAS 1998. O(n log n) time per column, on all threads,
-    # each with 28 bytes per vertex. The mean relative error with respect to exact geodesics is 0.1 to 0.3 % on animals
-    # and people of 5 000 vertices, 0.04 % at 28 000.
+    # Kimmel & Sethian, *Computing geodesic paths on manifolds*, PNAS 1998. O(n log n) time per
+    # column, on all threads, each with 28 bytes per vertex. The mean relative error with respect to
+    # exact geodesics is 0.1 to 0.3 % on animals and people of 5 000 vertices, 0.04 % at 28 000.
 
     name = "fast_marching"
 
@@ -37,29 +37,27 @@ class FastMarching(ColumnEngine):
 
     def lower(self, nearest: FloatArray, source: int) -> None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
-        # the front ends where an earlier source is nearer: those of p successive sources cost about log p full ones
+        # The front ends where an earlier source is nearer, so that p successive sources cost about
+        # log p full fronts.
         self._require_in_range(np.array([source]))
-        ordinary = self._unit == 1.0
-        scaled = nearest if ordinary else nearest / self._unit
-        np.minimum(scaled, self._front(source, bound=scaled), out=scaled)
-        if not ordinary:
-            nearest[:] = scaled * self._unit
+        bound = nearest if self._unit == 1.0 else nearest / self._unit
+        nearest[:] = np.minimum(bound, self._front(source, bound=bound)) * self._unit
 
     def pair_distances(self, pairs: IntArray) -> FloatArray:
-        """Distances (m,) of m pairs of vertices; a front ends at the farthest vertex paired with its source."""
+        """Distances (m,) of m pairs of vertices; a front ends at its source's farthest partner."""
         self._require_in_range(pairs.ravel())
         pairs = pairs.astype(np.int64)
-        sources, of_pair = np.unique(pairs[:, 0], return_inverse=True)
-        order = np.argsort(of_pair, kind="stable")
-        ends = np.searchsorted(of_pair[order], np.arange(len(sources) + 1))
+        sources, row_of_pair = np.unique(pairs[:, 0], return_inverse=True)
+        order = np.argsort(row_of_pair, kind="stable")
+        ends = np.searchsorted(row_of_pair[order], np.arange(len(sources) + 1))
         distances = np.full(len(pairs), np.inf)
 
-        def front(row: int) -> None:
-            chosen = order[ends[row] : ends[row + 1]]
-            targets = pairs[chosen, 1]
-            distances[chosen] = self._front(sources[row], targets=targets)[targets]
+        def march(row: int) -> None:
+            members = order[ends[row] : ends[row + 1]]
+            targets = pairs[members, 1]
+            distances[members] = self._front(sources[row], targets=targets)[targets]
 
-        parallel_rows(front, len(sources))
+        parallel_rows(march, len(sources))
         return distances * self._unit
 
     def balls(self, centres: IntArray, radius: float) -> Balls:
@@ -67,30 +65,31 @@ class FastMarching(ColumnEngine):
         self._require_in_range(centres)
         parts: list[tuple[IntArray, FloatArray]] = [(TO_ALL, NO_BOUND)] * len(centres)
 
-        def front(row: int) -> None:
+        def march(row: int) -> None:
             column = self._front(centres[row], farthest=radius / self._unit)
             inside = np.flatnonzero(column <= radius / self._unit)
             parts[row] = inside, column[inside]
 
-        parallel_rows(front, len(centres))
+        parallel_rows(march, len(centres))
         balls = Balls.of(parts)
         return balls._replace(distances=balls.distances * self._unit)
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = np.zeros((len(sources), self.n_points))
 
-        def front(row: int) -> None:
+        def march(row: int) -> None:
             distances[row] = self._front(sources[row])
 
-        parallel_rows(front, len(sources))
+        parallel_rows(march, len(sources))
         return distances if self._unit == 1.0 else distances * self._unit
 
     def _front(
         self, source: int, bound: FloatArray = NO_BOUND, targets: IntArray = TO_ALL, farthest: float = np.inf
     ) -> FloatArray:
         """Distances (n,) from a source; ``inf`` where no path leads."""
-        # A vertex no nearer than its bound (n,) stays at inf, and the front does not go on from it. The front ends at the
-        # distance ``farthest``, or as soon as all ``targets`` are known, if there are any; entries beyond mean nothing.
+        # A vertex no nearer than its bound (n,) stays at inf, and the front stops there. The front
+        # ends at the distance ``farthest``, or as soon as all ``targets`` are known, if there are
+        # any; entries beyond mean nothing.
         n = self.n_points
         distance, settled = np.full(n, np.inf), np.full(n, np.inf)
         awaited = np.zeros(n if len(targets) else 0, dtype=bool)
@@ -104,9 +103,10 @@ class FastMarching(ColumnEngine):
 class Stencil(NamedTuple):
     """Directed updates, grouped by the vertex that triggers them, in compressed sparse row form."""
 
-    # Entry e in start[v]:start[v + 1] means: once the distance of v is known, the pair (v, other[e]) may update
-    # target[e]. In the plane of the triangle v is at (0, 0), the other vertex at (shape[e, 0], 0), and the target at
-    # (shape[e, 1], shape[e, 2]) with a positive ordinate, at the distance shape[e, 3] from v.
+    # Entry e in start[v]:start[v + 1] means: once the distance of v is known, the pair (v,
+    # other[e]) may update target[e]. In the plane of the triangle v is at (0, 0), the other vertex
+    # at (shape[e, 0], 0), and the target at (shape[e, 1], shape[e, 2]) with a positive ordinate, at
+    # the distance shape[e, 3] from v.
     start: IntArray  # (n + 1,)
     other: AnyArray  # (e,) int32
     target: AnyArray  # (e,) int32
@@ -115,48 +115,47 @@ class Stencil(NamedTuple):
 
 
 def stencil_of(mesh: Mesh) -> Stencil:
-    """Build the stencils of a mesh: every corner, and for obtuse corners the unfolded neighbours that split them."""
-    # A front can reach an obtuse corner c of a face (a, b, c) before a or b is known: its normal then lies between
-    # neither pair of sides. Kimmel & Sethian 1998, section "extension to general triangulations": the faces beyond the
-    # edge (a, b) are unfolded into the plane of the face until a vertex d splits the angle at c into two acute ones.
-    # Then (a, d) and (d, b) update c as well: they are virtual edges, whose lengths are those in the plane. O(faces)
-    # time, about 240 bytes per vertex. The mesh need not be manifold: unfolding ends at edges of one face or of more
-    # than two.
-    faces = mesh.sound_faces
+    """Build the stencils of a mesh: every corner, and the unfolded neighbours that split obtuse corners."""
+    # A front can reach an obtuse corner c of a face (a, b, c) before a or b is known: its normal
+    # then lies between neither pair of sides. Kimmel & Sethian 1998, section "extension to general
+    # triangulations": the faces beyond the edge (a, b) are unfolded into the plane of the face
+    # until a vertex d splits the angle at c into two acute ones. Then (a, d) and (d, b) update c as
+    # well: they are virtual edges with their lengths in the plane. O(faces) time, about 240 bytes
+    # per vertex. The mesh need not be manifold: unfolding ends at edges of one face or of more than
+    # two.
+    faces, points = mesh.sound_faces, mesh.vertices
     opposite = _opposite_corners(mesh)
-    most = 2 * len(faces)  # a face has at most one obtuse corner, which gives at most two updates
-    extra = np.zeros((most, 3), dtype=np.int64), np.zeros((most, 3))
-    n_split = _split_obtuse(mesh.vertices, faces.ravel(), opposite, *extra)
+    capacity = 2 * len(faces)  # a face has at most one obtuse corner, which gives at most two updates
+    split = np.zeros((capacity, 3), dtype=np.int64), np.zeros((capacity, 3))
+    n_split = _split_obtuse(points, faces.ravel(), opposite, *split)
     # every corner c of every face, with its edge (a, b), as (c, a, b, |ab|, x, y)
-    corner = faces.ravel()
-    a, b = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
-    points = mesh.vertices
-    plain = np.column_stack([corner, a, b]), _triangle(points[a], points[b], points[corner])
-    curvature = _gaussian_curvature(mesh, opposite)
-    corners, shape = (np.concatenate([every, split[:n_split]]) for every, split in zip(plain, extra))
-    return _group(corners, shape, curvature)
+    c, a, b = (np.roll(faces, -turn, axis=1).ravel() for turn in range(3))
+    plain = np.column_stack([c, a, b]), _triangle(points[a], points[b], points[c])
+    corners, shape = (np.concatenate([whole, part[:n_split]]) for whole, part in zip(plain, split))
+    return _group(corners, shape, _gaussian_curvature(mesh, opposite))
 
 
 def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
     """Angle defect 2π − Σ angles divided by vertex area, (n,); 0 on boundaries and at non-manifold edges."""
-    corner = mesh.sound_faces.ravel()
-    # Gauss–Bonnet on the star of a vertex: ∫ K dA = 2π − Σ angles; the mean of K is that over the area of the vertex
-    faces, points = mesh.sound_faces, mesh.vertices
-    at, following, before = (points[np.roll(faces, -turn, axis=1).ravel()] for turn in range(3))
-    u, v = following - at, before - at
+    # Gauss–Bonnet on the star of a vertex: ∫ K dA = 2π − Σ angles; K is the mean, divided by the
+    # area of the vertex.
+    faces = mesh.sound_faces
+    corner, following, before = (np.roll(faces, -turn, axis=1).ravel() for turn in range(3))
+    u, v = (mesh.vertices[end] - mesh.vertices[corner] for end in (following, before))
     # arctan2(|u × v|, u · v) is accurate at angles near 0 and π, where arccos is not
     angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
-    missing = 2 * np.pi - np.bincount(corner, angles, mesh.n_vertices)
-    rim = np.flatnonzero(opposite < 0)  # corners that face a boundary edge; its ends are the other two
-    missing[corner[rim - rim % 3 + (rim + 1) % 3]] = 0.0
-    missing[corner[rim - rim % 3 + (rim + 2) % 3]] = 0.0
+    defect = 2 * np.pi - np.bincount(corner, angles, mesh.n_vertices)
+    boundary = opposite < 0  # corners that face a boundary edge, whose ends are the other two corners
+    defect[following[boundary]] = 0.0
+    defect[before[boundary]] = 0.0
     area = mesh.vertex_areas
-    return np.asarray(np.divide(missing, area, out=np.zeros(mesh.n_vertices), where=area > 0))
+    return np.asarray(np.divide(defect, area, out=np.zeros(mesh.n_vertices), where=area > 0))
 
 
 def _triangle(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """Planar shapes (|ab|, x, y) of m triangles, (m, 3): a at the origin, b on the positive axis, c at (x, y), y ≥ 0."""
-    # x = ab · ac / |ab|, y = |ab × ac| / |ab|; where a and b coincide, the axis is at right angles to c
+    # x = ab · ac / |ab|, y = |ab × ac| / |ab|; where a and b coincide, the axis is at right angles
+    # to c
     ab, ac = b - a, c - a
     length = np.linalg.norm(ab, axis=1)
     safe = np.where(length > 0, length, 1.0)
@@ -186,7 +185,7 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
 
 
 def _opposite_corners(mesh: Mesh) -> IntArray:
-    """Corner across the edge opposite to each corner h = 3 face + i, (3 m,); −1 at boundary and non-manifold edges."""
+    """Corner across the edge opposite to each corner 3 face + i, (3 m,); −1 at boundary and non-manifold edges."""
     side = np.arange(mesh.faces.size).reshape(-1, 3)[:, [1, 2, 0]].ravel()  # opposite to each corner
     across = mesh.edge_table.opposite[side].astype(np.int64)
     return np.where(across < 0, -1, across + np.where(across % 3 == 0, 2, -1))
@@ -196,28 +195,29 @@ def _opposite_corners(mesh: Mesh) -> IntArray:
 def _split_obtuse(
     points: FloatArray, corner_vertex: IntArray, opposite: IntArray, corners: IntArray, shape: FloatArray
 ) -> int:
-    """Write the updates (c; e, d) of obtuse corners c by unfolded vertices d and their shapes, and count them."""
+    """Write the updates (c; e, d) of obtuse corners c by unfolded vertices d with their shapes; count them."""
     count = 0
     for h in range(len(corner_vertex)):
         base = h - h % 3
         c = corner_vertex[h]
         a = corner_vertex[base + (h + 1) % 3]
         b = corner_vertex[base + (h + 2) % 3]
-        # the plane of the face: c at the origin, a on the positive axis, b above it. The angle at c is obtuse if b is
-        # to the left of c, bx < 0
+        # In the plane of the face c is at the origin, a on the positive axis, b above it. The angle
+        # at c is obtuse if b lies left of c, bx < 0.
         ax = np.sqrt(_product(points, c, a, c, a))
         if ax == 0.0:
             continue
         bx = _product(points, c, a, c, b) / ax
         by = np.sqrt(max(_product(points, c, b, c, b) - bx * bx, 0.0))
         cb_length = np.sqrt(bx * bx + by * by)
-        if bx >= -RIGHT_ANGLE * cb_length or by == 0.0:  # cos of the angle at c is bx / |cb|
+        if bx >= -RIGHT_ANGLE_COSINE * cb_length or by == 0.0:  # cos of the angle at c is bx / |cb|
             continue
-        # (lx, ly), (rx, ry): the unfolded edge to cross next. The direction of d must be within 90° of both a and b.
+        # (lx, ly), (rx, ry): the unfolded edge to cross next. The direction of d must be within 90°
+        # of both a and b.
         left, lx, ly = a, ax, 0.0
         right, rx, ry = b, bx, by
         gate = opposite[h]
-        for _ in range(UNFOLD_STEPS):
+        for _ in range(MAX_UNFOLDED_FACES):
             if gate < 0:
                 break
             d = corner_vertex[gate]
@@ -225,7 +225,8 @@ def _split_obtuse(
             length = np.sqrt(ex * ex + ey * ey)
             if length == 0.0:
                 break
-            # position of d relative to the edge (left, right), measured in space: lengths do not change by unfolding
+            # position of d relative to the edge (left, right), measured in space: lengths do not
+            # change by unfolding
             along = _product(points, left, right, left, d) / length
             away = np.sqrt(max(_product(points, left, d, left, d) - along * along, 0.0))
             # unit normal of the unfolded edge, pointing away from c
@@ -235,7 +236,7 @@ def _split_obtuse(
             dx = lx + along * ex / length + away * nx
             dy = ly + along * ey / length + away * ny
             # both parts of the angle at c are acute where d · a ≥ 0 and d · b ≥ 0
-            slack = RIGHT_ANGLE * np.sqrt(dx * dx + dy * dy)
+            slack = RIGHT_ANGLE_COSINE * np.sqrt(dx * dx + dy * dy)
             acute_to_a = dx >= -slack
             acute_to_b = dx * bx + dy * by >= -slack * cb_length
             if acute_to_a and acute_to_b:
@@ -256,16 +257,13 @@ def _split_obtuse(
             # d is outside that range: cross the one of its two edges that the range passes through
             face = gate - gate % 3
             if acute_to_a:  # d is too far on the side of a: cross (d, right)
-                left_new, right_new = d, right
-                lx, ly = dx, dy
+                left, lx, ly = d, dx, dy
             else:
-                left_new, right_new = left, d
-                rx, ry = dx, dy
+                right, rx, ry = d, dx, dy
             for i in range(3):
                 v = corner_vertex[face + i]
-                if v != left_new and v != right_new:
+                if v != left and v != right:
                     gate = opposite[face + i]
-            left, right = left_new, right_new
     return count
 
 
@@ -281,21 +279,24 @@ def _product(points: FloatArray, a: int, b: int, c: int, d: int) -> float:
 @compiled(inline="always")
 def _excess(before: float, radius: float, step: float, gauss: float) -> float:
     """Excess of the front's curvature at distance ``radius``, if it was ``before`` one ``step`` earlier."""
-    # A front at distance d in the plane has the curvature 1 / d of a circle. On a surface its curvature κ along a ray
-    # obeys the Riccati equation κ' = −κ² − K (of Jacobi fields: κ = j' / j with j'' = −K j; do Carmo, *Riemannian
-    # Geometry*, ch. 5). The excess ε = κ − 1 / d is carried from vertex to vertex; here the equation is solved over the
-    # step, to first order in K. The result is limited, because the curvature of rough meshes is noisy: the radius of a
-    # diverging front is at least one step, and that of a converging front at least 1 / MOST_FOCUS steps.
+    # A front at distance d in the plane has the curvature 1 / d of a circle. On a surface its
+    # curvature κ along a ray obeys the Riccati equation κ' = −κ² − K (of Jacobi fields: κ = j' / j
+    # with j'' = −K j; do Carmo, *Riemannian Geometry*, ch. 5). The excess ε = κ − 1 / d is carried
+    # from vertex to vertex; here the equation is solved over the step, to first order in K. The
+    # result is limited, because the curvature of rough meshes is noisy: the radius is at least one
+    # step if the front diverges, and at least 1 / MAX_FOCUS steps if it converges.
     start = radius - step
     if step <= 0.0:  # c is on the edge, or coincides with v
         return before
     spread = before * start  # κ start − 1: how much faster than a circle the front spreads, at the start
     share = start / radius
-    # κ' = −κ²: the radius of curvature 1/κ grows by the step. A front that converges is kept before its focus.
+    # κ' = −κ²: the radius of curvature 1/κ grows by the step. A front that converges is kept before
+    # its focus.
     bent = (1.0 + spread) / max(radius + spread * step, 0.5 * start)
-    # κ = 1/r + δ with small δ: (r² δ)' = −K r², integrated from start to radius and divided by radius²
+    # κ = 1/r + δ with small δ: (r² δ)' = −K r², integrated from start to radius and divided by
+    # radius²
     bent -= gauss * step * (1.0 + share + share * share) / 3.0
-    return min(max(bent, -MOST_FOCUS / step), 1.0 / step) - 1.0 / radius
+    return min(max(bent, -MAX_FOCUS / step), 1.0 / step) - 1.0 / radius
 
 
 @compiled(fastmath={"contract", "arcp", "nsz"})
@@ -316,8 +317,9 @@ def _advance(
     slot: AnyArray,
     heap: AnyArray,
 ) -> None:
-    # Dijkstra's order with an indexed binary heap: heap[:size] holds tentative vertices, slot[v] the place of v in it, −1
-    # if it was never reached; settled[v] the final distance, inf while tentative, −1 where an earlier source is nearer.
+    # Dijkstra's order with an indexed binary heap: heap[:size] holds tentative vertices, slot[v]
+    # the place of v in it, −1 if v was never reached. settled[v] is the final distance, inf while
+    # tentative, −1 where an earlier source is nearer.
     size = 1
     heap[0] = source
     slot[source] = 0
@@ -366,13 +368,14 @@ def _advance(
             dw = settled[w]
             if dw != np.inf and dw >= 0.0 and shape[e, 0] > 0.0:
                 length, x, y = np.float64(shape[e, 0]), np.float64(shape[e, 1]), np.float64(shape[e, 2])
-                # The update of Kimmel & Sethian, for spherical instead of plane fronts (Novotni & Klein 2002): the
-                # *virtual source* is the point of the triangle's plane at the distances dv and dw from v and w, on the
-                # other side of their edge. With v = (0, 0), w = (length, 0), c = (x, y), y > 0, it is (sx, −√squared)
-                # where
+                # The update of Kimmel & Sethian, for spherical instead of plane fronts (Novotni &
+                # Klein 2002): the *virtual source* is the point of the triangle's plane at the
+                # distances dv and dw from v and w, on the other side of their edge. With v = (0,
+                # 0), w = (length, 0), c = (x, y), y > 0, it is (sx, −√squared) where
                 #   sx² + squared = dv²,  (sx − length)² + squared = dw²
-                # and the difference of the two gives sx. c lies height = y + √squared above it. If the straight line from
-                # there to c crosses the edge, c gets its length as distance; otherwise the way along the edge from v.
+                # and the difference of the two gives sx. c lies height = y + √squared above it. If
+                # the straight line from there to c crosses the edge, c gets its length as distance;
+                # otherwise the way along the edge from v.
                 sx = 0.5 * (length + (dv * dv - dw * dw) / length)
                 squared = dv * dv - sx * sx
                 if squared > 0.0:  # else these circles do not meet: |dv − dw| > length, by curvature
@@ -381,25 +384,28 @@ def _advance(
                     crossing = sx * y + x * (height - y)
                     if crossing >= 0.0 and crossing <= length * height:
                         straight = np.sqrt((x - sx) ** 2 + height * height)
-                        part = crossing / (height * length)  # of the edge, from v
+                        part = crossing / (height * length)  # fraction of the edge from v
                         mean = excess[v] + part * (excess[w] - excess[v])
-                        # Known distances of v and w contain the excess of the front, but the circle through them does
-                        # not bulge as the front does. Let ε be the excess between them, L = length, t = part L where
-                        # the ray crosses, and α its angle with the edge. Along the edge the distance d of the front has
-                        # the second derivative d'' = κ sin²α, that of the circle sin²α / d, and both agree at the ends:
-                        # the difference δ'' = ε sin²α with δ(0) = δ(L) = 0 is δ(t) = −½ ε sin²α t (L − t). So much less
-                        # is the distance from the virtual source; sin α = height / straight. Without it the error is of
-                        # first order in the edge length, and on rough meshes three times as large.
+                        # Known distances of v and w contain the excess of the front, but the circle
+                        # through them does not bulge as the front does. Let ε be the excess between
+                        # them, L = length, t = part L where the ray crosses, and α its angle with
+                        # the edge. Along the edge the distance d of the front has the second
+                        # derivative d'' = κ sin²α, the distance of the circle sin²α / d, and both
+                        # agree at the ends: the difference δ'' = ε sin²α with δ(0) = δ(L) = 0 is
+                        # δ(t) = −½ ε sin²α t (L − t). The shift −δ is subtracted from the distance
+                        # to the virtual source; sin α = height / straight. Without it the error is
+                        # of first order in the edge length, and on rough meshes three times as
+                        # large.
                         shift = 0.5 * mean * (height / straight) ** 2 * part * (1.0 - part) * length * length
-                        most = MOST_SHIFT * min(length, straight)
-                        shift = min(max(shift, -most), most)
+                        limit = MAX_SHIFT_EDGES * min(length, straight)
+                        shift = min(max(shift, -limit), limit)
                         if straight - shift < candidate:
                             candidate = straight - shift
                             radius = straight
                             step = straight * y / height  # length of the ray beyond the edge
                             bent = mean
                             gauss = curvature[v] + part * (curvature[w] - curvature[v])
-            if candidate < distance[c] - TIE * step:
+            if candidate < distance[c] - TIE_STEPS * step:
                 distance[c] = candidate
                 excess[c] = _excess(bent, radius, step, 0.5 * (gauss + curvature[c]))
                 hole = slot[c]  # insert c, or sift it up from where it is

@@ -1,4 +1,4 @@
-"""Engines of distances that come from elsewhere: given by the user, or those of a larger or a welded space."""
+"""Engines of distances that come from elsewhere: from the user, or from a larger or a welded space."""
 
 from __future__ import annotations
 
@@ -14,16 +14,19 @@ from isomatch.geodesics.protocol import Balls, ColumnEngine, DistanceEngine, geo
 DistanceFunction = Callable[[IntArray], ArrayLike]
 """Maps sources (m,) to distance columns (m, n)."""
 
-ASYMMETRY = 0.01  # of the largest distance; fast marching from i to j and from j to i differs by less
-DIAGONAL = 1e-6  # of the largest distance; below it the distance of a point to itself counts as 0
-ROWS = 256  # rows of a matrix that are checked at once
+# Fractions of the largest distance: fast marching from i to j and from j to i differs by less than
+# MAX_ASYMMETRY, and the distance of a point to itself counts as 0 up to MAX_DIAGONAL.
+MAX_ASYMMETRY = 0.01
+MAX_DIAGONAL = 1e-6
+CHECKED_ROWS = 256  # rows of a matrix that are checked at once
 
 
 class GivenMatrix(ColumnEngine):
     """An n × n matrix of distances, finite or ``inf``; it is not copied, so it may be a memory map."""
 
-    # d_ij and d_ji may differ by 1 % of the largest distance, as they do when computed approximately; their mean is used.
-    # Reading and checking take O(n²) time once, but no memory of that order. O(n) time per column.
+    # d_ij and d_ji may differ by 1 % of the largest distance, as approximate distances do; their
+    # mean is used. Reading and checking take O(n²) time once, but no memory of that order. O(n)
+    # time per column.
     name = "matrix"
 
     def __init__(self, matrix: AnyArray) -> None:
@@ -41,14 +44,14 @@ class GivenMatrix(ColumnEngine):
         for first, rows in self._blocks():
             columns = matrix[:, first : first + len(rows)].T
             with np.errstate(invalid="ignore"):  # inf − inf is NaN; equal entries are compared before
-                near = (rows == columns) | (np.abs(rows - columns) <= ASYMMETRY * largest)
+                near = (rows == columns) | (np.abs(rows - columns) <= MAX_ASYMMETRY * largest)
             _require_all(near, first, "the distance matrix is not symmetric")
-            near = rows[np.arange(len(rows)), first + np.arange(len(rows)), None] <= DIAGONAL * largest
+            near = rows[np.arange(len(rows)), first + np.arange(len(rows)), None] <= MAX_DIAGONAL * largest
             _require_all(near, first, "the diagonal of the distance matrix is not 0")
 
     def _blocks(self) -> Iterator[tuple[int, FloatArray]]:
-        for first in range(0, self.n_points, ROWS):
-            yield first, np.asarray(self._matrix[first : first + ROWS], dtype=np.float64)
+        for first in range(0, self.n_points, CHECKED_ROWS):
+            yield first, np.asarray(self._matrix[first : first + CHECKED_ROWS], dtype=np.float64)
 
     def _columns(self, sources: IntArray) -> FloatArray:
         columns = 0.5 * (np.asarray(self._matrix[sources], dtype=np.float64) + self._matrix[:, sources].T)
@@ -80,12 +83,12 @@ class GivenFunction(ColumnEngine):
             )
         distances = columns.astype(np.float64)
         _require_distances(distances, sources, "what the distance function returned")
-        own = distances[np.arange(len(sources)), sources]
+        diagonal = np.arange(len(sources)), sources
         largest = np.max(distances, axis=1, initial=0.0, where=np.isfinite(distances))
-        bad = sources[own > DIAGONAL * largest]
+        bad = sources[distances[diagonal] > MAX_DIAGONAL * largest]
         if len(bad):
             raise MeshError(f"the distance function is not 0 from sources {some(bad)} to themselves")
-        distances[np.arange(len(sources)), sources] = 0.0
+        distances[diagonal] = 0.0
         return distances
 
 
@@ -123,20 +126,21 @@ class RestrictedEngine(ColumnEngine):
     """
 
     def __init__(self, engine: DistanceEngine, vertices: ArrayLike, unit: float = 1.0) -> None:
-        kept = np.asarray(vertices)
-        if kept.ndim != 1 or (kept.size and kept.dtype.kind not in "iu"):
+        points = np.asarray(vertices)
+        if points.ndim != 1 or (points.size and points.dtype.kind not in "iu"):
             raise MeshError(
-                f"vertices of shape {kept.shape} and type {kept.dtype} are not a list of points, expected (n,) integers"
+                f"vertices of shape {points.shape} and type {points.dtype} are not a list of points, "
+                "expected (n,) integers"
             )
-        bad = kept[(kept < 0) | (kept >= engine.n_points)]
+        bad = points[(points < 0) | (points >= engine.n_points)]
         if len(bad):
             raise MeshError(
                 f"vertices {some(bad)} are outside 0…{engine.n_points - 1}, the points of the engine"
             )
         if not 0.0 < unit < np.inf:
             raise SettingError(f"unit = {unit} is not a positive length")
-        self.name, self.n_points = engine.name, len(kept)
-        self._engine, self._vertices, self._unit = engine, kept.astype(np.int64), float(unit)
+        self.name, self.n_points = engine.name, len(points)
+        self._engine, self._vertices, self._unit = engine, points.astype(np.int64), float(unit)
 
     def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
@@ -152,7 +156,7 @@ class RestrictedEngine(ColumnEngine):
 
 
 class WeldedEngine(RestrictedEngine):
-    """Distances of vertices, each at a point of a welded space; those on both sides of a seam are at the same point."""
+    """Distances of vertices that lie at points of a welded space; both sides of a seam share their points."""
 
     def __init__(self, engine: DistanceEngine, point: IntArray, notes: tuple[str, ...] = ()) -> None:
         super().__init__(engine, point)
@@ -176,14 +180,13 @@ class WeldedEngine(RestrictedEngine):
         """Vertices within a radius of m centres."""
         self._require_in_range(centres)
         balls = geodesic_balls(self._engine, self._vertices[centres], radius)
-        order = np.argsort(self._vertices, kind="stable")  # vertices, those of a point together
+        order = np.argsort(self._vertices, kind="stable")  # vertices, sorted by their point
         ends = np.searchsorted(self._vertices[order], np.arange(self._engine.n_points + 1))
         parts = []
         for low, high in zip(balls.start, balls.start[1:]):
-            points, apart = balls.points[low:high], balls.distances[low:high]
-            copies = [order[ends[p] : ends[p + 1]] for p in points]
+            copies = [order[ends[point] : ends[point + 1]] for point in balls.points[low:high]]
             vertices = np.concatenate([self._vertices[:0], *copies])
-            distances = np.repeat(apart, [len(each) for each in copies])
-            inside = np.argsort(vertices)
-            parts.append((vertices[inside], distances[inside]))
+            distances = np.repeat(balls.distances[low:high], [len(vertices) for vertices in copies])
+            increasing = np.argsort(vertices)
+            parts.append((vertices[increasing], distances[increasing]))
         return Balls.of(parts)

@@ -16,15 +16,15 @@ from isomatch._core.cached import cached_property
 from isomatch._core.errors import FormatError, MeshError
 from isomatch._core.files import write_text
 from isomatch.geodesics.dijkstra import Dijkstra
-from isomatch.geodesics.points import Inserted, inserted, joined, points_of
+from isomatch.geodesics.points import DividedMesh, concatenate_points, insert_points, points_of
 from isomatch.geodesics.protocol import ordinary_unit, require_finite
 from isomatch.geodesics.windows import UnfoldedFaces, Windows, windows_from
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.repair import Repair, repair
 from isomatch.surfaces import Mesh, PrecisePoints
 
-ROUNDING = 1e-9  # of a length
-SHORTEST = 1e-12  # of a path; shorter segments are of rounding, where it passes through a vertex
+MAX_EXCESS_RATIO = 1e-9  # excess of an exact length over a known bound that rounding explains
+MIN_SEGMENT_RATIO = 1e-12  # a segment that is shorter, relative to its path, is rounding at a vertex
 PATH_SUFFIXES = (".obj", ".vtp")
 
 
@@ -35,8 +35,8 @@ class GeodesicPath:
     Parameters
     ----------
     points : PrecisePoints
-        The points, of the k − 1 segments each in a face that it shares with the next: the ends, and where the path
-        crosses edges or passes through vertices.
+        The ends, and where the path crosses edges or passes through vertices; each in a face of a
+        segment that it ends.
     faces : (k − 1,) array of int
         Face in which each segment lies; none of a path of length 0.
     positions : (k, 3) array of float
@@ -75,27 +75,28 @@ def geodesic_path(
     surface : Mesh, path_like, tuple or object
         Anything that `mesh_from` takes. It need not be manifold.
     source, target : int or PrecisePoints
-        A vertex, or one point in a face or on an edge.
+        A vertex, or a point in a face or on an edge.
     weld : bool
         Whether vertices at exactly the same position are one point of the surface.
 
     Returns
     -------
     GeodesicPath
-        One of them, if several are shortest.
+        Any one, if several are shortest.
 
     Raises
     ------
     MeshError
-        If a coordinate is not finite, a point is not of the surface, there are several, no path leads from one to the
-        other, or faces between them have no area.
+        If a coordinate is not finite, a point is not of the surface, there are several, no path
+        leads from one to the other, or faces between them have no area.
     MemoryBudgetError
         If there are too many windows.
 
     Notes
     -----
-    The path is traced back through windows of straight rays, and no local minimum. With 10 000 vertices 0.25 s to set up,
-    and 0.1 s for a path between random points; opposite ends of a sphere, which many paths join, take 3 s.
+    The path is traced back through windows of straight rays; it is the global minimum. 10 000
+    vertices take 0.25 s to set up, and 0.1 s for a path between random points; opposite ends of a
+    sphere, which many paths join, take 3 s.
 
     Examples
     --------
@@ -118,9 +119,10 @@ def geodesic_paths(
     *,
     weld: bool = True,
 ) -> Iterator[GeodesicPath]:
-    """Find the shortest path from each source to the target of the same number; the mesh is made ready once for all.
+    """Find the shortest path from each source to the target of the same number; the mesh is prepared once.
 
-    ``sources`` and ``targets`` are m vertices or PrecisePoints each; the rest, and the errors, as for `geodesic_path`.
+    ``sources`` and ``targets`` are m vertices or PrecisePoints each; the rest, and the errors, as
+    for `geodesic_path`.
     """
     mesh = mesh_from(surface)
     first, second = points_of(sources, mesh.n_vertices), points_of(targets, mesh.n_vertices)
@@ -128,42 +130,42 @@ def geodesic_paths(
         raise MeshError(
             f"{len(first.corners)} sources and {len(second.corners)} targets; give a target for each source"
         )
-    ways = _Ways.of(mesh, joined(first, second), weld)
-    return (ways.between(i, i + len(first.corners)) for i in range(len(first.corners)))
+    finder = _PathFinder.of(mesh, concatenate_points(first, second), weld)
+    return (finder.path(i, i + len(first.corners)) for i in range(len(first.corners)))
 
 
 class _Stop(NamedTuple):
-    """A point on an edge of the divided mesh, and the face in which the path goes on to the end."""
+    """A point on an edge of the divided mesh, and the face in which the path continues to the target."""
 
     start: int
     end: int
-    share: float
+    fraction: float  # of the edge from its start
     face: int
 
 
 @dataclass(frozen=True, eq=False)
-class _Ways:
-    """A mesh made ready for paths between some of its points."""
+class _PathFinder:
+    """A mesh prepared for paths between some of its points."""
 
     original: Mesh
     points: PrecisePoints
-    mended: Repair
-    divided: Inserted
+    repair: Repair
+    division: DividedMesh
     unit: float
 
     @classmethod
-    def of(cls, mesh: Mesh, points: PrecisePoints, weld: bool) -> _Ways:
-        """Weld a mesh, leave out faces that are none, and make vertices of the points."""
+    def of(cls, mesh: Mesh, points: PrecisePoints, weld: bool) -> _PathFinder:
+        """Weld a mesh, leave out unsound faces, and make vertices of the points."""
         require_finite(mesh)
-        mended = repair(Mesh(mesh.vertices, mesh.sound_faces), weld=weld, remove_unused=False, orient=False)
-        corners = mended.new_index[points.corners]
-        divided = inserted(mended.mesh, PrecisePoints(corners, points.barycentric))
-        return cls(mesh, points, mended, divided, ordinary_unit(mesh))
+        welded = repair(Mesh(mesh.vertices, mesh.sound_faces), weld=weld, remove_unused=False, orient=False)
+        corners = welded.new_index[points.corners]
+        division = insert_points(welded.mesh, PrecisePoints(corners, points.barycentric))
+        return cls(mesh, points, welded, division, ordinary_unit(mesh))
 
     @cached_property
     def mesh(self) -> Mesh:
         """The divided mesh, of ordinary size."""
-        return self.divided.mesh.moved(self.divided.mesh.vertices / self.unit)
+        return self.division.mesh.moved(self.division.mesh.vertices / self.unit)
 
     @cached_property
     def unfolded(self) -> UnfoldedFaces:
@@ -173,16 +175,16 @@ class _Ways:
     def along_edges(self) -> Dijkstra:
         return Dijkstra(self.mesh)
 
-    def between(self, i: int, j: int) -> GeodesicPath:
+    def path(self, i: int, j: int) -> GeodesicPath:
         """Find the path from one of the points to another."""
-        source, target = (int(self.divided.vertex[k]) for k in (i, j))
+        source, target = (int(self.division.vertex[k]) for k in (i, j))
         bound = self.along_edges.distances_from([source])[0]
         if not np.isfinite(bound[target]):
             raise MeshError(
                 "no path leads from the source to the target, which are in different components; look at check(mesh)"
             )
         windows = windows_from(self.unfolded, self.mesh.vertices, source, bound, target)
-        if not windows.distance[target] <= bound[target] * (1 + ROUNDING):
+        if not windows.distance[target] <= bound[target] * (1 + MAX_EXCESS_RATIO):
             raise MeshError(
                 "rays between the source and the target are lost in faces without area; look at check(mesh), and remesh"
             )
@@ -190,8 +192,8 @@ class _Ways:
         places = np.array([self._place(stop) for stop in stops]).reshape(-1, 3)
         steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
         length = float(steps.sum())
-        kept = [k for k, step in enumerate(steps) if step > SHORTEST * length]
-        faces = [int(self.divided.face_index[stops[k].face]) for k in kept]  # of the mended mesh
+        kept = [k for k, step in enumerate(steps) if step > MIN_SEGMENT_RATIO * length]
+        faces = [int(self.division.face_index[stops[k].face]) for k in kept]  # of the welded mesh
         turns = [n for n in range(1, len(kept)) if faces[n] != faces[n - 1]]
         rows = [self._in_face(stops[kept[n]], faces[n]) for n in turns]
         within = [faces[n] for n in [0, *turns]] if kept else []
@@ -202,39 +204,39 @@ class _Ways:
         origin = self.original.vertices[points.corners[0, 0]]  # near it, coordinates have more digits
         relative = points.interpolated((self.original.vertices - origin) / self.unit)
         length = float(np.linalg.norm(np.diff(relative, axis=0), axis=1).sum()) * self.unit
-        index = self.mended.face_index[np.array(within, dtype=np.int64)]
+        index = self.repair.face_index[np.array(within, dtype=np.int64)]
         return GeodesicPath(points, index, points.interpolated(self.original.vertices), length)
 
     def _stops(self, windows: Windows, source: int, target: int) -> list[_Stop]:
-        """List the points of the path, from the target back; each knows the face of the segment after it."""
+        """List the points of the path, from the target back to the source."""
         faces, unfolded = self.mesh.faces, self.unfolded
-        # A vertex is reached along an edge, or through the face of a window from its root. The latter segment is
-        # straight in the unfolded row of faces: from c = (x, y) to the root p it crosses the side at px − (x − px) py /
-        # (y − py), as in `windows._propagate`. That point, in the frame of the side of the window before, is the next
-        # (x, y), and so on to the first window, whose side is opposite to the root.
+        # A vertex is reached along an edge, or through the face of a window from its root. The
+        # latter segment is straight in the unfolded row of faces: from c = (x, y) to the root p it
+        # crosses the side at px − (x − px) py / (y − py), as in `windows._propagate`. That point,
+        # in the frame of the side of the parent window, is the next (x, y), and so on to the first
+        # window, whose side is opposite to the root.
         stops = [_Stop(target, target, 0.0, -1)]
         vertex = target
         while vertex != source:
-            at = int(windows.reached[vertex])
-            if at < 0:
-                root = -1 - at
+            window = int(windows.reached[vertex])
+            if window < 0:
+                root = -1 - window
                 around = unfolded.corners[unfolded.corner_first[root] : unfolded.corner_first[root + 1]] // 3
                 face = around[(faces[around] == vertex).any(axis=1)][0]
             else:
-                root = int(windows.root[at])
-                x, y = unfolded.apex[windows.side[at]]
-                while True:
-                    side, (px, py) = int(windows.side[at]), windows.source[at]
-                    full, (face, i) = unfolded.length[side], divmod(side, 3)
+                root = int(windows.root[window])
+                x, y = unfolded.apex[windows.side[window]]
+                while window >= 0:
+                    side, (px, py) = int(windows.side[window]), windows.source[window]
+                    face, i = divmod(side, 3)
                     crossing = px - (x - px) * py / (y - py)
-                    share = float(np.clip(crossing / full, 0.0, 1.0))
-                    start, end = faces[face, i], faces[face, (i + 1) % 3]
-                    stops.append(_Stop(int(start), int(end), share, face))
-                    face, at = int(windows.before[at]), int(windows.parent[at])
-                    if at < 0:
-                        break
-                    begin, last = (self._corner(windows.side[at], vertex_at) for vertex_at in (start, end))
-                    x, y = (1 - share) * begin + share * last
+                    fraction = float(np.clip(crossing / unfolded.length[side], 0.0, 1.0))
+                    start, end = int(faces[face, i]), int(faces[face, (i + 1) % 3])
+                    stops.append(_Stop(start, end, fraction, face))
+                    face, window = int(windows.before[window]), int(windows.parent[window])
+                    if window >= 0:
+                        ends = (self._corner(windows.side[window], corner) for corner in (start, end))
+                        x, y = (1 - fraction) * next(ends) + fraction * next(ends)
             stops.append(_Stop(root, root, 0.0, int(face)))
             vertex = root
         return stops
@@ -247,19 +249,19 @@ class _Ways:
 
     def _place(self, stop: _Stop) -> FloatArray:
         points = self.mesh.vertices
-        return np.asarray((1 - stop.share) * points[stop.start] + stop.share * points[stop.end])
+        return np.asarray((1 - stop.fraction) * points[stop.start] + stop.fraction * points[stop.end])
 
     def _in_face(self, stop: _Stop, face: int) -> tuple[IntArray, FloatArray]:
-        """Corners, of the user, and weights of a point in a face of the mended mesh."""
-        corners, weights = self.mended.mesh.faces[face], np.zeros(3)
-        for vertex, share in ((stop.start, 1 - stop.share), (stop.end, stop.share)):
-            for corner, weight in zip(*(part[vertex] for part in self.divided.places)):
-                weights[corners == corner] += share * weight
-        return self.original.faces[self.mended.face_index[face]], weights
+        """Corners, as the user numbers them, and weights of a point in a face of the welded mesh."""
+        corners, weights = self.repair.mesh.faces[face], np.zeros(3)
+        for vertex, fraction in ((stop.start, 1 - stop.fraction), (stop.end, stop.fraction)):
+            for corner, weight in zip(*(array[vertex] for array in self.division.places)):
+                weights[corners == corner] += fraction * weight
+        return self.original.faces[self.repair.face_index[face]], weights
 
 
 def write_paths(file: str | Path, paths: Sequence[GeodesicPath]) -> None:
-    """Write paths as polylines: ``.obj``, a line for each, or ``.vtp``, also with the points in faces and the lengths.
+    """Write paths as polylines: to ``.obj``, or to ``.vtp`` with the points in faces and the lengths.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What is asked of a distance engine: columns, pairs and balls; the base class of the engines of this package."""
+"""The protocol of distance engines: columns, pairs and balls; the base class of the engines of this package."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from isomatch._core.errors import MeshError, some
 from isomatch._core.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
 
-BLOCK = 64  # columns held at a time, where pairs or balls are asked of an engine that has only columns
+COLUMNS_AT_ONCE = 64  # columns held in memory for pairs or balls of an engine that has only columns
 
 
 @runtime_checkable
 class DistanceEngine(Protocol):
-    """Distances of a metric space of n points, one column (source) at a time; nothing else of the space is needed.
+    """Distances of a metric space of n points, one column (source) at a time.
 
-    An engine that finds single distances faster than columns may also have a method ``pair_distances``, from (m, 2) pairs
-    of points to (m,) distances; the function `pair_distances` then uses it.
+    An engine that finds single distances faster than columns may also have a method
+    ``pair_distances``, from (m, 2) pairs of points to (m,) distances; the function `pair_distances`
+    then uses it.
     """
 
     name: str
@@ -43,8 +44,8 @@ class DistanceEngine(Protocol):
 class ColumnEngine(ABC):
     """Base class of the engines of this package, which checks sources and memory.
 
-    A subclass sets ``name`` and ``n_points`` and implements ``_columns``. It overrides `lower` where its front can stop
-    as soon as another source is nearer.
+    A subclass sets ``name`` and ``n_points`` and implements ``_columns``. It overrides `lower`
+    where its front can stop as soon as another source is nearer.
     """
 
     name: str
@@ -52,13 +53,13 @@ class ColumnEngine(ABC):
 
     def distances_from(self, sources: ArrayLike) -> FloatArray:
         """(m, n) distances from each of m sources; ``inf`` where no path leads."""
-        wanted = np.atleast_1d(np.asarray(sources))
-        if wanted.ndim != 1 or (wanted.size and wanted.dtype.kind not in "iu"):
+        sources = np.atleast_1d(np.asarray(sources))
+        if sources.ndim != 1 or (sources.size and sources.dtype.kind not in "iu"):
             raise MeshError("sources must be a one-dimensional array of vertex indices")
-        self._require_in_range(wanted)
-        m = len(wanted)
+        self._require_in_range(sources)
+        m = len(sources)
         require_memory(8.0 * m * self.n_points, f"{m} distance columns", "ask for fewer at once")
-        return self._columns(wanted.astype(np.int64))
+        return self._columns(sources.astype(np.int64))
 
     def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
@@ -88,8 +89,9 @@ def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
 
     Notes
     -----
-    One column per distinct source, 64 at a time: of the two ends, put the one with fewer distinct points first. An
-    engine that has a method ``pair_distances``, as fast marching does, is asked directly: its fronts end early.
+    One column per distinct source, 64 at a time, so put the end with fewer distinct points first.
+    An engine that has a method ``pair_distances``, such as fast marching, is asked directly: its
+    fronts end early.
 
     Examples
     --------
@@ -98,31 +100,29 @@ def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
     >>> pair_distances(distance_engine(line), [[0, 3], [2, 1]])
     array([3., 1.])
     """
-    wanted = np.asarray(pairs)
-    if wanted.ndim != 2 or wanted.shape[1] != 2 or wanted.dtype.kind not in "iu":
+    pairs = np.asarray(pairs)
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
         raise MeshError(
-            f"pairs have shape {wanted.shape} and type {wanted.dtype}, expected (m, 2) integers: two vertices each"
+            f"pairs have shape {pairs.shape} and type {pairs.dtype}, expected (m, 2) integers: two vertices each"
         )
-    bad = wanted[((wanted < 0) | (wanted >= engine.n_points)).any(axis=1)].ravel()
+    bad = pairs[((pairs < 0) | (pairs >= engine.n_points)).any(axis=1)].ravel()
     if len(bad):
         raise MeshError(
             f"pairs of vertices {some(bad)} leave 0…{engine.n_points - 1}, the vertices of the surface"
         )
     if hasattr(engine, "pair_distances"):
-        return np.asarray(engine.pair_distances(wanted))
-    sources, of_pair = np.unique(wanted[:, 0], return_inverse=True)
-    order = np.argsort(of_pair, kind="stable")
-    distances = np.zeros(len(wanted))
-    for first in range(0, len(sources), BLOCK):
-        columns = engine.distances_from(sources[first : first + BLOCK])
-        low, high = np.searchsorted(of_pair[order], [first, first + BLOCK])
-        rows = order[low:high]
-        distances[rows] = columns[of_pair[rows] - first, wanted[rows, 1]]
+        return np.asarray(engine.pair_distances(pairs))
+    sources, row_of_pair = np.unique(pairs[:, 0], return_inverse=True)
+    distances = np.zeros(len(pairs))
+    for first in range(0, len(sources), COLUMNS_AT_ONCE):
+        columns = engine.distances_from(sources[first : first + COLUMNS_AT_ONCE])
+        members = (first <= row_of_pair) & (row_of_pair < first + COLUMNS_AT_ONCE)
+        distances[members] = columns[row_of_pair[members] - first, pairs[members, 1]]
     return distances
 
 
 class Balls(NamedTuple):
-    """The points within a radius of m centres: those of centre i are in ``start[i]:start[i + 1]``."""
+    """The points within a radius of m centres; entries ``start[i]:start[i + 1]`` belong to centre i."""
 
     start: IntArray  # (m + 1,)
     points: IntArray  # (b,)
@@ -138,7 +138,7 @@ class Balls(NamedTuple):
 
 
 def geodesic_balls(engine: DistanceEngine, centres: ArrayLike, radius: float) -> Balls:
-    """Find the points within a distance of m centres, those of each ball in increasing order.
+    """Find the points within a distance of m centres, in increasing order for each ball.
 
     Raises
     ------
@@ -147,8 +147,8 @@ def geodesic_balls(engine: DistanceEngine, centres: ArrayLike, radius: float) ->
 
     Notes
     -----
-    The fronts of an engine that has a method ``balls``, as fast marching does, end at the radius. Of any other engine
-    whole columns are asked, 64 at a time.
+    The fronts of an engine that has a method ``balls``, such as fast marching, end at the radius.
+    Any other engine computes whole columns, 64 at a time.
 
     Examples
     --------
@@ -157,20 +157,20 @@ def geodesic_balls(engine: DistanceEngine, centres: ArrayLike, radius: float) ->
     >>> geodesic_balls(distance_engine(line), [0, 3], 1.0)
     Balls(start=array([0, 2, 5]), points=array([0, 1, 2, 3, 4]), distances=array([0., 1., 1., 0., 1.]))
     """
-    wanted = np.atleast_1d(np.asarray(centres))
+    centres = np.atleast_1d(np.asarray(centres))
     if hasattr(engine, "balls"):
-        balls: Balls = engine.balls(wanted, radius)
+        balls: Balls = engine.balls(centres, radius)
         return balls
     parts = []
-    for first in range(0, len(wanted), BLOCK):
-        columns = engine.distances_from(wanted[first : first + BLOCK])
-        rows = [np.flatnonzero(column <= radius) for column in columns]
-        parts += [(inside, column[inside]) for inside, column in zip(rows, columns)]
+    for first in range(0, len(centres), COLUMNS_AT_ONCE):
+        for column in engine.distances_from(centres[first : first + COLUMNS_AT_ONCE]):
+            inside = np.flatnonzero(column <= radius)
+            parts.append((inside, column[inside]))
     return Balls.of(parts)
 
 
 def ordinary_unit(surface: Mesh | PointCloud) -> float:
-    """Length to divide coordinates by so that their squares neither overflow nor vanish; 1 at ordinary sizes."""
+    """Length that keeps squares of coordinates divided by it from overflow and underflow; 1 at ordinary sizes."""
     extent = float(np.abs(surface.vertices).max(initial=0.0))
     return 1.0 if extent == 0.0 or 1e-10 < extent < 1e10 else extent
 

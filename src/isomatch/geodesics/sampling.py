@@ -1,4 +1,4 @@
-"""Farthest point sampling, by geodesic distance with the distance columns of the samples, or by Euclidean distance."""
+"""Farthest point sampling, by geodesic or by Euclidean distance."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
     SettingError
         If ``n_samples`` is not positive.
     MeshError
-        If there are fewer than ``n_samples`` points at positive distance from each other, or some cannot be
-        reached from ``start``.
+        If there are fewer than ``n_samples`` points at positive distance from each other, or some
+        cannot be reached from ``start``.
     MemoryBudgetError
         If the columns would take more memory than allowed.
 
     Notes
     -----
-    Eldar et al., *The farthest point strategy for progressive image sampling*, 1997, with geodesic distances. Time of p
-    columns, O(p n log n) for fast marching, and 8 p n bytes.
+    Eldar et al., *The farthest point strategy for progressive image sampling*, 1997, with geodesic
+    distances. Time of p columns, O(p n log n) for fast marching, and 8 p n bytes.
 
     Examples
     --------
@@ -76,10 +76,10 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
         raise SettingError(f"n_samples = {n_samples} is not a positive number of samples")
     n_bytes = 8.0 * n_samples * engine.n_points
     require_memory(n_bytes, f"{n_samples} distance columns", "ask for fewer samples")
-    # While samples are chosen, a front advances only where its sample is the nearest so far. The cells of p samples
-    # have about n / p points each, so that sample i costs a front of n / i points: Σ n / i ≈ n log p, about log p full
-    # fronts. The p full columns are then computed on all threads. Engines that compute full columns anyway are asked
-    # for each only once.
+    # While samples are chosen, a front advances only where its sample is the nearest so far. The
+    # cells of p samples have about n / p points each, so that sample i costs a front of n / i
+    # points: Σ n / i ≈ n log p, about log p full fronts. The p full columns are then computed on
+    # all threads. An engine that computes full columns anyway computes each only once.
     nearest = np.full(engine.n_points, np.inf)
     chosen = np.zeros(n_samples, dtype=np.int64)
     columns = []  # from engines that compute full columns
@@ -100,10 +100,10 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
 
 
 def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int) -> IntArray:
-    """Choose each of some of n points (n, d) farthest from all before it in Euclidean distance, beginning with ``start``.
+    """Choose from n points (n, d), first ``start``, then each farthest from all before it in Euclidean distance.
 
-    Every prefix of the result is a farthest point sampling itself. Of equally far points the first is taken.
-    O(n n_samples d) time.
+    Every prefix of the result is a farthest point sampling itself. Among equally far points the
+    first is taken. O(n n_samples d) time.
 
     Raises
     ------
@@ -128,32 +128,34 @@ def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int) ->
 
 @compiled()
 def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArray, tie: float) -> None:
-    """Fill ``chosen`` after its first entry; ``nearest`` (n,), squared distances to it, is all inf on entry."""
+    """Fill ``chosen`` after its first entry; ``nearest`` (n,), squared distances, is all inf on entry."""
     farthest = chosen[0]
     for i in range(len(chosen)):
         last = chosen[i] = farthest
         nearest[last] = -1.0  # below the 0 of coincident points, so that no point is chosen twice
-        most = 0.0
+        largest = 0.0
         for j in range(len(points)):
             squared = 0.0
             for axis in range(points.shape[1]):
                 squared += (points[j, axis] - points[last, axis]) ** 2
             if squared < nearest[j]:
                 nearest[j] = squared
-            most = max(most, nearest[j])
+            largest = max(largest, nearest[j])
         for j in range(len(points)):
-            if nearest[j] >= most - tie * most:
+            if nearest[j] >= largest - tie * largest:
                 farthest = j
                 break
 
 
 def peripheral_vertex(surface: MetricSpace, engine: DistanceEngine, seed: int = 0) -> int:
-    """Return a vertex at one end of the surface that depends on the shape; the order of the vertices decides ties alone.
+    """Return a vertex at one end of the surface, chosen by the shape; the order of the vertices only decides ties.
 
-    It is the vertex farthest from the one that is farthest from a first one, which ``seed`` draws; two distance columns.
+    From a vertex drawn by ``seed`` it goes to the farthest one, and from there to the farthest
+    again; two columns.
     """
-    # drawn by its rank in distance from the centroid, so that the answer does not change when vertices are relabelled
-    # or the surface is moved rigidly; by its index where there are no coordinates, as in a graph or a matrix
+    # The first vertex is drawn by its rank in distance from the centroid, so that the answer does
+    # not change when vertices are relabelled or the surface is moved rigidly. In a graph or a
+    # matrix, without coordinates, it is drawn by its index.
     vertex = int(generator(seed).integers(engine.n_points))
     if isinstance(surface, Mesh | PointCloud):
         shares = surface.vertex_areas / surface.area if 0 < surface.area < np.inf else None

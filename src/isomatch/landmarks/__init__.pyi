@@ -1,4 +1,4 @@
-from isomatch.landmarks.curves import drawn_curve, equally_spaced, spread_on_surface
+from isomatch.landmarks.curves import draw_curve, equally_spaced, spread_on_surface
 from isomatch.landmarks.landmark_writers import write_landmarks, write_specimens, writer_of
 from isomatch.landmarks.landmarks import (
     Curve,
@@ -13,7 +13,7 @@ from isomatch.landmarks.specimens import is_of_landmarks, join_places, read_land
 __all__ = [
     "Curve",
     "Landmarks",
-    "drawn_curve",
+    "draw_curve",
     "equally_spaced",
     "is_of_landmarks",
     "join_places",

@@ -1,4 +1,4 @@
-"""Files of points that were marked on shapes: text, 3D Slicer and MeshLab; and where on a surface the points are."""
+"""Files of points marked on shapes: text, 3D Slicer and MeshLab; and where on a surface the points are."""
 
 from __future__ import annotations
 
@@ -24,27 +24,29 @@ PAIRS = "write two 0-based vertex indices, of the source and of the target, or t
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
 AXES = "x", "y", "z"
 NAMES, VERTICES = ("name", "label", "id", "landmark"), ("vertex", "index")
-CURVES = "Curve", "ClosedCurve"  # of 3D Slicer
-NOWHERE = 9999.0  # or −9999, in all three coordinates of a point without a position, as of programs for morphometrics
+CURVES = "Curve", "ClosedCurve"  # types of markups of 3D Slicer
+NO_PLACE = 9999.0  # programs for morphometrics write ±9999 in all coordinates of a point without a position
 
 logger = logging.getLogger(__name__)
 
-OFF, FAR_OFF = 0.02, 0.1  # √area: a point farther from the surface is reported, and refused
-# times the mean distance: points in RAS that are so much nearer than in LPS are taken to be in RAS
-CLEARLY = 0.5
+# Distances from the surface, in √area, beyond which a point is reported, and refused.
+MAX_SILENT_DISTANCE, MAX_DISTANCE = 0.02, 0.1
+# Points are in RAS if their mean distance from the surface in RAS is less than this fraction of the
+# one in LPS.
+MAX_RAS_DISTANCE_RATIO = 0.5
 
 
 @dataclass(frozen=True)
 class MarkedPoint:
-    """One marked point: a vertex index, a position, or neither, where it was named but not placed."""
+    """One marked point: a vertex index, a position, or neither, if it was named but not placed."""
 
     name: str
     at: tuple[float, ...]  # positions of 3D Slicer are in LPS
-    where: str  # in which file
-    axes: Axes | None = None  # that a file of 3D Slicer says
-    curve: str = ""  # points of one follow each other along it
+    where: str  # place in the file, for messages
+    axes: Axes | None = None  # in the file of 3D Slicer
+    curve: str = ""  # name of the curve along which the points follow each other
     closed: bool = False
-    unit: str = ""  # that a file of 3D Slicer says
+    unit: str = ""  # in the file of 3D Slicer
 
 
 def marked_pairs(path: Path) -> list[tuple[MarkedPoint, MarkedPoint]]:
@@ -60,19 +62,19 @@ def marked_pairs(path: Path) -> list[tuple[MarkedPoint, MarkedPoint]]:
         half, odd = divmod(len(row.cells), 2)
         if columns is None and (odd or half not in (1, 3)):
             table.refuse(row, f"is not a landmark; {PAIRS}")
-        chosen = columns or [list(range(half)), list(range(half, 2 * half))]
-        a, b = (_place_in(table, row, side, PAIRS) for side in chosen)
+        sides = columns or [list(range(half)), list(range(half, 2 * half))]
+        a, b = (_place_in_row(table, row, side, PAIRS) for side in sides)
         where = f"{path}:{row.line}"
         pairs.append((MarkedPoint("", a, where), MarkedPoint("", b, where)))
     return pairs
 
 
 def _pair_columns(table: Table) -> list[list[int]]:
-    axes = [[f"{side}_{axis}" for axis in AXES] for side in ("source", "target")]
-    for named in ([["source"], ["target"]], axes):
-        found = [[table.column(name) for name in names] for names in named]
-        if all(i is not None for columns in found for i in columns):
-            return [[i for i in columns if i is not None] for columns in found]
+    sides = ("source", "target")
+    for titles in ([[side] for side in sides], [[f"{side}_{axis}" for axis in AXES] for side in sides]):
+        columns = [[i for name in names if (i := table.column(name)) is not None] for names in titles]
+        if list(map(len, columns)) == list(map(len, titles)):
+            return columns
     raise FormatError(
         f"{table.name}:{table.titles_line}: the header {', '.join(table.titles)[:80]!r} has neither the columns source, "
         "target nor source_x, source_y, source_z, target_x, target_y, target_z"
@@ -80,7 +82,7 @@ def _pair_columns(table: Table) -> list[list[int]]:
 
 
 def marked_points(path: Path) -> list[MarkedPoint]:
-    """Read points that were marked on one shape, in order; those without a position too."""
+    """Read the points marked on one shape, in order, also points without a position."""
     reader = _reader(path)
     return reader(path) if reader else _text_points(path)
 
@@ -93,41 +95,40 @@ def _reader(path: Path) -> Callable[[Path], list[MarkedPoint]] | None:
 
 def _text_points(path: Path) -> list[MarkedPoint]:
     table = read_table(path).titled({*AXES, *VERTICES})
-    at = [i for axis in AXES if (i := table.column(axis)) is not None]
+    axes = [i for axis in AXES if (i := table.column(axis)) is not None]
     vertex = table.column(*VERTICES)
-    place = at if len(at) == len(AXES) else [] if vertex is None else [vertex]
+    place = axes if len(axes) == len(AXES) else [] if vertex is None else [vertex]
     if table.titles and not place:
-        told = ", ".join(table.titles)[:80]
-        raise FormatError(f"{path}:{table.titles_line}: the header {told!r} has neither x, y, z nor vertex")
-    columns = {each: i for each in ("curve", "closed") if (i := table.column(each)) is not None}
+        header = ", ".join(table.titles)[:80]
+        raise FormatError(f"{path}:{table.titles_line}: the header {header!r} has neither x, y, z nor vertex")
     name = table.column(*NAMES, *[""] * (table.titles[:1] == ("",)))
-    columns |= {} if name is None else {"name": name}
+    columns = {"name": name, "curve": table.column("curve"), "closed": table.column("closed")}
     points = []
     for row in table.filled:
-        chosen = place or list(range(len(row.cells)))
-        if len(chosen) not in (1, 3):
+        of_place = place or list(range(len(row.cells)))
+        if len(of_place) not in (1, 3):
             table.refuse(row, f"is not a point; {POINTS}")
-        texts = {each: row.cells[i] for each, i in columns.items() if i < len(row.cells)}
-        closed = texts.get("closed", "").lower() in ("1", "true", "yes")
-        curve = "" if texts.get("curve", "").lower() in NO_TEXT else texts["curve"]
-        placed = _place_in(table, row, chosen, POINTS, may_miss=True)
-        points.append(
-            MarkedPoint(texts.get("name", ""), placed, f"{path}:{row.line}", curve=curve, closed=closed)
-        )
+        texts = {
+            title: "" if i is None or i >= len(row.cells) else row.cells[i] for title, i in columns.items()
+        }
+        closed = texts["closed"].lower() in ("1", "true", "yes")
+        curve = "" if texts["curve"].lower() in NO_TEXT else texts["curve"]
+        at = _place_in_row(table, row, of_place, POINTS, may_miss=True)
+        points.append(MarkedPoint(texts["name"], at, f"{path}:{row.line}", curve=curve, closed=closed))
     return points
 
 
-def _place_in(
+def _place_in_row(
     table: Table, row: Row, columns: list[int], remedy: str, may_miss: bool = False
 ) -> tuple[float, ...]:
-    """Return the place that some cells of a row tell, see `_place`."""
+    """Return the place in some cells of a row, see `_place`."""
     cells = [row.cells[i] if i < len(row.cells) else "?" * (not may_miss) for i in columns]
     plain = [_plain_number(table, cell, is_vertex=len(columns) == 1) for cell in cells]
     return _place(plain, [*range(len(plain))], f"{table.name}:{row.line}", row.text.strip(), remedy, may_miss)
 
 
 def _plain_number(table: Table, cell: str, is_vertex: bool) -> str:
-    """Return a number with a decimal point, and a whole one, of a vertex, without; other texts as they are."""
+    """Write a number with a decimal point, or a vertex without; other texts stay as they are."""
     number = table.whole(cell) if is_vertex else table.number(cell)
     return cell if number is None or not np.isfinite(number) else repr(number)
 
@@ -160,23 +161,22 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
 
 
 def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
-    columns, said, points = ["id", "x", "y", "z"], "RAS", []
+    columns, system, points = ["id", "x", "y", "z"], "RAS", []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         where = f"{path}:{number}"
         if line.startswith("#"):
             key, _, value = line[1:].partition("=")
             if key.strip() == "CoordinateSystem":
-                said = value.strip()
+                system = value.strip()
             elif key.strip() == "columns":
-                columns = [each.strip() for each in value.split(",")]
+                columns = [column.strip() for column in value.split(",")]
             continue
         if not line.strip():
             continue
-        row = dict(
-            zip(columns, [cell for each in rows_of([(number, line)], ",", str(path)) for cell in each.cells])
-        )
+        rows = rows_of([(number, line)], ",", str(path))
+        row = dict(zip(columns, (cell for cells in rows for cell in cells.cells)))
         try:
-            axes = _axes(said)
+            axes = _axes(system)
             cells = [row[axis].strip().lower() for axis in AXES]
             at = _in_lps([None if cell in NO_NUMBER else float(cell) for cell in cells], axes)
         except (KeyError, ValueError):
@@ -187,17 +187,17 @@ def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
     return points
 
 
-def _axes(said: Any) -> Axes:
-    if str(said) not in ("LPS", "RAS", "0", "1"):
-        raise ValueError(f"coordinate system {said!r} is neither LPS nor RAS")
-    return "RAS" if str(said) in ("RAS", "0") else "LPS"
+def _axes(system: Any) -> Axes:
+    if str(system) not in ("LPS", "RAS", "0", "1"):
+        raise ValueError(f"coordinate system {system!r} is neither LPS nor RAS")
+    return "RAS" if str(system) in ("RAS", "0") else "LPS"
 
 
 def _in_lps(position: Any, axes: Axes) -> tuple[float, ...]:
-    at = np.array([np.nan if each is None else float(each) for each in position])
+    at = np.array([np.nan if x is None else float(x) for x in position])
     if at.shape != (3,) or np.isinf(at).any():
         raise ValueError("a position has three finite numbers")
-    if np.isnan(at).any() or (np.abs(at) == NOWHERE).all():
+    if np.isnan(at).any() or (np.abs(at) == NO_PLACE).all():
         return ()
     return tuple((TURN * at if axes == "RAS" else at).tolist())
 
@@ -221,7 +221,7 @@ def _meshlab_points(path: Path) -> list[MarkedPoint]:
 
 
 def _editor_points(path: Path) -> list[MarkedPoint]:
-    """Read a file of Landmark Editor: a version, the number of points, and a name and a position on each line."""
+    """Read a file of Landmark Editor: version, number of points, then a name and a position per line."""
     points = []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         cells, where = line.split(), f"{path}:{number}"
@@ -234,7 +234,7 @@ def _editor_points(path: Path) -> list[MarkedPoint]:
 
 
 def _freesurfer_label(path: Path) -> list[MarkedPoint]:
-    """Read a label of FreeSurfer: a vertex on each line, or −1 and a position, after a comment and their number."""
+    """Read a label of FreeSurfer: comment, number, then per line a vertex, or −1 and a position."""
     points = []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         cells, where = line.split(), f"{path}:{number}"
@@ -248,32 +248,32 @@ def _freesurfer_label(path: Path) -> list[MarkedPoint]:
 def _place(
     cells: list[str], columns: list[int], where: str, line: str, remedy: str, may_miss: bool = False
 ) -> tuple[float, ...]:
-    """Return the vertex index, or the position, in some cells; nothing of a point without a place, if it ``may_miss``."""
-    chosen = [cells[column] if column < len(cells) else "" for column in columns]
-    if may_miss and max(columns) < len(cells) and all(cell.lower() in NO_NUMBER for cell in chosen):
+    """Return the vertex index, or the position, in some cells; () if it is missing and ``may_miss``."""
+    words = [cells[column] if column < len(cells) else "" for column in columns]
+    if may_miss and max(columns) < len(cells) and all(word.lower() in NO_NUMBER for word in words):
         return ()
     numbers: list[float] = []
-    for cell in chosen:
+    for word in words:
         number = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?"
-        if not (is_whole_number(cell) if len(chosen) == 1 else re.fullmatch(number, cell, re.ASCII)):
+        if not (is_whole_number(word) if len(words) == 1 else re.fullmatch(number, word, re.ASCII)):
             raise FormatError(f"{where}: {line[:80]!r} is not a landmark; {remedy}")
-        numbers.append(int(cell) if len(chosen) == 1 else float(cell))
+        numbers.append(int(word) if len(words) == 1 else float(word))
     if not np.isfinite(numbers).all():
         raise FormatError(f"{where}: {line[:80]!r} is not finite; {remedy}")
-    is_missing = may_miss and len(numbers) == 3 and all(abs(number) == NOWHERE for number in numbers)
+    is_missing = may_miss and len(numbers) == 3 and all(abs(number) == NO_PLACE for number in numbers)
     return () if is_missing else tuple(numbers)
 
 
-def placed_positions(
+def place_points(
     points: Sequence[MarkedPoint],
     vertices: FloatArray,
     unit: float,  # √area of the surface
-    distance: Callable[[FloatArray], FloatArray],  # of positions from it
+    distance: Callable[[FloatArray], FloatArray],  # of positions from the surface
     frame: Frame | None,  # of the surface
-    side: str,  # what the surface is, and
-    parts: str,  # what the distance is measured to, for messages
+    side: str,  # name of the surface in messages
+    parts: str,  # name of its points or vertices in messages
 ) -> tuple[FloatArray, Axes | None]:
-    """Return where points are in the coordinates of a surface, nan where they are nowhere, and the axes of these."""
+    """Return positions of points in the coordinates of a surface, nan if unknown, and their axes."""
     positions = np.full((len(points), 3), np.nan)
     for i, point in enumerate(points):
         if len(point.at) == 1:
@@ -289,42 +289,49 @@ def placed_positions(
     free = [i for i, point in enumerate(points) if len(point.at) == 3]
     if not free:
         return positions, frame.axes
-    where, is_said = points[free[0]].where, any(points[i].axes for i in free)
-    ways = _ways(positions[free], is_said, frame)
-    gaps = [distance(placed) / unit for placed, _, _ in ways]
+    where, has_axes = points[free[0]].where, any(points[i].axes for i in free)
+    readings = _readings(positions[free], has_axes, frame)
+    gaps = [distance(reading) / unit for reading, _, _ in readings]
     means = [gap.mean() for gap in gaps]
-    best = min(range(len(ways)), key=lambda i: (gaps[i].max() > FAR_OFF, means[i]))
-    # points on the surface stay as they are said or supposed to be, unless nothing is said and others fit much better
-    if gaps[0].max() <= OFF and not (is_said and means[best] < CLEARLY * means[0]):
+    best = min(range(len(readings)), key=lambda i: (gaps[i].max() > MAX_DISTANCE, means[i]))
+    # The first reading stays if its points are on the surface, unless the axes are known and
+    # another fits much better.
+    is_clear = has_axes and means[best] < MAX_RAS_DISTANCE_RATIO * means[0]
+    if gaps[0].max() <= MAX_SILENT_DISTANCE and not is_clear:
         best = 0
-    (positions[free], axes, told), gap = ways[best], gaps[best]
+    (positions[free], axes, condition), gap = readings[best], gaps[best]
     if best:
-        logger.warning("%s: the landmarks lie on the %s %s", where, side, told)
-    elif is_said and not frame.axes and gaps[1].max() <= OFF:
+        logger.warning("%s: the landmarks lie on the %s %s", where, side, condition)
+    elif has_axes and not frame.axes and gaps[1].max() <= MAX_SILENT_DISTANCE:
         logger.warning("%s: the landmarks lie on the %s in RAS and in LPS, which is taken", where, side)
     worst = int(gap.argmax())
-    if gap[worst] > OFF:
+    if gap[worst] > MAX_SILENT_DISTANCE:
         message = f"{points[free[worst]].where}: {gap[worst]:.3g} √area away from all {parts} of the {side}"
-        if gap[worst] > FAR_OFF:
+        if gap[worst] > MAX_DISTANCE:
             remedy = f"check that the positions are in the units and the coordinates of the {side}"
-            if (distance(TURN * positions[free]) <= OFF * unit).all():
+            if (distance(TURN * positions[free]) <= MAX_SILENT_DISTANCE * unit).all():
                 remedy = "one of the files says the wrong space: they lie on it after half a turn"
             raise LandmarkError(f"{message}; {remedy}")
         logger.warning("%s; the nearest one is taken", message)
     return positions, axes
 
 
-def _ways(positions: FloatArray, is_said: bool, frame: Frame) -> list[tuple[FloatArray, Axes | None, str]]:
-    """Return where points can be meant to be, first as they are said to be: positions, axes, and how that is told."""
-    # positions of 3D Slicer, which says the axes, are in LPS here, in which it also writes meshes unless they say RAS
+def _readings(
+    positions: FloatArray, has_axes: bool, frame: Frame
+) -> list[tuple[FloatArray, Axes | None, str]]:
+    """Return what positions may mean, the most likely first: positions, axes, and the condition in words."""
+    # positions of 3D Slicer, which says the axes, are in LPS here, in which it also writes meshes
+    # unless they say RAS
     turned = TURN * positions
-    if not is_said:
-        told = "after half a turn, from RAS to LPS or back"
-        return [(positions, frame.axes, ""), (turned, frame.axes, told)]
-    said: tuple[tuple[FloatArray, Axes], ...] = (positions, "LPS"), (turned, "RAS")
-    ways: list[tuple[FloatArray, Axes | None, str]]
-    ways = [(at, axes, f"if it is in {axes}") for at, axes in said if frame.axes in (None, axes)]
+    if not has_axes:
+        return [
+            (positions, frame.axes, ""),
+            (turned, frame.axes, "after half a turn, from RAS to LPS or back"),
+        ]
+    both: tuple[tuple[FloatArray, Axes], ...] = (positions, "LPS"), (turned, "RAS")
+    readings: list[tuple[FloatArray, Axes | None, str]]
+    readings = [(places, axes, f"if it is in {axes}") for places, axes in both if frame.axes in (None, axes)]
     if frame.has_space and not np.array_equal(frame.matrix, np.eye(4)):
         back = np.linalg.inv(frame.matrix)
-        ways.append((turned @ back[:3, :3].T + back[:3, 3], frame.axes, f"if they are in {frame.to}"))
-    return ways
+        readings.append((turned @ back[:3, :3].T + back[:3, 3], frame.axes, f"if they are in {frame.to}"))
+    return readings

@@ -1,4 +1,4 @@
-"""Files of landmarks, written: 3D Slicer, MeshLab, tables, TPS, and those of many specimens for R's geomorph."""
+"""Writers of landmark files: 3D Slicer, MeshLab, tables, TPS, and many specimens for R's geomorph."""
 
 from __future__ import annotations
 
@@ -35,16 +35,18 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
     Parameters
     ----------
     path : path_like
-        ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.csv`` with the columns name, x, y, z, or ``.tps``.
+        ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.csv`` with the columns name,
+        x, y, z, or ``.tps``.
     landmarks : Landmarks
-        Names and order are kept; in ``.mrk.json``, the points of a curve follow each other, and surface semilandmarks
-        are a list of their own. Files of 3D Slicer say the axes of the coordinates, LPS if these are unknown.
+        Names and order are kept; in ``.mrk.json``, the points of a curve follow each other, and
+        surface semilandmarks are in a separate list. Files of 3D Slicer contain the axes of the
+        coordinates, LPS if these are unknown.
 
     Returns
     -------
     tuple of str
-        What the format has no place for: "names", "curves", "expected errors", "landmarks without a place", "the
-        space" with its axes.
+        Parts that the format cannot hold: "names", "curves", "expected errors", "landmarks without
+        a place", "the space" with its axes.
 
     Raises
     ------
@@ -66,7 +68,7 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
     writer, left_out = writer_of(path)
     if landmarks.positions.shape[1] == 2 and path.suffix.lower() not in (".tps", ".csv"):
         raise LandmarkError(f"{path}: has no place for landmarks in the plane; write .tps or .csv")
-    landmarks = landmarks.apart()
+    landmarks = landmarks.with_separate_curves()
     write_text(path, writer(landmarks, path.name.split(".")[0]))
     missing = {
         "names": any(landmarks.names),
@@ -74,13 +76,14 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
         "expected errors": bool(np.isfinite(landmarks.expected_error).any()),
         "landmarks without a place": not landmarks.placed.all(),
     }
-    left = [what for what in left_out if missing[what]]
-    says_axes = path.suffix.lower() in SAY_AXES
-    return (*left, *([f"the space ({landmarks.axes})"] if landmarks.axes and not says_axes else []))
+    lost = [part for part in left_out if missing[part]]
+    if landmarks.axes and path.suffix.lower() not in WITH_AXES:
+        lost.append(f"the space ({landmarks.axes})")
+    return tuple(lost)
 
 
 def writer_of(path: Path) -> tuple[Callable[[Landmarks, str], str], tuple[str, ...]]:
-    """Return what makes the text of a file by its suffix, and what it has no place for; `FormatError` if unknown."""
+    """Return the writer for a suffix, and the parts that it leaves out; `FormatError` if there is none."""
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise FormatError(
@@ -94,7 +97,7 @@ def _markups(landmarks: Landmarks, title: str) -> str:
     for (curve, is_patch), group in groupby(range(len(landmarks)), lambda row: (curve_of[row], row in patch)):
         rows = list(group)
         if curve is not None and rows[0] != curve.rows[0]:
-            continue  # it is written already
+            continue  # the curve is written already
         markup = {
             "type": "Fiducial" if curve is None else CURVES[curve.closed],
             "name": curve.name if curve else f"{title}{' semilandmarks' * is_patch}",
@@ -123,8 +126,8 @@ def _fiducials(landmarks: Landmarks, title: str) -> str:
     text.write(f"# CoordinateSystem = {landmarks.axes or 'LPS'}\n# columns = {FIDUCIAL_COLUMNS}\n")
     rows = csv.writer(text, lineterminator="\n")
     for row in np.flatnonzero(landmarks.placed).tolist():
-        described = landmarks.names[row], _description(landmarks, row), ""
-        rows.writerow([row + 1, *landmarks.positions[row].tolist(), 0, 0, 0, 1, 1, 1, 0, *described])
+        texts = landmarks.names[row], _description(landmarks, row), ""
+        rows.writerow([row + 1, *landmarks.positions[row].tolist(), 0, 0, 0, 1, 1, 1, 0, *texts])
     return text.getvalue()
 
 
@@ -163,7 +166,7 @@ def _description(landmarks: Landmarks, row: int) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in parts if np.isfinite(value))
 
 
-SAY_AXES = ".json", ".fcsv"
+WITH_AXES = ".json", ".fcsv"
 WRITERS: dict[str, tuple[Callable[[Landmarks, str], str], tuple[str, ...]]] = {
     ".json": (_markups, ()),
     ".fcsv": (_fiducials, ("curves", "landmarks without a place")),
@@ -174,35 +177,37 @@ WRITERS: dict[str, tuple[Callable[[Landmarks, str], str], tuple[str, ...]]] = {
 
 
 def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> list[str]:
-    """Write the landmarks of many specimens for R, each place once, see `join_places`.
+    """Write the landmarks of many specimens for R, every place once, see `join_places`.
 
     Parameters
     ----------
     path : path_like
-        ``.tps``, or any other suffix for a table. Files of the same name that end in ``_sliders.csv`` and
-        ``_surfaces.csv`` are written too if there are curves and a patch.
+        ``.tps``, or any other suffix for a table. Files of the same name that end in
+        ``_sliders.csv`` and ``_surfaces.csv`` are written too if there are curves and a patch.
     specimens : mapping of str to Landmarks
-        The landmarks of each specimen, as many of each and in one order.
+        The landmarks of each specimen, the same ones in the same order.
 
     Returns
     -------
     list of str
-        Names that geomorph takes for commands of TPS, such as SCALE5: it reads other coordinates, or none.
+        Names that geomorph takes for commands of TPS, such as SCALE5: it reads other coordinates,
+        or none.
 
     Raises
     ------
     LandmarkError
-        If they have other landmarks, or there are none.
+        If specimens have different landmarks, or there are none.
     UnwritableFileError
         If a file cannot be written.
 
     Notes
     -----
-    In R, ``readland.tps("s.tps", specID = "ID")`` reads landmarks first, then points of curves, one curve after the
-    other, then a patch, and missing ones as ``NA``; the table has its columns in the same order:
-    ``arrayspecs(read.csv("s.csv", row.names = 1), p, 3)``. The sliders are for
-    ``gpagen(..., curves = read.csv("s_sliders.csv"))``: landmarks, ends of curves, places where curves meet, and the
-    first point of a closed one, stay. ``surfaces = read.csv("s_surfaces.csv")$slide`` are the points of a patch.
+    In R, ``readland.tps("s.tps", specID = "ID")`` reads landmarks first, then points of curves, one
+    curve after the other, then a patch, and missing ones as ``NA``; the table has its columns in
+    the same order: ``arrayspecs(read.csv("s.csv", row.names = 1), p, 3)``. The sliders are for
+    ``gpagen(..., curves = read.csv("s_sliders.csv"))``: landmarks, ends of curves, places where
+    curves meet, and the first point of a closed one, stay. ``surfaces =
+    read.csv("s_surfaces.csv")$slide`` are the points of a patch.
 
     Examples
     --------
@@ -229,17 +234,16 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
             rows.append({"specimen": name, **dict(zip(columns, cells))})
         write_csv(path, rows, ["specimen", *columns])
     if first.curves:
-        sliders = [dict(zip(("before", "slide", "after"), each)) for each in _sliders(first)]
-        write_csv(path.with_name(f"{path.stem}_sliders.csv"), sliders, ("before", "slide", "after"))
+        titles = "before", "slide", "after"
+        sliders = [dict(zip(titles, rows)) for rows in _sliders(first)]
+        write_csv(path.with_name(f"{path.stem}_sliders.csv"), sliders, titles)
     if first.patch:
         slide = [{"slide": row + 1} for row in first.patch]
         write_csv(path.with_name(f"{path.stem}_surfaces.csv"), slide, ("slide",))
     return [name for name in specimens if is_tps and COMMANDS.search(name)]
 
 
-COMMANDS = re.compile(
-    r"SCALE|(?i:LM3?=|COMMENT=)|ID=|^\s*$"
-)  # in a name, what geomorph takes for a line of TPS
+COMMANDS = re.compile(r"SCALE|(?i:LM3?=|COMMENT=)|ID=|^\s*$")  # names that geomorph takes for lines of TPS
 
 
 def tps_text(specimens: Mapping[str, Landmarks]) -> str:
@@ -248,17 +252,17 @@ def tps_text(specimens: Mapping[str, Landmarks]) -> str:
     for name, marks in specimens.items():
         missing = " ".join(["NA"] * marks.positions.shape[1])
         lines.append(f"{'LM3' if marks.positions.shape[1] == 3 else 'LM'}={len(marks)}")
-        for at, is_placed in zip(marks.positions.tolist(), marks.placed):
-            lines.append(" ".join(map(repr, at)) if is_placed else missing)
+        for position, is_placed in zip(marks.positions.tolist(), marks.placed):
+            lines.append(" ".join(map(repr, position)) if is_placed else missing)
         lines.append(f"ID={name}")
     return "\n".join([*lines, ""])
 
 
 def _sliders(marks: Landmarks) -> Iterator[tuple[int, int, int]]:
-    """Yield the points between which each inner point of a curve slides, and it, counted from 1."""
+    """Yield each inner point of a curve between the two points that it slides between, counted from 1."""
     for _, rows, closed in marks.curves:
-        way = [row + 1 for row in ((*rows, rows[0]) if closed else rows)]
-        yield from zip(way, way[1:], way[2:])
+        numbers = [row + 1 for row in ((*rows, rows[0]) if closed else rows)]
+        yield from zip(numbers, numbers[1:], numbers[2:])
 
 
 def _require_same(specimens: Mapping[str, Landmarks]) -> None:

@@ -1,4 +1,4 @@
-"""`Landmarks`: named points of one shape, of two, and of several templates; and curves through some of them."""
+"""`Landmarks`: named points of one shape, of two, or of several templates, and curves through them."""
 
 from __future__ import annotations
 
@@ -19,18 +19,20 @@ from isomatch._core.errors import LandmarkError
 from isomatch._core.skipped import tell_skipped
 from isomatch.correspondence import geometric_median
 from isomatch.io import TURN, Asset, Axes, Frame, SurfaceLike, read_asset, surface_from
-from isomatch.landmarks.curves import respaced_curve
+from isomatch.landmarks.curves import respace_curve
 from isomatch.landmarks.landmark_files import (
     PAIRS,
     POINTS,
     MarkedPoint,
     marked_pairs,
-    placed_positions,
+    place_points,
 )
 from isomatch.landmarks.specimen_files import specimen_points
 from isomatch.surfaces import Graph, Mesh, PointCloud, nearest_on_surface
 
-COMMON = 0.5  # share of a template's expected error that all have in common; measured with 3, 6, 19
+COMMON_ERROR_SHARE = (
+    0.5  # part of a template's expected error that all templates share; measured with 3, 6, 19
+)
 
 
 class Curve(NamedTuple):
@@ -42,7 +44,7 @@ class Curve(NamedTuple):
     rows : tuple of int
         The landmarks, from its beginning to its end, each once.
     closed : bool
-        Whether it goes on from the last one to the first.
+        Whether it returns from the last landmark to the first.
     """
 
     name: str
@@ -59,18 +61,19 @@ class Landmarks:
     positions : (m, 3) or (m, 2) array_like of float
         In the coordinates of the surface, or in the plane; nan where a landmark has no place.
     names : sequence of str
-        Their names; empty where there is none.
+        Their names; empty if a landmark has none.
     curves : sequence of Curve
-        Curves through some of them. They may share landmarks, as `read_specimens` gives them; of one shape, each goes
-        through its own, and a landmark where two meet is given twice, as in files of 3D Slicer.
+        Curves through some of them. Curves of `read_specimens` may share landmarks. In files of one
+        shape, such as the files of 3D Slicer, a landmark where two curves meet is given twice.
     expected_error : (m,) array_like of float, optional
-        Estimate of the error of each, in the units of the surface; by default unknown, nan.
+        Estimate of the error of each landmark, in the units of the surface; by default unknown,
+        nan.
     spread : (m,) array_like of float, optional
-        Mean distance of the points that several templates give from the one returned; nan of one template.
+        Mean distance of the points of several templates from their median; nan for one template.
     axes : {"RAS", "LPS"}, optional
-        Where x, y and z of the coordinates point; None where neither the surface nor the landmarks say that.
+        Directions of x, y and z; None if neither the surface nor the landmarks say them.
     unit : str
-        Unit of the coordinates, as a file of 3D Slicer says it; empty if none does.
+        Unit of the coordinates in a file of 3D Slicer; empty if unknown.
 
     Raises
     ------
@@ -102,12 +105,14 @@ class Landmarks:
         axes: Axes | None = None,
         unit: str = "",
     ) -> None:
-        placed = numbers_of(positions, "landmarks", LandmarkError)
-        placed = placed if placed.ndim == 2 and placed.shape[1] == 2 else placed.reshape(-1, 3)
-        m = len(placed)
+        points = numbers_of(positions, "landmarks", LandmarkError)
+        points = points if points.ndim == 2 and points.shape[1] == 2 else points.reshape(-1, 3)
+        m = len(points)
         names = ("",) * m if names is None else tuple(names)
-        given = (np.full(m, np.nan) if each is None else each for each in (expected_error, spread))
-        errors, spreads = (np.asarray(each, dtype=np.float64) for each in given)
+        errors, spreads = (
+            np.full(m, np.nan) if values is None else np.asarray(values, dtype=np.float64)
+            for values in (expected_error, spread)
+        )
         if len(names) != m or errors.shape != (m,) or spreads.shape != (m,):
             raise LandmarkError(
                 f"{m} landmarks with {len(names)} names, {errors.size} expected errors and {spreads.size} spreads; give "
@@ -115,7 +120,7 @@ class Landmarks:
             )
         curves = tuple(Curve(name, tuple(rows), closed) for name, rows, closed in curves)
         _check_curves(curves, m)
-        fields = {"positions": placed, "names": names, "curves": curves, "expected_error": errors}
+        fields = {"positions": points, "names": names, "curves": curves, "expected_error": errors}
         for field, value in {**fields, "spread": spreads, "axes": axes, "unit": unit}.items():
             object.__setattr__(self, field, value)
 
@@ -133,42 +138,43 @@ class Landmarks:
 
     @cached_property
     def placed(self) -> BoolArray:
-        """(m,) which landmarks have a place."""
+        """(m,) whether each landmark has a place."""
         return np.asarray(np.isfinite(self.positions).all(axis=1))
 
-    def turned(self, axes: Axes | None) -> Landmarks:
-        """Return the same in coordinates with these axes; unchanged where either is unknown."""
+    def in_axes(self, axes: Axes | None) -> Landmarks:
+        """Return the same in coordinates with these axes; unchanged if either is unknown."""
         positions = self.positions * (1 if None in (axes, self.axes) or axes == self.axes else TURN)
         return replace(self, positions=positions, axes=axes or self.axes)
 
-    def apart(self) -> Landmarks:
-        """Return the same with curves that go through landmarks of their own, in order, as in a file of one shape."""
-        of = [row for curve in self.curves for row in curve.rows]
-        if len(of) == len({*of}) and all([*curve.rows] == sorted(curve.rows) for curve in self.curves):
+    def with_separate_curves(self) -> Landmarks:
+        """Return the same with curves that share no landmarks, in order, as in a file of one shape."""
+        on_curves = [row for curve in self.curves for row in curve.rows]
+        if len(on_curves) == len({*on_curves}) and all(
+            [*curve.rows] == sorted(curve.rows) for curve in self.curves
+        ):
             return self
-        rows = [row for row in range(len(self)) if row not in {*of}] + of
-        ends = np.cumsum([len(rows) - len(of), *(len(curve.rows) for curve in self.curves)])
-        curves = [
-            Curve(c.name, tuple(range(a, b)), c.closed)
-            for c, a, b in zip(self.curves, ends.tolist(), ends[1:].tolist())
-        ]
+        rows = [row for row in range(len(self)) if row not in {*on_curves}]
+        curves = []
+        for name, rows_of_curve, closed in self.curves:
+            curves.append(Curve(name, tuple(range(len(rows), len(rows) + len(rows_of_curve))), closed))
+            rows += rows_of_curve
         values = self.positions[rows], [self.names[row] for row in rows], curves
         return Landmarks(*values, self.expected_error[rows], self.spread[rows], self.axes, self.unit)
 
     @property
     def curve_of(self) -> list[Curve | None]:
         """The curve that each landmark is on."""
-        of = {row: curve for curve in self.curves for row in curve.rows}
-        return [of.get(row) for row in range(len(self))]
+        curves = {row: curve for curve in self.curves for row in curve.rows}
+        return [curves.get(row) for row in range(len(self))]
 
     @property
     def patch(self) -> list[int]:
-        """Those that may lie anywhere on the surface, by their names: surface-1, surface-2 and so on."""
+        """Landmarks that may lie anywhere on the surface, named surface-1, surface-2 and so on."""
         return [row for row, name in enumerate(self.names) if re.fullmatch(r"surface-\d+", name)]
 
     @property
     def semilandmarks(self) -> list[int]:
-        """Those on curves, and those of the patch."""
+        """Landmarks on curves, and in the patch."""
         return sorted({*self.patch, *(row for curve in self.curves for row in curve.rows)})
 
     def with_patch(self, positions: FloatArray) -> Landmarks:
@@ -183,20 +189,22 @@ class Landmarks:
         Parameters
         ----------
         path : path
-            ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.pts`` of Landmark Editor, ``.label`` of
-            FreeSurfer, ``.tps`` of one specimen; text with an index or a position on each line, or a table with ``x``,
-            ``y``, ``z`` or ``vertex``, and perhaps ``name``, ``curve`` and ``closed``. Points that are nan, 9999, "-" or
-            empty have no place.
+            ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.pts`` of Landmark
+            Editor, ``.label`` of FreeSurfer, ``.tps`` of one specimen; text with an index or a
+            position on each line, or a table with ``x``, ``y``, ``z`` or ``vertex``, and perhaps
+            ``name``, ``curve`` and ``closed``. Points that are nan, 9999, "-" or empty have no
+            place.
         surface : Asset, or what `surface_from` takes, optional
-            The surface; an asset or a file may say its space. Without one, positions of 3D Slicer are in LPS, others as
-            they are.
+            The surface; an asset or a file may say its space. Without one, positions of 3D Slicer
+            are in LPS, others as they are.
 
         Raises
         ------
         FormatError
             If a file cannot be read.
         LandmarkError
-            If there are none, one is farther than 0.1 √area from the surface, or a vertex of a surface that is not given.
+            If there are none, one is farther than 0.1 √area from the surface, or it is a vertex and
+            no surface is given.
 
         Examples
         --------
@@ -218,30 +226,30 @@ class Landmarks:
             raise LandmarkError(
                 f"{path}: has landmarks in the plane; those of a surface have three coordinates"
             )
-        names = [point.name for point in points]
-        given, frame = with_frame(surface)
-        shape = _with_positions(given)
+        surface, frame = with_frame(surface)
+        shape = _shape_with_positions(surface)
 
         def distance(positions: FloatArray) -> FloatArray:
             nearest = nearest_on_surface(shape, positions).interpolated(shape.vertices)
             return np.asarray(np.linalg.norm(nearest - positions, axis=1))
 
         unit = float(np.sqrt(shape.area))
-        positions, axes = placed_positions(points, shape.vertices, unit, distance, frame, "surface", "points")
+        positions, axes = place_points(points, shape.vertices, unit, distance, frame, "surface", "points")
+        names = [point.name for point in points]
         return cls(positions, names, _curves(points), axes=axes, unit=points[0].unit)
 
 
-def with_frame(given: Asset | SurfaceLike) -> tuple[SurfaceLike, Frame | None]:
-    """Return the surface that is given, with the points of its file, and the frame of its coordinates, if any."""
-    if isinstance(given, str | PathLike):
-        given = read_asset(given)
-    if not isinstance(given, Asset):
-        return given, None
-    mesh = Mesh(given.placed_points, given.polygons.triangles)
-    return mesh if mesh.n_faces else PointCloud(mesh.vertices), given.frame
+def with_frame(surface: Asset | SurfaceLike) -> tuple[SurfaceLike, Frame | None]:
+    """Return a surface with the points of its file, and the frame of its coordinates, if known."""
+    if isinstance(surface, str | PathLike):
+        surface = read_asset(surface)
+    if not isinstance(surface, Asset):
+        return surface, None
+    mesh = Mesh(surface.placed_points, surface.polygons.triangles)
+    return mesh if mesh.n_faces else PointCloud(mesh.vertices), surface.frame
 
 
-def _with_positions(surface: SurfaceLike) -> Mesh | PointCloud:
+def _shape_with_positions(surface: SurfaceLike) -> Mesh | PointCloud:
     shape = surface_from(surface)
     if isinstance(shape, Graph):
         raise LandmarkError("landmarks have positions, and a graph has none; give a mesh or points")
@@ -249,27 +257,25 @@ def _with_positions(surface: SurfaceLike) -> Mesh | PointCloud:
 
 
 def landmarks_of(points: Sequence[MarkedPoint], dim: int = 3) -> Landmarks:
-    """Take points of a file as landmarks; positions of 3D Slicer are in LPS."""
+    """Make landmarks of the points of a file; positions of 3D Slicer are in LPS."""
     axes: Axes | None = "LPS" if any(point.axes for point in points) else None
     names = [point.name for point in points]
     return Landmarks(_positions(points, dim), names, _curves(points), axes=axes, unit=points[0].unit)
 
 
 def _positions(points: Sequence[MarkedPoint], dim: int) -> FloatArray:
-    """Return the positions (m, dim) that a file has, nan where there is none."""
-    at = [point.at or (np.nan,) * dim for point in points]
-    vertex = next((point for point, place in zip(points, at) if len(place) == 1), None)
-    if vertex:
-        raise LandmarkError(f"{vertex.where}: a vertex says nothing without its surface; give positions")
-    return np.array(at)
+    """Return the positions (m, dim) in a file, nan if a point has none."""
+    for point in points:
+        if len(point.at) == 1:
+            raise LandmarkError(f"{point.where}: a vertex says nothing without its surface; give positions")
+    return np.array([point.at or (np.nan,) * dim for point in points])
 
 
 def _check_curves(curves: Sequence[Curve], m: int) -> None:
     for name, rows, _ in curves:
         if len(rows) != len({*rows}.intersection(range(m))):
-            shown = str(rows)[:80]
             raise LandmarkError(
-                f"curve {name!r} goes through landmarks {shown}; give some of 0 to {m - 1}, each once"
+                f"curve {name!r} goes through landmarks {str(rows)[:80]}; give some of 0 to {m - 1}, each once"
             )
 
 
@@ -278,7 +284,7 @@ def _curves(points: Sequence[MarkedPoint]) -> list[Curve]:
     for i, point in enumerate(points):
         if point.curve:
             rows.setdefault(point.curve, []).append(i)
-    return [Curve(name, tuple(of), points[of[0]].closed) for name, of in rows.items()]
+    return [Curve(name, tuple(members), points[members[0]].closed) for name, members in rows.items()]
 
 
 def read_landmarks(
@@ -292,16 +298,16 @@ def read_landmarks(
     Parameters
     ----------
     path : path
-        Pairs as text: two vertex indices on each line, or two positions, separated by commas or blanks; or a table whose
-        header has the columns ``source`` and ``target``, or ``source_x`` … ``target_z``. With ``target_path``, points
-        marked on the source.
+        Pairs as text: two vertex indices on each line, or two positions, separated by commas or
+        blanks; or a table whose header has the columns ``source`` and ``target``, or ``source_x`` …
+        ``target_z``. With ``target_path``, points marked on the source.
     source, target : Asset, or what `surface_from` takes
         The shapes.
     target_path : path, optional
-        Points marked on the target. Points of the two files are joined by name if they share any, otherwise in order.
-        They may be files of 3D Slicer (``.mrk.json``, ``.fcsv``), of MeshLab (``.pp``), ``.tps``, or text: one index or
-        position on each line, or a table whose header has ``x``, ``y``, ``z`` or ``vertex``, and ``name`` if there are
-        names.
+        Points marked on the target. Points of the two files are joined by name if they share any,
+        otherwise in order. They may be files of 3D Slicer (``.mrk.json``, ``.fcsv``), of MeshLab
+        (``.pp``), ``.tps``, or text: one index or position on each line, or a table whose header
+        has ``x``, ``y``, ``z`` or ``vertex``, and ``name`` if there are names.
 
     Returns
     -------
@@ -317,8 +323,9 @@ def read_landmarks(
 
     Notes
     -----
-    A position stands for the nearest vertex. Positions of 3D Slicer are brought into the space that the file of the
-    shape says. Where it says none, they are taken in LPS, in which 3D Slicer writes meshes, or in RAS if they fit better.
+    A position stands for the nearest vertex. Positions of 3D Slicer are brought into the space that
+    the file of the shape says. If it says none, they are in LPS, in which 3D Slicer writes meshes,
+    or in RAS if they fit better.
 
     Examples
     --------
@@ -332,21 +339,20 @@ def read_landmarks(
     array([[0, 2],
            [3, 1]])
     """
-    first = Path(path)
+    path = Path(path)
     if target_path is None:
-        pairs = marked_pairs(first)
-        here, there = [a for a, _ in pairs], [b for _, b in pairs]
+        pairs = marked_pairs(path)
     else:
-        files = map(Path, (path, target_path))
-        here, there = map(_placed_points, files)
-        here, there = _joined(here, there, f"{first} and {target_path}")
-    if not here:
-        raise LandmarkError(f"{first}: no landmarks; {PAIRS if target_path is None else POINTS}")
-    return np.column_stack([_vertices(here, source, "source"), _vertices(there, target, "target")])
+        points = _placed_points(path), _placed_points(Path(target_path))
+        pairs = _pair_points(*points, f"{path} and {target_path}")
+    if not pairs:
+        raise LandmarkError(f"{path}: no landmarks; {PAIRS if target_path is None else POINTS}")
+    on_source, on_target = ([pair[side] for pair in pairs] for side in (0, 1))
+    return np.column_stack([_vertices(on_source, source, "source"), _vertices(on_target, target, "target")])
 
 
 def _placed_points(path: Path) -> list[MarkedPoint]:
-    """Read the points of a file that have a place, and tell of the others."""
+    """Read the points of a file that have a place, and report the others."""
     points = specimen_points(path)[0]
     if lost := [point.name or point.where for point in points if not point.at]:
         tell_skipped(f"{path}: without a place, so left out: {', '.join(lost)}")
@@ -401,46 +407,43 @@ def nearest_landmarks(
 
 def _vertices(points: list[MarkedPoint], surface: SurfaceLike, side: str) -> IntArray:
     """Vertex (m,) of each point: the nearest one to a position."""
-    placed = [i for i, point in enumerate(points) if len(point.at) == 3]
+    rows = [i for i, point in enumerate(points) if len(point.at) == 3]
     vertices = np.array([int(point.at[0]) if len(point.at) == 1 else -1 for point in points], dtype=np.int64)
-    if not placed:
+    if not rows:
         return vertices
-    given, frame = with_frame(surface)
-    surface = surface_from(given)
-    if isinstance(surface, Graph):
+    surface, frame = with_frame(surface)
+    shape = surface_from(surface)
+    if isinstance(shape, Graph):
         raise LandmarkError(f"the {side} is a graph, without positions; give vertex indices as landmarks")
-    tree = cKDTree(surface.vertices)
-    marked, unit = [points[i] for i in placed], np.sqrt(surface.area)
-    positions, _ = placed_positions(
-        marked, surface.vertices, unit, lambda x: np.asarray(tree.query(x)[0]), frame, side, "vertices"
+    tree = cKDTree(shape.vertices)
+    marked, unit = [points[i] for i in rows], np.sqrt(shape.area)
+    positions, _ = place_points(
+        marked, shape.vertices, unit, lambda x: np.asarray(tree.query(x)[0]), frame, side, "vertices"
     )
-    vertices[placed] = tree.query(positions)[1]
+    vertices[rows] = tree.query(positions)[1]
     return vertices
 
 
-def _joined(
-    here: list[MarkedPoint], there: list[MarkedPoint], files: str
-) -> tuple[list[MarkedPoint], list[MarkedPoint]]:
-    """Join points by name, if any name is shared, or else in order."""
-    named = [{point.name: point for point in points if point.name} for points in (here, there)]
-    shared = [name for name in named[0] if name in named[1]]
+def _pair_points(
+    on_source: list[MarkedPoint], on_target: list[MarkedPoint], files: str
+) -> list[tuple[MarkedPoint, MarkedPoint]]:
+    """Pair points by name if they share any, otherwise in order."""
+    sides = on_source, on_target
+    by_name = [{point.name: point for point in points if point.name} for points in sides]
+    shared = [name for name in by_name[0] if name in by_name[1]]
     if not shared:
-        if len(here) != len(there):
+        if len(on_source) != len(on_target):
             raise LandmarkError(
-                f"{files}: {len(here)} and {len(there)} points that share no names; give as many in the same order, or "
-                "equal names to those that belong together"
+                f"{files}: {len(on_source)} and {len(on_target)} points that share no names; give as many in the "
+                "same order, or equal names to those that belong together"
             )
-        return here, there
-    for points, by_name in zip((here, there), named):
-        if len(by_name) < len(points):
-            raise LandmarkError(
-                f"{files}: several points have one name, or none; give each a name of its own"
-            )
-    alone = len(here) + len(there) - 2 * len(shared)
-    if alone:
-        names = ", ".join(sorted(named[0].keys() ^ named[1].keys()))
-        tell_skipped(f"{files}: {alone} points without a partner of their name are left out: {names}")
-    return [named[0][name] for name in shared], [named[1][name] for name in shared]
+        return list(zip(on_source, on_target))
+    if any(len(names) < len(points) for names, points in zip(by_name, sides)):
+        raise LandmarkError(f"{files}: several points have one name, or none; give each a name of its own")
+    if unpaired := sorted(by_name[0].keys() ^ by_name[1].keys()):
+        names = f"{len(unpaired)} points without a partner of their name are left out: {', '.join(unpaired)}"
+        tell_skipped(f"{files}: {names}")
+    return [(by_name[0][name], by_name[1][name]) for name in shared]
 
 
 def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Landmarks:
@@ -449,18 +452,19 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
     Parameters
     ----------
     several : sequence of Landmarks
-        Of one shape, such as `carry_landmarks` returns for each template. They are joined by name, or in order if all
-        have the same names.
+        Landmarks of one shape, such as `carry_landmarks` returns for each template. They are joined
+        by name, or in order if all have the same names.
     surface : Mesh, PointCloud, path_like, tuple or object
         The shape.
 
     Returns
     -------
     Landmarks
-        The geometric medians, moved to the nearest points of the surface, in the order of the first template; points of a
-        curve are equally spaced again. ``spread`` is the mean distance of the given points from them, nan of one.
-        ``expected_error`` is the root of e² / 4 + spread² / t, where e is the median of those given by t templates; of
-        one template it is e.
+        The geometric medians, moved to the nearest points of the surface, in the order of the first
+        template; points of a curve are equally spaced again. ``spread`` is the mean distance of the
+        given points from the median, nan if there is one. ``expected_error`` is the root of e² / 4
+        + spread² / t, where e is the median of the expected errors of t templates; for one template
+        it is e.
 
     Raises
     ------
@@ -469,9 +473,10 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
 
     Notes
     -----
-    The geometric median minimises the sum of distances (Weiszfeld 1937), so that one wrong template in three moves a
-    point little. Zhang et al., *Automated landmarking via multiple templates*, PLOS ONE 2022, use medians likewise. What
-    templates do not have in common averages out; the other half of their error stays.
+    The geometric median minimises the sum of distances (Weiszfeld 1937), so that one wrong template
+    in three moves a point little. Zhang et al., *Automated landmarking via multiple templates*,
+    PLOS ONE 2022, use medians likewise. The part of the error that templates do not share averages
+    out; the other half stays.
 
     Examples
     --------
@@ -484,54 +489,55 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
     """
     if not several:
         raise LandmarkError("no landmarks to join; give those of at least one template")
-    shape, first = _with_positions(surface), several[0]
+    shape, first = _shape_with_positions(surface), several[0]
     rows = _rows_of(several)
-    points = np.stack([_taken(each.positions, own) for each, own in zip(several, rows)])  # (t, m, 3)
-    errors = np.stack([_taken(each.expected_error, own) for each, own in zip(several, rows)])
+    points = np.stack([_take(marks.positions, row) for marks, row in zip(several, rows)])  # (t, m, 3)
+    errors = np.stack([_take(marks.expected_error, row) for marks, row in zip(several, rows)])
     positions = geometric_median(points)
     placed = np.asarray(np.isfinite(positions).all(axis=1))
     if placed.any():
         near = nearest_on_surface(shape, positions[placed])
         positions[placed] = near.interpolated(shape.vertices)
-    for curve in first.curves:
-        of = list(curve.rows)
-        if placed[of].all() and len(of) > 1:
-            positions[of] = respaced_curve(shape, positions[of], len(of), curve.closed, curve.name)
-    # The error of a template is a part that all have in common, c e, and an own one. The own parts differ by the spread,
-    # and the median of t of them has it over √t; so it is √((c e)² + spread² / t), c = ½.
-    apart = np.linalg.norm(points - positions, axis=2)
-    count = np.isfinite(apart).sum(axis=0)
-    apart[:, count == 1] = np.nan  # one template has no spread
-    spread, alone = _over_templates(np.mean, apart), _over_templates(np.median, errors)
-    together = np.hypot(COMMON * alone, spread / np.sqrt(np.maximum(count, 1)))
-    expected = np.where(count == 1, alone, together)
+    for name, members, closed in first.curves:
+        on_curve = list(members)
+        if placed[on_curve].all() and len(on_curve) > 1:
+            positions[on_curve] = respace_curve(shape, positions[on_curve], len(on_curve), closed, name)
+    # The error of a template has a part c e that all templates share, and a part of its own. The
+    # own parts differ by the spread, and the median of t of them has an error of spread / √t.
+    # Together: √((c e)² + spread² / t), c = ½.
+    distance = np.linalg.norm(points - positions, axis=2)
+    count = np.isfinite(distance).sum(axis=0)
+    distance[:, count == 1] = np.nan  # one template has no spread
+    spread, error = _over_templates(np.mean, distance), _over_templates(np.median, errors)
+    shared = np.hypot(COMMON_ERROR_SHARE * error, spread / np.sqrt(np.maximum(count, 1)))
+    expected = np.where(count == 1, error, shared)
     return Landmarks(positions, first.names, first.curves, expected, spread, first.axes, first.unit)
 
 
-def _rows_of(several: Sequence[Landmarks]) -> list[list[int | None]]:
-    """For each template, which of its landmarks belongs to each of the first."""
+def _rows_of(several: Sequence[Landmarks]) -> list[list[int]]:
+    """For each template, its landmark that belongs to each landmark of the first; −1 if it has none."""
     names = several[0].names
-    if all(each.names == names for each in several):
+    if all(marks.names == names for marks in several):
         return [list(range(len(names))) for _ in several]
     rows = []
-    for each in several:
-        place = {name: i for i, name in enumerate(each.names)}
-        if len(place) < len(each) or "" in place:
+    for marks in several:
+        row_of = {name: i for i, name in enumerate(marks.names)}
+        if len(row_of) < len(marks) or "" in row_of:
             raise LandmarkError(
                 "templates with different landmarks, of which several have one name, or none; give each a name of its own"
             )
-        if alone := set(names) ^ set(place):
-            tell_skipped(f"not in all templates: {', '.join(sorted(alone))}")
-        rows.append([place.get(name) for name in names])
+        if missing := set(names) ^ set(row_of):
+            tell_skipped(f"not in all templates: {', '.join(sorted(missing))}")
+        rows.append([row_of.get(name, -1) for name in names])
     return rows
 
 
-def _taken(values: FloatArray, rows: list[int | None]) -> FloatArray:
-    padded = np.concatenate([values, np.full((1, *values.shape[1:]), np.nan)])
-    return np.asarray(padded[[-1 if row is None else row for row in rows]])
+def _take(values: FloatArray, rows: list[int]) -> FloatArray:
+    """Take rows of values; nan for −1."""
+    return np.asarray(np.concatenate([values, np.full((1, *values.shape[1:]), np.nan)])[rows])
 
 
 def _over_templates(statistic: Callable[[FloatArray], Any], values: FloatArray) -> FloatArray:
-    """Statistic over templates (t, m) of what is known; nan where nothing is."""
+    """Statistic of the known values over templates (t, m); nan if none is known."""
     columns = (column[np.isfinite(column)] for column in values.T)
     return np.array([statistic(column) if len(column) else np.nan for column in columns])

@@ -12,53 +12,55 @@ import numpy as np
 from isomatch._core.arrays import IntArray
 from isomatch._core.errors import FormatError
 from isomatch._core.files import legible
-from isomatch._core.tables import NO_NUMBER, table_of
+from isomatch._core.tables import NO_NUMBER, Table, table_of
 from isomatch._core.texts import read_text
-from isomatch.landmarks.landmark_files import NOWHERE, MarkedPoint, marked_points
+from isomatch.landmarks.landmark_files import NO_PLACE, MarkedPoint, marked_points
 
-SPECIMEN = ("specimen", "individual", "subject", "shape")  # columns of long tables
-LANDMARK = ("landmark", "point", "label", "name")
-SEVERAL = ".tps", ".nts", ".dta", ".txt", ".csv", ".tsv"  # files of any number of specimens
+SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")  # columns of long tables
+LANDMARK_TITLES = ("landmark", "point", "label", "name")
+SUFFIXES_OF_MANY = ".tps", ".nts", ".dta", ".txt", ".csv", ".tsv"  # files of any number of specimens
 
 
-class Read(NamedTuple):
-    """What a file says of one specimen."""
+class Specimen(NamedTuple):
+    """The landmarks of one specimen in a file."""
 
     name: str
     points: list[MarkedPoint]
     dim: int
-    links: tuple[tuple[int, int], ...] = ()  # of a wireframe
+    links: tuple[tuple[int, int], ...] = ()  # pairs of points in a wireframe
 
 
 def specimen_points(path: Path) -> tuple[list[MarkedPoint], int]:
     """Read the points of one specimen, and how many coordinates they have."""
-    found = list(specimens_in(path))
-    if len(found) > 1:
-        told = f"has the landmarks of {len(found)} specimens, {', '.join(each.name for each in found)[:80]}"
-        raise FormatError(f"{path}: {told}; give a file of one")
-    return (found[0].points, found[0].dim) if found else ([], 3)
+    specimens = list(specimens_in(path))
+    if len(specimens) > 1:
+        names = ", ".join(specimen.name for specimen in specimens)[:80]
+        raise FormatError(
+            f"{path}: has the landmarks of {len(specimens)} specimens, {names}; give a file of one"
+        )
+    return (specimens[0].points, specimens[0].dim) if specimens else ([], 3)
 
 
-def specimens_in(path: Path) -> Iterator[Read]:
+def specimens_in(path: Path) -> Iterator[Specimen]:
     """Read the specimens of a file, by its suffix."""
     suffix, name = path.suffix.lower(), legible(path.name).split(".")[0]
-    text = read_text(path) if suffix in SEVERAL else ""
+    text = read_text(path) if suffix in SUFFIXES_OF_MANY else ""
     if suffix == ".tps":
         yield from _tps(text, path)
     elif suffix in (".nts", ".dta"):
         yield from _ntsys(text, path)
     elif re.match(r"\s*\[", text):
         yield from _morphologika(text, path)
-    elif suffix in SEVERAL and (table := _table(text, path)):
+    elif suffix in SUFFIXES_OF_MANY and (table := _table(text, path)):
         yield from table
     else:
-        yield Read(name, marked_points(path), 3)
+        yield Specimen(name, marked_points(path), 3)
 
 
 def _point(
     cells: Sequence[str], where: str, name: str = "", curve: str = "", scale: float = 1.0
 ) -> MarkedPoint:
-    """Make a point of cells with numbers, or of words that say that it has no place."""
+    """Make a point of cells with numbers, or with words for a point without a place."""
     if all(cell.lower() in NO_NUMBER for cell in cells):
         return MarkedPoint(name, (), where, curve=curve)
     try:
@@ -69,11 +71,11 @@ def _point(
         raise FormatError(
             f"{where}: {' '.join(cells)[:80]!r} is no position; write 2 or 3 numbers, or NA for none"
         )
-    at = () if all(abs(x) == NOWHERE for x in at) else tuple(x * scale for x in at)
+    at = () if all(abs(x) == NO_PLACE for x in at) else tuple(x * scale for x in at)
     return MarkedPoint(name, at, where, curve=curve)
 
 
-def _tps(text: str, path: Path) -> Iterator[Read]:
+def _tps(text: str, path: Path) -> Iterator[Specimen]:
     """Read specimens of TPS: LM= or LM3= and points, CURVES= with POINTS= of each, ID=, IMAGE=, SCALE=."""
     blocks: list[list[tuple[int, str]]] = []
     for number, line in enumerate(text.splitlines(), start=1):
@@ -81,7 +83,7 @@ def _tps(text: str, path: Path) -> Iterator[Read]:
             blocks.append([])
         if blocks and line.strip():
             blocks[-1].append((number, line.strip()))
-    told = [
+    values = [
         {
             key.strip().upper(): value.strip()
             for _, line in block
@@ -90,17 +92,17 @@ def _tps(text: str, path: Path) -> Iterator[Read]:
         }
         for block in blocks
     ]
-    ids = [each.get("ID", "") for each in told]
-    images = [re.sub(r"\.\w{3,4}$", "", re.split(r"[\\/]", each.get("IMAGE", ""))[-1]) for each in told]
-    named = ids if len(set(ids)) == len(ids) or len(set(images)) < len(ids) else images
-    for i, (block, keys) in enumerate(zip(blocks, told)):
+    ids = [keys.get("ID", "") for keys in values]
+    images = [re.sub(r"\.\w{3,4}$", "", re.split(r"[\\/]", keys.get("IMAGE", ""))[-1]) for keys in values]
+    names = ids if len(set(ids)) == len(ids) or len(set(images)) < len(ids) else images
+    for i, (block, keys) in enumerate(zip(blocks, values)):
         try:
             scale = float(keys.get("SCALE", "1").replace(",", "."))
         except ValueError:
             raise FormatError(
                 f"{path}:{block[0][0]}: SCALE={keys['SCALE']!r} is no number; correct it"
             ) from None
-        points, wanted, kind, n_curves = list[MarkedPoint](), 0, "", 0
+        points, n_points, kind, n_curves = list[MarkedPoint](), 0, "", 0
         for number, line in block:
             key, eq, value = (part.strip().upper() for part in line.partition("="))
             if eq:
@@ -110,15 +112,16 @@ def _tps(text: str, path: Path) -> Iterator[Read]:
                             f"{path}:{number}: {line[:80]!r} gives no count; write {key}=NUMBER"
                         )
                     kind = "" if key.startswith("LM") else kind if key == "POINTS" else key
-                    wanted += 0 if key in ("CURVES", "OUTLINES") or kind == "OUTLINES" else int(value)
+                    n_points += 0 if key in ("CURVES", "OUTLINES") or kind == "OUTLINES" else int(value)
                     n_curves += key == "POINTS" and kind == "CURVES"
             elif kind != "OUTLINES":
                 curve = f"curve {n_curves}" if kind else ""
                 points.append(_point(line.split(), f"{path}:{number}", curve=curve, scale=scale))
-        if len(points) != wanted:
-            problem = f"the specimen that begins here has {len(points)} points, and says {wanted}"
+        if len(points) != n_points:
+            problem = f"the specimen that begins here has {len(points)} points, and says {n_points}"
             raise FormatError(f"{path}:{block[0][0]}: {problem}; correct its counts or its points")
-        yield Read(named[i] or images[i] or str(i + 1), points, _dim(points, 3 if "LM3" in keys else 2, path))
+        name = names[i] or images[i] or str(i + 1)
+        yield Specimen(name, points, _dim(points, 3 if "LM3" in keys else 2, path))
 
 
 def _dim(points: Sequence[MarkedPoint], usual: int, path: Path) -> int:
@@ -129,8 +132,8 @@ def _dim(points: Sequence[MarkedPoint], usual: int, path: Path) -> int:
     return lengths.pop() if lengths else usual
 
 
-def _ntsys(text: str, path: Path) -> Iterator[Read]:
-    """Read a matrix of NTSYS: a line ``1 n p×k 0 DIM=k``, or ``1 p k …`` of one specimen, labels, and the numbers."""
+def _ntsys(text: str, path: Path) -> Iterator[Specimen]:
+    """Read a matrix of NTSYS: ``1 n p×k 0 DIM=k``, or ``1 p k …`` for one specimen, labels, numbers."""
     lines = [line.strip() for line in text.splitlines()]
     lines = [line for line in lines if line and line[0] not in "\"'"]
     head = re.fullmatch(
@@ -147,8 +150,8 @@ def _ntsys(text: str, path: Path) -> Iterator[Read]:
         labels, rest = lines[1 : rows + 1], [cell for line in lines[rows + 1 :] for cell in line.split()]
         cells = [*labels, *rest]
     if len(cells) != sum(n_labels) + rows * columns or columns % dim:
-        told = f"{len(cells)} cells after its first line, which says {rows} × {columns} numbers in {dim} dimensions"
-        raise FormatError(f"{path}: {told}; correct it")
+        size = f"{rows} × {columns} numbers in {dim} dimensions"
+        raise FormatError(f"{path}: {len(cells)} cells after its first line, which says {size}; correct it")
     labels, numbers = cells[: n_labels[0]], cells[sum(n_labels) :]
     numbers = ["NA" if cell == missing or _is_code(cell, missing) else cell for cell in numbers]
     single = columns == dim
@@ -157,13 +160,12 @@ def _ntsys(text: str, path: Path) -> Iterator[Read]:
     marks = marks or [""] * rows
     width = len(numbers) // len(names)
     for i, name in enumerate(names):
-        own = numbers[i * width : (i + 1) * width]
-        points = [
-            _point(["NA"] * dim if "NA" in at else at, f"{path}: landmark {j + 1} of {name}", marks[j])
-            for j in range(width // dim)
-            if (at := own[j * dim : (j + 1) * dim])
-        ]
-        yield Read(name, points, dim)
+        points = []
+        for j, first in enumerate(range(i * width, (i + 1) * width, dim)):
+            place = numbers[first : first + dim]
+            where = f"{path}: landmark {j + 1} of {name}"
+            points.append(_point(["NA"] * dim if "NA" in place else place, where, marks[j]))
+        yield Specimen(name, points, dim)
 
 
 def _is_code(cell: str, missing: str) -> bool:
@@ -173,100 +175,100 @@ def _is_code(cell: str, missing: str) -> bool:
         return False
 
 
-def _morphologika(text: str, path: Path) -> Iterator[Read]:
-    """Read specimens of morphologika: sections in brackets, of which names, rawpoints and wireframe are used."""
+def _morphologika(text: str, path: Path) -> Iterator[Specimen]:
+    """Read specimens of morphologika from its sections in brackets: names, rawpoints and wireframe."""
     sections: dict[str, list[str]] = {}
-    own: list[str] = []
+    section: list[str] = []
     for line in map(str.strip, text.splitlines()):
         if head := re.fullmatch(r"\[([^]]*)\]", line):
-            own = sections.setdefault(head[1].strip().lower().replace(" ", ""), [])
+            section = sections.setdefault(head[1].strip().lower().replace(" ", ""), [])
         elif line and line[0] not in "'\"":
-            own.append(line)
+            section.append(line)
     try:
-        n, p, dim = (int(sections[each][0]) for each in ("individuals", "landmarks", "dimensions"))
+        n, p, dim = (int(sections[title][0]) for title in ("individuals", "landmarks", "dimensions"))
         rows = sections["rawpoints"]
         links = [tuple(int(cell) - 1 for cell in line.split()) for line in sections.get("wireframe", [])]
     except (KeyError, IndexError, ValueError):
-        lack = "[individuals], [landmarks], [dimensions] and [rawpoints]"
-        raise FormatError(f"{path}: lacks one of {lack}, which a file of morphologika has; add it") from None
+        needed = "[individuals], [landmarks], [dimensions] and [rawpoints]"
+        raise FormatError(
+            f"{path}: lacks one of {needed}, which a file of morphologika has; add it"
+        ) from None
     names = sections.get("names") or [str(i + 1) for i in range(n)]
     if len(rows) != n * p or len(names) != n:
-        told = f"{len(names)} names and {len(rows)} points, for {n} individuals of {p} landmarks"
-        raise FormatError(f"{path}: has {told}; correct it")
+        counts = f"{len(names)} names and {len(rows)} points, for {n} individuals of {p} landmarks"
+        raise FormatError(f"{path}: has {counts}; correct it")
     pairs = tuple((link[0], link[1]) for link in links if len(link) == 2 and {*link} <= {*range(p)})
     for i, name in enumerate(names):
-        where = f"{path}: landmark {{}} of {name}"
-        own_rows = rows[i * p : (i + 1) * p]
-        points = [_point(line.split(), where.format(j + 1)) for j, line in enumerate(own_rows)]
-        yield Read(name, points, _dim(points, dim, path), pairs)
+        points = [
+            _point(line.split(), f"{path}: landmark {j} of {name}")
+            for j, line in enumerate(rows[i * p : (i + 1) * p], start=1)
+        ]
+        yield Specimen(name, points, _dim(points, dim, path), pairs)
 
 
 def rows_of(text: str, path: Path) -> tuple[list[str], list[tuple[str, list[str]]]]:
-    """Split a table into its header and its rows, with where each is; numbers have points for decimals."""
+    """Split a table into its header and its rows, each with its place; decimal commas become points."""
     table = table_of(text, str(path)).titled(always=True)
-    rows = []
-    for row in table.filled:
-        numbers = [table.number(cell) for cell in row.cells]
-        cells = [
-            cell if x is None or x != x else cell.replace(",", ".") for cell, x in zip(row.cells, numbers)
-        ]
-        rows.append((f"{path}:{row.line}", cells))
+    rows = [(f"{path}:{row.line}", [_with_point(table, cell) for cell in row.cells]) for row in table.filled]
     return [*table.titles], rows
 
 
-def _table(text: str, path: Path) -> list[Read]:
-    """Read specimens of a table, in rows or with a row for each landmark; none if it has no names of specimens."""
+def _with_point(table: Table, cell: str) -> str:
+    number = table.number(cell)
+    return cell if number is None or np.isnan(number) else cell.replace(",", ".")
+
+
+def _table(text: str, path: Path) -> list[Specimen]:
+    """Read specimens from a table, in rows or with a row for each landmark; [] if specimens have no names."""
     head, rows = rows_of(text, path)
+    rows = [(where, [*cells, *[""] * (len(head) - len(cells))]) for where, cells in rows]
     lower = [cell.lower() for cell in head]
-    specimen = next((lower.index(each) for each in SPECIMEN if each in lower), None)
+    specimen = next((lower.index(title) for title in SPECIMEN_TITLES if title in lower), None)
     if {"x", "y"} <= {*lower}:
         if specimen is None:
             return []
         axes = [lower.index(axis) for axis in "xyz" if axis in lower]
-        label = next(
-            (lower.index(each) for each in LANDMARK if each in lower and lower.index(each) != specimen), None
-        )
-        of: dict[str, list[MarkedPoint]] = {}
-        for where, row in rows:
-            cells = [*row, *[""] * (len(head) - len(row))]
-            name = "" if label is None else cells[label]
-            of.setdefault(cells[specimen], []).append(_point([cells[i] for i in axes], where, name))
-        return [Read(name, points, len(axes)) for name, points in of.items()]
-    after, before = r"(?P<of>.+?)[ ._-]?(?P<axis>[xyz])", r"(?P<axis>[xyz])[ ._-]?(?P<of>.+)"
-    parts = max(
-        ([re.fullmatch(form, c, re.IGNORECASE) for c in head] for form in (after, before)),
+        labels = (lower.index(title) for title in LANDMARK_TITLES if title in lower)
+        label = next((column for column in labels if column != specimen), None)
+        points_of: dict[str, list[MarkedPoint]] = {}
+        for where, cells in rows:
+            point = _point([cells[i] for i in axes], where, "" if label is None else cells[label])
+            points_of.setdefault(cells[specimen], []).append(point)
+        return [Specimen(name, points, len(axes)) for name, points in points_of.items()]
+    after, before = r"(?P<name>.+?)[ ._-]?(?P<axis>[xyz])", r"(?P<axis>[xyz])[ ._-]?(?P<name>.+)"
+    matches = max(
+        ([re.fullmatch(form, cell, re.IGNORECASE) for cell in head] for form in (after, before)),
         key=lambda found: sum(map(bool, found)),
     )
-    places: dict[str, dict[str, int]] = {}
-    for column, part in enumerate(parts):
-        if part:
-            places.setdefault(part["of"], {})[part["axis"].lower()] = column
-    places = {name: own for name, own in places.items() if len(own) > 1}
-    dim = max((len(own) for own in places.values()), default=0)
-    if not places:
-        return []
-    if bad := [name for name, own in places.items() if [*"xyz"[:dim]] != sorted(own)]:
+    columns_of: dict[str, dict[str, int]] = {}
+    for column, match in enumerate(matches):
+        if match:
+            columns_of.setdefault(match["name"], {})[match["axis"].lower()] = column
+    columns_of = {name: columns for name, columns in columns_of.items() if len(columns) > 1}
+    axes_used = [*"xyz"[: max(map(len, columns_of.values()), default=0)]]
+    if bad := [name for name, columns in columns_of.items() if axes_used != sorted(columns)]:
         raise FormatError(
             f"{path}: the landmark {bad[0]!r} lacks the column of a coordinate; write {bad[0]}_X, …"
         )
-    specimen = specimen or 0
-    found = []
-    for where, row in rows:
-        cells = [*row, *[""] * (len(head) - len(row))]
+    if not columns_of:
+        return []
+    specimens = []
+    for where, cells in rows:
         points = [
-            _point([cells[own[axis]] for axis in "xyz"[:dim]], where, name) for name, own in places.items()
+            _point([cells[columns[axis]] for axis in axes_used], where, name)
+            for name, columns in columns_of.items()
         ]
-        found.append(Read(cells[specimen], points, dim))
-    return found
+        specimens.append(Specimen(cells[specimen or 0], points, len(axes_used)))
+    return specimens
 
 
 def landmark_numbers(path: Path, columns: Sequence[str], m: int) -> IntArray:
-    """Read rows of landmarks, counted from 1 in tables, from 0 here."""
+    """Read numbers of landmarks, from 1 in tables, from 0 in the result."""
     head, rows = rows_of(read_text(path), path)
     lower = [cell.lower() for cell in head]
-    at = [lower.index(each) for each in columns] if {*columns} <= {*lower} else range(-len(columns), 0)
+    places = [lower.index(title) for title in columns] if {*columns} <= {*lower} else range(-len(columns), 0)
     try:
-        numbers = np.array([[int(row[i]) - 1 for i in at] for _, row in rows], dtype=np.int64)
+        numbers = np.array([[int(row[i]) - 1 for i in places] for _, row in rows], dtype=np.int64)
     except (ValueError, IndexError):
         numbers = np.array([[-1]])
     if numbers.size and not ((numbers >= 0) & (numbers < m)).all():

@@ -1,4 +1,4 @@
-"""Landmarks of several specimens: TPS, NTSYS, morphologika, tables and folders, read; and each place given once."""
+"""Landmarks of several specimens, from TPS, NTSYS, morphologika, tables and folders."""
 
 from __future__ import annotations
 
@@ -13,46 +13,49 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import IntArray
-from isomatch._core.errors import FormatError, LandmarkError, MissingFileError
+from isomatch._core.errors import FormatError, LandmarkError
 from isomatch._core.files import legible
 from isomatch._core.tables import read_table
 from isomatch._core.texts import natural_order
 from isomatch.landmarks.landmark_files import MarkedPoint
 from isomatch.landmarks.landmarks import Curve, Landmarks, landmarks_of
-from isomatch.landmarks.specimen_files import SEVERAL, Read, landmark_numbers, specimens_in
+from isomatch.landmarks.specimen_files import SUFFIXES_OF_MANY, Specimen, landmark_numbers, specimens_in
 
-SAME_PLACE = (
-    1e-4  # of a specimen's centroid size over √m: two points that are nearer in all specimens are one
-)
-ONE_EACH = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # files of one specimen
-OWN = ("landmarks.csv", "landmarks.tps")  # of a folder that has them beside the files of single specimens
+# Largest distance of points at one place, in centroid sizes / √m, in all specimens.
+SAME_PLACE_SIZES = 1e-4
+SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # files of one specimen
+SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"
+FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # for a whole folder, beside files of single specimens
 KINDS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
 
 
 def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
-    r"""Read the landmarks of several specimens, by name, as many of each in one order.
+    r"""Read the landmarks of several specimens, by name, the same ones in the same order.
 
     Parameters
     ----------
     source : path_like
-        ``.tps``, ``.nts``, ``.dta`` of Landmark Editor, ``.txt`` of morphologika, a table, or a folder. A table has a row
-        for each specimen and columns such as ``nose_X``, ``nose_Y``, ``nose_Z``; or a row for each landmark, and columns
-        ``specimen``, ``landmark``, ``x``, ``y``, ``z``. A folder has a file for each specimen, all of one kind, see
-        `Landmarks.read`, or is one that isomatch wrote. Tables ``NAME_sliders.csv`` and ``NAME_surfaces.csv`` beside a
-        file tell its curves and patch.
+        ``.tps``, ``.nts``, ``.dta`` of Landmark Editor, ``.txt`` of morphologika, a table, or a
+        folder. A table has a row for each specimen and columns such as ``nose_X``, ``nose_Y``,
+        ``nose_Z``; or a row for each landmark, and columns ``specimen``, ``landmark``, ``x``,
+        ``y``, ``z``. A folder has a file for each specimen, all of one kind, see `Landmarks.read`,
+        or is one that isomatch wrote. Tables ``NAME_sliders.csv`` and ``NAME_surfaces.csv`` beside
+        a file tell its curves and patch.
 
     Returns
     -------
     dict of str to Landmarks
-        Positions are (m, 2) or (m, 3), nan where a landmark has no place; those of TPS are in the units of its scale.
-        Each place is given once: curves share the landmarks at which they begin, end or meet, see `join_places`.
+        Positions are (m, 2) or (m, 3), nan if a landmark has no place; in TPS they are in the units
+        of its scale. Every place is given once: curves share the landmarks at which they begin, end
+        or meet, see `join_places`.
 
     Raises
     ------
-    FormatError, MissingFileError
+    FormatError
         If a file cannot be read.
     LandmarkError
-        If specimens do not have the same landmarks, some are in the plane and some in space, or two have one name.
+        If specimens do not have the same landmarks, some are in the plane and some in space, or two
+        have one name.
 
     Examples
     --------
@@ -64,85 +67,86 @@ def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
     {'a': [[0.0, 0.0], [1.5, 2.0]], 'b': [[0.0, 0.0], [1.0, 1.0]]}
     """
     path = Path(source)
-    if path.is_dir() and (own := [path / name for name in OWN if (path / name).is_file()]):
-        path = own[0]
-    found = list(_of_folder(path) if path.is_dir() else specimens_in(path))
-    if not found or (empty := [each.name for each in found if not each.points]):
-        raise LandmarkError(f"{path}: no landmarks{f' of {empty[0]}' if found else ''}; give {KINDS}")
-    first, names = found[0], [each.name for each in found]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
+    if path.is_dir():
+        path = next((path / name for name in FOLDER_FILES if (path / name).is_file()), path)
+    specimens = list(_specimens_in_folder(path) if path.is_dir() else specimens_in(path))
+    if not specimens or (empty := [specimen.name for specimen in specimens if not specimen.points]):
+        raise LandmarkError(f"{path}: no landmarks{f' of {empty[0]}' if specimens else ''}; give {KINDS}")
+    first, counts = specimens[0], Counter(specimen.name for specimen in specimens)
+    if twice := sorted(name for name, count in counts.items() if count > 1):
         raise LandmarkError(
             f"{path}: several specimens are named {', '.join(twice)[:80]}; give each one of its own (ID)"
         )
-    for each in found:
-        if each.dim != first.dim:
-            told = f"{each.name} has {each.dim} coordinates for each landmark, {first.name} {first.dim}"
-            raise LandmarkError(f"{path}: {told}; give those in the plane and those in space apart")
-    specimens = {}
-    for each in found:
-        points = _in_order(each, first, path)
-        marks = landmarks_of(points, each.dim)
-        links = [Curve(f"link {i}", pair) for i, pair in enumerate(each.links, start=1)]
-        specimens[each.name] = replace(marks, curves=(*marks.curves, *links))
-    usual = specimens[first.name]
-    if other := [name for name, each in specimens.items() if each.curves != usual.curves]:
+    landmarks = {}
+    for name, points, dim, links in specimens:
+        if dim != first.dim:
+            raise LandmarkError(
+                f"{path}: {name} has {dim} coordinates for each landmark, {first.name} {first.dim}; "
+                "give those in the plane and those in space apart"
+            )
+        marks = landmarks_of(_in_order(name, points, first, path), dim)
+        wireframe = [Curve(f"link {i}", pair) for i, pair in enumerate(links, start=1)]
+        landmarks[name] = replace(marks, curves=(*marks.curves, *wireframe))
+    usual = landmarks[first.name]
+    if other := [name for name, marks in landmarks.items() if marks.curves != usual.curves]:
         raise LandmarkError(
             f"{path}: {other[0]} has other curves than {first.name}; draw the same, with as many points"
         )
-    sliders, surfaces = (path.with_name(f"{path.stem}_{each}.csv") for each in ("sliders", "surfaces"))
+    sliders, surfaces = (path.with_name(f"{path.stem}_{kind}.csv") for kind in ("sliders", "surfaces"))
     m, curves = len(usual), usual.curves
     if sliders.is_file() and not curves:
         curves = curves_of_sliders(sliders, m)
+    names = list(usual.names)
     patch = landmark_numbers(surfaces, ["slide"], m)[:, 0].tolist() if surfaces.is_file() else []
-    place = {row: f"surface-{i}" for i, row in enumerate(patch, start=1)}
-    marks_of = tuple(place.get(row, name) for row, name in enumerate(usual.names))
-    joined, _ = join_places({n: replace(s, curves=curves, names=marks_of) for n, s in specimens.items()})
-    return joined
+    for i, row in enumerate(patch, start=1):
+        names[row] = f"surface-{i}"
+    renamed = {name: replace(s, curves=curves, names=tuple(names)) for name, s in landmarks.items()}
+    return join_places(renamed)[0]
 
 
 def is_of_landmarks(path: str | PathLike[str]) -> bool:
-    """Tell whether a path is a file of landmarks, or a folder with such files."""
+    """Return whether a path is a file of landmarks, or a folder with such files."""
     path = Path(path)
     files = path.iterdir() if path.is_dir() else [path]
-    return any(legible(file.name).lower().endswith((*ONE_EACH, *SEVERAL)) for file in files)
+    return any(legible(file.name).lower().endswith((*SUFFIXES_OF_ONE, *SUFFIXES_OF_MANY)) for file in files)
 
 
-def _of_folder(folder: Path) -> Iterator[Read]:
-    """Read the files of the one kind that a folder has; tables count where there is nothing else."""
-    if not folder.is_dir():
-        raise MissingFileError(f"{folder}: no such folder; give {KINDS}")
+def _specimens_in_folder(folder: Path) -> Iterator[Specimen]:
+    """Read the files of the one kind in a folder; tables count if there is no other kind."""
     kinds: dict[str, list[Path]] = {}
-    for file in sorted(folder.iterdir(), key=lambda each: natural_order(each.name)):
-        suffix = next((s for s in (*ONE_EACH, *SEVERAL) if file.name.lower().endswith(s)), "")
+    for file in sorted(folder.iterdir(), key=lambda path: natural_order(path.name)):
+        suffix = next((s for s in (*SUFFIXES_OF_ONE, *SUFFIXES_OF_MANY) if file.name.lower().endswith(s)), "")
         if suffix and file.is_file() and not file.name.startswith("."):
             kinds.setdefault(suffix, []).append(file)
-    of_points = {
-        suffix: files for suffix, files in kinds.items() if suffix not in (".txt", ".csv", ".tsv")
-    } or kinds
-    if len(of_points) > 1:
-        raise FormatError(f"{folder}: has files of several kinds, {', '.join(of_points)}; keep those of one")
-    for file in next(iter(of_points.values()), []):
+    kinds = {suffix: kinds[suffix] for suffix in kinds if suffix not in SUFFIXES_OF_TABLES} or kinds
+    if len(kinds) > 1:
+        raise FormatError(f"{folder}: has files of several kinds, {', '.join(kinds)}; keep those of one")
+    for file in next(iter(kinds.values()), []):
         yield from specimens_in(file)
 
 
-def _in_order(each: Read, first: Read, path: Path) -> list[MarkedPoint]:
-    """Return the points of a specimen in the order of the first: by name if they share names, else as they are."""
-    names, wanted = ([point.name for point in own.points] for own in (each, first))
-    shared = {*names} & {*wanted} - {""}
-    if names == wanted or (len(names) == len(wanted) and not shared):
-        return each.points
-    if not shared or len({*names}) < len(names) or len({*wanted}) < len(wanted):
-        told = f"{each.name} has {len(names)} landmarks, {first.name} {len(wanted)}, not all with a name of its own"
-        raise LandmarkError(f"{path}: {told}; give the same ones of each, NA for one without a place")
-    if alone := [name for name in (*wanted, *names) if name not in shared]:
-        told = f"{each.name} and {first.name} do not both have the landmark {alone[0]!r}"
-        raise LandmarkError(f"{path}: {told}; mark it in both, or as one without a place")
-    place = dict(zip(names, each.points))
-    return [place[name] for name in wanted]
+def _in_order(name: str, points: list[MarkedPoint], first: Specimen, path: Path) -> list[MarkedPoint]:
+    """Return the points of a specimen in the order of the first, if they share names, else as they are."""
+    names, order = [point.name for point in points], [point.name for point in first.points]
+    shared = {*names} & {*order} - {""}
+    if names == order or (len(names) == len(order) and not shared):
+        return points
+    if not shared or len({*names}) < len(names) or len({*order}) < len(order):
+        raise LandmarkError(
+            f"{path}: {name} has {len(names)} landmarks, {first.name} {len(order)}, not all with a name of its own; "
+            "give the same ones of each, NA for one without a place"
+        )
+    if alone := [mark for mark in (*order, *names) if mark not in shared]:
+        raise LandmarkError(
+            f"{path}: {name} and {first.name} do not both have the landmark {alone[0]!r}; mark it in both, "
+            "or as one without a place"
+        )
+    point_of = dict(zip(names, points))
+    return [point_of[mark] for mark in order]
 
 
 def curves_of_sliders(path: Path, m: int) -> tuple[Curve, ...]:
-    """Read curves of a table of sliders, as for R: landmarks before, at and after each that slides, counted from 1."""
+    """Read curves from a table of sliders, as for R: rows of a landmark between its neighbours, from 1."""
     runs: list[list[int]] = []
     for before, slide, after in landmark_numbers(path, ("before", "slide", "after"), m).tolist():
         if runs and runs[-1][-2:] == [before, slide] and runs[-1][-1] != runs[-1][0]:
@@ -151,11 +155,11 @@ def curves_of_sliders(path: Path, m: int) -> tuple[Curve, ...]:
             runs.append([before, slide, after])
     closed = [len(run) > 3 and run[0] == run[-1] for run in runs]
     rows = [tuple(run[:-1] if is_ring else run) for run, is_ring in zip(runs, closed)]
-    return tuple(Curve(f"curve {i}", *each) for i, each in enumerate(zip(rows, closed), start=1))
+    return tuple(Curve(f"curve {i}", *curve) for i, curve in enumerate(zip(rows, closed), start=1))
 
 
 def read_landmark_pairs(path: Path, names: Sequence[str]) -> list[tuple[int, int]]:
-    """Read pairs of landmarks, by their names or by their numbers from 1, of a table with two columns, as rows from 0."""
+    """Read pairs of landmarks, names or numbers from 1, from a table with two columns, as rows from 0."""
     table = read_table(path)
     number = {name: i for i, name in enumerate(names) if name}
     number |= {str(i): i - 1 for i in range(1, len(names) + 1) if str(i) not in number}
@@ -172,19 +176,20 @@ def read_landmark_pairs(path: Path, names: Sequence[str]) -> list[tuple[int, int
 
 
 def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks], IntArray]:
-    """Give each place once: points that coincide in all specimens become the first of them, which curves share.
+    """Give every place once: points that coincide in all specimens become one, which curves share.
 
-    Returns the specimens, whose landmarks come first, then points of curves, then those of the patch, each otherwise in
-    order; and the row (m,) there of each landmark. Points coincide if they are nearer than 10⁻⁴ of the size in all
-    specimens in which both have a place, and in one at least. A curve ends at a landmark that it leads through and at a
-    place of another curve, and goes on from there as one of its own, so that such a place does not slide.
+    Returns the specimens, with landmarks first, then points of curves, then the patch, each in the
+    given order; and the row (m,) there of each landmark. Points coincide if they are nearer than
+    10⁻⁴ of the size in all specimens in which both have a place, and in one at least. A curve is
+    split at a landmark that it passes and at a place of another curve, so that such a place does
+    not slide.
     """
     first = next(iter(specimens.values()))
     m = len(first)
     head = _heads(specimens)
     on_curves = [head[list(curve.rows)].tolist() for curve in first.curves]
-    marked = {*range(m)} - {row for curve in first.curves for row in curve.rows}  # those of their own
-    landmarks, patch = {*head[sorted(marked.difference(first.patch))].tolist()}, {*head[first.patch].tolist()}
+    single = {*range(m)} - {row for curve in first.curves for row in curve.rows} - {*first.patch}
+    landmarks, patch = {*head[sorted(single)].tolist()}, {*head[first.patch].tolist()}
     on_any = {row for rows in on_curves for row in rows}
     rank = {
         row: 0 if row in landmarks else 1 if row in on_any else 2 if row in patch else 0
@@ -208,7 +213,7 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     members = [np.flatnonzero(head == row) for row in order] if len(order) < m else [[row] for row in order]
     joined = {}
     for name, marks in specimens.items():
-        rows = [int(own[int(marks.placed[own].argmax())]) for own in members]  # the first with a place
+        rows = [int(group[int(marks.placed[group].argmax())]) for group in members]  # the first with a place
         values = marks.positions[rows], [marks.names[row] for row in order], pieces
         errors = marks.expected_error[rows], marks.spread[rows]
         joined[name] = Landmarks(*values, *errors, marks.axes, marks.unit)
@@ -216,39 +221,41 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
 
 
 def _heads(specimens: Mapping[str, Landmarks]) -> IntArray:
-    """Find the first of the points (m,) that are at one place in all specimens."""
+    """Find, for each of m points, the first point that is at the same place in all specimens."""
     pairs = np.zeros((0, 2), dtype=np.int64)
     for marks in specimens.values():
         placed = np.flatnonzero(marks.placed)
-        near = cKDTree(marks.positions[placed]).query_pairs(_tolerance(marks), output_type="ndarray")
+        near = cKDTree(marks.positions[placed]).query_pairs(_same_place(marks), output_type="ndarray")
         pairs = np.unique(np.concatenate([pairs, placed[near]]), axis=0)
     for marks in specimens.values():
-        apart = np.linalg.norm(np.subtract(*marks.positions[pairs.T]), axis=1)
-        pairs = pairs[~(apart > _tolerance(marks))]
+        distance = np.linalg.norm(np.subtract(*marks.positions[pairs.T]), axis=1)
+        pairs = pairs[~(distance > _same_place(marks))]
     head = np.arange(len(marks))
     for i, j in pairs.tolist():
         head[head == head[j]] = head[i]
     return head
 
 
-def _tolerance(marks: Landmarks) -> float:
+def _same_place(marks: Landmarks) -> float:
+    """Largest distance of points at the same place."""
     known = marks.positions[marks.placed]
-    return (
-        SAME_PLACE * float(np.sqrt(((known - known.mean(axis=0)) ** 2).sum(axis=1).mean()))
-        if len(known)
-        else 0.0
-    )
+    if not len(known):
+        return 0.0
+    return SAME_PLACE_SIZES * float(np.sqrt(((known - known.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 def _split(rows: list[int], closed: bool, ends: Container[int]) -> Iterator[tuple[list[int], bool]]:
-    """Split a curve where it passes ends; a closed one with one end begins there."""
+    """Split a curve where it passes ends; a closed curve with one end begins there."""
     rows = [row for i, row in enumerate(rows) if i == 0 or row != rows[i - 1]]
-    closed, rows = (True, rows[:-1]) if len(rows) > 3 and rows[0] == rows[-1] else (closed, rows)
-    at = [i for i, row in enumerate(rows) if row in ends]
-    if closed and at:
-        rows = [*rows[at[0] :], *rows[: at[0]]]
-        at, rows, closed = (
-            ([i - at[0] for i in at[1:]], [*rows, rows[0]], False) if at[1:] else ([], rows, True)
-        )
-    cuts = [0, *(i for i in at if 0 < i < len(rows) - 1), len(rows) - 1]
-    yield from ([(rows, True)] if closed else [(rows[a : b + 1], False) for a, b in pairwise(cuts) if a < b])
+    if len(rows) > 3 and rows[0] == rows[-1]:
+        closed, rows = True, rows[:-1]
+    cuts = [i for i, row in enumerate(rows) if row in ends]
+    if closed and cuts:
+        rows = [*rows[cuts[0] :], *rows[: cuts[0]]]
+        if len(cuts) > 1:
+            cuts, rows, closed = [i - cuts[0] for i in cuts[1:]], [*rows, rows[0]], False
+    if closed:
+        yield rows, True
+        return
+    cuts = [0, *(i for i in cuts if 0 < i < len(rows) - 1), len(rows) - 1]
+    yield from ((rows[a : b + 1], False) for a, b in pairwise(cuts) if a < b)

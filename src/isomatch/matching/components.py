@@ -14,7 +14,7 @@ from isomatch._core.arrays import Float, FloatArray, Int, UserVertices
 from isomatch._core.errors import NotConvergedError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import UNMATCHED, carried_along, nearest_rotation
+from isomatch.correspondence import UNMATCHED, carry_along, nearest_rotation
 from isomatch.matching.assessment.confidence import expected_errors
 from isomatch.matching.assessment.evidence import Evidence, Solution, measured_evidence, outcome_of
 from isomatch.matching.assessment.quality import measure_quality
@@ -376,7 +376,7 @@ class Carrier:
     def moved(self, source: PreparedShape) -> Float[FloatArray, "q 3"]:
         """Carry the samples of a component along."""
         points = _positions(source, self.units[0])
-        return carried_along(points, self.here, self.there, scale=self.scale, mirrored=self.side < 0)
+        return carry_along(points, self.here, self.there, scale=self.scale, mirrored=self.side < 0)
 
     def gap(self, target: PreparedShape) -> float:
         """Distance of a component of the target from the surface that carries it, over √area of the component."""

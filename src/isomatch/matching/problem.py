@@ -41,7 +41,7 @@ class Refinement(ABC):
 
     >>> class Upsampled(Refinement):
     ...     def __call__(self, problem, fit):
-    ...         return problem.spectra.image(problem.spectra.grown(fit.image, (20, 40)))
+    ...         return problem.spectra.image(problem.spectra.fit_and_upsample(fit.image, (20, 40)))
     >>> Upsampled().searches_further
     True
     """

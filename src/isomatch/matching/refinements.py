@@ -95,14 +95,14 @@ def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
         return (*range(first + SPECTRAL.step, last, SPECTRAL.step), last) if last > first else ()
 
     def grown(first: int) -> tuple[bool, float, FloatArray]:
-        functional_map = spectra.upsampled(spectra.functional_map(rows, first), sizes(first, middle))
+        functional_map = spectra.upsample(spectra.functional_map(rows, first), sizes(first, middle))
         image = BodyVertices(spectra.image(functional_map))
         return side(image) != kept, energy_of(pair, vertices, image), functional_map
 
     kept = side(BodyVertices(rows))
     trials = parallel_map(grown, sorted({min(first, middle) for first in SPECTRAL.first}))
     *_, functional_map = min(trials, key=itemgetter(0, 1))
-    functional_map = spectra.upsampled(functional_map, sizes(middle, most))
+    functional_map = spectra.upsample(functional_map, sizes(middle, most))
     of_source, of_target = spectra.embedding(functional_map)
     everywhere = spectra.nearest(of_target, of_source)
     on_target = pair.target.laplace.vectors[everywhere, :most]

@@ -1,4 +1,4 @@
-"""The settings of a match: the everyday ones, and one file for those of each stage."""
+"""The settings of a match: the everyday settings, and one file for each stage."""
 
 from isomatch._core.first_use import names_at_first_use
 

@@ -1,4 +1,4 @@
-"""Every setting of a match: the everyday ones, and those of the stages, which are passed down."""
+"""All settings of a match: the everyday ones, and the settings of each stage, which are passed down."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ Hypotheses = Literal["all", "given"]
 Start = Literal["auto", "pose"]
 Resolution = Literal["auto", "full", "fast"]
 PartRole = Literal["auto", "source", "target", "both", "none"]
-"""The source is a part of the target, or the target of the source, or both of a whole that neither shows."""
+"""Which shape is a part: the source of the target, the target of the source, or both of an unseen whole."""
 Scale = Literal["auto", "same", "area", "free"]
 
 
 class MatchSettings(Protocol):
-    """What the settings of every method, `match` or a baseline, have in common."""
+    """The common part of the settings of every method, `match` or a baseline."""
 
     @property
     def orientation(self) -> Orientation:
@@ -49,7 +49,7 @@ class MatchSettings(Protocol):
         """Return the settings that differ from their defaults."""
 
 
-LARGEST_FILE = 2**14  # bytes; all settings together take a fifth of it
+MAX_FILE_BYTES = 2**14  # all settings together take a fifth of it
 
 
 @dataclass(frozen=True)
@@ -59,47 +59,53 @@ class Config(Settings, Shown):
     Parameters
     ----------
     n_columns, rank : int
-        Number p of distance columns for each shape; rank k of the distance basis, and length of the descriptor.
+        Number p of distance columns for each shape; rank k of the distance basis, and length of the
+        descriptor.
     n_functions : int
         Laplace–Beltrami functions for each shape.
     weights : {"area", "uniform"}
         Inner product of the distance basis; the paper uses "uniform".
     engine : str, optional
-        How geodesic distances are computed, by a name of `engine_names`; by default fast marching on meshes, Dijkstra on
-        point clouds and graphs.
+        How geodesic distances are computed, by a name of `engine_names`; by default fast marching
+        on meshes, Dijkstra on point clouds and graphs.
     n_search, n_refine : int
-        Vertices of each shape on which hypotheses are tried and compared, and vertices of the source on which the
-        refinement iterates before its last, full step.
+        Vertices of each shape on which hypotheses are tried and compared, and vertices of the
+        source on which the refinement iterates before its last, full step.
     hypotheses : {"all", "given"}
-        Choose among automatic hypotheses and those given, or only among those given and flips of the map from landmarks.
-        With "all", an automatic one wins where it fits better than the priors; of maps that tie, the one nearest to the
-        priors wins, even if it is a mirror image.
+        Choose among automatic and given hypotheses, or only among given ones and flips of the map
+        from landmarks. With "all", an automatic hypothesis wins if it fits better than the priors;
+        if maps tie, the one nearest to the priors wins, even if it is a mirror image.
     search_runners_up : bool, optional
-        With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as alternatives, so that the
-        quality tells when one of them fits better; as long as an automatic match. By default for "joint" and "smooth".
+        With ``hypotheses="given"``: whether automatic hypotheses are searched as alternatives, so
+        that the quality tells if one of them fits better. This takes as long as an automatic match.
+        By default for "joint" and "smooth".
     refinement : {"none", "laplace_icp", "joint", "smooth"}
-        After the alignment of distance descriptors: nothing (the paper's plain method); post-processing like the
-        paper's; or spectral upsampling joint with signatures, positions and normals. "smooth" is "joint" with more
-        steps, for a map that is smooth and nearly one to one.
+        After the alignment of distance descriptors: nothing (the paper's plain method);
+        post-processing as in the paper; or spectral upsampling joint with signatures, positions and
+        normals. "smooth" is "joint" with more steps, for a map that is smooth and nearly one to
+        one.
     orientation : {"preserve", "reverse", "any"}
-        Whether the map preserves the orientation of the faces, reverses it (a mirror image), or does what fits better.
+        Whether the map preserves the orientation of the faces, reverses it (a mirror image), or
+        does what fits better.
     start : {"auto", "pose"}
-        Whether shapes are roughly aligned in space, so that the map to nearest points is a hypothesis too: that of the
-        shapes as they are, and that of both centred and scaled to equal area. Of maps that fit equally well, the one
-        nearest to it wins. With ``hypotheses="given"``, no others may win but those from priors.
+        Whether shapes are roughly aligned in space, so that maps to nearest points are hypotheses
+        too: for the shapes as they are, and for both centred and scaled to equal area. Among maps
+        that fit equally well, the one nearest to these wins. With ``hypotheses="given"``, only
+        these and those from priors may win.
     pin : float, optional
-        Landmarks hold: those farther from their targets than this, in √area, are moved there, and the map around follows
-        smoothly. 0 holds all exactly. By default they only lead.
+        Landmarks hold: a landmark farther from its target than this, in √area, is moved there, and
+        the map around it follows smoothly. 0 holds all exactly. By default they only guide the map.
     part : {"auto", "source", "target", "both", "none"}
-        Which shape is a part of the other, or whether both are parts. "auto" takes shapes with a long boundary for parts.
-        Parts are matched with a refinement that searches further ("joint", "smooth" or one's own) and the orientation
-        "preserve", without descriptors.
+        Which shape is a part of the other, or whether both are parts. "auto" takes shapes with a
+        long boundary for parts. Parts need a refinement that searches further ("joint", "smooth" or
+        a custom one) and the orientation "preserve", and no descriptors.
     scale : {"auto", "same", "area", "free"}
-        Units of a part and a whole: near those of the files, exactly those, such that both have the same area, or
-        anything. Complete shapes are always scaled to the same area.
+        Units of a part and a whole: near the units of the files, exactly these, scaled to the same
+        area, or free. Complete shapes are always scaled to the same area.
     resolution : {"auto", "full", "fast"}
-        "auto" matches large meshes on fewer vertices, polishes the map on more and carries it to all; "full" uses all
-        vertices throughout; "fast" uses still fewer than "auto". Maps always name the user's vertices.
+        "auto" matches large meshes on fewer vertices, polishes the map on more and carries it to
+        all; "full" uses all vertices throughout; "fast" uses still fewer than "auto". Maps always
+        name the user's vertices.
     preparation, levels, symmetry, search, selection, refining, parts, elastic, outcome
         Fine settings of each stage.
 
@@ -149,11 +155,11 @@ class Config(Settings, Shown):
             )
         if self.rank > self.n_columns:
             raise SettingError(f"rank = {self.rank} exceeds n_columns = {self.n_columns}")
-        most = max(self.selection.extension_functions, self.search.flipped_functions)
-        if most > self.n_search // 2:
+        n_fitted = max(self.selection.extension_functions, self.search.flipped_functions)
+        if n_fitted > self.n_search // 2:
             raise SettingError(
-                f"n_search = {self.n_search} is below 2 × {most}, the functions fitted on the search vertices; ask for "
-                "more vertices, or fewer functions in search.flipped_functions or selection.extension_functions"
+                f"n_search = {self.n_search} is below 2 × {n_fitted}, the functions fitted on the search vertices; "
+                "ask for more vertices, or fewer functions in search.flipped_functions or selection.extension_functions"
             )
 
     @classmethod
@@ -168,10 +174,10 @@ class Config(Settings, Shown):
             If a setting is unknown, or its value is not allowed.
         """
         with opened(Path(path)) as file:
-            text = file.read(LARGEST_FILE + 1)
-        if len(text) > LARGEST_FILE:
+            text = file.read(MAX_FILE_BYTES + 1)
+        if len(text) > MAX_FILE_BYTES:
             raise FormatError(
-                f"{path}: more than {LARGEST_FILE} bytes are not settings; give a TOML file of settings"
+                f"{path}: more than {MAX_FILE_BYTES} bytes are not settings; give a TOML file of settings"
             )
         try:
             values = tomllib.loads(text.decode("utf-8"))

@@ -1,4 +1,4 @@
-"""Settings of the stages of a match: search, selection, refinement, parts, shapes far from isometric, outcome."""
+"""Settings of the stages of a match: search, selection, refinement, parts, elastic shapes, outcome."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from isomatch._core.errors import SettingError
 from isomatch._core.settings import Settings, setting
 
 COVERAGE_RADIUS = 0.05  # in √area; the spacing of the search vertices
-LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)  # in √area, over which shapes are bent
+# Lengths, in √area, at which a shape resists stretching, from the first step of its registration to
+# the last.
+BENDING_LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)
 
 
 @dataclass(frozen=True)
@@ -18,27 +20,33 @@ class SearchSettings(Settings):
     Parameters
     ----------
     rank, start_columns : int
-        Descriptor columns while hypotheses are compared; leading columns that a few points determine.
+        Descriptor columns while hypotheses are compared; leading columns that a few points
+        determine.
     near_rigid : float
-        Mean distance, in √area, up to which aligned shapes are matched from their poses too; see `poses_between`.
+        Mean distance of aligned shapes, in √area, up to which they are matched from their poses
+        too; see `poses_between`.
     off_diagonal, ridge : tuple of float, float
-        Penalties on mixing columns, each tried for landmarks, the first for extremities; and on every entry of the
-        alignment. See `alignments_from_points`.
+        Penalties on mixing columns, each tried for landmarks, the first for extremities; and on
+        every entry of the alignment. See `alignments_from_points`.
     extremity_counts, n_candidate_extremities : tuple of int, int
-        Numbers of extremities of one shape that are assigned together, and extremities of the other that may be theirs.
+        Numbers of extremities of one shape that are assigned together, and number of candidates on
+        the other shape.
     assignments, eccentricity_weight : int, float
-        Best assignments that are kept for each count and direction; weight of differences of average distance, against
-        those of mutual distances, in their cost.
+        Number of best assignments kept for each count and direction; weight of differences of
+        average distance in their cost, relative to differences of mutual distances.
     start_steps, flip_steps : int
         Iterations of closest points from extremities; after flips.
     unchanged, compare_every : float, int
-        Share of unchanged images at which an iteration has converged; iterations between comparisons of the maps.
+        Share of unchanged images at which an iteration has converged; iterations between
+        comparisons of the maps.
     same_start, same_map : float
-        Mean distance of images, in √area, below which two starts, and two converged maps, are one.
+        Mean distance of images, in √area, below which two starts, and two converged maps, count as
+        one.
     n_hypotheses, flipped, flipped_functions : int
-        Most hypotheses; the best that are flipped, and leading Laplace–Beltrami functions whose sign is flipped.
+        Largest number of hypotheses; number of the best that are flipped, and of leading
+        Laplace–Beltrami functions whose signs are flipped.
     flip_landmarks : bool
-        Whether flips of the map from landmarks are tried where no automatic hypotheses compete.
+        Whether flips of the map from landmarks are tried if no automatic hypotheses compete.
     """
 
     rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
@@ -75,23 +83,26 @@ class SelectionSettings(Settings):
     orientation_threshold : float
         Mean cosine between normals above which a map counts as orientation-preserving.
     mirrored_energy : float
-        Energy, against the least, below which a hypothesis of the orientation that is not allowed is refined, too.
+        A hypothesis of the orientation that is not allowed is refined, too, if its energy is below
+        this multiple of the least energy.
     energy_limit, most_contenders : float, int
-        Energy, against the least, up to which hypotheses are refined and compared again; most of them.
+        Hypotheses with an energy up to this multiple of the least are refined and compared again;
+        their largest number.
     extension_functions : int
         Functions through which a hypothesis is extended to further vertices.
     spectral_residual_limit : float
-        Spectral residual after a stage of the refinement, against the least, from which a map is given up.
+        A map is given up after a stage of the refinement if its spectral residual reaches this
+        multiple of the least.
     same_map, runner_up_distance : float
-        Mean distance between images, in √area, up to which two refined maps are one, less than one turned limb; and
-        from which they are different maps, and not variants of one.
+        Mean distance between images, in √area, up to which two refined maps count as one, less than
+        one turned limb; and from which they are different maps, not variants of one.
     energy_exponent : float
         Score of a refined map = spectral residual × energy to this power.
     descriptor_weight : float
-        Weight of the difference of the mean descriptor distances of two maps in the logarithm of the ratio of their
-        costs.
+        Weight of the difference of the mean descriptor distances of two maps in the logarithm of
+        the ratio of their costs.
     most_alternatives : int
-        Most alternatives in the result.
+        Largest number of alternatives in the result.
     """
 
     normal_functions: int = setting(40, "docs/lab/benchmarks.md, sensitivity", least=4)
@@ -118,23 +129,27 @@ class RefinementSettings(Settings):
     Parameters
     ----------
     sizes_without_positions, sizes_with_positions, final_sizes : tuple of int
-        Functions in the steps of the three stages of the joint refinement; positions and normals take part in the last
-        two. After each stage, maps that fit much worse than the best are given up.
+        Functions in the steps of the three stages of the joint refinement; positions and normals
+        take part in the last two. After each stage, maps that fit much worse than the best are
+        given up.
     sizes_of_parts : tuple of int
-        Functions in further steps without positions, of the map of a part.
+        Functions in further steps, without positions, for the map of a part.
     sizes_again : tuple of int
-        Functions in the steps by which a map that ties with the best is refined once more, with positions and normals if
-        the stages before end with them; the last step is theirs. The map of lower score stays.
+        Functions in the steps that refine a map once more if it ties with the best, with positions
+        and normals if the earlier stages end with them; the last step is the same as theirs. The
+        map of lower score stays.
     polished_sizes : tuple of int
         Functions in the steps that polish the map of a large mesh, on more vertices.
     position_unit : float
         Distance between positions, in √area, that counts as one unit of the spectral coordinates.
     normal_weight, function_weight : float
-        Weights of normals, and of functions that are known on both shapes, as of their root mean square; see `match`.
+        Weights of normals, and of functions known on both shapes relative to their root mean
+        square; see `match`.
     registration_steps : int
         Steps of the non-rigid registration that ends "joint".
     laplace_steps_at_once : int
-        If above 0, the most iterations of "laplace_icp" as the paper has it: all functions at once, F orthogonal.
+        If above 0, the largest number of iterations of "laplace_icp" as in the paper: all functions
+        at once, F orthogonal.
     """
 
     sizes_without_positions: tuple[int, ...] = setting(
@@ -163,12 +178,16 @@ class RefinementSettings(Settings):
     @property
     def rounds(self) -> list[tuple[tuple[int, ...], bool]]:
         """Sizes of the rounds of the joint refinement, and whether each has positions and normals."""
-        with_positions = [(sizes, True) for sizes in (self.sizes_with_positions, self.final_sizes)]
-        return [each for each in ((self.sizes_without_positions, False), *with_positions) if each[0]]
+        stages = (
+            (self.sizes_without_positions, False),
+            (self.sizes_with_positions, True),
+            (self.final_sizes, True),
+        )
+        return [(sizes, has_positions) for sizes, has_positions in stages if sizes]
 
     @property
     def last_step(self) -> tuple[tuple[int, ...], bool]:
-        """Size of the last step of the joint refinement, by which every map is measured; whether it has positions."""
+        """Size of the last step of the joint refinement, which measures every map; whether it has positions."""
         with_positions = (*self.sizes_with_positions, *self.final_sizes)
         return (with_positions or self.sizes_without_positions)[-1:], bool(with_positions)
 
@@ -180,34 +199,41 @@ class PartSettings(Settings):
     Parameters
     ----------
     hopeless : float
-        Score over the best from which a map is dropped: but for two after the short refinement, and before settling.
+        A map is dropped if its score reaches this multiple of the best, after the short refinement,
+        which keeps two, and before settling.
     long_boundary : float
         Length of the longest piece of the boundary, in √area, above which a shape may be a part.
     close : bool
         Also match the shapes with their holes closed, as complete ones.
     little_missing, most_there : float
-        Shares of the area of the whole, by the units of the files, from which a part is matched with its holes closed
-        first, and if that is sure, from there; the second where few distances are known (``little_trusted``).
+        A part with at least this share of the area of the whole, in the units of the files, is
+        first matched with its holes closed, and if that is sure, from that map; the second share
+        applies if few distances are known (``little_trusted``).
     bending, n_bent_vertices : tuple of float, int
-        Lengths, in √area of the whole, over which the part resists being stretched when it is bent onto the whole, see
-        `register_as_rigid_as_possible`, and its vertices while contenders bend it.
+        Lengths, in √area of the whole, at which the part resists stretching when it is bent onto
+        the whole, see `register_as_rigid_as_possible`; number of its vertices while contenders are
+        compared.
     n_settled : int
-        Best maps that are settled: the part is bent, its map refined from where it lies then, and so on.
+        Number of best maps that are settled: the part is bent, its map refined from the bent part,
+        and so on.
     rim, off : float
-        Distances, in √area, from the boundary of a part and from its other points, up to which a vertex of the whole is
-        matched to it; where hardly any distance on the whole is known, the second one from both.
+        Distances, in √area, from the boundary of a part and from its other points, up to which a
+        vertex of the whole is matched to it. If hardly any distance on the whole is known, the
+        second one applies to both.
     poor_doubt : float
         Doubt above which a map is not sure; see `Quality`.
     little_trusted, clear : float
-        Share of the pairs of anchors whose distance on the whole is known, below which a map is not sure, either, unless
-        the score of its best alternative is at least so many times its own.
+        A map is not sure if the share of pairs of anchors with a known distance on the whole is
+        below the first, unless the score of its best alternative is at least the second times its
+        own.
     descriptor_weight : float
-        As `SelectionSettings.descriptor_weight`, of parts; also of roughly refined maps, over everything that is known.
+        As `SelectionSettings.descriptor_weight`, for parts, and for roughly refined maps.
     n_common, sure_common : int, float
-        Of two overlapping parts: likeliest regions in common that are refined; how much more alike than at random the
-        parts must look in the best of them for it to be sure.
+        For two overlapping parts: number of likeliest common regions that are refined; how much
+        more alike than at random the parts must look in the best region for it to be sure.
     tie : float
-        Score of an alternative, against the map returned, below which nothing decides between them.
+        Nothing decides between the map returned and an alternative whose score is below this
+        multiple of its own.
     poor_via : float
         Cost of a composed map by `verify`, above which it is not sure.
     """
@@ -217,7 +243,7 @@ class PartSettings(Settings):
     close: bool = setting(True, "docs/lab/robustness.md: holes closed")
     little_missing: float = setting(0.85, "docs/lab/design_notes.md", least=0)
     most_there: float = setting(0.6, "docs/lab/design_notes.md", least=0)
-    bending: tuple[float, ...] = setting(LENGTHS, "docs/lab/robustness.md: parts", least=1e-3)
+    bending: tuple[float, ...] = setting(BENDING_LENGTHS, "docs/lab/robustness.md: parts", least=1e-3)
     rim: float = setting(0.04, "docs/lab/robustness.md: parts", least=0)
     off: float = setting(0.1, "docs/lab/robustness.md: parts", least=0)
     n_bent_vertices: int = setting(1000, "docs/lab/robustness.md: parts", least=50)
@@ -239,15 +265,19 @@ class ElasticSettings(Settings):
     Parameters
     ----------
     sought : float
-        Spectral residual of the best map that keeps distances, from which one is sought that lets limbs stretch.
+        A map that lets limbs stretch is sought if the spectral residual of the best map that keeps
+        distances reaches this.
     n_coordinates, n_starts : int
-        Canonical coordinates of each shape; best assignments of the points of either.
+        Number of canonical coordinates of each shape; number of best assignments of the points of
+        either.
     forgiven, inside : float
-        Relative difference of two distances, in units of the average, that costs nothing; a term of `IntervalCost`.
+        Difference of two distances, in units of the average, that costs nothing; a term of
+        `IntervalCost`.
     bending, n_bent_vertices
-        As `PartSettings` has them, of both shapes.
+        As in `PartSettings`, for both shapes.
     most_scaled : float
-        How many times as large or small a piece of the source may become at no cost; see `RigidRegistration`.
+        Factor by which a piece of the source may grow or shrink at no cost; see
+        `RigidRegistration`.
     """
 
     sought: float = setting(0.54, "docs/lab/design_notes.md: when limbs are taken to stretch", least=0)
@@ -255,47 +285,53 @@ class ElasticSettings(Settings):
     forgiven: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
     inside: float = setting(0.1, "docs/lab/robustness.md, other species", least=0)
     n_starts: int = setting(60, "docs/lab/robustness.md, other species", least=1)
-    bending: tuple[float, ...] = setting(LENGTHS, "docs/lab/design_notes.md", least=1e-3)
+    bending: tuple[float, ...] = setting(BENDING_LENGTHS, "docs/lab/design_notes.md", least=1e-3)
     n_bent_vertices: int = setting(1000, "docs/lab/design_notes.md", least=100)
     most_scaled: float = setting(2.0, "docs/lab/design_notes.md: limbs of half and twice the size", least=1)
 
 
 @dataclass(frozen=True)
 class OutcomeSettings(Settings):
-    """Bounds of the measures that make an outcome.
+    """Bounds of the measures that decide the outcome.
 
     Parameters
     ----------
     coverage_radius : float
         A target vertex this near to an image along edges, in √area, is covered.
     tie, look_tie : float
-        Score of an alternative, against the map returned, below which nothing decides between them; and between shapes
-        far from isometric, whose spectral residuals are nearly equal.
+        Nothing decides between the map returned and an alternative whose score is below this
+        multiple of its own; the second is for shapes far from isometric, whose spectral residuals
+        are nearly equal.
     mirror_tie : float
-        The same for a map of the other side where either is allowed; the poses alone may differ as much.
+        The same for a map of the other side if either is allowed; the poses alone may differ as
+        much.
     mirror_image : float
-        Score, against the map returned, below which a map of the orientation that is not allowed fits clearly better.
+        A map of the orientation that is not allowed fits clearly better if its score is below this
+        multiple of the score of the map returned.
     torn, torn_apart : float
-        Squared length of the image of an edge, over its own, above which it counts no more; and difference of both
-        lengths, in √area, from which the map tears the edge.
+        Largest ratio of the squared lengths of the image of an edge and of the edge that counts;
+        difference of both lengths, in √area, from which the map tears the edge.
     poor_spectral_residual, poor_residual, poor_stretch, poor_torn_off, poor_orientation : float
-        Values above which, of the orientation below which, a map is poor.
+        Values above which a map is poor; for the orientation, below which.
     poor_bending, poor_far_residual, poor_far_descriptor_distance : float
-        Values of `Quality.bending_cost`, of the residual and of the descriptor distance above which a map between shapes
-        far from isometric is poor.
+        Values of `Quality.bending_cost`, of the residual and of the descriptor distance above which
+        a map between shapes far from isometric is poor.
     poor_descriptor_distance : float
-        Mean descriptor distance, see `Quality`, of which a map is sure only if it is well below.
+        Mean descriptor distance, see `Quality`; a map is sure only if its own is well below.
     doubtful_descriptor_distance, doubtful_area : float
-        Mean descriptor distance of the neighbourhood of a vertex, above the median of the map, from which its image
-        is doubtful, and share of the surface from which a region of doubtful images lowers the outcome.
+        The image of a vertex is doubtful if the mean descriptor distance of its neighbourhood
+        exceeds the median of the map by the first; a region of doubtful images lowers the outcome
+        if its share of the surface reaches the second.
     contradiction : float
-        Distance from the images that priors ask for, in √area, from which they are contradicted: the mean of the
-        landmarks (of a part the median), or the median of an initial map, which may be wrong in places.
+        Distance from the images that priors ask for, in √area, from which the priors are
+        contradicted: the mean of the landmarks (for a part the median), or the median of an initial
+        map, which may be wrong in places.
     out_of_pose : float
-        Mean distance of the images from the nearest points in space, in √area, from which ``start="pose"`` misleads.
+        ``start="pose"`` misleads if the mean distance of the images from the nearest points in
+        space reaches this, in √area.
     large_component : float
-        Share of the area, or of the vertices, from which a component without a partner makes a match partial, and an
-        unsure one makes it unsure.
+        Share of the area, or of the vertices, from which a component without a partner makes a
+        match partial, and an unsure one makes it unsure.
     """
 
     coverage_radius: float = setting(COVERAGE_RADIUS, "the spacing of the search vertices", least=0)

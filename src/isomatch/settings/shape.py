@@ -1,4 +1,4 @@
-"""Settings of one shape: extremities, signatures, curvature, what is mended; levels of large meshes; symmetries."""
+"""Settings of one shape: extremities, signatures, curvature, repairs; levels of large meshes; symmetries."""
 
 from __future__ import annotations
 
@@ -18,25 +18,29 @@ class PreparationSettings(Settings):
     Parameters
     ----------
     extremity_spacing : float
-        Extremities nearer to each other than this, in √area, count as one: fingers must not displace hands.
+        Extremities nearer to each other than this, in √area, count as one: fingers must not
+        displace hands.
     n_extremities : int
-        Most extremities of a shape.
+        Largest number of extremities.
     signature_step : int
-        Which of the hundred energies of the wave kernel signature are kept: every fifth.
+        Step between the energies of the wave kernel signature that are used, out of a hundred.
     curvature_functions, energy_curvature_functions : tuple of int, int
-        Functions of the smoothed surfaces whose signed mean curvatures are signatures, and whose the energy compares.
+        Numbers of Laplace–Beltrami functions of the smoothed surfaces whose signed mean curvatures
+        are signatures; the number for the surface whose curvature the energy compares.
     distance_unit : {"average", "user"}
-        Unit in which distances of two shapes are compared: the average distance of each, or that of the user.
+        Unit in which distances of two shapes are compared: the average distance of each, or the
+        unit of the files.
     block_diagonal : bool
-        Whether descriptor columns of different sign are never mixed by an alignment.
+        Whether an alignment never mixes descriptor columns of different sign.
     sheet_distance : float
-        Sheets that are glued together or merged, such as limbs that touch in a scan, are separated where they are at
-        least so far apart along the surface, in √area; ``inf`` leaves them together.
+        Glued or merged sheets, such as limbs that touch in a scan, are separated where their
+        distance along the surface is at least this, in √area; ``inf`` leaves them together.
     self_contact_concavity, most_self_contacts : float, int
-        Limbs that are fused are cut from what they touch along loops whose mean cost, see `cut_self_contacts`, is at
-        most the first; 0 cuts none. Shapes with more handles than the second are not cut: they are no limbs that touch.
+        Fused limbs are cut along loops whose mean cost, see `cut_self_contacts`, is at most the
+        first; 0 cuts none. Shapes with more handles than the second are not cut: the handles are no
+        limbs that touch.
     most_components : int
-        Most components of a mesh, beside the largest, that are matched by themselves.
+        Largest number of components of a mesh, beside the largest one, that are matched separately.
     """
 
     extremity_spacing: float = setting(0.25, "0.15: thumbs displaced heads or feet on 4 of 50 pairs", least=0)
@@ -63,7 +67,7 @@ class LevelSettings(Settings):
     fast_matched, fast_polished : int
         The same with ``resolution="fast"``.
     spared : float
-        A mesh of up to so many times these sizes is not decimated.
+        A mesh up to this factor larger is not decimated.
     """
 
     matched: int = setting(5000, "docs/performance.md, resolution", least=200)
@@ -89,10 +93,10 @@ class SymmetrySettings(Settings):
     Parameters
     ----------
     most : int
-        Most assignments that are followed up; 0 searches for no symmetries.
+        Largest number of assignments that are followed up; 0 searches for no symmetries.
     largest_residual : float
-        Residual of the distance descriptors, in units of √(average distance / number of search vertices), up to which a
-        map is a symmetry: their spacing alone makes about 2.4.
+        Largest residual of the distance descriptors for a symmetry, in units of √(average distance
+        / number of search vertices). The spacing of these vertices alone gives about 2.4.
     """
 
     most: int = setting(24, "docs/lab/benchmarks.md, symmetry", least=0)

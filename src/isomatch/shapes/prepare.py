@@ -41,57 +41,60 @@ def prepare(
     Parameters
     ----------
     surface : Mesh, PointCloud, Graph, path_like, tuple or object
-        Anything that `surface_from` takes, with one main component; further ones of a mesh are prepared when they are
-        needed. Points and graphs have neither an inside nor curvature: maps from or to them rest on distances and
-        spectra alone, which do not tell a shape from its mirror image.
+        Anything that `surface_from` takes, with one main component; further components of a mesh
+        are prepared when they are needed. Points and graphs have neither an inside nor curvature:
+        maps from or to them depend on distances and spectra alone, which do not distinguish a shape
+        from its mirror image.
     config : Config, optional
         Settings.
     seed : int
         Draws where sampling starts, and seeds the eigensolver.
     distances : (n, n) array, callable or DistanceEngine, optional
-        Your own distances between the vertices of ``surface``, in its units, in place of ``config.engine``; see
-        `distance_engine`. Finite within the main component. A callable is called on other threads than the caller's.
+        Distances between the vertices of ``surface``, in its units, instead of ``config.engine``;
+        see `distance_engine`. They must be finite within the main component. A callable is called
+        on other threads than the caller's.
     progress : callable, optional
-        Called with the name of each stage and the share that is done; see `match`.
+        It is called with the name of each stage and the share that is done; see `match`.
 
     Returns
     -------
     PreparedShape
-        Its ``notes`` report what was repaired or left out.
+        Its ``notes`` report repairs and parts left out.
 
     Raises
     ------
     MeshError
-        If the mesh has no faces, coordinates that are not finite, faces that refer to missing vertices, or fewer
-        than 50 usable vertices; or if the given distances do not fit it.
+        If the mesh has no faces, coordinates that are not finite, faces that refer to missing
+        vertices, or fewer than 50 usable vertices; or if the given distances do not fit it.
     SettingError
         If the seed is not an integer of at least 0, or the shape has no engine of that name.
 
     Notes
     -----
-    About 0.8 s for 5 000 vertices on one thread, half of it for the Laplace–Beltrami basis, and 1.5 s for 50 000, which
-    are matched on 5 000 of them (``config.resolution``). `match` prepares two shapes at once.
+    About 0.8 s for 5 000 vertices on one thread, half of it for the Laplace–Beltrami basis, and 1.5
+    s for 50 000, which are matched on 5 000 of them (``config.resolution``). `match` prepares two
+    shapes at once.
     """
     config = config or Config()
 
-    def prepared() -> PreparedShape:
+    def run() -> PreparedShape:
         timer = StageTimer(progress, PREPARATION)
         timer.start("body")
         shape = surface_from(surface)
-        generator(seed)  # refuses what is no seed
+        generator(seed)  # refuses a bad seed
         settings = config.preparation
         if (
             distances is not None
-        ):  # which hold for the surface as it is, and are not kept for other components
+        ):  # they hold for the unchanged surface, and are not kept for other components
             settings = replace(settings, sheet_distance=np.inf, most_components=0)
-        made = prepared_body(shape, body_of(shape, settings), config, seed, timer, distances)
+        prepared = prepare_body(shape, body_of(shape, settings), config, seed, timer, distances)
         timer.reach("done", 1.0)
-        return made
+        return prepared
 
-    return in_background(prepared)
+    return in_background(run)
 
 
-def prepared_body(
+def prepare_body(
     surface: Surface,
     component: Body,
     config: Config,
@@ -99,7 +102,7 @@ def prepared_body(
     timer: StageTimer,
     distances: MetricSpace | None = None,
 ) -> PreparedShape:
-    """Prepare one component of a shape, at the resolution that is asked for."""
+    """Prepare one component of a shape at the resolution of the settings."""
     timer.start("levels")
     levels = [full_level(component)] if distances is not None else levels_of(component, config)
     level, finer = levels[-1], levels[-2] if len(levels) > 1 else None
@@ -121,7 +124,7 @@ def prepared_body(
         if distances is None:
             engine = distance_engine(body, config.engine, weld=False)
         else:
-            engine = _restricted(distances, surface, component)
+            engine = _restricted_engine(distances, surface, component)
         sampling = farthest_point_sampling(engine, config.n_columns, peripheral_vertex(body, engine, seed))
         measure = body.vertex_areas if config.weights == "area" else np.ones(body.n_vertices)
         basis = nystrom_basis(sampling, np.maximum(measure, 1e-12), config.rank, engine.name)
@@ -131,7 +134,7 @@ def prepared_body(
         remoteness, spacing = basis @ body.vertex_areas, fine.extremity_spacing
         extremities, columns = extremal_points(body, engine, remoteness, spacing, fine.n_extremities)
         count = min(max(config.n_search, config.n_refine), body.n_vertices)
-        samples = _evenly_spread(body, engine, count, int(sampling.vertices[0]))
+        samples = _spread_samples(body, engine, count, int(sampling.vertices[0]))
     return PreparedShape(
         surface=surface,
         body=body,
@@ -159,8 +162,8 @@ def prepared_body(
     )
 
 
-def _restricted(distances: MetricSpace, surface: Surface, component: Body) -> DistanceEngine:
-    """Restrict distances given for all of the user's vertices to the body."""
+def _restricted_engine(distances: MetricSpace, surface: Surface, component: Body) -> DistanceEngine:
+    """Restrict distances between all vertices of the user to the body."""
     engine = distance_engine(distances)
     if engine.n_points != surface.n_vertices:
         raise MeshError(
@@ -170,8 +173,8 @@ def _restricted(distances: MetricSpace, surface: Surface, component: Body) -> Di
     return RestrictedEngine(engine, component.user_vertex, component.scale)
 
 
-def _evenly_spread(body: Surface, engine: DistanceEngine, count: int, start: int) -> IntArray:
-    """Farthest points in space, from the one farthest from the centroid; along the edges of a graph, without space."""
+def _spread_samples(body: Surface, engine: DistanceEngine, count: int, start: int) -> IntArray:
+    """Choose farthest points in space, beginning far from the centroid; along the edges of a graph."""
     if isinstance(body, Graph):
         return farthest_point_sampling(engine, count, start).vertices
     centred = body.vertices - np.average(body.vertices, axis=0, weights=body.vertex_areas)
@@ -182,18 +185,18 @@ def extremal_points(
     surface: Surface, engine: DistanceEngine, average_distance: FloatArray, spacing: float, limit: int
 ) -> tuple[IntArray, FloatArray]:
     """Find the local maxima of the average geodesic distance, the most remote first."""
-    # The average distance of a vertex, over the surface, is large at the tips of limbs and least in the middle, whatever
-    # the pose: its local maxima (no neighbour is higher) are the extremities. The most remote first, those too near to
-    # one that is kept are passed over.
+    # In any pose, the average distance of a vertex to the surface is large at the tips of limbs and
+    # least in the middle: its local maxima (no neighbour is higher) are the extremities. They are
+    # taken most remote first; maxima too near to a previous one are passed over.
     i, j = surface.edges.T
     highest = np.full(surface.n_vertices, -np.inf)
     np.maximum.at(highest, i, average_distance[j])
     np.maximum.at(highest, j, average_distance[i])
     peaks = np.flatnonzero(average_distance >= highest - TIE * average_distance.max())
-    nearest = np.full(surface.n_vertices, np.inf)  # distance to those that are kept
-    kept: list[int] = []
-    while len(kept) < limit and len(peaks := peaks[nearest[peaks] >= spacing]):
-        kept.append(int(peaks[first_largest(average_distance[peaks])]))
-        engine.lower(nearest, kept[-1])
-    vertices = np.array(kept, dtype=np.int64)
+    nearest = np.full(surface.n_vertices, np.inf)  # distance to the nearest extremity
+    extremities: list[int] = []
+    while len(extremities) < limit and len(peaks := peaks[nearest[peaks] >= spacing]):
+        extremities.append(int(peaks[first_largest(average_distance[peaks])]))
+        engine.lower(nearest, extremities[-1])
+    vertices = np.array(extremities, dtype=np.int64)
     return vertices, engine.distances_from(vertices)

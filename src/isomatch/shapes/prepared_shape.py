@@ -1,4 +1,4 @@
-"""`PreparedShape`: everything that can be computed from one shape alone, for any number of matches; and its file."""
+"""`PreparedShape`: all that is computed from one shape alone, for any number of matches; its file."""
 
 from __future__ import annotations
 
@@ -39,22 +39,22 @@ from isomatch.surfaces import Graph, Mesh, PointCloud
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-N_BALLS = 500  # vertices whose balls are computed, of 5000; the others get means of near ones
+N_BALLS = 500  # vertices at which balls are computed; the other vertices get means of near ones
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PreparedShape(SmoothShape, Shown):
     """One shape, ready to be matched.
 
-    All vertices below are vertices of the *body*, except in ``body_vertex`` and ``user_vertex``.
+    Vertices below are vertices of the *body*, except in ``body_vertex`` and ``user_vertex``.
 
     Parameters
     ----------
     surface, body, body_vertex, user_vertex, laplace, sample_vertices, config, detail
         As for ``SmoothShape``.
     scale : float
-        What a length of 1 in the body is worth in the user's units: √area of the body, or of a graph the average distance
-        over that of a graph of unit size.
+        Length in the user's units of a length of 1 in the body: √area of the body, or for a graph
+        the average distance divided by the average distance in the body.
     distances : DistanceBasis
         Geodesic distance basis of the body, rank k.
     column_vertices : (p,) array of int
@@ -70,14 +70,14 @@ class PreparedShape(SmoothShape, Shown):
     seed : int
         The seed used.
     left_out : float
-        Share of the area in components other than the body, or of the vertices in those of at least 50 vertices, if that
-        is larger.
+        Share of the area in components other than the body, or share of the vertices in such
+        components of at least 50 vertices, if larger.
     notes : tuple of str
-        What was repaired or left out.
+        Sentences on repairs and on left-out components.
     timings : dict of str to float
         Seconds of each stage of the preparation.
     share : float
-        Share of the area of the shape that the body has.
+        Area of the body, divided by the area of the shape.
     others : tuple of Body
         Further components of a mesh that can be matched by themselves, largest first; not prepared.
     finer : Level, optional
@@ -85,10 +85,11 @@ class PreparedShape(SmoothShape, Shown):
     refining : Prolongation, optional
         Between the finer level and the body.
     original : PreparedShape, optional
-        Of a variant, such as a shape whose holes are capped: the shape that it was made of. Its maps are carried back
-        there, and what lies on a cap has no image.
+        For a variant, such as a shape with capped holes: the shape from which the variant was made.
+        Maps of the variant are carried back to the original; points on a cap have no image.
     origin : (n_body,) array of int, optional
-        Vertex of the original's body of each vertex of the body, whose first ones they are; −1 on caps.
+        For a variant: vertex of the original's body for each vertex of the body; −1 on caps, whose
+        vertices come last.
     """
 
     scale: float
@@ -110,7 +111,7 @@ class PreparedShape(SmoothShape, Shown):
     origin: IntArray | None = None
 
     def save(self, path: str | Path) -> None:
-        """Write everything to an ``.npz`` file, so that the shape need not be prepared again.
+        """Write the shape to an ``.npz`` file, so that it need not be prepared again.
 
         Raises
         ------
@@ -121,20 +122,20 @@ class PreparedShape(SmoothShape, Shown):
 
     @classmethod
     def load(cls, path: str | Path, config: Config | None = None) -> PreparedShape:
-        """Read what `save` wrote; matches are the same to the last bit.
+        """Read a shape that `save` wrote; its matches are the same to the last bit.
 
         Parameters
         ----------
         path : path_like
             The file.
         config : Config, optional
-            Settings of the matches to come: a shape prepared otherwise is refused here.
+            Settings of the matches to come: a shape prepared with other settings is refused.
 
         Raises
         ------
         FormatError
-            If the file is missing (`MissingFileError`), damaged, holds something else, or was written by an isomatch that
-            prepared shapes in another way.
+            If the file is missing (`MissingFileError`), damaged, holds something else, or was
+            written by a version of isomatch that prepared shapes in another way.
         SettingError
             If the shape was prepared with other settings than ``config``.
         """
@@ -144,9 +145,9 @@ class PreparedShape(SmoothShape, Shown):
         return shape
 
     def require_prepared_for(self, config: Config, what: str) -> None:
-        """Raise `SettingError`, about ``what``, if the shape was prepared with other settings than a match asks for."""
-        in_full = config.resolution == "full" and self.detail is None and not self.others
-        used_config = replace(self.requested, resolution="full") if in_full else self.requested
+        """Raise `SettingError`, about ``what``, if the shape was prepared with other settings."""
+        same_in_full = config.resolution == "full" and self.detail is None and not self.others
+        used_config = replace(self.requested, resolution="full") if same_in_full else self.requested
         if name := used_config.differs_in_preparation(config):
             used, asked = getattr(self.requested, name), getattr(config, name)
             raise SettingError(
@@ -155,10 +156,11 @@ class PreparedShape(SmoothShape, Shown):
             )
 
     def plot(self, values: ArrayLike | None = None, **options: Unpack[PlotOptions]) -> Figure:
-        """Draw the user's shape, coloured by values at its vertices; see `isomatch.visualization.plot_surface`.
+        """Draw the user's shape, coloured by values at vertices; see `isomatch.visualization.plot_surface`.
 
-        By default the values are the average distance of each vertex to all of the body, in √area of the body, from the
-        distance basis; vertices that were left out are grey. `TypeError` if the shape is a graph, which has no positions.
+        By default the values are the average distance from each vertex to the whole body, in √area
+        of the body; vertices off the body are grey. `TypeError` if the shape is a graph, which has
+        no positions.
         """
         if values is None:
             values = self.lift(self.average_distance)
@@ -168,7 +170,7 @@ class PreparedShape(SmoothShape, Shown):
 
     @property
     def seconds(self) -> float:
-        """Time the preparation took."""
+        """Time the preparation took, in seconds."""
         return self.timings["total"]
 
     def __repr__(self) -> str:
@@ -177,7 +179,7 @@ class PreparedShape(SmoothShape, Shown):
     def correspondence(
         self, target: SmoothShape, image: IntArray | PrecisePoints, matched: BoolArray | None = None
     ) -> Correspondence:
-        """As of a `SmoothShape`; maps of variants are carried back to the shapes that they were made of."""
+        """See `SmoothShape.correspondence`; maps of variants are carried back to their originals."""
         source = self.original or self
         if self.original is None and getattr(target, "original", None) is None:
             return super().correspondence(target, image, matched)
@@ -186,69 +188,70 @@ class PreparedShape(SmoothShape, Shown):
         points = PrecisePoints(points.corners[:n], points.barycentric[:n])
         matched = None if matched is None else matched[:n]
         if isinstance(target, PreparedShape) and target.original:
-            points, near = target.on_original(points)
-            matched, target = near if matched is None else matched & near, target.original
+            points, off_caps = target.on_original(points)
+            matched = off_caps if matched is None else matched & off_caps
+            target = target.original
         return source.correspondence(target, points, matched)
 
     def on_original(self, points: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:
-        """Carry points of the body back to that of the original, and tell which lie on no cap, or near its rim."""
+        """Carry points back to the original's body, and flag those on no cap, or near its rim."""
         vertices = points.corners[:, 0]
-        near = self.to_original[vertices] <= self.config.parts.rim
-        on_it = PrecisePoints.at_vertices(self.original_vertex[vertices])
+        off_caps = self.to_original[vertices] <= self.config.parts.rim
+        carried = PrecisePoints.at_vertices(self.original_vertex[vertices])
         inside = (self.to_original[points.corners] == 0).all(axis=1)
-        on_it.corners[inside] = self.original_vertex[points.corners[inside]]
-        on_it.barycentric[inside] = points.barycentric[inside]
-        return on_it, near
+        carried.corners[inside] = self.original_vertex[points.corners[inside]]
+        carried.barycentric[inside] = points.barycentric[inside]
+        return carried, off_caps
 
     @cached_property
     def original_vertex(self) -> IntArray:
-        """(n_body,) vertex of the original's body that is nearest to each vertex of a variant."""
+        """(n_body,) vertex of the original's body nearest to each vertex of a variant."""
         return self._nearest_of_original[1]
 
     @cached_property
     def to_original(self) -> FloatArray:
-        """(n_body,) how far that is, in √area of the original."""
+        """(n_body,) distance of each vertex of a variant from `original_vertex`, in √area of the original."""
         return self._nearest_of_original[0]
 
     @cached_property
     def _nearest_of_original(self) -> tuple[FloatArray, IntArray]:
         assert self.origin is not None
         assert self.original is not None
-        real = np.flatnonzero(self.origin >= 0)
-        if len(real) == len(self.origin):
-            return np.zeros(len(real)), self.origin
-        gap, nearest = distance_along_edges_to_nearest(self.body, real)
-        return gap * self.scale / self.original.scale, self.origin[nearest]
+        off_caps = np.flatnonzero(self.origin >= 0)
+        if len(off_caps) == len(self.origin):
+            return np.zeros(len(off_caps)), self.origin
+        distance, nearest = distance_along_edges_to_nearest(self.body, off_caps)
+        return distance * self.scale / self.original.scale, self.origin[nearest]
 
     @cached_property
     def average_distance(self) -> FloatArray:
-        """(n_body,) average geodesic distance of each vertex to the surface."""
+        """(n_body,) average geodesic distance from each vertex to the whole body."""
         return self.distances @ self.body.vertex_areas
 
     @cached_property
     def intrinsic_scale(self) -> float:
-        """The unit in which distances of two shapes are compared: by default the average between two points."""
+        """The unit in which distances of two shapes are compared: by default the average distance."""
         if self.config.preparation.distance_unit == "user":
             return 1.0 / self.scale
         return float(self.body.vertex_areas @ self.average_distance)
 
     def distance(self, a: IntArray, b: IntArray) -> FloatArray:
-        """Low-rank geodesic distances between vertices of two lists (q,), in √area; O(k) a pair."""
+        """Low-rank geodesic distances between vertices of two lists (q,), in √area; O(k) for each pair."""
         return np.where(a == b, 0.0, np.maximum(self.distances.distance(a, b), 0.0))
 
     def mean_distance(self, a: IntArray, b: IntArray) -> float:
-        """Mean of these distances."""
+        """Mean low-rank distance between vertices of two lists (q,)."""
         return float(self.distance(a, b).mean())
 
     def mean_distances(self, a: IntArray, others: Sequence[IntArray]) -> FloatArray:
-        """Mean of these distances between the vertices of a list (r,) and those of each of q others: (q,)."""
+        """Mean low-rank distances (q,) between the vertices of one list (r,) and of each of q other lists."""
         if not others:
             return np.zeros(0)
         distances = self.distance(np.tile(a, len(others)), np.concatenate(others))
         return np.asarray(distances.reshape(-1, len(a)).mean(axis=1))
 
     def distances_between(self, vertices: IntArray) -> FloatArray:
-        """Low-rank geodesic distances between m vertices, (m, m), in √area."""
+        """Low-rank geodesic distances (m, m) between m vertices, in √area."""
         distances: FloatArray = np.maximum(self.distances.between(vertices, vertices), 0.0)
         distances /= np.sqrt(self.body.area)
         np.fill_diagonal(distances, 0.0)
@@ -256,7 +259,7 @@ class PreparedShape(SmoothShape, Shown):
 
     @cached_property
     def boundary_length(self) -> float:
-        """Length of the boundary of the body, in √area; 0 of points and graphs."""
+        """Length of the boundary of the body, in √area; 0 for points and graphs."""
         if self.triangles is None:
             return 0.0
         i, j = self.triangles.boundary_edges.T
@@ -264,32 +267,32 @@ class PreparedShape(SmoothShape, Shown):
 
     @cached_property
     def longest_boundary(self) -> float:
-        """Length of the longest connected piece of the boundary of the body, in √area; 0 where there is none."""
+        """Length of the longest boundary component of the body, in √area; 0 without a boundary."""
         return float(check(self.triangles, wall=0.0).boundary_lengths[0]) if self.boundary_length else 0.0
 
     @cached_property
     def handles(self) -> int:
-        """Number of handles of the body, see `repair.handles`; 0 of points and graphs."""
+        """Number of handles of the body, see `repair.handles`; 0 for points and graphs."""
         return 0 if self.triangles is None else handles(self.triangles)
 
     @cached_property
     def one_sided(self) -> bool:
-        """Whether the body has no inside, like a Möbius strip: some edge of two faces has them wound alike."""
+        """Whether the body has no inside, like a Möbius strip: two faces of an edge are wound inconsistently."""
         return self.triangles is not None and len(check(self.triangles, wall=0.0).inconsistent_edges) > 0
 
     @cached_property
     def seems_inside_out(self) -> bool:
-        """Whether the body looks inward, though its openings are too large to be sure; see `repair.seems_inside_out`."""
+        """Whether the body, which is open, seems to face inward; see `repair.seems_inside_out`."""
         return self.triangles is not None and self.boundary_length > 0 and seems_inside_out(self.triangles)
 
     @cached_property
     def polishable(self) -> SmoothShape:
-        """The shape on which maps are polished: itself, if it has no finer level."""
+        """The shape on which maps are polished: the finer level, or this shape if it has none."""
         if self.finer is None or self.refining is None:
             return self
         body = self.finer.surface
-        between = self.refining.on_coarse.interpolation(self.body.n_vertices)
-        laplace = refined_laplace_basis(body, self.laplace, between)
+        interpolation = self.refining.on_coarse.interpolation(self.body.n_vertices)
+        laplace = refined_laplace_basis(body, self.laplace, interpolation)
         return SmoothShape(
             surface=self.surface,
             body=body,
@@ -303,9 +306,10 @@ class PreparedShape(SmoothShape, Shown):
 
     @cached_property
     def points(self) -> SignedPoints:
-        """Geodesic distance descriptors of the body, in units of the intrinsic scale, as a signed point cloud."""
-        # Rows p(x) with d(x, y) = Σ_c s_c p_c(x) p_c(y), s_c = ±1. Over √(average distance), products are distances over
-        # the average: no unit, and no size of the body, is left.
+        """Geodesic distance descriptors of the body, in the intrinsic unit, as a signed point cloud."""
+        # Rows p(x) with d(x, y) = Σ_c s_c p_c(x) p_c(y), s_c = ±1. Divided by √(average distance),
+        # products are distances in units of the average distance, which depend on no unit and no
+        # size of the body.
         descriptor = geodesic_distance_descriptor(self.distances)
         signed = self.config.preparation.block_diagonal
         signs = descriptor.signature if signed else np.ones_like(descriptor.signature)
@@ -313,7 +317,7 @@ class PreparedShape(SmoothShape, Shown):
 
     @cached_property
     def curvature(self) -> FloatArray:
-        """(n_body,) signed mean curvature of the smoothed body, standardised by area; 0 where there are no triangles."""
+        """(n_body,) signed mean curvature of the smoothed body, standardised by area; 0 without triangles."""
         if self.triangles is None:
             return np.zeros(self.body.n_vertices)
         k = self.config.preparation.energy_curvature_functions
@@ -322,23 +326,23 @@ class PreparedShape(SmoothShape, Shown):
 
     @cached_property
     def balls(self) -> BallSignature | None:
-        """The ball signature of every vertex of the body, as far from caps as it knows; None without triangles."""
+        """Ball signatures of the vertices of the body, which end at caps; None without triangles."""
         if self.triangles is None:
             return None
         balls = ball_signature(self.triangles, unit=1.0, samples=self.sample_vertices[:N_BALLS], weld=False)
         if self.origin is not None and (self.origin < 0).any():
-            # a ball that reaches a cap holds what is not there
+            # a ball that reaches a cap is as unknown as one that reaches the boundary
             to_caps, _ = distance_along_edges_to_nearest(self.triangles, np.flatnonzero(self.origin < 0))
             balls = replace(balls, to_boundary=np.minimum(balls.to_boundary, to_caps))
         return balls
 
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """Maps of the shape onto itself, by rows of its search vertices."""
+        """Maps of the shape onto itself, as rows of its search vertices."""
         return self.symmetry_search.symmetries(self._orientation_of)
 
     def near_symmetries(self, most: float) -> tuple[Symmetry, ...]:
-        """Find maps of the shape onto itself that distort distances as maps between individuals do, up to a residual."""
+        """Find self-maps with residuals as between individuals, but at most ``most``."""
         return self.symmetry_search.near_symmetries(self._orientation_of, most)
 
     @cached_property
@@ -349,11 +353,9 @@ class PreparedShape(SmoothShape, Shown):
         return SymmetrySearch(points, self.distances_between(vertices), self.config.symmetry)
 
     def _orientation_of(self, image_row: IntArray) -> float:
-        """Orientation of a map of the search vertices, by rows."""
-        vertices, basis = (
-            self.sample_vertices[: self.config.n_search],
-            self.sampled_basis(self.config.n_search),
-        )
+        """Orientation of a map of the search vertices, given by rows."""
+        vertices = self.sample_vertices[: self.config.n_search]
+        basis = self.sampled_basis(self.config.n_search)
         k = min(self.config.selection.normal_functions, len(self.laplace.values))
         return orientation_of(self, basis, self, vertices[image_row], k)
 
@@ -361,16 +363,16 @@ class PreparedShape(SmoothShape, Shown):
 FORMAT = ArrayFormat(
     what="a prepared shape",
     writer="PreparedShape.save",
-    version=3,  # raise it whenever shapes are prepared in another way: earlier files are not read
+    version=3,  # raise it whenever shapes are prepared in another way: files of other versions are refused
     arrays={"about": Stored("text"), "digest": Stored("text")},
 )
 _ARRAY = re.compile(r"array_[0-9]{1,9}")
 _SURFACES, _BASES = (Mesh, PointCloud), (DistanceBasis, LaplaceBasis, Sampling)
 _STORED = *_SURFACES, *_BASES, Body, Detail, Level, Decimated, Prolongation
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}
-KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # whose fields and parameters have different names
+KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # its fields and parameters have different names
 
-# fields of vertices: the least, and how many there are
+# fields that hold vertices: the lowest allowed number, and the number of vertices
 NUMBERED: dict[str, tuple[int, Callable[[Any], int]]] = {
     "body_vertex": (-1, lambda part: len(part.user_vertex)),
     "user_vertex": (0, lambda part: len(part.body_vertex)),
@@ -382,17 +384,17 @@ NUMBERED: dict[str, tuple[int, Callable[[Any], int]]] = {
 
 
 def write_prepared(path: Path, shape: Any) -> None:
-    """Write a prepared shape. What occurs several times in it is written once."""
+    """Write a prepared shape; an object that occurs several times is written once."""
     arrays: list[AnyArray] = []
-    numbers: dict[int, int] = {}  # of objects by identity, in the order in which they are complete
+    numbers: dict[int, int] = {}  # by id of the object, in the order in which objects are completed
 
-    def plain(value: Any) -> Any:
+    def to_plain(value: Any) -> Any:
         if value is None or isinstance(value, str | int | float):
             return value
         if isinstance(value, np.generic):
             return value.item()
         if isinstance(value, tuple):
-            return ["tuple", *map(plain, value)]
+            return ["tuple", *map(to_plain, value)]
         if isinstance(value, dict | Config):
             values = value if isinstance(value, dict) else value.to_dict()
             return {"values": values, "is": type(value).__name__}
@@ -402,18 +404,18 @@ def write_prepared(path: Path, shape: Any) -> None:
             arrays.append(value)
             entry: dict[str, Any] = {"array": len(arrays) - 1}
         else:
-            parts = {each.name: plain(getattr(value, each.name)) for each in fields(value)}
+            parts = {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
             entry = {"parts": parts, "is": type(value).__name__}
         numbers[id(value)] = len(numbers)
         return entry
 
-    about = json.dumps(plain(shape))
-    named = {f"array_{i}": array for i, array in enumerate(arrays)}
-    save_arrays(path, FORMAT.version, {"about": about, "digest": _digest(about, arrays), **named})
+    about = json.dumps(to_plain(shape))
+    array_of_name = {f"array_{i}": array for i, array in enumerate(arrays)}
+    save_arrays(path, FORMAT.version, {"about": about, "digest": _digest(about, arrays), **array_of_name})
 
 
 def read_prepared(path: Path, kind: type[Any]) -> Any:
-    """Read a shape of the class of prepared shapes; `FormatError` if it is not as it was written."""
+    """Read a shape of class ``kind``; `FormatError` if the file was changed or is of another format."""
 
     def refuse(problem: str) -> NoReturn:
         raise FormatError(f"{path}: not {FORMAT.what} ({problem}); prepare the shape and save it again")
@@ -427,27 +429,27 @@ def read_prepared(path: Path, kind: type[Any]) -> Any:
     if head["digest"] != _digest(head["about"], arrays):
         refuse("it was changed after it was written")
     kinds = {**KINDS, kind.__name__: kind}
-    made: list[Any] = []
+    objects: list[Any] = []
 
-    def built(plain: Any) -> Any:
+    def build(plain: Any) -> Any:
         if isinstance(plain, list):
-            return tuple(map(built, plain[1:]))
+            return tuple(map(build, plain[1:]))
         if not isinstance(plain, dict):
             return plain
         if "again" in plain:
-            return made[plain["again"]]
+            return objects[plain["again"]]
         if "values" in plain:
             return Config.from_dict(plain["values"]) if plain["is"] == "Config" else plain["values"]
         if "array" in plain:
             part = arrays[plain["array"]]
         else:
-            part = kinds[plain["is"]](**{name: built(each) for name, each in plain["parts"].items()})
+            part = kinds[plain["is"]](**{name: build(value) for name, value in plain["parts"].items()})
             _require_vertices(part)
-        made.append(part)
+        objects.append(part)
         return part
 
     try:
-        shape = built(json.loads(head["about"]))
+        shape = build(json.loads(head["about"]))
         if not isinstance(shape, kind):
             raise ValueError("it holds something else")
         for surface, numbers in ((shape.surface, shape.body_vertex), (shape.body, shape.user_vertex)):
@@ -459,15 +461,15 @@ def read_prepared(path: Path, kind: type[Any]) -> Any:
 
 
 def _require_vertices(part: Any) -> None:
-    """Raise `ValueError` if fields of a part that hold numbers of vertices hold others."""
-    for name, (least, count) in NUMBERED.items():
+    """Raise `ValueError` if a field of a part that should hold vertices holds other values."""
+    for name, (lowest, count) in NUMBERED.items():
         numbers = getattr(part, name, None)
         if numbers is None:
             continue
         if numbers.ndim != 1 or numbers.dtype.kind != "i":
             raise ValueError(f"{name} are not numbers of vertices")
-        if len(numbers) and not least <= numbers.min() <= numbers.max() < count(part):
-            raise ValueError(f"{name} {numbers.min()}…{numbers.max()} are outside {least}…{count(part) - 1}")
+        if len(numbers) and not lowest <= numbers.min() <= numbers.max() < count(part):
+            raise ValueError(f"{name} {numbers.min()}…{numbers.max()} are outside {lowest}…{count(part) - 1}")
 
 
 def _digest(about: str, arrays: list[AnyArray]) -> str:

@@ -1,4 +1,4 @@
-"""A body at one resolution with its smooth functions: what the joint refinement needs of a shape."""
+"""A body at one resolution with its smooth functions, as the joint refinement needs it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from isomatch.shapes.body import Detail
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh, Surface, vertex_normals
 
-SIGNATURE_FUNCTIONS = 100  # of the wave kernel signature; Aubry et al. 2011 use 100 to 300
+SIGNATURE_FUNCTIONS = 100  # for the wave kernel signature; Aubry et al. 2011 use 100 to 300
 WAVE_WEIGHT = 0.6  # root mean square; measured on 9 pairs: 0.6 2.43, 0.8 2.41
 TINY = np.finfo(float).tiny
 CURVATURE_WEIGHT = 0.4  # root mean square; measured on 9 pairs: 0.4 2.43, 0.6 2.70
@@ -35,12 +35,12 @@ CURVATURE_WEIGHT = 0.4  # root mean square; measured on 9 pairs: 0.4 2.43, 0.6 2
 
 def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis, settings: PreparationSettings) -> FloatArray:
     """Wave kernel signatures, and signed mean curvatures of a mesh, each column standardised by area."""
-    # (n, 20) logarithms of the wave kernel signature (Aubry et al. 2011), whose scales differ by orders, so that each
-    # counts alike; (n, 3) curvatures of the surface through some first functions, which tell bumps from dents, a chest
-    # from a back, as no intrinsic measure does. Columns of either kind together have the root mean square that is their
-    # weight.
+    # The (n, 20) columns of the wave kernel signature (Aubry et al. 2011) differ by orders of
+    # magnitude; their logarithms count alike. The (n, 3) curvatures of the body smoothed by some
+    # first functions tell bumps from dents, a chest from a back, as no intrinsic measure does. The
+    # columns of each kind together have their weight as root mean square.
     kernel = wave_kernel_signature(laplace, k=SIGNATURE_FUNCTIONS)[:, :: settings.signature_step]
-    wave = np.log(np.maximum(kernel, np.finfo(np.float64).tiny))
+    wave = np.log(np.maximum(kernel, TINY))
     parts = [(wave, WAVE_WEIGHT)]
     if mesh is not None:
         sizes = (min(k, len(laplace.values)) for k in settings.curvature_functions)
@@ -59,19 +59,20 @@ class SmoothShape:
     surface : Mesh, PointCloud or Graph
         The user's shape, untouched.
     body : Mesh, PointCloud or Graph
-        What is matched: the largest connected component, n_body vertices; a mesh welded and wound outward; centred, of
-        unit area. Lengths below are in its units.
+        The matched part: the largest connected component, n_body vertices, centred and of unit
+        area; a mesh is welded and wound outward. Lengths below are in units of the body.
     body_vertex : (n,) array of int
-        Body vertex of each vertex of ``surface``, the nearest one if the body is coarser; −1 for those left out.
+        Body vertex of each vertex of ``surface``, the nearest one if the body is coarser; −1 off
+        the body.
     user_vertex : (n_body,) array of int
-        Vertex of ``surface`` of each body vertex, or the nearest one; where glued sheets were separated, several have
-        the same.
+        Vertex of ``surface`` of each body vertex, or the nearest one; where glued sheets were
+        separated, several body vertices have the same.
     laplace : LaplaceBasis
         Laplace–Beltrami basis of the body, K functions.
     sample_vertices : (r,) array of int
-        Vertices evenly spread in space; every prefix is.
+        Vertices evenly spread over the body, as are the first of them, however many.
     config : Config
-        The settings used; smaller than those asked for where a small shape cannot provide them.
+        The settings used; numbers are lower than requested where a small shape cannot provide them.
     detail : Detail, optional
         The body at the user's resolution, if ``body`` is coarser.
     """
@@ -87,17 +88,17 @@ class SmoothShape:
 
     @property
     def triangles(self) -> Mesh | None:
-        """The body, if it is made of triangles and so has an inside, normals and curvature."""
+        """The body, if it is a mesh, with an inside, normals and curvature; otherwise None."""
         return self.body if isinstance(self.body, Mesh) else None
 
     @property
     def mesh_body(self) -> Mesh:
-        """The body, where nothing but triangles will do.
+        """The body, which must be a mesh.
 
         Raises
         ------
         MeshError
-            If it is made of points or is a graph.
+            If it is a point cloud or a graph.
         """
         if not isinstance(self.body, Mesh):
             raise MeshError(f"{self.surface!r} has no triangles; give a Mesh")
@@ -105,12 +106,12 @@ class SmoothShape:
 
     @property
     def faces(self) -> IntArray:
-        """(m, 3) triangles of the body; none of points or a graph."""
+        """(m, 3) triangles of the body; (0, 3) for points or a graph."""
         return self.body.faces if isinstance(self.body, Mesh) else np.zeros((0, 3), dtype=np.int64)
 
     @cached_property
     def signatures(self) -> FloatArray:
-        """(n_body, 23) point signatures, or (n_body, 20) of points and graphs; see ``point_signatures``."""
+        """(n_body, 23) point signatures, or (n_body, 20) for points and graphs; see ``point_signatures``."""
         return point_signatures(self.triangles, self.laplace, self.config.preparation)
 
     @cached_property
@@ -130,17 +131,19 @@ class SmoothShape:
 
     @cached_method
     def smoothed(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Positions of the body in its first k functions, and the normals of this smooth surface: (n_body, 3) each."""
-        # Φ_k Φ_kᵀ M x, the projection of the positions x (Vallet & Lévy, Spectral geometry processing, 2008): for small k
-        # a body without details, for which normals of two maps can be compared
+        """Positions of the body in its first k functions, and the normals there: (n_body, 3) each."""
+        # The projection Φ_k Φ_kᵀ M x of the positions x (Vallet & Lévy, Spectral geometry
+        # processing, 2008). For small k the body has no details, and normals under two maps can be
+        # compared.
         vertices = row_product(self.functions[:, :k], self.position_coefficients[:k])
         return vertices, vertex_normals(vertices, self.faces)
 
     @cached_property
     def index(self) -> SurfaceIndex:
         """Triangles and cells of the body, for nearest vertices and points."""
-        # With c cells a query costs c distances by matrix product, and those to the n / c vertices of each of about eight
-        # cells, four times slower each. d/dc (c + 4 · 8 n / c) = 0 at c = √(32 n).
+        # With c cells a query costs c distances by matrix product, and n / c distances in each of
+        # about eight cells, which take four times as long. d/dc (c + 4 · 8 n / c) = 0 at c = √(32
+        # n).
         centres = self.sample_vertices[: int(np.sqrt(32 * self.body.n_vertices))]
         number = np.zeros(self.body.n_vertices, dtype=np.int64)
         number[centres] = np.arange(len(centres))
@@ -149,25 +152,26 @@ class SmoothShape:
 
     @cached_property
     def transfer(self) -> Prolongation:
-        """Between the body in full and this one, both meshes."""
+        """Prolongation between the body in full and this one, both meshes."""
         if self.detail:
             return self.detail.transfer
-        everything = np.arange(self.body.n_vertices)
-        return Prolongation(self.mesh_body, Decimated(self.mesh_body, everything, len(everything)))
+        all_vertices = np.arange(self.body.n_vertices)
+        return Prolongation(self.mesh_body, Decimated(self.mesh_body, all_vertices, len(all_vertices)))
 
     def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:
         """Carry values (n_body, ...) on the body to the user's vertices (n, ...), by nearest vertices.
 
-        Vertices off the body get ``missing``: nan, which makes integers floats, or a number such as −1 for labels.
+        Vertices off the body get ``missing``: nan, which turns integers into floats, or a number
+        such as −1 for labels.
         """
         values = _require_rows(values, self.body.n_vertices, "body vertices")
-        return _lifted(values, self.body_vertex, missing)
+        return _at_vertices(values, self.body_vertex, missing)
 
     def lift_smooth(self, values: FloatArray) -> FloatArray:
-        """Carry values (n_body,) of a smooth function to the user's vertices (n,); nan for vertices off the body."""
+        """Carry a smooth function (n_body,) to the user's vertices (n,); nan off the body."""
         if self.detail:
             values = self.detail.transfer.on_coarse.interpolated(values[:, None])[:, 0]
-        return _lifted(values, (self.detail or self).body_vertex)
+        return _at_vertices(values, (self.detail or self).body_vertex)
 
     def restrict(self, values: AnyArray) -> AnyArray:
         """Carry values (n, ...) on the user's vertices to the body (n_body, ...)."""
@@ -177,44 +181,44 @@ class SmoothShape:
     def correspondence(
         self, target: SmoothShape, image: IntArray | PrecisePoints, matched: BoolArray | None = None
     ) -> Correspondence:
-        """Express a map of bodies, (n_body,) target vertices or as many points, in the users' own vertices.
+        """Express a map of bodies, (n_body,) target vertices or points, in the users' own vertices.
 
-        Where ``matched`` (n_body,) is given and false, a vertex has no image. Between bodies that are coarser than the
-        user's, the map is interpolated.
+        Vertices where ``matched`` (n_body,) is false have no image. Maps between coarse bodies are
+        interpolated.
         """
         points = image if isinstance(image, PrecisePoints) else PrecisePoints.at_vertices(image)
         if matched is None:
             matched = np.ones(len(points.corners), dtype=bool)
-        points, matched = self._in_full(target, points, matched)
+        points, matched = self._to_full(target, points, matched)
         source_body, target_body = self.detail or self, target.detail or target
-        there = target_body.user_vertex[points.corners]
-        there[~matched] = UNMATCHED
-        corners = _lifted(there, source_body.body_vertex, UNMATCHED)
-        weights = _lifted(points.barycentric, source_body.body_vertex)
+        user_corners = target_body.user_vertex[points.corners]
+        user_corners[~matched] = UNMATCHED
+        corners = _at_vertices(user_corners, source_body.body_vertex, UNMATCHED)
+        weights = _at_vertices(points.barycentric, source_body.body_vertex)
         weights[corners[:, 0] == UNMATCHED] = [1.0, 0.0, 0.0]
         hashes = parallel_map(lambda shape: shape.surface.content_hash, (self, target))
         return Correspondence(corners[:, 0], target.surface.n_vertices, corners, weights, *hashes)
 
-    def _in_full(
+    def _to_full(
         self, target: SmoothShape, points: PrecisePoints, matched: BoolArray
     ) -> tuple[PrecisePoints, BoolArray]:
-        """Carry a map of coarse bodies to those in full."""
-        # A vertex of the source in full lies in a coarse triangle, at x = Σ_k w_k x_k. Its image is the point of the
-        # target in full nearest to Σ_k w_k T(x_k). But where T tears the triangle, this would be in the void between two
-        # limbs, and where a corner has no image, nowhere: such corners get w_k = 0, and the others their weight
-        # (`_leave_out`). The first corner has the largest weight, and always stays.
+        """Carry a map of coarse bodies to the bodies in full."""
+        # A vertex of the source in full lies in a coarse triangle, at x = Σ_k w_k x_k. Its image is
+        # the point of the target in full nearest to Σ_k w_k T(x_k). Where T tears the triangle,
+        # this point could be in the void between two limbs, and a corner may have no image: such
+        # corners get w_k = 0, and the other weights grow in proportion (`_leave_out`). The first
+        # corner has the largest weight, and always stays.
         if self.detail is None and target.detail is None:
             return points, matched
-        everywhere = np.arange(self.body.n_vertices)
-        places = self.detail.transfer.on_coarse if self.detail else PrecisePoints.at_vertices(everywhere)
+        all_vertices = np.arange(self.body.n_vertices)
+        places = self.detail.transfer.on_coarse if self.detail else PrecisePoints.at_vertices(all_vertices)
         owner = places.corners[:, 0]
         if target.detail is None and target.triangles is None:
             return PrecisePoints(points.corners[owner], points.barycentric[owner]), matched[owner]
         positions = points.interpolated(target.transfer.coarse.mesh.vertices)
         if self.detail:
-            here = self.detail.transfer.coarse.mesh.vertices
             stretches, weights = np.empty((len(owner), 2)), places.barycentric.copy()
-            _fill_stretches(here, positions, places.corners, stretches)
+            _fill_stretches(self.detail.transfer.coarse.mesh.vertices, positions, places.corners, stretches)
             limit = np.sqrt(self.config.outcome.torn) * np.median(stretches)
             _leave_out(stretches, limit, matched, places.corners, weights)
             places = PrecisePoints(places.corners, weights)
@@ -224,23 +228,23 @@ class SmoothShape:
 
 @compiled(error_model="numpy")
 def _fill_stretches(before: FloatArray, after: FloatArray, corners: IntArray, stretches: FloatArray) -> None:
-    """By how much the distances (m, 2) of corners (m, 3) from the first of them grow."""
+    """Fill (m, 2) factors by which the distances of the other two corners (m, 3) from the first grow."""
     for i in range(len(corners)):
         a = corners[i, 0]
         for k in range(2):
             b = corners[i, k + 1]
-            apart = (before[b, 0] - before[a, 0]) ** 2
-            apart += (before[b, 1] - before[a, 1]) ** 2 + (before[b, 2] - before[a, 2]) ** 2
-            moved = (after[b, 0] - after[a, 0]) ** 2
-            moved += (after[b, 1] - after[a, 1]) ** 2 + (after[b, 2] - after[a, 2]) ** 2
-            stretches[i, k] = np.sqrt(moved) / max(np.sqrt(apart), TINY)
+            square_before = (before[b, 0] - before[a, 0]) ** 2
+            square_before += (before[b, 1] - before[a, 1]) ** 2 + (before[b, 2] - before[a, 2]) ** 2
+            square_after = (after[b, 0] - after[a, 0]) ** 2
+            square_after += (after[b, 1] - after[a, 1]) ** 2 + (after[b, 2] - after[a, 2]) ** 2
+            stretches[i, k] = np.sqrt(square_after) / max(np.sqrt(square_before), TINY)
 
 
 @compiled(error_model="numpy")
 def _leave_out(
     stretches: FloatArray, limit: float, matched: BoolArray, corners: IntArray, weights: FloatArray
 ) -> None:
-    """Set the weights of corners to 0 that are too far from the first one, or unmatched; the sum stays 1."""
+    """Set the weights of corners torn from the first one, or unmatched, to 0; the sum of weights stays 1."""
     for i in range(len(corners)):
         total = weights[i, 0]
         for k in range(1, 3):
@@ -251,8 +255,8 @@ def _leave_out(
             weights[i, k] /= total
 
 
-def _lifted(values: AnyArray, body_vertex: IntArray, missing: float = np.nan) -> AnyArray:
-    kind = np.result_type(values, np.float64) if missing != missing else values.dtype
+def _at_vertices(values: AnyArray, body_vertex: IntArray, missing: float = np.nan) -> AnyArray:
+    kind = np.result_type(values, np.float64) if np.isnan(missing) else values.dtype
     lifted: AnyArray = values[body_vertex].astype(kind, copy=False)
     lifted[body_vertex < 0] = missing
     return lifted
@@ -268,7 +272,7 @@ def _require_rows(values: AnyArray, n: int, what: str) -> AnyArray:
 def orientation_of(
     source: SmoothShape, basis: SampledBasis, target: SmoothShape, target_vertex: IntArray, k: int
 ) -> float:
-    """Mean cosine between the normals of the smoothed target and those of its copy on the source.
+    """Mean cosine between the normals of the smoothed target and the normals of its copy on the source.
 
     Parameters
     ----------
@@ -276,23 +280,24 @@ def orientation_of(
     basis : SampledBasis
         The source's Laplace–Beltrami functions and the m vertices that are mapped.
     target_vertex : (m,) array of int
-        Their images.
+        Images of the m vertices.
     k : int
-        Functions of the smoothed target.
+        Number of functions of the smoothed target.
 
     Returns
     -------
     float
-        Near 1 the map preserves the orientation of the faces, near −1 it reverses it. 0 where a shape has no triangles.
+        Near 1 if the map preserves the orientation of the faces, near −1 if it reverses it, and 0
+        where a shape has no triangles.
     """
-    # The positions y(T(x)) of the images, fitted by k functions of the source, lay the source's faces on the target.
-    # Their normals agree with the target's at the images where the map preserves the orientation, and are opposite where
-    # it does not.
-    mesh, onto = source.triangles, target.triangles
-    if mesh is None or onto is None:
+    # The positions y(T(x)) of the images, fitted by k functions of the source, lay the source's
+    # faces on the target. Where the map preserves the orientation, their normals agree with the
+    # target's normals at the images; otherwise they are opposite.
+    source_mesh, target_mesh = source.triangles, target.triangles
+    if source_mesh is None or target_mesh is None:
         return 0.0
     k = min(k, basis.functions.shape[1], len(target.laplace.values))
-    copy = basis.functions[:, :k] @ basis.fit(onto.vertices[target_vertex], k)
-    drawn = vertex_normals(copy, mesh.faces)[basis.vertices]
-    smooth = target.smoothed(k)[1][target_vertex]
-    return float(np.einsum("ij,ij->i", drawn, smooth).mean())
+    copy = basis.functions[:, :k] @ basis.fit(target_mesh.vertices[target_vertex], k)
+    copy_normals = vertex_normals(copy, source_mesh.faces)[basis.vertices]
+    target_normals = target.smoothed(k)[1][target_vertex]
+    return float(np.einsum("ij,ij->i", copy_normals, target_normals).mean())

@@ -1,4 +1,4 @@
-"""Variants of a prepared shape: holes capped, contacts cut, turned over, mirrored; and its components. Made once."""
+"""Variants of a prepared shape, each made once: capped, cut, turned over, mirrored; and its components."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from isomatch.correspondence import UNMATCHED
 from isomatch.repair import Cut, capped, creases, cut_along, cut_self_contacts, ends_of
 from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
-from isomatch.shapes.prepare import prepared_body
+from isomatch.shapes.prepare import prepare_body
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.surfaces import Mesh, Surface, reflected
 
 
 def _names(*properties: Any) -> tuple[str, ...]:
-    return tuple(each.func.__name__ for each in properties)
+    return tuple(cached.func.__name__ for cached in properties)
 
 
-# What a shape that is made of another one need not compute again. They are named by the properties themselves, so that
-# none can be renamed or removed without this; a property that is not listed is computed anew, which is right, if slower.
+# Properties that a shape made from another one takes over. The properties themselves give the
+# names, so that renaming one without this list fails; a property that is not listed is computed
+# anew, which is correct, but slower.
 OF_BODY = _names(
     PreparedShape.functions, PreparedShape.index, PreparedShape.signatures, PreparedShape.curvature
 )
@@ -41,27 +42,27 @@ OF_EITHER_WINDING = _names(
 )
 
 
-def _with_known(made: PreparedShape, shape: PreparedShape, names: tuple[str, ...]) -> PreparedShape:
-    """Give a shape what is known of another one already, of some properties that are the same."""
-    vars(made).update({name: value for name, value in vars(shape).items() if name in names})
-    return made
+def _with_properties_of(shape: PreparedShape, new: PreparedShape, names: tuple[str, ...]) -> PreparedShape:
+    """Give a new shape the properties that have been computed for another one."""
+    vars(new).update({name: value for name, value in vars(shape).items() if name in names})
+    return new
 
 
 @cached_method
 def capped_shape(shape: PreparedShape) -> PreparedShape:
-    """Close the holes of a body: if one is long, all are closed; a body without a long boundary is taken as it is."""
+    """Close all holes of a body, if one of them is long; otherwise the body stays the same."""
     everything = np.arange(shape.body.n_vertices)
     if shape.triangles is not None and shape.longest_boundary > shape.config.parts.long_boundary:
         return _variant(shape, capped(shape.triangles), everything)
-    alone = replace(shape, others=(), finer=None, refining=None, origin=everything, original=replace(shape))
-    for name in (kept := (*OF_BODY, *OF_DISTANCES)):
-        getattr(shape, name)  # computed there, where they are asked for again
-    return _with_known(alone, shape, kept)
+    same = replace(shape, others=(), finer=None, refining=None, origin=everything, original=replace(shape))
+    for name in (names := (*OF_BODY, *OF_DISTANCES)):
+        getattr(shape, name)  # computed for the original, which needs them again
+    return _with_properties_of(shape, same, names)
 
 
 @cached_method
 def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
-    """Cut a body along the paths of self-contacts, and close all holes; None without any, or where a cut parts it."""
+    """Cut a body along paths of self-contacts, and close all holes; None without any, or if it falls apart."""
     if most == 0 or shape.triangles is None:
         return None
     cut = _self_contacts(shape, most)
@@ -78,7 +79,7 @@ def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
 def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None) -> PreparedShape | None:
     """Cut a body along the paths of self-contacts and its creases, and close it; None without creases.
 
-    Of creases, those with an end that is ``torn`` (n_body,), by default all.
+    It uses the creases with an end that is ``torn`` (n_body,), by default all.
     """
     cut, edges = _self_contacts_and_creases(shape, most)
     if torn is not None:
@@ -93,7 +94,7 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
 
 @cached_method
 def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
-    """Cut a body along the paths of self-contacts and all its creases, and leave the cuts open; None without any."""
+    """Cut a body along paths of self-contacts and creases, and leave the cuts open; None without any."""
     cut, edges = _self_contacts_and_creases(shape, most)
     if not cut.cut_paths and not len(edges):
         return None
@@ -103,12 +104,12 @@ def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
 
 
 def region_of(shape: PreparedShape, vertices: IntArray, config: Config) -> PreparedShape:
-    """Prepare a connected region of a body as a shape of its own; ``vertices`` (m,) are its vertices, increasing."""
+    """Prepare a connected region of a body, of increasing ``vertices`` (m,), as a separate shape."""
     inside = np.zeros(shape.body.n_vertices, dtype=bool)
     inside[vertices] = True
     mesh, _ = shape.mesh_body.submesh(inside)
-    made = _prepared_again(shape, mesh, config)
-    return replace(made, scale=made.scale * shape.scale)
+    region = _prepare_again(shape, mesh, config)
+    return replace(region, scale=region.scale * shape.scale)
 
 
 @cached_method
@@ -127,7 +128,7 @@ def _self_contacts_and_creases(shape: PreparedShape, most: int) -> tuple[Cut, In
 def _cut_open(
     shape: PreparedShape, mesh: Callable[[], Mesh], origin: IntArray, note: str
 ) -> PreparedShape | None:
-    """Prepare a mesh made by cutting the body of a shape; None where a cut parts it."""
+    """Prepare a mesh made by cutting the body of a shape; None if a cut parts it."""
     with suppress(MeshError, NotConvergedError):
         remedy = "if nothing is fused, set preparation.self_contact_concavity = 0"
         return _variant(shape, mesh(), origin, f"{note}; {remedy}")
@@ -135,32 +136,32 @@ def _cut_open(
 
 
 def _variant(shape: PreparedShape, mesh: Mesh, origin: IntArray, *notes: str) -> PreparedShape:
-    """Prepare a mesh made from the body of a shape, whose maps are those of the shape; its vertices come first."""
-    # the origin names the vertex of the body of each vertex; those of caps, which come last, have none
-    made = _prepared_again(shape, mesh, shape.requested)
+    """Prepare a mesh made from the body of a shape, whose vertices come first, as a variant of the shape."""
+    # ``origin`` is the body vertex of each vertex; vertices of caps come last and have none
+    variant = _prepare_again(shape, mesh, shape.requested)
     on_caps = np.full(mesh.n_vertices - len(origin), UNMATCHED)
-    variant = replace(made, origin=np.concatenate([origin, on_caps]), original=replace(shape))
+    variant = replace(variant, origin=np.concatenate([origin, on_caps]), original=replace(shape))
     return replace(
         variant,
         surface=shape.surface,
         body_vertex=shape.body_vertex,
         user_vertex=shape.user_vertex[variant.original_vertex],
         detail=shape.detail,
-        scale=made.scale * shape.scale,
+        scale=variant.scale * shape.scale,
         left_out=shape.left_out,
         share=shape.share,
         notes=(*shape.notes, *notes),
     )
 
 
-def _prepared_again(shape: PreparedShape, mesh: Mesh, config: Config) -> PreparedShape:
-    """Prepare a mesh that was made from the body of a shape, with all its vertices."""
+def _prepare_again(shape: PreparedShape, mesh: Mesh, config: Config) -> PreparedShape:
+    """Prepare a mesh made from the body of a shape, with all its vertices."""
     config = replace(config, resolution="full")
-    return prepared_body(mesh, sound_body(mesh), config, shape.seed, StageTimer())
+    return prepare_body(mesh, sound_body(mesh), config, shape.seed, StageTimer())
 
 
 def mirror_image(shape: PreparedShape) -> PreparedShape:
-    """Return the mirror image of a mesh in space; faces keep their orientation, and distances are the same."""
+    """Return the mirror image of a mesh in space; faces keep their orientation."""
     return replace(shape, body=reflected(shape.mesh_body))
 
 
@@ -168,22 +169,23 @@ def mirror_image(shape: PreparedShape) -> PreparedShape:
 def turned_over(shape: PreparedShape) -> PreparedShape:
     """Return a mesh with the corners of its faces reversed, so that inside and outside change places."""
 
-    def rewound(surface: Surface) -> Surface:
+    def rewind(surface: Surface) -> Surface:
         return Mesh(surface.vertices, surface.faces[:, ::-1]) if isinstance(surface, Mesh) else surface
 
-    finer = shape.finer and replace(shape.finer, surface=rewound(shape.finer.surface))
-    return _with_known(replace(shape, body=rewound(shape.body), finer=finer), shape, OF_EITHER_WINDING)
+    finer = shape.finer and replace(shape.finer, surface=rewind(shape.finer.surface))
+    turned = replace(shape, body=rewind(shape.body), finer=finer)
+    return _with_properties_of(shape, turned, OF_EITHER_WINDING)
 
 
 @cached_method
 def components_of(shape: PreparedShape) -> tuple[PreparedShape, ...]:
-    """Prepare the body and the further components, each as a shape of the same surface that leaves nothing out.
+    """Prepare the body and the further components, each as a shape of the same surface.
 
-    Those that cannot be prepared are missing.
+    Components that cannot be prepared are missing.
     """
     notes = tuple(note for note in shape.notes if LEFT_UNMATCHED not in note)
     components = [replace(shape, left_out=0.0, notes=notes, others=())]
     for body in shape.others:
         with suppress(MeshError, NotConvergedError):
-            components.append(prepared_body(shape.surface, body, shape.requested, shape.seed, StageTimer()))
+            components.append(prepare_body(shape.surface, body, shape.requested, shape.seed, StageTimer()))
     return tuple(components)

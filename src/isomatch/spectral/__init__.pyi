@@ -3,7 +3,7 @@ from isomatch.spectral.build import distance_basis
 from isomatch.spectral.canonical_form import CanonicalForm, canonical_form, classical_scaling
 from isomatch.spectral.distance_basis import DistanceBasis
 from isomatch.spectral.laplace_basis import LaplaceBasis, laplace_basis, refined_laplace_basis
-from isomatch.spectral.laplacian import factorised_for_threads, stiffness_and_masses
+from isomatch.spectral.laplacian import factorise_for_threads, stiffness_and_masses
 from isomatch.spectral.low_rank import nystrom_basis, spectral_interpolant
 
 __all__ = [
@@ -16,7 +16,7 @@ __all__ = [
     "canonical_form",
     "classical_scaling",
     "distance_basis",
-    "factorised_for_threads",
+    "factorise_for_threads",
     "laplace_basis",
     "nystrom_basis",
     "refined_laplace_basis",

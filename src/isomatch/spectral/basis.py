@@ -1,4 +1,4 @@
-"""What every basis has: weights and a domain, a rule for signs, and pictures."""
+"""The common part of all bases: weights and a domain, a rule for signs, and pictures."""
 
 from __future__ import annotations
 
@@ -23,17 +23,18 @@ Weighting = Literal["area", "uniform"]
 def basis_domain(
     surface: MetricSpace, weights: Weighting = "area", engine: str | None = None, n_columns: int = 1
 ) -> tuple[DistanceEngine, FloatArray]:
-    """Set up the engine and the positive weights (n,) of a surface, or refuse one that cannot have a basis.
+    """Set up the engine and the positive weights (n,) of a surface, if it can have a basis.
 
-    Weights are vertex areas, or ones if "uniform" or if the space has no areas; ``n_columns`` are those that will be
-    asked for.
+    Weights are vertex areas, or ones if "uniform" or if the space has no areas; ``n_columns`` is
+    the number of distance columns that the basis will need.
 
     Raises
     ------
     SettingError
         If a setting is unknown.
     MeshError
-        If the surface has fewer than ``n_columns`` points or several components, or a vertex has no area.
+        If the surface has fewer than ``n_columns`` points or several components, or a vertex has no
+        area.
     """
     distances = distance_engine(surface, engine, weld=False)
     n = distances.n_points
@@ -49,7 +50,7 @@ def basis_domain(
 
 
 def require_one_component(surface: MetricSpace) -> None:
-    """Raise `MeshError` if a surface has several components; a matrix or a function is not examined."""
+    """Raise `MeshError` if a surface has several components; a matrix or a function is not checked."""
     components = getattr(surface, "components", None)
     if components is not None and components.any():
         raise MeshError(
@@ -59,7 +60,7 @@ def require_one_component(surface: MetricSpace) -> None:
 
 
 def require_areas(areas: FloatArray, remedy: str = "") -> FloatArray:
-    """Return the areas of vertices if they are positive and their products do not overflow, else raise `MeshError`."""
+    """Return areas of vertices; `MeshError` if one is not positive or their products overflow."""
     with np.errstate(over="ignore", invalid="ignore"):
         bad = int((~((areas > 0) & np.isfinite(areas * areas.sum()))).sum())
     if bad:
@@ -71,24 +72,25 @@ def require_areas(areas: FloatArray, remedy: str = "") -> FloatArray:
 
 
 def shared_weights(weights: FloatArray, point: IntArray) -> FloatArray:
-    """Share the weight of each point of a welded mesh among its vertices (n,), so that sums and norms stay the same."""
+    """Share the weight of each point of a welded mesh among its vertices (n,); sums and norms stay."""
     return np.asarray((weights / np.bincount(point, minlength=len(weights)))[point])
 
 
 def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
     """Change signs of columns (n, k) so that their third moments Σ_i w_i φ(i)³ are positive."""
-    # The rule does not depend on the order of the points. The third moment of a function that is odd under a symmetry
-    # of the surface is 0 up to rounding; its sign stays arbitrary, and no result may depend on it.
+    # The rule does not depend on the order of the points. A function that is odd under a symmetry
+    # of the surface has a third moment of 0 up to rounding; its sign stays arbitrary, and no result
+    # may depend on it.
     moments = weights.astype(vectors.dtype) @ (vectors * vectors * vectors)  # a power takes ten times as long
     return np.ascontiguousarray(vectors * np.where(moments < 0, -1.0, 1.0).astype(vectors.dtype))
 
 
 class PlottedBasis(Shown):
-    """A basis, whose spectrum and whose vectors can be drawn."""
+    """A basis that draws its spectrum and its vectors."""
 
     __slots__ = ()
 
     def plot(self, surface: SurfaceLike = None, **options: Unpack[PlotOptions]) -> Figure:
-        """Draw the spectrum, or the first four vectors on their surface; see `isomatch.visualization.plot_basis`."""
+        """Draw the spectrum, or the first four vectors on their surface, by `visualization.plot_basis`."""
         figure: Figure = visualization().plot_basis(self, surface, **options)
         return figure

@@ -37,7 +37,7 @@ from isomatch.spectral.low_rank import (
 )
 from isomatch.surfaces import Mesh, PointCloud
 
-MOST_COLUMNS = 800  # tried to reach a tolerance
+MAX_COLUMNS = 800  # columns of the largest basis that is tried to reach a tolerance
 
 
 def distance_basis(
@@ -59,32 +59,38 @@ def distance_basis(
     Parameters
     ----------
     surface : Mesh, PointCloud or other metric space
-        Anything that `distance_engine` takes, of one component and n points; every vertex of a mesh belongs to a face.
+        Anything that `distance_engine` takes, of one component and n points; every vertex of a mesh
+        belongs to a face.
     k : int
         Rank, at most p.
     p : int
-        Number of distance columns, from farthest point samples; 2 k is a good choice. Ignored by "exact".
+        Number of distance columns, from farthest point samples; 2 k is a good choice. Ignored by
+        "exact".
     method : {"predicted", "nystrom", "fmds", "smds", "exact"}, optional
-        "predicted", the default on meshes and point clouds: Nyström's method with many more columns, predicted from
-        the p measured ones. "nystrom", the default on everything else: from the p columns alone. "fmds", "smds":
-        interpolated by smooth functions, all or the span of p Laplace eigenfunctions. "exact": from all n columns;
-        the optimum, for small n and as a reference.
+        "predicted", the default on meshes and point clouds: Nyström's method with many more
+        columns, predicted from the p measured ones. "nystrom", the default on everything else: from
+        the p columns alone. "fmds", "smds": interpolated by smooth functions, all or the span of p
+        Laplace eigenfunctions. "exact": from all n columns; the optimum, for small n and as a
+        reference.
     weights : {"area", "uniform"}
-        Inner product in which the basis is orthonormal and the error is least: that of the surface, or that of its
-        vertices. No difference for a matrix or a function, which have no areas.
+        Inner product in which the basis is orthonormal and the error is least: by area, or with all
+        vertices alike. No difference for a matrix or a function, which have no areas.
     seed : int
         Draws the start of the sampling and the held-out columns.
     engine : str, optional
-        How distances are computed, one of ``engine_names(type(surface))``; by default the first of them.
+        How distances are computed, one of ``engine_names(type(surface))``; by default the first of
+        them.
     tolerance : float, optional
-        Choose k and p such that the estimated relative error is at most this: the first p of 50, 100, 200, … 800 that
-        suffices, and then the smallest k ≤ p / 2. The arguments k and p are ignored.
+        Largest estimated relative error. It chooses the first p of 50, 100, 200, … 800 that
+        suffices, and then the smallest k ≤ p / 2; the arguments k and p are ignored.
     dtype : float64 or float32
         Precision of the stored vectors.
     held_out : int
-        Number of further columns, computed only to estimate the error; see `DistanceBasis.error_estimate`.
+        Number of further columns, computed only to estimate the error; see
+        `DistanceBasis.error_estimate`.
     weld : bool
-        Whether vertices of a mesh at exactly the same position are one point of the surface; they share its weight.
+        Whether vertices of a mesh at exactly the same position are one point of the surface; they
+        share its weight.
 
     Returns
     -------
@@ -95,7 +101,8 @@ def distance_basis(
     SettingError
         If a setting is not one of those above, or k is not in 1…p.
     MeshError
-        If the surface has several components or fewer vertices than samples, or a vertex has no area.
+        If the surface has several components or fewer vertices than samples, or a vertex has no
+        area.
     MissingDependencyError
         If the engine needs an extra that is not installed.
     MemoryBudgetError
@@ -105,14 +112,15 @@ def distance_basis(
 
     Notes
     -----
-    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, section "Computing the basis", which is "nystrom".
-    `match` uses that method, with k = 50 and p = 100 columns by default (see `Config`). The default here is
-    "predicted", because it is nearer to the optimum for a given number of columns: a relative error of 0.0071 in place
-    of 0.0084 on the wolf of ``docs/lab/benchmarks.md``, at k = 50 and p = 100. It takes longer: for a given time,
-    "nystrom" with more columns can be better.
+    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, section "Computing the basis",
+    which is "nystrom". `match` uses it, with k = 50 and p = 100 columns by default (see `Config`).
+    The default here is "predicted", because it is nearer to the optimum for a given number of
+    columns: a relative error of 0.0071 instead of 0.0084 on the wolf of ``docs/lab/benchmarks.md``,
+    at k = 50 and p = 100. It takes longer: in the same time, "nystrom" with more columns can be
+    better.
 
-    The columns take O(p n log n) time; "nystrom" adds O(n p k) and 8 n p bytes, "predicted" O(n p (p + 12 k)), a
-    factorisation of the Laplacian and 40 n p bytes.
+    The columns take O(p n log n) time; "nystrom" adds O(n p k) and 8 n p bytes, "predicted" O(n p
+    (p + 12 k)), a factorisation of the Laplacian and 40 n p bytes.
 
     Examples
     --------
@@ -135,21 +143,21 @@ def distance_basis(
     if np.dtype(dtype) not in (np.float32, np.float64):
         raise SettingError(f"dtype = {np.dtype(dtype)} is not float32 or float64")
 
-    def computed() -> DistanceBasis:
+    def compute() -> DistanceBasis:
         with serial_blas():
-            fixed = tolerance is None and method != "exact"
-            distances, measure = basis_domain(surface, weights, engine, p if fixed else 1)
+            n_columns = p if tolerance is None and method != "exact" else 1
+            distances, measure = basis_domain(surface, weights, engine, n_columns)
             start = peripheral_vertex(surface, distances, seed)
-            built = partial(_basis, surface, distances, start, method, measure)
+            build = partial(_build_basis, surface, distances, start, method, measure)
             if tolerance is not None:
-                return _within(tolerance, built, distances, seed, max(held_out, 10))
-            return _with_held_out(built(k, p), distances, seed, held_out)
+                return _build_within(tolerance, build, distances, seed, max(held_out, 10))
+            return _with_held_out(build(k, p), distances, seed, held_out)
 
-    basis = in_background(computed)
-    return (_at_vertices(basis, seams) if seams else basis).astype(dtype)
+    basis = in_background(compute)
+    return (_unwelded(basis, seams) if seams else basis).astype(dtype)
 
 
-def _at_vertices(basis: DistanceBasis, seams: Repair) -> DistanceBasis:
+def _unwelded(basis: DistanceBasis, seams: Repair) -> DistanceBasis:
     """Carry the basis of a welded mesh to the vertices of the user."""
     point, vertex, held_out = seams.new_index, seams.vertex_index, basis.held_out
     return replace(
@@ -162,7 +170,7 @@ def _at_vertices(basis: DistanceBasis, seams: Repair) -> DistanceBasis:
     )
 
 
-def _basis(
+def _build_basis(
     surface: MetricSpace,
     engine: DistanceEngine,
     start: int,
@@ -178,39 +186,39 @@ def _basis(
         return nystrom_basis(farthest_point_sampling(engine, n_columns, start), measure, rank, engine.name)
     shape = require_mesh_or_points(surface)
     if method == "predicted":
-        weighted = DensityWeighted(engine, density_of(shape, measure))
-        sampling = farthest_point_sampling(weighted, n_columns, start)
+        dense_engine = DensityWeighted(engine, density_of(shape, measure))
+        sampling = farthest_point_sampling(dense_engine, n_columns, start)
         return predicted_basis(shape, sampling, measure, rank, engine.name)
-    interpolated = fmds_basis if method == "fmds" else smds_basis
-    return interpolated(shape, farthest_point_sampling(engine, n_columns, start), measure, rank, engine.name)
+    interpolate = fmds_basis if method == "fmds" else smds_basis
+    return interpolate(shape, farthest_point_sampling(engine, n_columns, start), measure, rank, engine.name)
 
 
 def _with_held_out(basis: DistanceBasis, engine: DistanceEngine, seed: int, count: int) -> DistanceBasis:
-    """Add columns that were not used, drawn with probability ∝ weight; used ones if too few are left."""
+    """Add columns that were not used, drawn with probability ∝ weight; used columns if too few are left."""
+    if count < 1:
+        return basis
     share = basis.weights.copy()
     if len(basis.samples) + count <= len(share):
         share[basis.samples] = 0.0
-    if count < 1:
-        return basis
-    rng = generator(seed, 1)
-    drawn = rng.choice(len(share), min(count, len(share)), replace=False, p=share / share.sum())
-    return replace(basis, held_out=Sampling(drawn, engine.distances_from(drawn)))
+    count = min(count, len(share))
+    vertices = generator(seed, 1).choice(len(share), count, replace=False, p=share / share.sum())
+    return replace(basis, held_out=Sampling(vertices, engine.distances_from(vertices)))
 
 
-def _within(
+def _build_within(
     tolerance: float,
-    built: Callable[[int, int], DistanceBasis],
+    build: Callable[[int, int], DistanceBasis],
     engine: DistanceEngine,
     seed: int,
     count: int,
 ) -> DistanceBasis:
-    """Double the number of columns until the estimated error is small enough, then drop vectors not needed."""
+    """Double the number of columns until the error is small enough, then drop vectors not needed."""
     if not tolerance > 0:
         raise SettingError(f"tolerance = {tolerance} is not a positive relative error")
     n, n_columns, best = engine.n_points, 25, np.inf
-    while n_columns < min(MOST_COLUMNS, n):
+    while n_columns < min(MAX_COLUMNS, n):
         n_columns = min(2 * n_columns, n)
-        basis = _with_held_out(built(max(n_columns // 2, 1), n_columns), engine, seed, count)
+        basis = _with_held_out(build(max(n_columns // 2, 1), n_columns), engine, seed, count)
         errors = basis.error_estimates()
         if errors.min() <= tolerance:
             return basis.truncated(int((errors <= tolerance).argmax()) + 1)

@@ -1,4 +1,4 @@
-"""Canonical forms: points of a Euclidean space whose distances approximate the geodesic distances of a surface."""
+"""Canonical forms: points in Euclidean space whose distances approximate geodesic distances."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from isomatch.geodesics import MetricSpace, Sampling, farthest_point_sampling, m
 from isomatch.io import SurfaceLike
 from isomatch.repair import without_seams
 from isomatch.spectral.basis import Weighting, basis_domain
-from isomatch.spectral.distance_basis import orthonormalised
+from isomatch.spectral.distance_basis import orthonormalise
 from isomatch.spectral.laplacian import require_mesh_or_points
-from isomatch.spectral.low_rank import biharmonic_interpolant, leading_eigenpairs, swapped
+from isomatch.spectral.low_rank import biharmonic_interpolant, leading_eigenpairs, swap_matrix
 
 EmbeddingMethod = Literal["nystrom", "exact", "fmds"]
 
@@ -31,20 +31,20 @@ class CanonicalForm:
     Parameters
     ----------
     points : (n, dim) array of float
-        Coordinates in mesh units, centred, axes in decreasing order of extent; only distances between points have a
-        meaning.
+        Coordinates in mesh units, centred, axes in decreasing order of extent; only distances
+        between points have a meaning.
     values : (dim,) array of float
-        Eigenvalues of −½ J D² J that belong to the axes, decreasing.
+        Eigenvalues of −½ J D² J for the axes, decreasing.
     stress : float
-        √(Σ w_i (‖x_i − x_j‖ − d_ij)² / Σ w_i d_ij²) over the measured columns j and all i: the part of the distances
-        that a Euclidean space of this dimension cannot reproduce.
+        √(Σ w_i (‖x_i − x_j‖ − d_ij)² / Σ w_i d_ij²), summed over the measured columns j and all i:
+        the part of the distances that a Euclidean space of this dimension cannot reproduce.
     notes : tuple of str
-        What was welded.
+        Number of vertices that were welded.
 
     Examples
     --------
-    A flat square is its own canonical form. The four corners of a tetrahedron are equally far from each other, which no
-    four points of the plane are.
+    A flat square is its own canonical form. The four corners of a tetrahedron are equally far from
+    each other, which no four points of the plane are.
 
     >>> from isomatch import Mesh
     >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
@@ -78,19 +78,22 @@ def canonical_form(
     Parameters
     ----------
     surface : Mesh, PointCloud or other metric space
-        Anything that `distance_engine` takes, of one component and n points; "fmds" needs a mesh or a point cloud.
+        Anything that `distance_engine` takes, of one component and n points; "fmds" needs a mesh or
+        a point cloud.
     dim : int
         Dimension of the space.
     method : {"nystrom", "exact", "fmds"}
-        From p columns of squared distances, by Nyström's method or by smooth interpolation, or from all n.
+        From p columns of squared distances, by Nyström's method or by smooth interpolation, or from
+        all n.
     p : int
         Number of distance columns; ignored by "exact".
     weights : {"area", "uniform"}
-        Whether the centre and the axes are those of the surface or those of its vertices.
+        Whether points count by area or all alike for the centre and the axes.
     seed : int
         Draws the start of the sampling.
     engine : str, optional
-        How distances are computed, one of ``engine_names(type(surface))``; by default the first of them.
+        How distances are computed, one of ``engine_names(type(surface))``; by default the first of
+        them.
     weld : bool
         Whether vertices of a mesh at exactly the same position are one point of the surface.
 
@@ -109,9 +112,10 @@ def canonical_form(
 
     Notes
     -----
-    Elad & Kimmel, *On bending invariant signatures for surfaces*, PAMI 2003, with the low-rank forms of Shamai,
-    Zibulevsky & Kimmel, 3DOR 2015: D² ≈ S T Sᵀ, J S is centred, and one QR decomposition gives the eigenpairs of
-    −½ J S T Sᵀ J. O(p n log n) time and 8 n p bytes; for "exact", 24 n².
+    Elad & Kimmel, *On bending invariant signatures for surfaces*, PAMI 2003, with the low-rank
+    forms of Shamai, Zibulevsky & Kimmel, 3DOR 2015: D² ≈ S T Sᵀ, J S is centred, and one QR
+    decomposition gives the eigenpairs of −½ J S T Sᵀ J. O(p n log n) time and 8 n p bytes; 24 n²
+    bytes for "exact".
 
     Examples
     --------
@@ -134,7 +138,7 @@ def canonical_form(
         else:
             start = peripheral_vertex(surface, distances, seed)
             sampling = farthest_point_sampling(distances, min(p, n), start)
-            points, values = _scaled_low_rank(surface, sampling, measure, dim, method)
+            points, values = _low_rank_scaling(surface, sampling, measure, dim, method)
     if len(values) < dim or not (values > 0).all():
         raise SettingError(
             f"only {int((values > 0).sum())} of {dim} eigenvalues are positive: the distances fit no space of that "
@@ -149,8 +153,9 @@ def canonical_form(
 def classical_scaling(squares: FloatArray, measure: FloatArray, dim: int) -> tuple[FloatArray, FloatArray]:
     """Place n points in a Euclidean space by all their squared distances (n, n), which are made symmetric.
 
-    Returns coordinates (n, min(dim, n)), centred, in decreasing order of spread, 0 along axes whose eigenvalue is not
-    positive; and the eigenvalues, decreasing. ``measure`` (n,), above 0, says how much each point counts. O(n³).
+    Returns coordinates (n, min(dim, n)), centred, in decreasing order of spread, 0 along axes whose
+    eigenvalue is not positive; and the eigenvalues, decreasing. ``measure`` (n,), positive, weights
+    the points. O(n³).
 
     Examples
     --------
@@ -159,13 +164,14 @@ def classical_scaling(squares: FloatArray, measure: FloatArray, dim: int) -> tup
     >>> abs(points[:2] - points[1:]).round(6).ravel()
     array([1., 2.])
     """
-    # Torgerson, *Multidimensional scaling: I. Theory and method*, Psychometrika 1952, with weights a_i. If d_ij² = ‖x_i
-    # − x_j‖² and Σ a_i x_i = 0, then
+    # Torgerson, *Multidimensional scaling: I. Theory and method*, Psychometrika 1952, with weights
+    # a_i. If d_ij² = ‖x_i − x_j‖² and Σ a_i x_i = 0, then
     #   d_ij² = ‖x_i‖² − 2 x_i · x_j + ‖x_j‖²,
-    # and the terms of one index vanish by centring on both sides with J = I − 1 aᵀ / Σ a: B = −½ J D² Jᵀ = X Xᵀ. So X
-    # is the best root of rank dim of B in the weights: with the eigenpairs A^½ B A^½ = V Λ Vᵀ, X = A^(−½) V Λ^½.
+    # and the terms with a single index vanish by centring on both sides with J = I − 1 aᵀ / Σ a: B
+    # = −½ J D² Jᵀ = X Xᵀ. So X is the best root of rank dim of B in the weights: with the
+    # eigenpairs A^½ B A^½ = V Λ Vᵀ, X = A^(−½) V Λ^½.
     share = measure / measure.sum()
-    # B_ij = −½ (d_ij² − m_i − m_j + m), m_i the weighted mean of row i, and m that of all
+    # B_ij = −½ (d_ij² − m_i − m_j + m) with the weighted mean m_i of row i and the mean m of all
     inner = -0.25 * (squares + squares.T)
     mean = inner @ share
     inner += share @ mean - mean - mean[:, None]
@@ -176,32 +182,33 @@ def classical_scaling(squares: FloatArray, measure: FloatArray, dim: int) -> tup
     return points, values[::-1]
 
 
-def _scaled_low_rank(
+def _low_rank_scaling(
     surface: MetricSpace, sampling: Sampling, measure: FloatArray, dim: int, method: EmbeddingMethod
 ) -> tuple[FloatArray, FloatArray]:
     """Classical scaling of D² ≈ S T Sᵀ: eigenpairs of −½ (J S) T (J S)ᵀ by one QR decomposition."""
-    # Shamai, Zibulevsky & Kimmel, 3DOR 2015. Centring acts on S alone, J (S T Sᵀ) Jᵀ = (J S) T (J S)ᵀ, so that
-    # ``orthonormalised`` gives the form Q Λ Qᵀ of −½ J D² Jᵀ, and X = Q Λ^½ for the largest, positive eigenvalues
+    # Shamai, Zibulevsky & Kimmel, 3DOR 2015. Centring acts on S alone, J (S T Sᵀ) Jᵀ = (J S) T (J
+    # S)ᵀ, so that ``orthonormalise`` gives the form Q Λ Qᵀ of −½ J D² Jᵀ, and X = Q Λ^½ for the
+    # largest, positive eigenvalues.
     squares, samples, p = sampling.columns**2, sampling.vertices, len(sampling.vertices)
     if method == "fmds":
-        spread = np.hstack([biharmonic_interpolant(require_mesh_or_points(surface), samples), squares.T])
-        middle = swapped(p)
+        outer = np.hstack([biharmonic_interpolant(require_mesh_or_points(surface), samples), squares.T])
+        middle = swap_matrix(p)
     else:
         among = squares[:, samples]
         values, vectors = leading_eigenpairs((among + among.T) / 2, (p + 1) // 2)  # half, which regularises
-        spread, middle = squares.T @ vectors, np.diag(1 / values)
-    spread -= measure @ spread / measure.sum()
-    form = orthonormalised(spread, -0.5 * middle, measure, method, "", samples)
-    chosen = np.argsort(-form.values, kind="stable")[:dim]
-    values = form.values[chosen]
-    return form.vectors[:, chosen] * np.sqrt(np.maximum(values, 0.0)), values
+        outer, middle = squares.T @ vectors, np.diag(1 / values)
+    outer -= measure @ outer / measure.sum()
+    form = orthonormalise(outer, -0.5 * middle, measure, method, "", samples)
+    leading = np.argsort(-form.values, kind="stable")[:dim]
+    values = form.values[leading]
+    return form.vectors[:, leading] * np.sqrt(np.maximum(values, 0.0)), values
 
 
 def _stress(points: FloatArray, sampling: Sampling, measure: FloatArray) -> float:
     """Relative stress over the columns of the samples, weighted by the points."""
-    missed = whole = 0.0
+    error = total = 0.0
     for sample, column in zip(sampling.vertices, sampling.columns):
         straight = np.linalg.norm(points - points[sample], axis=1)
-        missed += float(measure @ (straight - column) ** 2)
-        whole += float(measure @ column**2)
-    return float(np.sqrt(missed / whole))
+        error += float(measure @ (straight - column) ** 2)
+        total += float(measure @ column**2)
+    return float(np.sqrt(error / total))

@@ -36,20 +36,21 @@ FORMAT = ArrayFormat(
     },
     filled=("n", "k"),
 )
-NULL_VALUE = 1e-12  # of the largest eigenvalue; smaller ones are rounding errors
-FEWEST_FOR_THREADS = 50_000  # pairs; for fewer, starting threads costs more time than it saves
+MIN_EIGENVALUE_RATIO = 1e-12  # smaller eigenvalues, relative to the largest, are rounding errors
+MIN_PAIRS_FOR_THREADS = 50_000  # for fewer pairs, starting threads costs more time than it saves
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DistanceBasis(PlottedBasis):
-    """A low-rank form D ≈ Q Λ Qᵀ of the matrix of all geodesic distances, n × k numbers in place of n × n.
+    """A low-rank form D ≈ Q Λ Qᵀ of the matrix of all geodesic distances, n × k numbers instead of n × n.
 
     Parameters
     ----------
     vectors : (n, k) array of float
         Q, orthonormal in the weights: QᵀAQ = I.
     values : (k,) array of float
-        The diagonal of Λ, decreasing in magnitude, of either sign, in mesh units times the unit of ``weights``.
+        The diagonal of Λ, decreasing in magnitude, of either sign, in mesh units times the unit of
+        ``weights``.
     weights : (n,) array of float
         The diagonal of A: vertex areas in squared mesh units, or ones.
     method, engine : str
@@ -57,9 +58,10 @@ class DistanceBasis(PlottedBasis):
     samples : (p,) array of int
         Vertices whose distance columns were used; empty for the exact basis.
     held_out : Sampling, optional
-        Columns that were not used, drawn with probability ∝ weight, on which `error_estimate` measures.
+        Columns that were not used, drawn with probability ∝ weight; `error_estimate` measures on
+        them.
     notes : tuple of str
-        What was welded.
+        Number of vertices that were welded.
 
     Notes
     -----
@@ -67,7 +69,8 @@ class DistanceBasis(PlottedBasis):
 
     Examples
     --------
-    Points on a line. Its distances are of full rank, so that four vectors are exact, and fewer are not.
+    The distances of four points on a line have full rank, so that four vectors are exact, and fewer
+    are not.
 
     >>> from isomatch import distance_basis
     >>> line = np.abs(np.subtract.outer(np.arange(4.0), np.arange(4.0)))
@@ -112,8 +115,9 @@ class DistanceBasis(PlottedBasis):
     def distance(self, i: ArrayLike, j: ArrayLike) -> FloatArray:
         """Approximate distances of pairs of vertices, in mesh units; ``i`` and ``j`` broadcast.
 
-        O(k) time per pair, on all threads; millions of pairs per second. Values of the low-rank form are not corrected:
-        near 0 they may be slightly negative, and the distance of a vertex to itself is not exactly 0.
+        O(k) time per pair, on all threads; millions of pairs per second. They are not corrected:
+        near 0 they may be slightly negative, and the distance of a vertex to itself is not exactly
+        0.
         """
         first, second = np.broadcast_arrays(self._indices(i), self._indices(j))
         pairs = low_rank_distances(self.vectors, self.values, first.ravel(), second.ravel())
@@ -121,15 +125,16 @@ class DistanceBasis(PlottedBasis):
 
     def between(self, rows: ArrayLike, columns: ArrayLike) -> FloatArray:
         """Approximate distances from r vertices to c vertices, (r, c), in mesh units. O(r c k)."""
-        chosen = self.vectors[self._indices(columns)]
-        return np.asarray((self.vectors[self._indices(rows)] * self.values) @ chosen.T)
+        return np.asarray(
+            (self.vectors[self._indices(rows)] * self.values) @ self.vectors[self._indices(columns)].T
+        )
 
     def row(self, i: ArrayLike) -> FloatArray:
         """Approximate distances from one or more vertices to all, (..., n), in mesh units. O(n k) each."""
         return np.asarray((self.vectors[self._indices(i)] * self.values) @ self.vectors.T)
 
     def nearest(self, i: int, r: float) -> tuple[IntArray, FloatArray]:
-        """Vertices within distance r of vertex i, nearest first, and their distances, negative ones set to 0. O(n k)."""
+        """Vertices within distance r of vertex i, nearest first, and their distances, at least 0. O(n k)."""
         distances = np.maximum(self.row(self._indices(i)), 0.0)
         distances[i] = 0.0
         within = np.flatnonzero(distances <= r)
@@ -142,11 +147,11 @@ class DistanceBasis(PlottedBasis):
         return np.asarray(self.vectors @ ((self.values * (self.vectors.T @ x).T).T))
 
     def truncated(self, k: int) -> DistanceBasis:
-        """Keep the first k vectors, at least one: the best approximation of rank k of this one."""
+        """Keep the first k vectors, at least one: the best approximation of rank k of this basis."""
         return replace(self, vectors=self.vectors[:, :k], values=self.values[:k])
 
     def astype(self, dtype: DTypeLike) -> DistanceBasis:
-        """Convert the vectors to another precision; float32 halves the memory, with a relative error of 1e-6."""
+        """Convert the vectors to another precision; float32 halves the memory, with an error of 1e-6."""
         vectors: Any = np.ascontiguousarray(self.vectors, dtype=dtype)
         return replace(self, vectors=vectors, values=self.values.astype(dtype))
 
@@ -165,9 +170,10 @@ class DistanceBasis(PlottedBasis):
 
         Notes
         -----
-        √(Σ_y ‖D̂_y − D_y‖²_A / Σ_y ‖D_y‖²_A) over the columns y that were not used for the fit. They are drawn with
-        probability ∝ weight, so that numerator and denominator are unbiased except that the samples are left out.
-        Ten columns give the error within a factor of about 1.3.
+        √(Σ_y ‖D̂_y − D_y‖²_A / Σ_y ‖D_y‖²_A), summed over the columns y that were not used for the
+        fit. They are drawn with probability ∝ weight, so that numerator and denominator are
+        unbiased except that the samples are left out. Ten columns give the error within a factor of
+        about 1.3.
         """
         return float(self.error_estimates()[-1])
 
@@ -178,28 +184,28 @@ class DistanceBasis(PlottedBasis):
                 "this basis was built without held-out columns, so its error cannot be estimated; "
                 "use distance_basis(surface, held_out=10)"
             )
-        missing = self.held_out.columns.astype(np.float64)
-        whole = (self.weights * missing**2).sum()
+        residual = self.held_out.columns.astype(np.float64)
+        total = (self.weights * residual**2).sum()
         errors = np.zeros(self.rank)
         for c, (value, vector) in enumerate(zip(self.values, self.vectors.T)):
-            missing -= np.outer(value * vector[self.held_out.vertices], vector)
-            errors[c] = (self.weights * missing**2).sum()
-        return np.asarray(np.sqrt(errors / whole))
+            residual -= np.outer(value * vector[self.held_out.vertices], vector)
+            errors[c] = (self.weights * residual**2).sum()
+        return np.asarray(np.sqrt(errors / total))
 
     def with_points(self, points: PrecisePoints) -> DistanceBasis:
-        """Add m points of faces as points n … n + m − 1: their distances are interpolated, and their weight is 0.
+        """Add m points of faces as points n … n + m − 1, with interpolated distances and weight 0.
 
         Raises
         ------
         MeshError
             If they are no points between the n vertices.
         """
-        more = points_of(points, len(self.vectors)).interpolated(self.vectors)
-        weights = np.append(self.weights, np.zeros(len(more)))
-        return replace(self, vectors=np.concatenate([self.vectors, more]), weights=weights, held_out=None)
+        added = points_of(points, len(self.vectors)).interpolated(self.vectors)
+        weights = np.append(self.weights, np.zeros(len(added)))
+        return replace(self, vectors=np.concatenate([self.vectors, added]), weights=weights, held_out=None)
 
     def save(self, path: str | Path) -> None:
-        """Write the basis to an ``.npz`` file; an existing file is replaced only when the new one is complete.
+        """Write the basis to an ``.npz`` file; an existing file is replaced only by a complete one.
 
         Raises
         ------
@@ -220,8 +226,8 @@ class DistanceBasis(PlottedBasis):
         Raises
         ------
         FormatError
-            If the file is missing (`MissingFileError`), holds something else, or was written by an isomatch that is
-            too new.
+            If the file is missing (`MissingFileError`), holds something else, or was written by an
+            isomatch that is too new.
         """
         arrays = FORMAT.read(path)
         held_out = {name: arrays.pop(f"held_out_{name}", None) for name in ("vertices", "columns")}
@@ -230,7 +236,7 @@ class DistanceBasis(PlottedBasis):
         return cls(**arrays, notes=notes, held_out=sampling)
 
     def _indices(self, i: ArrayLike) -> IntArray:
-        """Vertex indices as integers within bounds, which compiled loops do not check."""
+        """Check that vertex indices are integers within bounds, which compiled loops do not."""
         indices = np.asarray(i)
         if indices.size and indices.dtype.kind not in "iu":
             raise MeshError(f"vertex indices must be integers, not {indices.dtype}")
@@ -242,36 +248,37 @@ class DistanceBasis(PlottedBasis):
         return indices
 
 
-def orthonormalised(
-    spread: FloatArray, middle: FloatArray, weights: FloatArray, method: str, engine: str, samples: IntArray
+def orthonormalise(
+    outer: FloatArray, middle: FloatArray, weights: FloatArray, method: str, engine: str, samples: IntArray
 ) -> DistanceBasis:
-    """Bring D ≈ S T Sᵀ to the form Q Λ Qᵀ with QᵀAQ = I; of rank q, or less if eigenvalues are null. O(n q²)."""
-    # Shamai & Kimmel 2017, section "Computing the basis": with the QR decomposition A^½ S = P R, PᵀP = I, and the
-    # eigenpairs R T Rᵀ = V Λ Vᵀ of a q × q matrix,
+    """Bring D ≈ S T Sᵀ to the form Q Λ Qᵀ with QᵀAQ = I, without null eigenvalues. O(n q²)."""
+    # Shamai & Kimmel 2017, section "Computing the basis": with the QR decomposition A^½ S = P R,
+    # PᵀP = I, and the eigenpairs R T Rᵀ = V Λ Vᵀ of a q × q matrix,
     #   D ≈ S T Sᵀ = A^(−½) P (R T Rᵀ) Pᵀ A^(−½) = Q Λ Qᵀ,  Q = A^(−½) P V,
-    # and QᵀAQ = Vᵀ PᵀP V = I. So Λ holds the eigenvalues of the operator f ↦ D A f of the approximation.
+    # and QᵀAQ = Vᵀ PᵀP V = I. So Λ holds the eigenvalues of the operator f ↦ D A f of the
+    # approximation.
     root = np.sqrt(weights)[:, None]
-    q, r = qr(root * spread, mode="economic", check_finite=True)
+    q, r = qr(root * outer, mode="economic", check_finite=True)
     inner = r @ middle @ r.T
     values, vectors = np.linalg.eigh((inner + inner.T) / 2)
     order = np.argsort(-np.abs(values), kind="stable")
-    order = order[np.abs(values[order]) > NULL_VALUE * np.abs(values).max()]
+    order = order[np.abs(values[order]) > MIN_EIGENVALUE_RATIO * np.abs(values).max()]
     basis = fix_signs(q @ vectors[:, order] / root, weights)
     return DistanceBasis(basis, values[order], weights, method, engine, samples)
 
 
 def low_rank_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray) -> FloatArray:
-    """Σ_c Λ_c Q_ic Q_jc (m,) for pairs (i, j) of rows of Q (n, k), negative ones from the end; they are not checked."""
-    # in the precision of Q; rows are not gathered, so that no memory but the result is needed
+    """Σ_c Λ_c Q_ic Q_jc (m,) for unchecked pairs (i, j) of rows of Q (n, k), negative ones from the end."""
+    # In the precision of Q. Rows are not gathered, so that only the result needs memory.
     out = np.zeros(len(i))
-    parts = n_threads() if len(i) >= FEWEST_FOR_THREADS else 1
+    parts = n_threads() if len(i) >= MIN_PAIRS_FOR_THREADS else 1
     ends = np.linspace(0, len(i), parts + 1).astype(np.int64)
 
-    def part(a: int) -> None:
-        chosen = slice(ends[a], ends[a + 1])
-        _sum_pairs(vectors, values, i[chosen], j[chosen], out[chosen])
+    def sum_part(a: int) -> None:
+        part = slice(ends[a], ends[a + 1])
+        _sum_pairs(vectors, values, i[part], j[part], out[part])
 
-    parallel_map(part, range(parts))
+    parallel_map(sum_part, range(parts))
     return out
 
 

@@ -17,22 +17,25 @@ from isomatch._core.threads import row_product, serial_blas
 from isomatch.io import SurfaceLike, surface_from
 from isomatch.repair import without_seams
 from isomatch.spectral.basis import PlottedBasis, fix_signs, require_one_component, shared_weights
-from isomatch.spectral.laplacian import WIDTH, factorised, factorised_for_threads, stiffness_and_masses
+from isomatch.spectral.laplacian import WIDTH, factorise, factorise_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, Surface
 
 Precision = Literal["double", "single"]
 
-BLOCK = 8  # vectors solved for at once; larger blocks need more vectors to converge, smaller ones more time to solve
-# see `smallest_eigenpairs`; docs/lab/design_notes.md
-TOLERANCE: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
-# Vectors for each function, from which convergence is tested. With 2.4, the finest signature of a shape differs from that
-# of its relabelled copy by up to 0.6 standard deviations, with 2.6 by 0.07.
-SPACE = 2.6
-TESTED_EVERY = 48  # vectors, a multiple of the width of either precision; a test costs an eigendecomposition
-DENSE = 1000  # vertices up to which a dense solver computes all eigenpairs
-RELATIVE_SHIFT = 0.1  # in eigenvalues of the last function; makes inverse iteration favour no single function
-SHIFT = 1e-2  # in 1 / area; makes the singular Laplacian definite
-# near the second eigenvalue: with less, rounding of the largest part of the inverse covers others
+# Vectors solved for at once. Larger blocks need more vectors to converge, smaller ones more time to
+# solve.
+BLOCK_VECTORS = 8
+# Largest residuals of converged eigenpairs, see `smallest_eigenpairs`; docs/lab/design_notes.md
+MAX_RESIDUAL: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
+# Vectors per function before the first convergence test. With 2.4, the finest signature of a shape
+# and of its relabelled copy differ by up to 0.6 standard deviations, with 2.6 by 0.07.
+MIN_VECTORS_PER_FUNCTION = 2.6
+VECTORS_PER_TEST = 48  # a multiple of the width in either precision; a test costs an eigendecomposition
+MAX_DENSE_VERTICES = 1000  # for up to so large a surface a dense solver computes all eigenpairs
+SHIFT_RATIO = 0.1  # shift relative to the last eigenvalue; makes inverse iteration favour no single function
+# Shifts in 1 / area: the first makes the singular Laplacian definite. In single precision it is
+# near the second eigenvalue: with less, rounding of the largest part of the inverse covers others.
+SHIFT = 1e-2
 SINGLE_SHIFT = 10.0
 
 
@@ -43,17 +46,18 @@ class LaplaceBasis(PlottedBasis):
     Parameters
     ----------
     vectors : (n, k) array of float
-        Φ, orthonormal in the areas: ΦᵀAΦ = I. The first is constant. In the precision in which they were computed.
+        Φ, orthonormal in the areas: ΦᵀAΦ = I. The first is constant. Single or double precision, as
+        computed.
     values : (k,) array of float
         Eigenvalues, increasing from 0, in 1 / squared mesh units.
     weights : (n,) array of float
         The diagonal of A: vertex areas, in squared mesh units.
     notes : tuple of str
-        What was welded.
+        Number of vertices that were welded.
 
     Examples
     --------
-    The first function is constant, and a constant needs no other.
+    The first function is constant, so that it alone reproduces a constant.
 
     >>> wedge = Mesh([[0, 0, 0], [3, 0, 0], [0, 2, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     >>> basis = laplace_basis(wedge, k=3)
@@ -96,10 +100,11 @@ def laplace_basis(
     seed : int
         Draws the start of the eigensolver; eigenvalues do not depend on it beyond the tolerance.
     precision : {"double", "single"}
-        Of the eigensolver. Single precision takes 0.6 of the time; the relative error of the last eigenvalues is up to
-        0.001.
+        Precision of the eigensolver. Single precision takes 0.6 of the time; the relative error of
+        the last eigenvalues is up to 0.001.
     weld : bool
-        Whether vertices of a mesh at exactly the same position are one point of the surface; they share its weight.
+        Whether vertices of a mesh at exactly the same position are one point of the surface; they
+        share its weight.
 
     Returns
     -------
@@ -108,7 +113,8 @@ def laplace_basis(
     Raises
     ------
     MeshError
-        If a vertex has no area, the surface has several components, or there are fewer than k vertices.
+        If a vertex has no area, the surface has several components, or there are fewer than k
+        vertices.
     MemoryBudgetError
         If the eigensolver would need more memory than allowed.
     NotConvergedError
@@ -116,10 +122,11 @@ def laplace_basis(
 
     Notes
     -----
-    L and A are the tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for Nonmanifold Triangle Meshes*,
-    SGP 2020 (package robust_laplacian); for graphs ``laplacian``. The eigenpairs come from a block Krylov space of the
-    shifted inverse with full reorthogonalisation; it solves for a few vectors at once and projects by matrix products,
-    which makes it about twice as fast as ARPACK. O(n k²) time, about 24 n k bytes.
+    L and A are the tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for
+    Nonmanifold Triangle Meshes*, SGP 2020 (package robust_laplacian); for graphs ``laplacian``. The
+    eigenpairs come from a block Krylov space of the shifted inverse with full reorthogonalisation;
+    it solves for a few vectors at once and projects by matrix products, which is about twice as
+    fast as ARPACK. O(n k²) time, about 24 n k bytes.
 
     Examples
     --------
@@ -130,11 +137,11 @@ def laplace_basis(
     surface, seams = without_seams(surface_from(surface), weld)
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
-    if precision not in TOLERANCE:
+    if precision not in MAX_RESIDUAL:
         raise SettingError(f"precision = {precision!r} is not 'double' or 'single'")
     operator, weights = _unit_operator(surface)
     with serial_blas():
-        values, vectors = smallest_eigenpairs(operator, k, seed, TOLERANCE[precision], np.dtype(precision))
+        values, vectors = smallest_eigenpairs(operator, k, seed, MAX_RESIDUAL[precision], np.dtype(precision))
     basis = _basis(values, vectors, weights)
     if seams:
         weights = shared_weights(weights, seams.new_index)
@@ -143,23 +150,24 @@ def laplace_basis(
 
 
 def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: csr_array) -> LaplaceBasis:
-    """Compute k eigenpairs of a surface from those of a coarser one; the last tenth of them is less accurate.
+    """Compute k eigenpairs of a surface from the basis of a coarser one; the last tenth is less accurate.
 
-    ``prolongation`` (n, n_c) interpolates, at the vertices of the surface, values at the vertices of the coarser one.
-    Errors as for `laplace_basis`.
+    ``prolongation`` (n, n_c) interpolates values at the vertices of the coarser surface to the
+    vertices of the finer one. Errors as for `laplace_basis`.
     """
-    # Two levels of the hierarchical subspace iteration of Nasikun & Hildebrandt, *The Hierarchical Subspace Iteration
-    # Method for Laplace–Beltrami Eigenproblems*, 2021: one step of inverse iteration from the prolonged functions, V =
-    # (H + σ)⁻¹ A^½ P Φ_c, which damps what is above the k-th eigenvalue, and the Rayleigh–Ritz method in its span,
+    # Two levels of the hierarchical subspace iteration of Nasikun & Hildebrandt, *The Hierarchical
+    # Subspace Iteration Method for Laplace–Beltrami Eigenproblems*, 2021: one step of inverse
+    # iteration from the prolonged functions, V = (H + σ)⁻¹ A^½ P Φ_c, which damps components above
+    # the k-th eigenvalue, and the Rayleigh–Ritz method in its span,
     #   VᵀHV c = λ VᵀV c.
-    # k solves in place of some 2.5 k of `laplace_basis`; in single precision, with the shift σ well inside the
-    # spectrum, so that no single function dominates.
+    # It takes k solves instead of some 2.5 k in `laplace_basis`; in single precision, with the
+    # shift σ well inside the spectrum, so that no single function dominates.
     operator, weights = _unit_operator(surface)
     k, area = len(coarse.values), weights.sum()
     with serial_blas():
         start = single(np.sqrt(weights)[:, None] * (prolongation @ coarse.vectors))
-        shift = RELATIVE_SHIFT * float(coarse.values[-1] * area)
-        solve = factorised_for_threads(operator, np.full(len(weights), shift), np.float32)
+        shift = SHIFT_RATIO * float(coarse.values[-1] * area)
+        solve = factorise_for_threads(operator, np.full(len(weights), shift), np.float32)
         vectors = np.empty_like(start)
         for first in range(0, k, WIDTH):
             block = solve(start[:, first : first + WIDTH])
@@ -180,14 +188,15 @@ def _unit_operator(surface: Surface) -> tuple[csc_array, FloatArray]:
             )
     require_one_component(surface)
     stiffness, weights = stiffness_and_masses(surface)
-    # L φ = λ A φ with φ = A^(−½) u is H u = λ u with the symmetric H = A^(−½) L A^(−½), times the area: at unit area
+    # L φ = λ A φ with φ = A^(−½) u is H u = λ u with the symmetric H = A^(−½) L A^(−½), times the
+    # area: at unit area
     scale, operator = np.sqrt(weights.sum() / weights), csc_array(stiffness)
     operator.data *= scale[operator.indices] * np.repeat(scale, np.diff(operator.indptr))
     return operator, weights
 
 
 def _basis(values: FloatArray, vectors: FloatArray, weights: FloatArray) -> LaplaceBasis:
-    """Eigenpairs at unit area as a basis in the units of the surface."""
+    """Make a basis in the units of the surface of eigenpairs at unit area."""
     if not (np.isfinite(values).all() and np.isfinite(vectors).all()):
         raise NotConvergedError(
             "the Laplace eigenpairs are not finite: some vertices nearly coincide, or areas differ too much; merge such "
@@ -204,27 +213,27 @@ def smallest_eigenpairs(
     tolerance: float = 1e-4,
     dtype: np.dtype[Any] = np.dtype(np.float64),  # noqa: B008
 ) -> tuple[FloatArray, AnyArray]:
-    """Smallest k eigenpairs of a symmetric semidefinite sparse matrix H: values (k,), orthonormal vectors (n, k)."""
-    # Rayleigh–Ritz for B = (H + σ)⁻¹ on the block Krylov space spanned by X, B X, B² X, … with a random block X (n, w)
-    # (Grimes, Lewis & Simon, *A shifted block Lanczos algorithm*, SIMAX 1994): the smallest eigenvalues λ of H are the
-    # largest 1 / (λ + σ) of B, far from the others, so that they converge first. With the space Q = [Q_1 … Q_j],
-    # orthonormal,
+    """Compute the smallest k eigenpairs of a sparse semidefinite matrix H: values (k,), vectors (n, k)."""
+    # Rayleigh–Ritz for B = (H + σ)⁻¹ on the block Krylov space spanned by X, B X, B² X, … with a
+    # random block X (n, w) (Grimes, Lewis & Simon, *A shifted block Lanczos algorithm*, SIMAX
+    # 1994): the smallest eigenvalues λ of H are the largest 1 / (λ + σ) of B, far from the others,
+    # so that they converge first. With the space Q = [Q_1 … Q_j], orthonormal,
     #   B Q_j = Σ_i Q_i T_ij + Q_{j+1} R_{j+1},  T = Qᵀ B Q,
-    # each new block is what remains of B Q_j, made orthonormal, Q_{j+1} R_{j+1}. It need be orthogonal only to the two
-    # before it in exact arithmetic, where T is block tridiagonal; and then once to all, as rounding brings converged
-    # directions back. ``tolerance`` bounds the residual of an eigenpair of B relative to its eigenvalue; the relative
-    # error of the eigenvalue is at most of the order of its square. ``dtype`` is that of the space and the vectors.
+    # each new block Q_{j+1} R_{j+1} is the remainder of B Q_j, made orthonormal. In exact
+    # arithmetic, where T is block tridiagonal, it need be orthogonal only to the two blocks before
+    # it; then once to all, because rounding brings converged directions back. ``tolerance`` bounds
+    # the residual of an eigenpair of B relative to its eigenvalue; the relative error of the
+    # eigenvalue is at most of the order of its square. ``dtype`` is the type of the space and the
+    # vectors.
     n = operator.shape[0]
-    if n <= max(DENSE, k + 20 * BLOCK):
+    if n <= max(MAX_DENSE_VERTICES, k + 20 * BLOCK_VECTORS):
         values, vectors = np.linalg.eigh(operator.toarray())
         return values[:k], vectors[:, :k]
     in_double = dtype == np.float64
-    width, shift = (BLOCK, SHIFT) if in_double else (WIDTH, SINGLE_SHIFT)
+    width, shift = (BLOCK_VECTORS, SHIFT) if in_double else (WIDTH, SINGLE_SHIFT)
     diagonal = np.full(n, shift)
     solve = (
-        factorised(operator, diagonal)
-        if in_double
-        else factorised_for_threads(operator, diagonal, np.float32)
+        factorise(operator, diagonal) if in_double else factorise_for_threads(operator, diagonal, np.float32)
     )
     limit = (min(n - width, 6 * k + 20 * width) // width) * width
     what = f"the Krylov space of {k} functions on {n} vertices"
@@ -243,9 +252,10 @@ def smallest_eigenpairs(
             projected[first:size, last] += overlap
         block, coupling = _orthonormal_columns(image.T.astype(np.float64))
         full = size + width > limit
-        if full or (size >= SPACE * k and size % TESTED_EVERY == 0):
-            # Ritz pairs T s = θ s give (θ, Q s). As B Q − Q T is Q_{j+1} R_{j+1} in the last block alone, the residual
-            # ‖B Q s − θ Q s‖ is ‖R_{j+1} s_last‖: no product with B is needed to know it. λ = 1 / θ − σ
+        if full or (size >= MIN_VECTORS_PER_FUNCTION * k and size % VECTORS_PER_TEST == 0):
+            # Ritz pairs T s = θ s give (θ, Q s). As B Q − Q T is Q_{j+1} R_{j+1} in the last block
+            # alone, the residual ‖B Q s − θ Q s‖ is ‖R_{j+1} s_last‖, without another product with
+            # B. λ = 1 / θ − σ.
             values, mix = np.linalg.eigh(projected[:size, :size], UPLO="U")
             values, mix = values[: -k - 1 : -1], mix[:, : -k - 1 : -1]
             residual = np.linalg.norm(coupling @ mix[last], axis=0) / values
@@ -262,12 +272,12 @@ def smallest_eigenpairs(
 
 
 def _orthonormal_columns(block: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cholesky QR, repeated once for accuracy: block = q r with qᵀq = I, for well-conditioned (n, b) blocks."""
+    """Cholesky QR, repeated once for accuracy: block (n, b) = q r with qᵀq = I, if well-conditioned."""
     q, r = block, np.eye(block.shape[1])
     for _ in range(2):
-        # qᵀq = UᵀU, so that (q U⁻¹)ᵀ (q U⁻¹) = I. The error of qᵀq grows with the square of the condition, of which the
-        # second round leaves nothing (Yamamoto et al., *Roundoff error analysis of the CholeskyQR2 algorithm*, ETNA
-        # 2015)
+        # qᵀq = UᵀU, so that (q U⁻¹)ᵀ (q U⁻¹) = I. The error of qᵀq grows with the square of the
+        # condition number; the second round removes it (Yamamoto et al., *Roundoff error analysis
+        # of the CholeskyQR2 algorithm*, ETNA 2015).
         upper = np.linalg.cholesky(q.T @ q).T
         q = q @ solve_triangular(upper, np.eye(len(upper)), check_finite=False)
         r = upper @ r

@@ -17,14 +17,15 @@ from isomatch.geodesics import MetricSpace
 from isomatch.spectral.basis import require_areas
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-WIDTH = 16  # right-hand sides solved for at once: in single precision 64 bytes of each row
+WIDTH = 16  # right-hand sides solved for at once; 64 bytes of each row in single precision
 
 
 def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:
-    """Compute the stiffness matrix L (n, n), semidefinite and without unit, and the lumped masses (n,) of a surface.
+    """Compute the stiffness matrix L (n, n), semidefinite and without unit, and the lumped masses (n,).
 
-    On meshes and point clouds, the tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for Nonmanifold
-    Triangle Meshes*, SGP 2020. `MeshError` if a vertex has no area, or one that is not finite.
+    Meshes and point clouds have the tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A
+    Laplacian for Nonmanifold Triangle Meshes*, SGP 2020. `MeshError` if the area of a vertex is
+    zero or not finite.
     """
     if isinstance(surface, Graph):
         return _graph_laplacian(surface), surface.vertex_areas
@@ -36,9 +37,9 @@ def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:
 
 
 def _graph_laplacian(graph: Graph) -> csc_array:
-    # The weight of an edge is the geometric mean of the masses at its ends over its squared length, times a constant
-    # that makes L the five-point Laplacian on a square grid: there the masses are h², so that 4 / degree √(m_i m_j) /
-    # h² = 1
+    # The weight of an edge is the geometric mean of the masses at its ends, divided by its squared
+    # length, times a constant: on a square grid, where the masses are h², 4 / degree √(m_i m_j) /
+    # h² = 1 makes L the five-point Laplacian.
     i, j = graph.edges.T
     lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())  # no division by 0
     degree = 2 * len(i) / graph.n_vertices  # average number of neighbours, 4 on a square grid
@@ -48,24 +49,24 @@ def _graph_laplacian(graph: Graph) -> csc_array:
     return csc_array(diags_array(adjacency.sum(axis=1)) - adjacency)
 
 
-def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Factorise H + diag(d), which must be symmetric and definite, and return the function that solves with it."""
+def factorise(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Factorise H + diag(d), symmetric and definite, and return the function that solves with it."""
     return cast(Callable[[FloatArray], FloatArray], _factors(stiffness, diagonal).solve)
 
 
-def factorised_for_threads(
+def factorise_for_threads(
     stiffness: csc_array, diagonal: FloatArray, dtype: type[np.floating[Any]] = np.float64
 ) -> Callable[[FloatArray], AnyArray]:
-    """As ``factorised``, for up to WIDTH right-hand sides; in single precision in half the time.
+    """As ``factorise``, for up to WIDTH right-hand sides; single precision takes half the time.
 
-    What it returns may be kept, and used by several threads: the memory of SuperLU's own factors is lost if another
-    thread than that which made them lets go of them.
+    Several threads may keep and use the result. SuperLU's own factors would leak if another thread
+    than the one that made them released them.
     """
     factors = _factors(stiffness, diagonal)  # H + diag(d) = Pᵀ L D Lᵀ P
-    strict = csr_array(tril(factors.L, -1))
-    columns = csc_array(strict)
+    rows = csr_array(tril(factors.L, -1))
+    columns = csc_array(rows)
     by_row, by_column = (
-        (each.indptr, each.indices, np.asarray(each.data, dtype)) for each in (strict, columns)
+        (lower.indptr, lower.indices, np.asarray(lower.data, dtype)) for lower in (rows, columns)
     )
     inverse, place, n = np.asarray(1 / factors.U.diagonal(), dtype), factors.perm_c.copy(), len(diagonal)
 
@@ -102,21 +103,22 @@ def _solve(
     x: AnyArray,
     sums: AnyArray,
 ) -> None:
-    """Solve L D Lᵀ x = b in place, given the rows and the columns of L below its diagonal of ones, and D⁻¹."""
-    # L y = b forwards: y_i = b_i − Σ_{j<i} L_ij y_j. Then Lᵀ x = D⁻¹ y backwards: x_j = y_j / d_j − Σ_{i>j} L_ij x_i.
-    # Both ways values are gathered: to scatter them takes half as long again. ``sums`` are WIDTH zeros.
+    """Solve L D Lᵀ x = b in place, given D⁻¹ and the rows and columns of L below its unit diagonal."""
+    # L y = b forwards: y_i = b_i − Σ_{j<i} L_ij y_j. Then Lᵀ x = D⁻¹ y backwards: x_j = y_j / d_j −
+    # Σ_{i>j} L_ij x_i. Both directions gather values, because scattering them takes 1.5 times as
+    # long. ``sums`` are WIDTH zeros.
     n = len(inverse)
     for i in range(n):
-        for at in range(row_start[i], row_start[i + 1]):
-            j, value = column[at], row_value[at]
+        for e in range(row_start[i], row_start[i + 1]):
+            j, value = column[e], row_value[e]
             for c in range(WIDTH):
                 sums[c] += value * x[j, c]
         for c in range(WIDTH):
             x[i, c] -= sums[c]
             sums[c] = 0.0
     for j in range(n - 1, -1, -1):
-        for at in range(column_start[j], column_start[j + 1]):
-            i, value = row[at], column_value[at]
+        for e in range(column_start[j], column_start[j + 1]):
+            i, value = row[e], column_value[e]
             for c in range(WIDTH):
                 sums[c] += value * x[i, c]
         for c in range(WIDTH):

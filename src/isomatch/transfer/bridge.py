@@ -14,7 +14,7 @@ from isomatch._core.errors import MeshError
 from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation, welded_map
 from isomatch.decimation import PlacedMesh, Prolongation, VertexGroups, decimate, normalised
 from isomatch.io import Asset, Attribute
-from isomatch.spectral import factorised_for_threads, stiffness_and_masses
+from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
 # × extent of the surface: farther from its image, a corner was kept on its side of a texture seam
@@ -163,7 +163,7 @@ class Bridge:
         summed = np.zeros((coarse.mesh.n_vertices, 9))
         np.add.at(summed, coarse.owner, self._fits[kept].reshape(-1, 9))
         stiffness, areas = stiffness_and_masses(coarse.mesh)
-        averages = factorised_for_threads(SMOOTHED**2 * areas.sum() * stiffness, areas)(summed)
+        averages = factorise_for_threads(SMOOTHED**2 * areas.sum() * stiffness, areas)(summed)
         fits = self._fits.copy()
         fits[kept] = Prolongation(part, coarse).on_coarse.interpolated(averages).reshape(-1, 3, 3)
         return self._nearest_rotations(fits)
@@ -186,7 +186,7 @@ class Bridge:
             return rows, lambda moves: moves[rows]
         stiffness, areas = stiffness_and_masses(part)
         around = stiffness[rows]
-        solve = factorised_for_threads(csc_array(around[:, rows]), SHIFT / areas.sum() * areas[rows])
+        solve = factorise_for_threads(csc_array(around[:, rows]), SHIFT / areas.sum() * areas[rows])
         return kept[rows], lambda moves: solve(-(around @ moves[kept]))
 
     @cached_property

@@ -12,7 +12,7 @@ from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.io import Asset, SurfaceLike, surface_from
-from isomatch.landmarks import Curve, Landmarks, drawn_curve, equally_spaced, with_frame
+from isomatch.landmarks import Curve, Landmarks, draw_curve, equally_spaced, with_frame
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surface
 from isomatch.transfer.bridge import Bridge
@@ -84,7 +84,7 @@ def carry_landmarks(
     framed = with_frame(source), with_frame(target)
     way = _Way.of(given, (framed[0][0], framed[1][0]), expected_error, to)
     own, other = (frame.axes if frame else None for _, frame in (framed if to == "target" else framed[::-1]))
-    landmarks, axes = landmarks.turned(own).apart(), other or landmarks.axes or own
+    landmarks, axes = landmarks.in_axes(own).with_separate_curves(), other or landmarks.axes or own
     placed, unit = landmarks.placed, landmarks.unit
     every = np.full((len(landmarks), 4), np.nan)
     every[placed] = way.carried(landmarks.positions[placed])
@@ -160,7 +160,7 @@ class _Way:
         (start, end), nowhere = self.ends, np.full((n, 4), np.nan)
         if np.isnan(points).any():
             return nowhere
-        images = self.carried(drawn_curve(start, points, curve.closed, curve.name or "curve"))
+        images = self.carried(draw_curve(start, points, curve.closed, curve.name or "curve"))
         if np.isnan(images[:, :3]).any():
             return nowhere
         piece, share = equally_spaced(images[:, :3], n, curve.closed)

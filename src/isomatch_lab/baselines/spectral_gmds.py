@@ -104,7 +104,7 @@ def spectral_gmds(
         functional_map = task.orthogonal_icp(alpha, len(alpha), config.icp_steps)
         if config.final_sizes:
             sizes = sorted({task.functions_at_most(k) for k in config.final_sizes})
-            functional_map = task.spectra.grown(task.spectra.image(functional_map), sizes)
+            functional_map = task.spectra.fit_and_upsample(task.spectra.image(functional_map), sizes)
         return task.spectral_result(functional_map, config, origin)
 
 

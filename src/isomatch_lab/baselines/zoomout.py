@@ -80,6 +80,6 @@ def zoomout(
             functional_map = solved(task, config)
         task.timer.start("refinement")
         sizes = range(len(functional_map) + config.step, task.functions_at_most(config.last) + 1, config.step)
-        functional_map = task.spectra.upsampled(functional_map, sizes)
+        functional_map = task.spectra.upsample(functional_map, sizes)
         origin = "initial map" if len(task.priors.initial_pairs) else "functional map"
         return task.spectral_result(functional_map, config, origin)

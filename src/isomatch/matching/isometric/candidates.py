@@ -49,7 +49,9 @@ class Screening:
     def _candidate(self, hypothesis: Candidate) -> Candidate:
         pair, settings = self._pair, self._pair.config.selection
         spectra = pair.search_spectra
-        target_row = SearchRows(spectra.image(spectra.grown(hypothesis.target_row, SCREENING.sizes)))
+        target_row = SearchRows(
+            spectra.image(spectra.fit_and_upsample(hypothesis.target_row, SCREENING.sizes))
+        )
         target_vertex = BodyVertices(pair.target_vertices[target_row])
         energy = energy_of(pair, pair.source_vertices, target_vertex, pair.config.search.rank)
         basis, n = spectra.source, settings.normal_functions

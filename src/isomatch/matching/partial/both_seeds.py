@@ -295,7 +295,7 @@ class CommonRegions:
         accepted = costs < most
         images, of_image = np.unique(placed[accepted], return_inverse=True)
         back, _ = trilaterate(
-            of_target.each(lambda bound: bound[:, images]), of_source, COST, SEEDS.extension_near
+            of_target.map_bounds(lambda bound: bound[:, images]), of_source, COST, SEEDS.extension_near
         )
         accepted[accepted] = source.intervals.upper[everything[accepted], back[of_image]] < SEEDS.round_trip
         marks = np.arange(len(source.landmarks))

@@ -63,7 +63,7 @@ class Pool:
         # j, …, 1) is near the functional map of the mirror image, or of the map that exchanges front and back
         pair = self.pair
         n = min(self._settings.flipped_functions, pair.n_functions)
-        grown = [pair.search_spectra.grown(parent.target_row, (n,) * 4) for parent in parents if n]
+        grown = [pair.search_spectra.fit_and_upsample(parent.target_row, (n,) * 4) for parent in parents if n]
         # the first function is constant; leaving out the second is chosen, not measured
         flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
         starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
@@ -101,4 +101,4 @@ def _flipped(pair: Problem, functional_map: FloatArray, function: int) -> Int[Se
     flipped = functional_map[:size, :size].copy()
     flipped[function] *= -1
     sizes = range(size, len(functional_map) + 1, 2)
-    return SearchRows(spectra.image(spectra.upsampled(flipped, sizes)))
+    return SearchRows(spectra.image(spectra.upsample(flipped, sizes)))
