@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from isomatch._core.tables import read_csv, table_of
+from isomatch._core.tables import parse_table, read_table
 from isomatch._core.texts import joined, write_csv
 from isomatch.io import Attribute, read_attributes, write_attributes
 
@@ -23,19 +23,19 @@ def test_a_formula_is_a_text(tmp_path, word):
     path = tmp_path / "a.csv"
     write_csv(path, [{word: word, "depth": -0.5}], [word, "depth"])
     assert cells(path) == [f"'{word}", "depth", f"'{word}", "-0.5"]
-    assert read_csv(path) == [{word: word, "depth": "-0.5"}]
+    assert read_table(path).records() == [{word: word, "depth": "-0.5"}]
 
 
 @pytest.mark.parametrize("word", PLAIN)
 def test_any_other_text_is_written_as_it_is(tmp_path, word):
     write_csv(tmp_path / "a.csv", [{"a": word, "b": 1}], ["a", "b"])
     assert cells(tmp_path / "a.csv")[2:] == [word, "1"]
-    assert read_csv(tmp_path / "a.csv") == [{"a": word, "b": "1"}]
+    assert read_table(tmp_path / "a.csv").records() == [{"a": word, "b": "1"}]
 
 
 def test_cells_are_read_as_they_were_meant():
     words = [word for word in (*FORMULAS, *PLAIN) if word == word.strip()]
-    table = table_of(joined([["n"] * len(words), words]), "a.csv")
+    table = parse_table(joined([["n"] * len(words), words]), "a.csv")
     assert table.rows[1].cells == words
 
 

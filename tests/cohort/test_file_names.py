@@ -9,7 +9,7 @@ import pytest
 
 from isomatch import read_mesh
 from isomatch._core.files import legible
-from isomatch._core.tables import read_csv
+from isomatch._core.tables import read_table
 from isomatch.cli import main
 from isomatch.cohort import Collection
 from small_collections import run
@@ -47,7 +47,7 @@ def test_shapes_with_names_that_are_not_utf8_go_through_collect(small, tmp_path,
         collection.maps("plain", "b%FF%FE").there.n_target
         == read_mesh(collection.paths["b%FF%FE"]).n_vertices
     )
-    assert {line["name"] for line in read_csv(out / "shapes.csv")} >= names
+    assert {line["name"] for line in read_table(out / "shapes.csv").records()} >= names
     page = (out / "index.html").read_text(encoding="utf-8")
     assert "b%FF%FE" in page
     assert "broken%FF.off:1: " in page

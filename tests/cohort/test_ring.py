@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from isomatch import Correspondence, Mesh, Outcome, read_mesh, write_mesh
-from isomatch._core.tables import read_csv
+from isomatch._core.tables import read_table
 from isomatch.cli import main
 from isomatch.cohort import Collection, PairMaps, finish
 from isomatch.cohort.ledger import ShapeRow, writing_ledger
@@ -67,7 +67,7 @@ def errors_of(collection):
 
 
 def told(collection, column):
-    return [line[column] for line in read_csv(collection.layout.shapes_table)]
+    return [line[column] for line in read_table(collection.layout.shapes_table).records()]
 
 
 def status(collection, capsys):

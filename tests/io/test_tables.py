@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from written_tables import clouds, tables
 
 from isomatch import Asset, DescriptorError, FormatError, Mesh, read_asset
-from isomatch._core.tables import read_csv, read_integers, table_of
+from isomatch._core.tables import parse_table, read_integers, read_table
 from isomatch.io import read_attributes
 
 MESH = Mesh(np.random.default_rng(0).random((7, 3)), [[0, 1, 2], [1, 2, 3], [2, 3, 4]])
@@ -132,9 +132,9 @@ def test_what_can_be_meant_in_two_ways_is_refused(tmp_path, text, message):
 
 
 def test_comments_and_names_that_begin_with_a_mark():
-    table = table_of("# made by hand\n#7,x\n5,y\n# the last\n6,z # of all\n", "t", ["#7"])
+    table = parse_table("# made by hand\n#7,x\n5,y\n# the last\n6,z # of all\n", "t", ["#7"])
     assert [row.cells for row in table.rows] == [["#7", "x"], ["5", "y"], ["6", "z # of all"]]
-    assert table_of("#x y z\n0 1 2\n", "t").titled({"x"}).titles == ("x", "y", "z")
+    assert parse_table("#x y z\n0 1 2\n", "t").titled({"x"}).titles == ("x", "y", "z")
 
 
 def test_whole_numbers_may_be_written_as_floats(tmp_path):
@@ -157,7 +157,7 @@ def test_lists_are_read_like_other_tables(tmp_path, encoding, separator, end):
     rows = [["Name", "path"], ["007", "scans/ä.ply"], ["Größe", '"a,b;c.ply"'], ["", "d.ply"]]
     text = end.join(separator.join(row) for row in rows) + end
     (tmp_path / "list.csv").write_bytes(text.encode(encoding))
-    found = read_csv(tmp_path / "list.csv", ["path"], ["name"])
+    found = read_table(tmp_path / "list.csv").records(["path"], ["name"])
     expected = [("007", "scans/ä.ply"), ("Größe", "a,b;c.ply"), ("", "d.ply")]
     assert [(row["name"], row["path"]) for row in found] == expected
 
@@ -174,7 +174,7 @@ def test_lists_are_read_like_other_tables(tmp_path, encoding, separator, end):
 def test_lists_with_a_fault_are_refused(tmp_path, text, message):
     (tmp_path / "list.csv").write_text(text)
     with pytest.raises(FormatError, match=message):
-        read_csv(tmp_path / "list.csv", ["path"], ["name"])
+        read_table(tmp_path / "list.csv").records(["path"], ["name"])
 
 
 XYZ = [(0.5, -1.25, 2), (3, 4.5, -6), (7, 8, 9.75), (1, 0, 0)]

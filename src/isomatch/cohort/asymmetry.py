@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import FormatError, InputError, MeshError, SettingError
 from isomatch._core.stage_timer import Progress
-from isomatch._core.tables import read_csv
+from isomatch._core.tables import read_table
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surface_as_written
@@ -117,7 +117,7 @@ def asymmetry(
             hints = read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
         scans = Collection.open(source) if Layout(source).plan.exists() else None
         if pairs:
-            named = [(row["left"], row["right"]) for row in read_csv(pairs, ("left", "right"))]
+            named = [(row["left"], row["right"]) for row in read_table(pairs).records(("left", "right"))]
             both = shape_statistics.paired_sides(cohort, named)
             notes += [f"{name} has no partner" for name in cohort.names if name not in {*sum(named, ())}]
         elif left_right and not is_mesh:

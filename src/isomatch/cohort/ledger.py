@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from isomatch._core.errors import FormatError, UnwritableFileError
 from isomatch._core.files import claimed
-from isomatch._core.tables import read_csv
+from isomatch._core.tables import read_table
 from isomatch._core.texts import write_csv
 from isomatch.matching import MatchResult, Outcome
 
@@ -287,7 +287,7 @@ class SurfaceRow:
     @classmethod
     def read(cls, path: Path) -> dict[str, SurfaceRow]:
         """Read a table, if there is one; lines that were not written by us are left out."""
-        lines = read_csv(path) if path.exists() else []
+        lines = read_table(path).records() if path.exists() else []
         own = [line for line in lines if set(OF_SURFACE) <= set(line)]
         return {line["name"]: cls(**{name: line.get(name, "") for name in SURFACE_COLUMNS}) for line in own}
 

@@ -23,7 +23,7 @@ from isomatch._core.cached import cached_property
 from isomatch._core.errors import InputError
 from isomatch._core.files import UNFINISHED, ignores_case, legible, remove_unfinished, require_names
 from isomatch._core.skipped import tell_skipped
-from isomatch._core.tables import read_csv
+from isomatch._core.tables import read_table
 from isomatch.cohort.ledger import (
     N_EIGENVALUES,
     N_QUANTILES,
@@ -287,7 +287,9 @@ def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry
 
 
 def _in_table(path: Path) -> list[Entry]:
-    rows = read_csv(path, ("path",), ("name",), "its first line names the columns, such as name,path")
+    rows = read_table(path).records(
+        ("path",), ("name",), "its first line names the columns, such as name,path"
+    )
     files = [path.parent / row["path"] for row in rows]
     return [Entry(row.get("name") or legible(file.stem), file) for row, file in zip(rows, files)]
 
@@ -328,7 +330,9 @@ def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[P
 
 
 def _listed(path: Path, names: Collection[str]) -> list[Pair]:
-    rows = read_csv(path, ("source", "target"), (), "give columns source and target, named in the first line")
+    rows = read_table(path).records(
+        ("source", "target"), (), "give columns source and target, named in the first line"
+    )
     if not rows:
         raise InputError(f"{path}: no pairs; give columns source and target, named in the first line")
     pairs = [(row["source"], row["target"]) for row in rows]

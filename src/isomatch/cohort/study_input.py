@@ -10,10 +10,9 @@ from unicodedata import normalize
 
 import numpy as np
 
-from isomatch._core import tables
 from isomatch._core.errors import FormatError, InputError
 from isomatch._core.skipped import noted
-from isomatch._core.tables import NO_TEXT, read_csv
+from isomatch._core.tables import NO_TEXT, read_table
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.map_file import require_unchanged
 from isomatch.cohort.plan import Layout
@@ -70,7 +69,7 @@ def read_study(
     else:
         require_unchanged(Layout(source), ["corresponded"])
         shapes = shape_statistics.read_shapes([source] if source.is_file() else source)
-    cells = read_table(table, shapes.names, shapes.left_out, columns) if table else {}
+    cells = read_shape_cells(table, shapes.names, shapes.left_out, columns) if table else {}
     doubts = shape_statistics.doubtful_shapes(shapes)
     notes = [noted(f"left out: {reason}") for reason in shapes.left_out]
     for own in (source / structure for structure in shapes.structures or ("",)):
@@ -109,7 +108,7 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
     if not pairs.is_file():
         return []
     outcomes: dict[str, set[str]] = {name: set() for name in names}
-    for row in read_csv(pairs):
+    for row in read_table(pairs).records():
         for end in ("source", "target"):
             outcomes.get(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
     doubtful = {name: ", ".join(sorted(own)) for name, own in outcomes.items() if own and not own & TRUSTED}
@@ -118,18 +117,18 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
 
 def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
     """Say which shapes of a collection are mirror images of those in their files."""
-    lines = read_csv(table) if table.is_file() else []
+    lines = read_table(table).records() if table.is_file() else []
     turned = [name for line in lines if line.get("reflected") and (name := line.get("name")) in names]
     return [f"mirror images of the surfaces in their files: {', '.join(turned)}"] if turned else []
 
 
 def read_groups(path: Path, names: Iterable[str], left_out: Sequence[str] = ()) -> dict[str, str]:
     """Read the group of each shape from a table; shapes whose cell is empty, or NA, have none."""
-    table = read_table(path, names, left_out)
+    table = read_shape_cells(path, names, left_out)
     return {name: cells["group"] for name, cells in table.items() if cells["group"]}
 
 
-def read_table(
+def read_shape_cells(
     path: Path, names: Iterable[str], left_out: Sequence[str] = (), columns: Sequence[str] = ("group",)
 ) -> Table:
     """Read what a table, as spreadsheets write them, says of shapes: cells by column, empty where there is no value."""
@@ -137,7 +136,7 @@ def read_table(
     # or those that R gives to rows. Rows of shapes that were left out, with reasons, are passed over.
     names_of = {normalize("NFC", name): name for name in names}
     spared = [name for name in (*names_of, *names_of.values()) if name.startswith("#")]
-    untitled = tables.read_table(path, spared)
+    untitled = read_table(path, spared)
     titled = untitled.titled({"name", *columns})
     lower = [title.lower() if title.lower() in ("name", "group") else title for title in titled.titles]
     if "name" not in lower and lower[:1] == [""]:

@@ -17,7 +17,7 @@ from isomatch.evaluation.truth_files import (
     counted_from,
     read_indices,
     read_marked,
-    read_table,
+    read_numbers,
     read_truth,
 )
 
@@ -36,7 +36,7 @@ __all__ = [
     "geodesic_errors",
     "read_indices",
     "read_marked",
-    "read_table",
+    "read_numbers",
     "read_truth",
     "sided_errors",
     "smallest",

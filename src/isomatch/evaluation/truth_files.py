@@ -107,7 +107,7 @@ def _table(path: Path, n_source: int) -> FloatArray | None:
         if width == 2:
             pair = "is not a pair; write a source vertex and a target vertex"
             return tables.read_integers(path, 2, pair).astype(np.float64)
-        arrays = [read_table(path, 4)] if width == 4 else []
+        arrays = [read_numbers(path, 4)] if width == 4 else []
     arrays = [x for x in arrays if x.ndim == 2 and x.dtype.kind in "iuf"]
     arrays = [x for x in arrays if x.shape[1] == 2 or x.shape == (n_source, 4)]
     if len(arrays) + n_maps * bool(arrays) > 1:
@@ -203,7 +203,7 @@ def _require_within(path: Path, what: str, indices: IntArray, least: int, n: int
 
 def read_indices(path: Path) -> IntArray:
     """Read vertices from text, one a line, counted from 1 as in ``.vts`` files; return them counted from 0."""
-    return counted_from(1, path, read_table(path)[:, 0])
+    return counted_from(1, path, read_numbers(path)[:, 0])
 
 
 def counted_from(first: int, path: Path, indices: AnyArray) -> IntArray:
@@ -221,7 +221,7 @@ def counted_from(first: int, path: Path, indices: AnyArray) -> IntArray:
     return indices.astype(np.int64) - first
 
 
-def read_table(path: Path, columns: int = 1) -> FloatArray:
+def read_numbers(path: Path, columns: int = 1) -> FloatArray:
     """Numbers of a text file, (rows, at least ``columns``); ``#`` and ``%`` start comments."""
     table = tables.read_table(path).titled()
     table.require_width()

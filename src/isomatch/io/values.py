@@ -17,7 +17,7 @@ import numpy as np
 from isomatch._core.arrays import AnyArray, IntArray
 from isomatch._core.errors import DescriptorError, FormatError
 from isomatch._core.files import contents, replaced
-from isomatch._core.tables import NO_TEXT, Row, Table, table_of
+from isomatch._core.tables import NO_TEXT, Row, Table, parse_table
 from isomatch._core.texts import decoded, encoding_of, joined
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, Kind, guessed_kind, told_apart
@@ -171,7 +171,7 @@ def _words_or_numbers(attribute: Attribute) -> AnyArray:
 def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
     """Read columns of a text; those without a header are named by the file."""
     n_rows = (len(surface.points), len(surface.polygons)) if surface else ()
-    table = table_of(decoded(data), name).titled({*_VERTEX_NAMES, *_FACE_NAMES}, n_rows=n_rows)
+    table = parse_table(decoded(data), name).titled({*_VERTEX_NAMES, *_FACE_NAMES}, n_rows=n_rows)
     if not table.filled:
         raise unexpected(name, "columns of one row for each point", "nothing", "export it again")
     table.require_width()
@@ -183,7 +183,7 @@ def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribut
     index = None if at is None else _index(table, at, n_rows)
     # empty lines are rows without a value, where there are no others that say of what they are
     missing = Row(0, [], "")
-    after = (table.rows + i * [missing] for i in range(table.n_after + 1))
+    after = (table.rows + i * [missing] for i in range(table.n_empty_after + 1))
     choices = [*after, table.filled, [*dropwhile(lambda row: not row.cells, table.rows)]]
     rows = next((each for each in choices if len(each) in n_rows), choices[-1])
     table = replace(table, rows=table.filled if index else rows)
@@ -201,7 +201,7 @@ def _index(table: Table, at: int, n_rows: Sequence[int]) -> tuple[IntArray, int]
     """Return which point or polygon, from 0, each row is of, and their number; None if a column does not say that."""
     title, rows = table.titles[at], table.filled
     what = next((each for names, each in _NAMED.items() if title.lower() in names), "")
-    found = [table.whole(row.cells[at]) for row in rows]
+    found = [table.integer(row.cells[at]) for row in rows]
     held = [number for number in found if number is not None and number >= 0]
     bad = next((row for row, number in zip(rows, found) if number is None or number < 0), None)
     first = dict(zip(reversed(found), reversed(rows)))
@@ -250,7 +250,7 @@ def _column(table: Table, i: int) -> AnyArray:
     numbers = [table.number(cell) for cell in cells]
     is_text = [number is None or re.fullmatch(r"[+-]?0\d+", cell) for cell, number in zip(cells, numbers)]
     if not any(is_text):
-        whole = [table.whole(cell) if re.fullmatch(r"[+-]?\d+", cell) else None for cell in cells]
+        whole = [table.integer(cell) if re.fullmatch(r"[+-]?\d+", cell) else None for cell in cells]
         return np.array(numbers, dtype=np.float64) if None in whole else np.array(whole, dtype=np.int64)
     fractions = [number for number in numbers if number is not None and np.isfinite(number) and number % 1]
     if fractions or all(

@@ -16,7 +16,7 @@ import numpy as np
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, LandmarkError
 from isomatch._core.files import contents
-from isomatch._core.tables import NO_NUMBER, NO_TEXT, Row, Table, read_table, rows_of
+from isomatch._core.tables import NO_NUMBER, NO_TEXT, Row, Table, read_table, split_rows
 from isomatch._core.texts import is_whole_number, read_text
 from isomatch.io import TURN, Axes, Frame
 
@@ -122,14 +122,14 @@ def _place_in_row(
     table: Table, row: Row, columns: list[int], remedy: str, may_miss: bool = False
 ) -> tuple[float, ...]:
     """Return the place in some cells of a row, see `_place`."""
-    cells = [row.cells[i] if i < len(row.cells) else "?" * (not may_miss) for i in columns]
+    cells = [row.cell(i) or "?" * (not may_miss) for i in columns]
     plain = [_plain_number(table, cell, is_vertex=len(columns) == 1) for cell in cells]
     return _place(plain, [*range(len(plain))], f"{table.name}:{row.line}", row.text.strip(), remedy, may_miss)
 
 
 def _plain_number(table: Table, cell: str, is_vertex: bool) -> str:
     """Write a number with a decimal point, or a vertex without; other texts stay as they are."""
-    number = table.whole(cell) if is_vertex else table.number(cell)
+    number = table.integer(cell) if is_vertex else table.number(cell)
     return cell if number is None or not np.isfinite(number) else repr(number)
 
 
@@ -173,7 +173,7 @@ def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
             continue
         if not line.strip():
             continue
-        rows = rows_of([(number, line)], ",", str(path))
+        rows = split_rows([(number, line)], ",", str(path))
         row = dict(zip(columns, (cell for cells in rows for cell in cells.cells)))
         try:
             axes = _axes(system)

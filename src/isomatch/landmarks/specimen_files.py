@@ -12,7 +12,7 @@ import numpy as np
 from isomatch._core.arrays import IntArray
 from isomatch._core.errors import FormatError
 from isomatch._core.files import legible
-from isomatch._core.tables import NO_NUMBER, Table, table_of
+from isomatch._core.tables import NO_NUMBER, Row, Table, parse_table, read_table
 from isomatch._core.texts import read_text
 from isomatch.landmarks.landmark_files import NO_PLACE, MarkedPoint, marked_points
 
@@ -206,38 +206,22 @@ def _morphologika(text: str, path: Path) -> Iterator[Specimen]:
         yield Specimen(name, points, _dim(points, dim, path), pairs)
 
 
-def rows_of(text: str, path: Path) -> tuple[list[str], list[tuple[str, list[str]]]]:
-    """Split a table into its header and its rows, each with its place; decimal commas become points."""
-    table = table_of(text, str(path)).titled(always=True)
-    rows = [(f"{path}:{row.line}", [_with_point(table, cell) for cell in row.cells]) for row in table.filled]
-    return [*table.titles], rows
-
-
-def _with_point(table: Table, cell: str) -> str:
-    number = table.number(cell)
-    return cell if number is None or np.isnan(number) else cell.replace(",", ".")
-
-
 def _table(text: str, path: Path) -> list[Specimen]:
     """Read specimens from a table, in rows or with a row for each landmark; [] if specimens have no names."""
-    head, rows = rows_of(text, path)
-    rows = [(where, [*cells, *[""] * (len(head) - len(cells))]) for where, cells in rows]
-    lower = [cell.lower() for cell in head]
-    specimen = next((lower.index(title) for title in SPECIMEN_TITLES if title in lower), None)
-    if {"x", "y"} <= {*lower}:
+    table = parse_table(text, str(path)).titled(always=True)
+    specimen, label = table.column(*SPECIMEN_TITLES), table.column(*LANDMARK_TITLES)
+    axes = [column for axis in "xyz" if (column := table.column(axis)) is not None]
+    if None not in (table.column("x"), table.column("y")):
         if specimen is None:
             return []
-        axes = [lower.index(axis) for axis in "xyz" if axis in lower]
-        labels = (lower.index(title) for title in LANDMARK_TITLES if title in lower)
-        label = next((column for column in labels if column != specimen), None)
         points_of: dict[str, list[MarkedPoint]] = {}
-        for where, cells in rows:
-            point = _point([cells[i] for i in axes], where, "" if label is None else cells[label])
-            points_of.setdefault(cells[specimen], []).append(point)
+        for row in table.filled:
+            name = "" if label is None else row.cell(label)
+            points_of.setdefault(row.cell(specimen), []).append(_point_in(table, row, axes, name))
         return [Specimen(name, points, len(axes)) for name, points in points_of.items()]
     after, before = r"(?P<name>.+?)[ ._-]?(?P<axis>[xyz])", r"(?P<axis>[xyz])[ ._-]?(?P<name>.+)"
     matches = max(
-        ([re.fullmatch(form, cell, re.IGNORECASE) for cell in head] for form in (after, before)),
+        ([re.fullmatch(form, title, re.IGNORECASE) for title in table.titles] for form in (after, before)),
         key=lambda found: sum(map(bool, found)),
     )
     columns_of: dict[str, dict[str, int]] = {}
@@ -253,22 +237,28 @@ def _table(text: str, path: Path) -> list[Specimen]:
     if not columns_of:
         return []
     specimens = []
-    for where, cells in rows:
+    for row in table.filled:
         points = [
-            _point([cells[columns[axis]] for axis in axes_used], where, name)
+            _point_in(table, row, [columns[axis] for axis in axes_used], name)
             for name, columns in columns_of.items()
         ]
-        specimens.append(Specimen(cells[specimen or 0], points, len(axes_used)))
+        specimens.append(Specimen(row.cell(specimen or 0), points, len(axes_used)))
     return specimens
+
+
+def _point_in(table: Table, row: Row, columns: Sequence[int], name: str) -> MarkedPoint:
+    """Make a point of some cells of a row."""
+    cells = [table.plain_number(row.cell(i)) or row.cell(i) for i in columns]
+    return _point(cells, f"{table.name}:{row.line}", name)
 
 
 def landmark_numbers(path: Path, columns: Sequence[str], m: int) -> IntArray:
     """Read numbers of landmarks, from 1 in tables, from 0 in the result."""
-    head, rows = rows_of(read_text(path), path)
-    lower = [cell.lower() for cell in head]
-    places = [lower.index(title) for title in columns] if {*columns} <= {*lower} else range(-len(columns), 0)
+    table = read_table(path).titled(always=True)
+    named = [column for title in columns if (column := table.column(title)) is not None]
+    places = named if len(named) == len(columns) else range(-len(columns), 0)
     try:
-        numbers = np.array([[int(row[i]) - 1 for i in places] for _, row in rows], dtype=np.int64)
+        numbers = np.array([[int(row.cells[i]) - 1 for i in places] for row in table.filled], dtype=np.int64)
     except (ValueError, IndexError):
         numbers = np.array([[-1]])
     if numbers.size and not ((numbers >= 0) & (numbers < m)).all():

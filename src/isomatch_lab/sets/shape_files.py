@@ -11,7 +11,7 @@ import numpy as np
 from isomatch._core.array_file import Archive, read_mat
 from isomatch._core.arrays import AnyArray, IntArray
 from isomatch._core.errors import FormatError
-from isomatch.evaluation import counted_from, read_table
+from isomatch.evaluation import counted_from, read_numbers
 from isomatch.io import read_mesh
 from isomatch.surfaces import Mesh
 
@@ -40,7 +40,9 @@ def read_shape(path: Path, name: str) -> Mesh:
         return _read_mat(path)
     if path.suffix == ".vert":
         triangles = path.with_suffix(".tri")
-        return Mesh(read_table(path, 3)[:, :3], counted_from(1, triangles, read_table(triangles, 3)[:, :3]))
+        return Mesh(
+            read_numbers(path, 3)[:, :3], counted_from(1, triangles, read_numbers(triangles, 3)[:, :3])
+        )
     return read_mesh(path)
 
 
@@ -67,7 +69,7 @@ def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:
             _refuse(path, "symmetry_perm and landmark_vertices differ in length")
         table = np.column_stack(columns)
     else:
-        table = counted_from(0, path, read_table(path))
+        table = counted_from(0, path, read_numbers(path))
     vertices, number = table[:, 0], table[:, 1:2].ravel()
     if number.max(initial=-1) >= len(table):
         raise FormatError(

@@ -24,7 +24,7 @@ from isomatch._core.errors import (
 )
 from isomatch._core.files import legible
 from isomatch._core.skipped import tell_skipped
-from isomatch._core.tables import read_csv
+from isomatch._core.tables import read_table
 from isomatch._core.texts import natural_order
 from isomatch.cohort.shape_statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.correspondence import Correspondence
@@ -316,7 +316,7 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
 
 def _structures_in(table: Path) -> dict[str, int]:
     try:
-        return {line["structure"]: int(line["vertices"]) for line in read_csv(table)}
+        return {line["structure"]: int(line["vertices"]) for line in read_table(table).records()}
     except (KeyError, ValueError):
         lack = "not the structures of subjects; its columns are structure, vertices"
         raise FormatError(f"{table}: {lack}") from None

@@ -10,7 +10,7 @@ import numpy as np
 
 from isomatch._core.arrays import AnyArray, FloatArray
 from isomatch._core.first_use import package
-from isomatch._core.tables import BLANKS, Table, table_of
+from isomatch._core.tables import BLANKS, Table, parse_table
 from isomatch._core.texts import decoded
 from isomatch.io.asset import Asset, Frame
 from isomatch.io.attribute import Attribute, Kind, told_apart
@@ -44,7 +44,7 @@ def read_xyz(data: bytes, name: str) -> Asset:
     text = text[counted.end() :] if counted else text
     # names of columns and separators are told by the first lines
     end = text.find("\n", _HEAD)
-    head = table_of(text if end < 0 else text[:end], name)
+    head = parse_table(text if end < 0 else text[:end], name)
     table = head.titled(_POSITIONS)
     width = len(table.filled[0].cells) if table.filled else 0
     is_row = table.rows is not head.rows
