@@ -52,6 +52,28 @@ def test_gifti_labels_of_several_attributes_keep_their_names(tmp_path):
         assert words == [given.names.get(code, str(code)) for code in given.values.tolist()]
 
 
+JOINTS = ["Bip01 L Thigh", "Bip01_L_Thigh", "Ärmel", "x", "nx", "", "line\nbreak"]
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_ply_names_the_properties_of_weights_after_their_joints(tmp_path, binary):
+    weights = Attribute("weights", "point", "weights", np.eye(7) / 2 + 0.25, names=dict(enumerate(JOINTS)))
+    assert write_asset(tmp_path / "a.ply", carrying(weights), binary=binary) == ()
+    header = (tmp_path / "a.ply").read_bytes().partition(b"end_header")[0].decode()
+    assert "property double Bip01_L_Thigh\nproperty double Bip01_L_Thigh_1\nproperty double Ärmel\n" in header
+    found = read_asset(tmp_path / "a.ply")
+    assert found.attribute("weights").joint_names == [*JOINTS[:-1], "line break"]
+    assert np.array_equal(found.attribute("weights").values, weights.values)
+    fewer = weights.with_values(weights.values[:, :2])
+    write_asset(
+        tmp_path / "b.ply", found.with_attributes(Attribute(**{**vars(fewer), "names": {0: "a", 1: "b"}}))
+    )
+    again = read_asset(tmp_path / "b.ply").attribute("weights")
+    assert again.joint_names == ["a", "b"]
+    write_asset(tmp_path / "c.ply", found.without_attributes("weights"))
+    assert b"joint" not in (tmp_path / "c.ply").read_bytes()
+
+
 UV = Attribute("uv", "point", "uv", np.arange(14.0).reshape(7, 2).astype(np.float32))
 CORNER_UV = Attribute("uv", "corner", "uv", UV.values[POLYGONS.corners] + 1)
 

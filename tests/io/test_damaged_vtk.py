@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from isomatch import FormatError, Mesh, check, read_asset, write_asset
-from isomatch.io import Attribute, asset_from
+from isomatch.io import Attribute, asset_from, to_pyvista
 from later import some_later
 
 pytest.importorskip("pyvista")
@@ -261,6 +261,33 @@ def test_cells_that_are_no_polygons_are_told(tmp_path):
     for asset in (asset_from(surface), read_asset(tmp_path / "b.vtp")):
         assert asset.notes == (f"{told}1 vertex, 1 line",)
     assert asset_from(cloud).notes == ()
+
+
+@pytest.mark.parametrize(
+    ("suffix", "binary"),
+    some_later(
+        [(s, b) for s in (".vtp", ".vtk", ".vtu") for b in (True, False)], lambda case: case == (".vtp", True)
+    ),
+)
+def test_texts_are_kept_and_other_arrays_named(tmp_path, suffix, binary):
+    words = Attribute("words", "point", "label", ["a b", "Größe", "", "b", "b", "b", "b"])
+    parts = Attribute("part", "face", "label", [f"limb {i}" for i in range(4)])
+    mesh = to_pyvista(Asset(POINTS, POLYGONS, (words, parts)))
+    pairs = mesh.GetPointData().GetAbstractArray("words").NewInstance()
+    pairs.SetName("pairs")
+    pairs.SetNumberOfComponents(2)
+    for i in range(14):
+        pairs.InsertNextValue(str(i))
+    mesh.GetPointData().AddArray(pairs)
+    (mesh.cast_to_unstructured_grid() if suffix == ".vtu" else mesh).save(
+        tmp_path / f"a{suffix}", binary=binary
+    )
+    asset = read_asset(tmp_path / f"a{suffix}")
+    assert asset.notes == ("the array 'pairs' is left out: it has neither numbers nor one text in a row",)
+    assert write_asset(tmp_path / f"b{suffix}", asset, binary=binary) == ()
+    for found in (asset, read_asset(tmp_path / f"b{suffix}")):
+        for given in (words, parts):
+            assert found.attribute(given.name).values.tolist() == given.values.tolist()
 
 
 def test_nothing_in_the_working_folder_is_run(tmp_path, monkeypatch):

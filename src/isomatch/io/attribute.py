@@ -192,6 +192,11 @@ class Attribute:
         return max([used, *(joint + 1 for joint in self.names)])
 
     @property
+    def joint_names(self) -> list[str]:
+        """Names of all joints; those without one are numbered."""
+        return [self.names.get(i, f"joint_{i}") for i in range(self.n_joints)]
+
+    @property
     def dense_weights(self) -> AnyArray:
         """(k, n_joints) float64 skinning weights, one column for each joint."""
         if self.kind != "weights":

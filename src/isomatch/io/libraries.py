@@ -190,7 +190,7 @@ def named_attributes(
     """Make the same, each after the name of its array."""
     for title, values in arrays.items():
         name, array = str(title), np.asarray(values) if rows is None else np.asarray(values)[rows]
-        if array.dtype.kind not in "biufU" or array.ndim not in (1, 2):
+        if not is_attribute(array):
             continue
         if array.ndim == 2 and array.shape[1] == 1:
             array = array[:, 0]
@@ -198,6 +198,13 @@ def named_attributes(
         standard = {"normal": "normal", "uv": "uv", "colour": "color"}.get(kind, name)
         is_standard = name.lower().rstrip("s").replace(" ", "") in (*_STANDARD, standard)
         yield name, Attribute(standard if is_standard else name, domain, kind, array)
+
+
+def is_attribute(array: AnyArray) -> bool:
+    """Whether an attribute can have the values of an array: numbers in one row or several columns, or single texts."""
+    if array.ndim not in (1, 2) or array.dtype.kind not in "biufU":
+        return False
+    return array.ndim == 1 or array.shape[1] == 1 or (array.dtype.kind != "U" and array.shape[1] > 0)
 
 
 @dataclass(frozen=True)
@@ -289,7 +296,7 @@ def to_pyvista(asset: Asset) -> Any:
         **document.fields,
         **{key: [text] for key, text in _space_of(asset).items()},
     }.items():
-        mesh.field_data[name] = values
+        _set_array(mesh.field_data, name, np.asarray(values))
     taken = {each.name for each in split.attributes if (each.name, each.domain) not in document.names}
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
@@ -297,12 +304,25 @@ def to_pyvista(asset: Asset) -> Any:
             continue
         name = document.names.get((attribute.name, attribute.domain), attribute.name)
         name = attribute.name if name in taken else name
-        data[name] = attribute.plain
+        _set_array(data, name, attribute.values if attribute.values.dtype.kind == "U" else attribute.plain)
         if attribute.kind == "uv" and attribute.domain == "point":
             data.active_texture_coordinates_name = name
         if attribute.kind == "normal":
             data.active_normals_name = name
     return mesh
+
+
+def _set_array(data: Any, name: str, values: AnyArray) -> None:
+    """Add an array to the data of a mesh of PyVista, which takes no texts but those of ASCII."""
+    if values.dtype.kind != "U":
+        data[name] = values
+        return
+    texts = package("vtkmodules.vtkCommonCore", "vtk", "an array of texts").vtkStringArray()
+    texts.SetName(name)
+    texts.SetNumberOfComponents(values.shape[1] if values.ndim == 2 else 1)
+    for text in values.ravel().tolist():
+        texts.InsertNextValue(text.encode(errors="backslashreplace").decode())
+    data.VTKObject.AddArray(texts)
 
 
 def to_meshio(asset: Asset) -> Any:

@@ -62,7 +62,9 @@ def _arrays(path: Path) -> dict[str, object]:
     names = [vtkCommonDataModel.vtkCellTypes.GetClassNameFromTypeId(int(kind)) for kind in others]
     points, held = data.GetPoints(), data.GetFieldData()
     fields = {each.GetName(): each for each in map(held.GetAbstractArray, range(held.GetNumberOfArrays()))}
-    texts = {name: "\n".join(_values(each)) for name, each in fields.items() if each.IsA("vtkStringArray")}
+    texts = {
+        name: "\n".join(_values(each).ravel()) for name, each in fields.items() if each.IsA("vtkStringArray")
+    }
     return {
         "points": _values(points.GetData()) if points else np.zeros((0, 3)),
         "corners": corners[np.repeat(is_polygon, sizes)],
@@ -100,7 +102,10 @@ def _problem(message: str) -> str:
 
 def _values(array: Any) -> AnyArray:
     if array.IsA("vtkStringArray"):
-        return np.array([array.GetValue(i) for i in range(array.GetNumberOfValues())], dtype=str)
+        texts = np.array([array.GetValue(i) for i in range(array.GetNumberOfValues())], dtype=str)
+        return texts if array.GetNumberOfComponents() == 1 else texts.reshape(array.GetNumberOfTuples(), -1)
+    if not array.IsA("vtkDataArray"):  # of variants, which may be anything
+        return np.zeros((array.GetNumberOfTuples(), 0))
     return np.asarray(vtk_to_numpy(array))
 
 

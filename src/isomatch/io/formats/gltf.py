@@ -427,7 +427,7 @@ def _write_weights(gltf: GltfData, keys: dict[str, int], attribute: Attribute, m
 def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray) -> IntArray:
     """Return the number of each joint in the skin of a mesh; a skin is added unless one has all that are used."""
     nodes = gltf.json["nodes"]
-    names = [attribute.names.get(i, f"joint_{i}") for i in range(attribute.n_joints)]
+    names = attribute.joint_names
     users = [node for node in nodes if node.get("mesh") == mesh]
     node_of = {name: node for node, name in joint_names(gltf.json).items()}
     for node in users:

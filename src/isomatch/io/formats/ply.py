@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
@@ -19,7 +19,7 @@ from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import FormatError, MeshError
 from isomatch._core.texts import encoding_of
 from isomatch.io.asset import Asset, Frame
-from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
+from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart, unused_name
 from isomatch.io.formats import _text
 from isomatch.io.formats._reading import content_beside, unexpected
 from isomatch.io.formats._text import TextLines
@@ -55,6 +55,8 @@ _CORNER_UV = "texcoord"
 TEXTURE_NUMBER = "texnumber"
 """The property of faces that says which of several pictures they show."""
 _TEXTURE = "comment TextureFile {}"  # which names a picture
+_JOINT = re.compile(r"joint (\S+) (\S+) ?(.*)")
+"""Text of a comment that names an attribute of weights, one of its properties, and the joint that it is of."""
 
 
 @dataclass(frozen=True)
@@ -197,8 +199,9 @@ def read_asset(data: bytes, name: str) -> Asset:
     points, (corners, sizes, index_list) = _positions(elements, name), _polygons(elements, name)
     vertex, face = elements.pop("vertex"), elements.pop("face", Element())
     elements.pop("tristrips", None)
-    of_points, point_names, point_lists = _attributes(vertex, "point", "xyz", sizes)
-    of_faces, face_names, face_lists = _attributes(face, "face", (index_list,), sizes)
+    joints = _joints_of(comments)
+    of_points, point_names, point_lists = _attributes(vertex, "point", "xyz", sizes, joints)
+    of_faces, face_names, face_lists = _attributes(face, "face", (index_list,), sizes, joints)
     single = {each.type.str[1:] for each in vertex.columns if each.name == "x"} == {"f4"}
     names, positions = {**point_names, **face_names}, "f4" if single else "f8"
     document = PlyDocument(
@@ -218,6 +221,11 @@ def keeps(attribute: Attribute) -> bool:
     return attribute.domain != "corner" or attribute.kind == "uv" or attribute.values.ndim == 1
 
 
+def keeps_names(attribute: Attribute) -> bool:
+    """Whether PLY keeps the names of an attribute: those of joints, not those of labels."""
+    return attribute.kind == "weights"
+
+
 def write(asset: Asset, binary: bool | None = None, single: bool = False) -> bytes:
     """Write a PLY file, binary or text, by default as it was read; a new one little endian, in double precision.
 
@@ -231,8 +239,8 @@ def write(asset: Asset, binary: bool | None = None, single: bool = False) -> byt
         raise MeshError("face indices exceed the 32 bits of PLY; remove the faces with repair(mesh)")
     positions = tuple(Column(axis, kind, None, column) for axis, column in zip("xyz", asset.points.T))
     corners = Column.of(document.index_list, polygons.corners.astype(np.int32), polygons.sizes)
-    vertex = _properties(asset, "point", positions, document.of_points, document.names)
-    face = _properties(asset, "face", (corners,), document.of_faces, document.names)
+    vertex, joints = _properties(asset, "point", positions, document.of_points, document.names)
+    face, _ = _properties(asset, "face", (corners,), document.of_faces, document.names)
     elements = {"vertex": Element(vertex, len(asset.points)), "face": Element(face, len(polygons))}
     elements |= document.elements
     if single:
@@ -243,11 +251,13 @@ def write(asset: Asset, binary: bool | None = None, single: bool = False) -> byt
             ]
             elements[name] = Element(tuple(plain), element.n_rows)
     encoding = next(word for word, order in _BYTE_ORDERS.items() if order == byte_order)
-    comments, lines = document.comments, asset.frame.lines if asset.frame else ()
+    comments = [comment for comment in document.comments if not _JOINT.fullmatch(_text_of(comment))]
+    comments += joints
+    lines = asset.frame.lines if asset.frame else ()
     told = Frame.of_lines(*map(_text_of, comments)) or Frame()
     if told.words != lines:
         others = (comment for comment in comments if _text_of(comment) not in told.words)
-        comments = (*others, *(f"comment {line}" for line in lines))
+        comments = [*others, *(f"comment {line}" for line in lines)]
     header = ["ply", f"format {encoding} 1.0", *comments]
     for name, element in elements.items():
         header.append(f"element {name} {element.n_rows}")
@@ -290,6 +300,14 @@ def _texture_of(comment: str) -> str:
     """Name of the picture that a comment tells; empty if it tells none."""
     keyword, _, name = _text_of(comment).partition(" ")
     return name.strip() if keyword.lower() == "texturefile" else ""
+
+
+def _joints_of(comments: tuple[str, ...]) -> dict[str, dict[str, str]]:
+    """Return the joint of each property of weights, by the name of their attribute, as comments tell."""
+    joints = dict[str, dict[str, str]]()
+    for found in filter(None, (_JOINT.fullmatch(_text_of(comment)) for comment in comments)):
+        joints.setdefault(found[1], {})[found[2]] = found[3]
+    return joints
 
 
 def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[str, ...], str]:
@@ -492,17 +510,25 @@ def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, Int
 
 
 def _attributes(
-    element: Element, domain: Domain, used: Collection[str], sizes: IntArray
+    element: Element,
+    domain: Domain,
+    used: Collection[str],
+    sizes: IntArray,
+    joints: Mapping[str, Mapping[str, str]],
 ) -> tuple[tuple[Attribute, ...], Names, tuple[Column, ...]]:
     """Make attributes of what is not used otherwise; return also the properties of each, and what makes none."""
     left = {each.name: each for each in element.columns if each.name not in used}
     single = {name: each for name, each in left.items() if each.count_type is None}
     pairs: list[tuple[Attribute, tuple[str, ...]]] = []
 
-    def add(name: str, kind: Kind | None, members: tuple[str, ...]) -> None:
+    def add(name: str, kind: Kind | None, members: tuple[str, ...], words: Iterable[str] = ()) -> None:
         values = np.stack([single.pop(member).typed for member in members], axis=1)
-        pairs.append((Attribute(name, domain, kind or guessed_kind(name, values), values), members))
+        kind = kind or guessed_kind(name, values)
+        pairs.append((Attribute(name, domain, kind, values, names=dict(enumerate(words))), members))
 
+    for name, joint_of in joints.items():
+        if joint_of.keys() <= single.keys():
+            add(name, "weights", tuple(joint_of), joint_of.values())
     for name, kind, members in _GROUPS:
         types = {single[member].type if member in single else None for member in members}
         if len(types) == 1 and (each := types.pop()) and (kind == "colour" or each.kind == "f"):
@@ -540,8 +566,8 @@ def _of_corners(column: Column, sizes: IntArray) -> Attribute | None:
 
 def _properties(
     asset: Asset, domain: Domain, own: tuple[Column, ...], lists: tuple[Column, ...], names: Names
-) -> tuple[Column, ...]:
-    """Return the columns of an element: its own, those of its attributes, of which corners are lists, and its lists."""
+) -> tuple[tuple[Column, ...], list[str]]:
+    """Return the columns of an element, with lists of what its corners have, and comments that name joints."""
     taken = {*_INDEX_LISTS, *(each.name for each in (*own, *lists))}
     here = [a for a in asset.attributes if a.domain == domain or (a.domain, domain) == ("corner", "face")]
     former = [names.get((each.name, each.domain), ()) for each in here]
@@ -549,27 +575,41 @@ def _properties(
         if each.domain != "corner" and len(members) != each.plain.size // max(len(each), 1):
             former[i] = ()
     taken.update(member for members in former for member in members)
-    columns: list[Column] = []
+    columns, comments = list[Column](), list[str]()
     for attribute, members in zip(here, former):
         values = attribute.plain
         members = members or _members(attribute, values, taken)
         taken.update(members)
+        if attribute.kind == "weights" and attribute.names:
+            for member, joint in zip(members, attribute.joint_names):
+                joint = re.sub(r"[\x00-\x1f]+", " ", joint)
+                comments.append(f"comment joint {_word(attribute.name)} {member} {joint}")
         if attribute.domain == "corner":
             columns.append(_list_of_faces(members[0], values, asset.polygons.sizes))
         else:
             columns += [Column.of(name, column) for name, column in zip(members, np.atleast_2d(values.T))]
-    return (*own, *columns, *lists)
+    return (*own, *columns, *lists), comments
+
+
+def _word(name: str) -> str:
+    """Return a name without blanks, which most readers do not know in names."""
+    return re.sub(r"[\x00-\x20\x7f]+", "_", name) or "_"
 
 
 def _members(attribute: Attribute, values: AnyArray, taken: set[str]) -> tuple[str, ...]:
     """Names of the properties of a new attribute: those in use, or its own, with numbers where it has columns."""
+    if attribute.kind == "weights" and attribute.names:
+        of_joints = list[str]()
+        for joint in attribute.joint_names:
+            of_joints.append(unused_name(_word(joint), {*taken, *of_joints}))
+        return tuple(of_joints)
     width = values.shape[1] if values.ndim == 2 else 1
     is_corner, kind = attribute.domain == "corner", attribute.kind
     names: list[tuple[str, ...]] = [(_CORNER_UV,)] if is_corner and kind == "uv" else []
     for name, each, members in () if is_corner else _GROUPS:
         if len(members) == width and (name == attribute.name or each == kind == "colour"):
             names.append(members)
-    stem = re.sub(r"[\x00-\x20\x7f]+", "_", attribute.name) or "_"  # most readers know no blanks in names
+    stem = _word(attribute.name)
     while not (free := [members for members in names if taken.isdisjoint(members)]):
         names = [(stem,) if is_corner or values.ndim == 1 else tuple(f"{stem}_{i}" for i in range(width))]
         stem += "_"

@@ -30,7 +30,7 @@ class MeshFormat:
     keeps: Callable[[Attribute], bool] = lambda attribute: False  # whether it has a place for an attribute
     single: frozenset[str] = frozenset()  # kinds of attributes of which it has only one
     has_parts: bool = False  # and their transforms
-    has_names: bool = False  # of labels
+    keeps_names: Callable[[Attribute], bool] = lambda attribute: False  # of labels or joints
     has_opacity: bool = True  # of colours
     keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # but axes and a unit, in words
     axes: Axes | None = None  # in which all its files are
@@ -39,7 +39,7 @@ class MeshFormat:
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """Return what has no place of an attribute that has one."""
         missing = []
-        if attribute.coded.names and not self.has_names:
+        if attribute.coded.names and not self.keeps_names(attribute):
             missing.append(replace(attribute, name=f"names of {attribute.name}"))
         if attribute.kind == "colour" and not self.has_opacity:
             opacity = attribute.fractions[:, 3:]
@@ -66,20 +66,26 @@ def _fits_title(frame: Frame) -> bool:
     return not frame.has_space and frame.title(stl.TITLE) == "; ".join(frame.lines)
 
 
+def _all(attribute: Attribute) -> bool:
+    return True
+
+
 _BINARY = frozenset({"binary"})
 _PLAIN: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
 _SINGLE: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
-_GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "has_names": True, "middles": gltf.middles}
-_GIFTI = {"keeps": gifti.keeps, "has_names": True, "keeps_frame": lambda frame: True, **_SINGLE}
-_VTK: dict[str, Any] = {"keeps": lambda attribute: attribute.domain != "corner", "options": _BINARY}
+_GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "keeps_names": _all, "middles": gltf.middles}
+_GIFTI = {"keeps": gifti.keeps, "keeps_names": _all, "keeps_frame": lambda frame: True, **_SINGLE}
+_VTK: dict[str, Any] = {"keeps": vtk.keeps, "keeps_names": vtk.keeps_names, "options": _BINARY}
 _FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume, "axes": "RAS", **_SINGLE}
 
 FORMATS: dict[str, MeshFormat] = {
     ".off": MeshFormat(off.read, off.write, read_asset=off.read_asset, keeps=off.keeps, **_PLAIN),
     ".obj": MeshFormat(
-        obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, has_names=True, **_PLAIN
+        obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, keeps_names=_all, **_PLAIN
     ),
-    ".ply": MeshFormat(ply.read, ply.write, _BINARY | {"single"}, ply.read_asset, ply.keeps),
+    ".ply": MeshFormat(
+        ply.read, ply.write, _BINARY | {"single"}, ply.read_asset, ply.keeps, keeps_names=ply.keeps_names
+    ),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset, keeps_frame=_fits_title, **_SINGLE),
     ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),
     ".gltf": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=False), **_GLTF),

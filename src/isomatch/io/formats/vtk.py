@@ -19,9 +19,9 @@ from isomatch._core.errors import FormatError, MeshError
 from isomatch._core.first_use import package
 from isomatch._core.memory import room_for
 from isomatch.io.asset import COMMENTS, SPACE, Asset, Frame
-from isomatch.io.attribute import told_apart
+from isomatch.io.attribute import Attribute, told_apart
 from isomatch.io.formats._reading import damaged, on_disk, reading
-from isomatch.io.libraries import ArrayDocument, named_attributes, polygons_of, to_pyvista
+from isomatch.io.libraries import ArrayDocument, is_attribute, named_attributes, polygons_of, to_pyvista
 
 # time that a file may take, and more for large ones; a triangle takes 0.5 s, a million points in 20 MB of VTP 1.9 s
 SECONDS, BYTES_A_SECOND = 60.0, 1e6
@@ -59,8 +59,15 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
         points, corners, sizes, rows = (stored[each] for each in ("points", "corners", "sizes", "rows"))
         strips = stored["strip_corners"], stored["strip_sizes"]
         cells = polygons_of(points, corners, sizes, rows, others, strips)
-        of_points = named_attributes(_named(stored, "point"), "point")
-        named = [*of_points, *named_attributes(_named(stored, "cell"), "face", cells.rows)]
+        at_points, on_cells = _named(stored, "point"), _named(stored, "cell")
+        arrays = [*at_points.items(), *on_cells.items()]
+        skipped = [name for name, array in arrays if not is_attribute(array)]
+        why = "it has neither numbers nor one text in a row"
+        notes = (*cells.notes, *(f"the array {name!r} is left out: {why}" for name in skipped))
+        named = [
+            *named_attributes(at_points, "point"),
+            *named_attributes(on_cells, "face", cells.rows),
+        ]
         attributes = told_apart(each for _, each in named)
         names = {(each.name, each.domain): name for each, (name, _) in zip(attributes, named)}
         fields = {
@@ -71,7 +78,7 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
         if suffix == ".vtk":  # its second line is a title
             told[COMMENTS] = data.split(b"\n", 2)[1].decode(errors="replace")
         frame = Frame.of_named(told)
-        return Asset(cells.points, cells.polygons, attributes, (), document, cells.notes, frame)
+        return Asset(cells.points, cells.polygons, attributes, (), document, notes, frame)
 
 
 def _stored(data: bytes, name: str, suffix: str, what: str) -> Mapping[str, AnyArray]:
@@ -96,6 +103,16 @@ def _stored(data: bytes, name: str, suffix: str, what: str) -> Mapping[str, AnyA
 def _named(stored: Mapping[str, AnyArray], domain: str) -> dict[str, AnyArray]:
     names = enumerate(stored[f"{domain}_names"].tolist())
     return {name: stored[f"{domain}_{i}"] for i, name in names if name != _MARK}
+
+
+def keeps(attribute: Attribute) -> bool:
+    """Whether VTK has a place for an attribute."""
+    return attribute.domain != "corner"
+
+
+def keeps_names(attribute: Attribute) -> bool:
+    """Whether VTK keeps the names of an attribute: labels that are texts."""
+    return attribute.values.dtype.kind == "U"
 
 
 def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
