@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh, check
-from isomatch.repair import capped
+from isomatch.repair import close_holes
 from isomatch.repair.caps import boundary_loops
 from isomatch_lab.damage import cut, holes
 from isomatch_lab.procedural import creature
@@ -17,7 +17,7 @@ def sphere():
 
 
 def test_a_closed_mesh_stays_as_it_is(sphere):
-    assert np.array_equal(capped(sphere).faces, sphere.faces)
+    assert np.array_equal(close_holes(sphere).faces, sphere.faces)
 
 
 @pytest.mark.parametrize("height", [-0.5, 0.0, 0.6])
@@ -25,7 +25,7 @@ def test_a_sphere_cut_by_a_plane_gets_a_disc(sphere, height):
     kept = (sphere.vertices[sphere.faces, 2] < height).all(axis=1)
     vertices, faces = np.unique(sphere.faces[kept], return_inverse=True)
     bowl = Mesh(sphere.vertices[vertices], faces.reshape(-1, 3))
-    closed = capped(bowl)
+    closed = close_holes(bowl)
     report = check(closed)
     assert report.euler_number == 2
     assert not len(closed.boundary_edges)
@@ -42,7 +42,7 @@ def test_a_sphere_cut_by_a_plane_gets_a_disc(sphere, height):
 @pytest.mark.parametrize("damage", [cut, holes])
 def test_the_mesh_comes_first_and_every_hole_is_closed(damage):
     mesh = damage(creature(2000).mesh, 0.3, seed=3).mesh
-    closed = capped(mesh)
+    closed = close_holes(mesh)
     assert np.array_equal(closed.vertices[: mesh.n_vertices], mesh.vertices)
     assert np.array_equal(closed.faces[: mesh.n_faces], mesh.faces)
     assert not len(closed.boundary_edges)

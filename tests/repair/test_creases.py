@@ -5,7 +5,7 @@ import pytest
 
 from isomatch import Mesh, check
 from isomatch.geodesics import distance_engine
-from isomatch.repair import capped, creases, cut_along, ends_of, handles
+from isomatch.repair import close_holes, count_handles, cut_along, ends_of, find_creases
 from isomatch.repair.caps import boundary_loops
 from shapes import disguised, icosphere
 from touching import double_ring, pressed_fork, ring
@@ -20,13 +20,13 @@ def path_between(mesh, height):
 
 @pytest.mark.parametrize("mesh", [icosphere(3), ring(), double_ring()], ids=["sphere", "ring", "double ring"])
 def test_smooth_shapes_have_none(mesh):
-    assert creases(mesh).shape == (0, 2)
+    assert find_creases(mesh).shape == (0, 2)
 
 
 def test_two_prongs_that_touch_have_one_between_them():
     """On both sides of the self-contact, and over its top."""
     mesh = pressed_fork()
-    edges = creases(mesh)
+    edges = find_creases(mesh)
     at = mesh.vertices[edges].mean(axis=1)
     assert np.abs(at[:, 0]).max() < 0.1, "between the prongs, which lie side by side"
     assert at[:, 2].max() > 0.3
@@ -37,7 +37,7 @@ def test_two_prongs_that_touch_have_one_between_them():
 
 def test_a_mesh_stays_connected_and_its_faces_stay():
     mesh = pressed_fork()
-    edges = creases(mesh)
+    edges = find_creases(mesh)
     apart, index = cut_along(mesh, edges)
     np.testing.assert_array_equal(index[: mesh.n_vertices], np.arange(mesh.n_vertices))
     np.testing.assert_array_equal(index[apart.faces], mesh.faces)
@@ -50,8 +50,8 @@ def test_a_mesh_stays_connected_and_its_faces_stay():
 def test_names_position_and_unit_do_not_matter():
     mesh = pressed_fork()
     other = disguised(mesh, 1, scale=1000.0)
-    ours = {frozenset(edge) for edge in creases(mesh).tolist()}
-    theirs = {frozenset(np.argsort(other.new_vertex)[edge].tolist()) for edge in creases(other.mesh)}
+    ours = {frozenset(edge) for edge in find_creases(mesh).tolist()}
+    theirs = {frozenset(np.argsort(other.new_vertex)[edge].tolist()) for edge in find_creases(other.mesh)}
     assert len(ours & theirs) > 0.9 * len(ours), "but for ties"
 
 
@@ -67,28 +67,30 @@ def test_a_slit_of_a_sphere_is_closed_on_either_side_by_itself():
     apart, index = cut_along(sphere, edges)
     ends = ends_of(edges)
     assert len(ends) == 1
-    closed = capped(apart, ends)
+    closed = close_holes(apart, ends)
     assert np.array_equal(closed.vertices[: apart.n_vertices], apart.vertices)
     assert np.array_equal(closed.faces[: apart.n_faces], apart.faces)
     assert not len(closed.boundary_edges)
     assert check(closed).euler_number == 2
-    assert handles(closed) == 0
+    assert count_handles(closed) == 0
     top = np.flatnonzero(sphere.vertices[:, 2] == 1)[0]
     copy = sphere.n_vertices + np.flatnonzero(index[sphere.n_vertices :] == top)[0]
     across = distance_engine(closed, weld=False).distances_from([top])[0, copy]
     low = sphere.vertices[ends[0], 2].max()
     assert across == pytest.approx(2 * (1 - low), rel=0.1), "down one half disc and up the other"
-    together = distance_engine(capped(apart), weld=False).distances_from([top])[0, copy]
+    together = distance_engine(close_holes(apart), weld=False).distances_from([top])[0, copy]
     assert together < across
 
 
 def test_a_chord_that_is_on_no_rim_parts_nothing():
     sphere = icosphere(3)
     bowl = sphere.submesh(sphere.vertices[:, 2] < 0.5)[0]
-    one = capped(bowl, [np.array([0, 1])]) if not np.isin([0, 1], boundary_loops(bowl)[0]).all() else None
+    one = (
+        close_holes(bowl, [np.array([0, 1])]) if not np.isin([0, 1], boundary_loops(bowl)[0]).all() else None
+    )
     assert one is not None
-    np.testing.assert_array_equal(one.faces, capped(bowl).faces)
+    np.testing.assert_array_equal(one.faces, close_holes(bowl).faces)
 
 
 def test_a_mesh_without_faces_that_meet_has_none():
-    assert creases(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])).shape == (0, 2)
+    assert find_creases(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])).shape == (0, 2)

@@ -6,7 +6,7 @@ import pytest
 from isomatch import Asset, Attribute, Mesh, PointCloud, check, distance_engine, prepare, repair
 from isomatch._core.errors import MeshError, SettingError
 from isomatch.io import Polygons
-from isomatch.repair import outliers
+from isomatch.repair import find_outliers
 from isomatch_lab.procedural import creature
 from shapes import icosphere
 
@@ -157,7 +157,7 @@ def test_outliers_of_a_cloud_are_found_and_left_out(share):
     lowest, highest = points.min(axis=0) - 1, points.max(axis=0) + 1
     stray = lowest + (highest - lowest) * rng.random((int(share * len(points)), 3))
     cloud = np.vstack([points, stray])
-    found = outliers(cloud)
+    found = find_outliers(cloud)
     far = np.linalg.norm(stray[:, None] - points[None], axis=2).min(axis=1) > 0.2
     assert not found[: len(points)].any()
     assert found[len(points) :][far].all()

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from isomatch import Asset, Attribute, Config, Mesh, SettingError, check, prepare, repair
 from isomatch.decimation import decimate
-from isomatch.repair import for_matching, handles, prepare_for_matching
+from isomatch.repair import count_handles, for_matching, prepare_for_matching
 from isomatch.settings import PreparationSettings
 from isomatch_lab.damage import merge
 from shapes import icosphere
@@ -58,9 +58,9 @@ def corners_before(damaged):
 @pytest.mark.parametrize("case", MERGED, ids=str)
 def test_each_limb_gets_its_vertices_back(case):
     damaged = merged_hairpin(*case)
-    assert handles(damaged.mesh) > 0
+    assert count_handles(damaged.mesh) > 0
     mended = repair(damaged.mesh)
-    assert handles(mended.mesh) == 0
+    assert count_handles(mended.mesh) == 0
     before = corners_before(damaged)[mended.face_index]
     pairs = np.unique(np.column_stack([mended.mesh.faces.ravel(), before.ravel()]), axis=0)
     again_alike = np.bincount(pairs[:, 0])[pairs[:, 0]] + np.bincount(pairs[:, 1])[pairs[:, 1]] == 2
@@ -117,7 +117,7 @@ def test_inward_faces_and_a_soup_of_triangles_are_parted_too():
         Mesh(damaged.vertices[damaged.faces].reshape(-1, 3), np.arange(damaged.faces.size).reshape(-1, 3))
     )
     for mended in (inward, soup):
-        assert handles(mended.mesh) == 0
+        assert count_handles(mended.mesh) == 0
         assert mended.mesh.n_vertices == repair(damaged).mesh.n_vertices
 
 
@@ -182,12 +182,12 @@ def test_triangles_that_meet_in_points_only_are_left_alone():
 def test_a_body_is_matched_with_its_limbs_apart_and_its_holes_closed():
     damaged = merged_hairpin(*MERGED[0])
     shape = prepare(damaged.mesh)
-    assert handles(shape.body) == 0
+    assert count_handles(shape.body) == 0
     assert shape.longest_boundary < 0.1
     assert any("parted limbs" in note and "sheet_distance" in note for note in shape.notes)
     together = Config(preparation=PreparationSettings(sheet_distance=np.inf))
     np.testing.assert_array_equal(shape.user_vertex[shape.body_vertex], np.arange(damaged.mesh.n_vertices))
-    assert handles(prepare(damaged.mesh, together).body) > 0
+    assert count_handles(prepare(damaged.mesh, together).body) > 0
 
 
 def test_each_body_of_a_scene_is_parted_as_alone_whatever_the_order_of_its_faces():
@@ -199,7 +199,7 @@ def test_each_body_of_a_scene_is_parted_as_alone_whatever_the_order_of_its_faces
         np.vstack([far.faces, damaged.faces[order] + far.n_vertices]),
     )
     alone, among = repair(damaged), repair(scene)
-    assert handles(among.mesh) == 0
+    assert count_handles(among.mesh) == 0
     np.testing.assert_array_equal(
         np.sort(np.concatenate(among.contacts)), np.sort(np.concatenate(alone.contacts)) + far.n_vertices
     )

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from isomatch._core.errors import MeshError
-from isomatch.surfaces import Mesh, fans, in_spatial_order, unsound_faces, vertex_normals
+from isomatch.surfaces import Mesh, count_fans, in_spatial_order, unsound_faces, vertex_normals
 from isomatch.surfaces._coincident import first_equal
 from zoo import grid, specimen, torus, zoo
 
@@ -97,7 +97,7 @@ def test_fans_are_those_found_corner_by_corner(faces):
             join(after(int(here)), int(there_ends[1]))
         first += count
     expected = [len({same for same, v in zip(label, start) if v == w}) for w in range(7)]
-    assert fans(faces, table, 7).tolist() == expected
+    assert count_fans(faces, table, 7).tolist() == expected
 
 
 def test_vertices_with_many_faces_are_sorted_too():

@@ -10,7 +10,7 @@ import numpy as np
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch._core.compiled import compiled
 from isomatch._core.memory import memory_budget, require_memory
-from isomatch.surfaces import Mesh, fans
+from isomatch.surfaces import Mesh, count_fans
 
 # A vertex is reached again only by a path that is shorter by more than this fraction.
 MIN_GAIN_RATIO = 1e-14
@@ -75,7 +75,7 @@ class UnfoldedFaces(NamedTuple):
         straight[edges.ends[edges.n_faces == 1]] = np.pi
         bends = total > straight * (1 + MIN_BEND_RATIO)
         bends[edges.ends[edges.n_faces > 2]] = True
-        bends |= fans(faces, edges, mesh.n_vertices) > 1
+        bends |= count_fans(faces, edges, mesh.n_vertices) > 1
         return cls(faces, length, apex, edge, first, sides, corner_first, corners, bends)
 
 

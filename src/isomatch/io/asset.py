@@ -15,7 +15,7 @@ from isomatch._core.cached import cached_property
 from isomatch._core.errors import DescriptorError, MeshError, some
 from isomatch.io.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.io.polygons import Polygons, Renumbering
-from isomatch.surfaces import Mesh, welded
+from isomatch.surfaces import Mesh, weld_points
 
 # of the mean edge: rounding of positions that is avoided or told, and that the user has to allow
 TOLD, ASKED = 1e-4, 1e-3
@@ -308,7 +308,7 @@ class Asset:
     @cached_property
     def _welded(self) -> tuple[IntArray, IntArray]:
         self.require_points()
-        return welded(self.placed_points)
+        return weld_points(self.placed_points)
 
     @property
     def vertex_of_point(self) -> IntArray:

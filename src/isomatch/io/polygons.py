@@ -13,7 +13,7 @@ from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, arr
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MeshError
 from isomatch.io.attribute import Attribute, without_labels
-from isomatch.surfaces import first_equal, welded
+from isomatch.surfaces import first_equal, weld_points
 
 _ROUNDING = 16 * np.finfo(np.float64).eps  # of a corner, relative to the largest coordinate
 _COCIRCULAR = 1e-12  # below this, in a polygon of size 1, corners count as on one line or circle
@@ -338,7 +338,7 @@ def split_at_seams(polygons: Polygons, n_points: int, attributes: Sequence[Attri
     of_corners = [a for a in attributes if a.domain == "corner"]
     if not of_corners:
         return Split(np.arange(n_points), corners, tuple(attributes))
-    kept, place = welded(np.column_stack([corners, *(_codes(a.values) for a in of_corners)]))
+    kept, place = weld_points(np.column_stack([corners, *(_codes(a.values) for a in of_corners)]))
     unused = np.ones(n_points, dtype=bool)
     unused[corners] = False
     source = np.concatenate([corners[kept], np.flatnonzero(unused)])

@@ -11,7 +11,7 @@ from isomatch._core.arrays import BodyVertices, FloatArray, Int, IntArray
 from isomatch.matching.parameters import EXCHANGE
 from isomatch.matching.problem import Problem
 from isomatch.matching.verify import Verifier, verifier_of
-from isomatch.surfaces import connected_regions, linked
+from isomatch.surfaces import connected_regions, label_components
 
 
 def exchange_regions(
@@ -65,7 +65,7 @@ class _Exchange:
             if i != j and self._lies_on(other[one], image[two])
         ]
         ends = np.array(links, dtype=np.int64).reshape(-1, 2)
-        _, group = linked(len(regions), (ends[:, 0], ends[:, 1]))
+        _, group = label_components(len(regions), (ends[:, 0], ends[:, 1]))
         together = [[i for i, g in enumerate(group) if g == c] for c in sorted(set(group.tolist()))]
         joined = [np.concatenate([regions[i] for i in members]) for members in together]
         return joined + [regions[i] for members in together if len(members) > 1 for i in members]

@@ -26,7 +26,7 @@ from isomatch.matching.priors import checked_initial_map
 from isomatch.matching.problem import Problem, prepare_pair
 from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
-from isomatch.surfaces import Mesh, linked
+from isomatch.surfaces import Mesh, label_components
 
 # those without another source: docs/lab/design_notes.md, one verification
 LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # in √area, over which a shape resists while it is bent by a map
@@ -320,6 +320,6 @@ def largest_piece(mesh: Mesh, inside: Bool[BoolArray, "n"]) -> Int[BodyVertices,
     faces = mesh.faces[inside[mesh.faces].all(axis=1)]
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[faces] = True
-    _, label = linked(mesh.n_vertices, (faces[:, 0], faces[:, 1]), (faces[:, 1], faces[:, 2]))
+    _, label = label_components(mesh.n_vertices, (faces[:, 0], faces[:, 1]), (faces[:, 1], faces[:, 2]))
     areas = np.bincount(label, mesh.vertex_areas * used)
     return BodyVertices(np.flatnonzero(used & (label == areas.argmax())))

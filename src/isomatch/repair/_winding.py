@@ -9,22 +9,23 @@ import numpy as np
 from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 from isomatch._core.cached import cached_method
 from isomatch._core.compiled import compiled
-from isomatch.surfaces import Mesh, first_equal, linked
+from isomatch.surfaces import Mesh, first_equal, label_components
 
-LEAST_VOLUME = 0.01
-"""Volume over area^(3/2) that tells where an open surface looks: 0.03 of a cat and 0.09 of a ball, and more of parts of
-them; 0.002 of a rough sheet."""
-NEARLY_CLOSED = 0.1
-"""A piece is nearly closed if flat discs with the lengths of its boundary loops have at most this share of its area."""
+MIN_VOLUME_RATIO = 0.01
+"""Volume over area^(3/2) above which an open surface has an inside: 0.03 for a cat, 0.09 for a ball,
+more for parts of them, 0.002 for a rough sheet."""
+MAX_OPENING_SHARE = 0.1
+"""A piece is nearly closed if flat discs with the lengths of its boundary loops have at most this
+share of its area."""
 
 
 def faces_to_rewind(mesh: Mesh) -> BoolArray:
-    """Find the faces to rewind, (m,), so that orientable pieces are wound consistently, and outward if nearly closed."""
-    # a piece that cannot be oriented is left as it is, one that is not nearly closed keeps the winding of most of its
-    # faces, as does a void, and any other gets a positive volume. Relative to its first face, rewound ^ reverse says what
-    # is turned over
+    """Find the faces to rewind, (m,): pieces become consistent, and look outward if nearly closed."""
+    # A piece that cannot be oriented is left as it is. A void, or a piece that is not nearly closed,
+    # keeps the winding of most of its faces; any other gets a positive volume. rewound ^ reverse
+    # says which faces are turned over, relative to the first face of their piece.
     pieces = _pieces(mesh)
-    volume = np.where(pieces.openings <= NEARLY_CLOSED, pieces.volume, 0.0)
+    volume = np.where(pieces.openings <= MAX_OPENING_SHARE, pieces.volume, 0.0)
     reverse = np.where(volume == 0, pieces.majority, volume) < 0
     inward = np.flatnonzero((volume != 0) & (reverse != (pieces.majority < 0)) & ~pieces.one_sided)
     voids = inward[_depth(mesh, pieces, inward, volume != 0) % 2 == 1]
@@ -33,37 +34,37 @@ def faces_to_rewind(mesh: Mesh) -> BoolArray:
     return to_rewind
 
 
-def wound_outward(mesh: Mesh) -> tuple[Mesh, BoolArray]:
-    """Rewind the faces that `faces_to_rewind` finds: the mesh, and which they are, (m,)."""
+def wind_outward(mesh: Mesh) -> tuple[Mesh, BoolArray]:
+    """Rewind the faces that `faces_to_rewind` finds; return the mesh and which they are, (m,)."""
     rewound = faces_to_rewind(mesh)
-    return with_rewound(mesh, rewound) if rewound.any() else mesh, rewound
+    return rewind_faces(mesh, rewound) if rewound.any() else mesh, rewound
 
 
-def with_rewound(mesh: Mesh, rewound: BoolArray) -> Mesh:
+def rewind_faces(mesh: Mesh, rewound: BoolArray) -> Mesh:
     """Rewind some faces (m,) of a mesh."""
     return Mesh(mesh.vertices, np.where(rewound[:, None], mesh.faces[:, [0, 2, 1]], mesh.faces))
 
 
 def shells(mesh: Mesh) -> tuple[BoolArray, BoolArray]:
-    """Find the faces (m,) of nearly closed pieces: of solids, and of voids, which look inward and lie in a solid."""
+    """Find the faces (m,) of nearly closed pieces: solids, and voids, which lie in a solid."""
     pieces = _pieces(mesh)
-    closed = (pieces.openings <= NEARLY_CLOSED) & ~pieces.one_sided & (pieces.volume != 0)
+    closed = (pieces.openings <= MAX_OPENING_SHARE) & ~pieces.one_sided & (pieces.volume != 0)
     inward = np.flatnonzero(closed & (pieces.volume * np.sign(pieces.majority) < 0))
     is_void = np.zeros(len(closed), dtype=bool)
     is_void[inward] = _depth(mesh, pieces, inward, closed) % 2 == 1
     return (closed & ~is_void)[pieces.piece], is_void[pieces.piece]
 
 
-def _depth(mesh: Mesh, pieces: _Pieces, of: IntArray, closed: BoolArray) -> IntArray:
-    """In how many other closed pieces each of some pieces lies, by the winding number of its first corner."""
-    depth = np.zeros(len(of), dtype=np.int64)
-    if not len(of) or len(closed) < 2:
+def _depth(mesh: Mesh, pieces: _Pieces, asked: IntArray, closed: BoolArray) -> IntArray:
+    """Count the closed pieces around each piece, by the winding number of its first corner."""
+    depth = np.zeros(len(asked), dtype=np.int64)
+    if not len(asked) or len(closed) < 2:
         return depth
     corners = mesh.vertices[mesh.faces]
     lowest, highest = np.full((len(closed), 3), np.inf), np.full((len(closed), 3), -np.inf)
     np.minimum.at(lowest, pieces.piece, corners.min(axis=1))
     np.maximum.at(highest, pieces.piece, corners.max(axis=1))
-    for row, i in enumerate(of.tolist()):
+    for row, i in enumerate(asked.tolist()):
         around = closed & (lowest <= lowest[i]).all(axis=1) & (highest >= highest[i]).all(axis=1)
         around[i] = False
         for j in np.flatnonzero(around):
@@ -77,7 +78,7 @@ def _depth(mesh: Mesh, pieces: _Pieces, of: IntArray, closed: BoolArray) -> IntA
 def _solid_angles(corners: FloatArray) -> FloatArray:
     """Signed solid angle (m,) of triangles (m, 3, 3) seen from the origin (Van Oosterom & Strackee 1983)."""
     a, b, c = corners.transpose(1, 0, 2)
-    x, y, z = (np.linalg.norm(each, axis=1) for each in (a, b, c))
+    x, y, z = (np.linalg.norm(vector, axis=1) for vector in (a, b, c))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c))
     ab, bc, ca = (np.einsum("ij,ij->i", *two) for two in ((a, b), (b, c), (c, a)))
     angles: FloatArray = 2 * np.arctan2(volume, x * y * z + ab * z + bc * x + ca * y)
@@ -85,11 +86,11 @@ def _solid_angles(corners: FloatArray) -> FloatArray:
 
 
 def seems_inside_out(mesh: Mesh) -> bool:
-    """Whether the largest piece of a consistently wound mesh, which keeps its winding for its openings, looks inward.
+    """Whether the largest piece of a consistently wound mesh with large openings looks inward.
 
-    It is closed over its openings by cones; the sign of the volume inside says where its faces look. Seen from outside,
-    a half or a fifth of a body still bulges towards who looks; a scan of a cavity does not, so nothing is turned over.
-    False also if it is nearly closed, one-sided, or almost flat, so that the volume says nothing.
+    Cones close the openings; the sign of the volume inside says where the faces look. Even a fifth
+    of a body bulges outward, but a scan of a cavity does not, so nothing is turned over. False if
+    the piece is nearly closed, one-sided, or so flat that the volume says nothing.
     """
     if (mesh.edge_table.n_faces == 2).all():
         return False  # there are no openings
@@ -97,23 +98,23 @@ def seems_inside_out(mesh: Mesh) -> bool:
     largest = int(pieces.area.argmax())
     volume = pieces.volume[largest] * np.sign(pieces.majority[largest])
     return bool(
-        pieces.openings[largest] > NEARLY_CLOSED
+        pieces.openings[largest] > MAX_OPENING_SHARE
         and not pieces.one_sided[largest]
-        and volume < -LEAST_VOLUME * pieces.area[largest] ** 1.5
+        and volume < -MIN_VOLUME_RATIO * pieces.area[largest] ** 1.5
     )
 
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Sets of faces that are connected through edges of exactly two faces."""
+    """Sets of faces that are connected across edges of exactly two faces."""
 
     piece: IntArray  # (m,) the piece of each face
-    rewound: BoolArray  # (m,) whether a face is wound otherwise than the first one of its piece
+    rewound: BoolArray  # (m,) whether a face is wound unlike the first face of its piece
     one_sided: BoolArray  # (p,) whether a piece cannot be oriented
-    majority: FloatArray  # (p,) how many more faces are wound like the first one than otherwise
-    volume: FloatArray  # (p,) signed, if wound like the first face and with openings closed by cones, in some unit
-    area: FloatArray  # (p,) in the same unit
-    openings: FloatArray  # (p,) area of flat discs with the lengths of the openings, as a share of the area
+    majority: FloatArray  # (p,) number of faces wound like the first face, minus the others
+    volume: FloatArray  # (p,) signed volume with openings closed by cones, in some unit
+    area: FloatArray  # (p,) area in the same unit
+    openings: FloatArray  # (p,) share of the area that discs with the lengths of the openings have
 
 
 @cached_method
@@ -124,7 +125,7 @@ def _pieces(mesh: Mesh) -> _Pieces:
     rewound &= ~one_sided[piece]
     n_pieces = len(first)
     sign = np.where(rewound, -1.0, 1.0)
-    measured = _measured(mesh, sign, np.flatnonzero(opposite < 0), piece, first)
+    measured = _measure_pieces(mesh, sign, np.flatnonzero(opposite < 0), piece, first)
     balance = np.bincount(piece, sign, n_pieces).astype(np.float64)
     return _Pieces(piece, rewound, one_sided, balance, *measured)
 
@@ -133,7 +134,7 @@ def _pieces(mesh: Mesh) -> _Pieces:
 def _flood(
     faces: IntArray, opposite: AnyArray, piece: IntArray, rewound: BoolArray
 ) -> tuple[IntArray, BoolArray]:
-    """Give pieces numbers in the order of their first faces; returns these, and which pieces are one-sided."""
+    """Label the pieces of faces; return the first face of each, and which pieces are one-sided."""
     first, one_sided = np.empty(len(faces), np.int64), np.zeros(len(faces), np.bool_)
     reached, n_pieces = np.empty(len(faces), np.int32), 0
     for start in range(len(faces)):
@@ -144,13 +145,13 @@ def _flood(
             n_reached -= 1
             f = reached[n_reached]
             for i in range(3):
-                there = opposite[3 * f + i]
-                if there < 0:
+                next_side = opposite[3 * f + i]
+                if next_side < 0:
                     continue
-                # two faces agree if they traverse their edge in opposite directions, so that it starts at different
-                # vertices; then the next one is wound as this one is. Contradicting ways to a face: one-sided
-                g = there // 3
-                is_rewound = rewound[f] ^ (faces[f, i] == faces[g, there % 3])
+                # Two faces agree if they traverse their edge in opposite directions, so that it
+                # starts at different vertices. If two ways to a face disagree, the piece is one-sided.
+                g = next_side // 3
+                is_rewound = rewound[f] ^ (faces[f, i] == faces[g, next_side % 3])
                 if piece[g] < 0:
                     piece[g], rewound[g], reached[n_reached] = n_pieces, is_rewound, g
                     n_reached += 1
@@ -160,30 +161,30 @@ def _flood(
     return first[:n_pieces], one_sided[:n_pieces]
 
 
-def _measured(
+def _measure_pieces(
     mesh: Mesh, sign: FloatArray, unpaired: IntArray, piece: IntArray, first: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Signed volume of each piece, its holes closed by cones, its area, and the share of its openings."""
+    """Return the signed volume of each piece with holes closed by cones, its area, and `openings`."""
     size = np.abs(mesh.vertices).max(initial=0.0) or 1.0
     unit = mesh if size == 1 else mesh.moved(mesh.vertices / size)
     points, faces = unit.vertices, unit.faces
     n_pieces = len(first)
     origin = points[faces[first, 0]]
 
-    def summed(of: IntArray, values: AnyArray, count: int = n_pieces) -> FloatArray:
-        return np.bincount(of, values, count).astype(np.float64)
+    def summed(owner: IntArray, values: AnyArray, count: int = n_pieces) -> FloatArray:
+        return np.bincount(owner, values, count).astype(np.float64)
 
-    of, following = piece[unpaired // 3], unpaired + np.where(unpaired % 3 == 2, -2, 1)
+    owner, following = piece[unpaired // 3], unpaired + np.where(unpaired % 3 == 2, -2, 1)
     start, end = faces.ravel()[unpaired], faces.ravel()[following]
     low, high = np.minimum(start, end), np.maximum(start, end)
-    # the boundary of a piece is where more of its sides run along an edge in one direction than in the other: more than
-    # two faces may meet there, as where vertices were welded, and still leave no boundary
-    edge = first_equal(np.column_stack([of, low, high]))
+    # The boundary of a piece is where more of its sides run along an edge in one direction than in
+    # the other. More than two faces may meet at an edge without a boundary, as at welded vertices.
+    edge = first_equal(np.column_stack([owner, low, high]))
     excess = summed(edge, np.where(start < end, 1.0, -1.0) * sign[unpaired // 3], len(edge))
-    rim = np.flatnonzero(excess)
-    low, high, of, excess = low[rim], high[rim], of[rim], excess[rim]
-    ends = first_equal(np.column_stack([np.tile(of, 2), np.concatenate([low, high])])).reshape(2, -1)
-    n_loops, label = linked(ends.size, (ends[0], ends[1]))
+    rim_rows = np.flatnonzero(excess)
+    low, high, owner, excess = low[rim_rows], high[rim_rows], owner[rim_rows], excess[rim_rows]
+    ends = first_equal(np.column_stack([np.tile(owner, 2), np.concatenate([low, high])])).reshape(2, -1)
+    n_loops, label = label_components(ends.size, (ends[0], ends[1]))
     loop = label[ends[0]]
     apex = np.column_stack([summed(loop, points[low, axis], n_loops) for axis in range(3)])[loop]
     apex /= summed(loop, np.ones(len(loop)), n_loops)[loop][:, None]
@@ -192,11 +193,11 @@ def _measured(
     volumes = np.zeros(len(faces))
     _fill_volumes(points, faces, origin, piece, volumes)
     volume = summed(piece, sign * volumes)
-    cones = np.cross(points[low] - origin[of], apex - origin[of])
-    volume += summed(of, excess * np.einsum("ij,ij->i", points[high] - origin[of], cones))
+    cones = np.cross(points[low] - origin[owner], apex - origin[owner])
+    volume += summed(owner, excess * np.einsum("ij,ij->i", points[high] - origin[owner], cones))
     area = summed(piece, unit.face_areas)
     length = np.abs(excess) * np.linalg.norm(points[high] - points[low], axis=1)
-    discs = summed(of, summed(loop, length, n_loops)[loop] * length) / (4 * np.pi)
+    discs = summed(owner, summed(loop, length, n_loops)[loop] * length) / (4 * np.pi)
     none = np.where(discs > 0, np.inf, 0.0)
     return volume / 6, area, np.divide(discs, area, out=none, where=area > 0)
 

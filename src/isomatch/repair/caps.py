@@ -12,39 +12,41 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.surfaces import Mesh
 
 
-def capped_at(mesh: Mesh, at: BoolArray) -> tuple[Mesh, IntArray]:
-    """Close the holes around which half of the vertices are marked (n,); returns also the old vertex nearest to each."""
-    closed = _closed(mesh, [rim for rim in boundary_loops(mesh) if at[rim].mean() >= 0.5])
-    everything, n = np.arange(mesh.n_vertices), closed.n_vertices
+def close_holes_at(mesh: Mesh, marked: BoolArray) -> tuple[Mesh, IntArray]:
+    """Close the holes with at least half of their vertices marked (n,); return also the nearest old vertex."""
+    closed = _close_rims(mesh, [rim for rim in boundary_loops(mesh) if marked[rim].mean() >= 0.5])
+    all_vertices, n = np.arange(mesh.n_vertices), closed.n_vertices
     if n == mesh.n_vertices:
-        return closed, everything
+        return closed, all_vertices
     graph = coo_array((closed.edge_lengths, tuple(closed.edges.T)), shape=(n, n)).tocsr()
-    nearest = dijkstra(graph, directed=False, indices=everything, min_only=True, return_predecessors=True)[2]
+    nearest = dijkstra(graph, directed=False, indices=all_vertices, min_only=True, return_predecessors=True)[
+        2
+    ]
     return closed, nearest.astype(np.int64)
 
 
-def capped(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:
+def close_holes(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:
     """Close every hole of an oriented mesh by a cone over its rim, cut into rings as wide as edges are long.
 
-    Paths across a cap are then about as long as on the surface that was there. The first n vertices and the first faces
-    are those of the mesh, and caps have no more vertices than it. A chord (2,) of vertices of a rim parts its hole in
-    two by a straight line: as of a slit between limbs, both sides of which are closed by themselves. O(n + new
-    vertices).
+    Paths across a cap are then about as long as on the surface that was there. The vertices and faces
+    of the mesh come first, and caps have no more vertices than it. A chord (2,) joins two vertices of
+    a rim by a straight line that splits the hole in two, such as a slit between limbs.
+    O(n + new vertices).
     """
     vertices, n = [mesh.vertices], mesh.n_vertices
     rims = boundary_loops(mesh)
     for first, last in chords:
         if any(np.isin([first, last], rim).all() for rim in rims):
-            points = _between(mesh, first, last)
-            rims = [part for rim in rims for part in _parted(rim, first, last, n + np.arange(len(points)))]
+            points = _points_between(mesh, first, last)
+            rims = [part for rim in rims for part in _split_rim(rim, first, last, n + np.arange(len(points)))]
             vertices.append(points)
             n += len(points)
-    return _closed(Mesh(np.concatenate(vertices), mesh.faces), rims)
+    return _close_rims(Mesh(np.concatenate(vertices), mesh.faces), rims)
 
 
-def _closed(mesh: Mesh, rims: list[IntArray]) -> Mesh:
+def _close_rims(mesh: Mesh, rims: list[IntArray]) -> Mesh:
     vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
-    wanted = [_n_rings(mesh, rim) for rim in rims]
+    wanted = [_count_rings(mesh, rim) for rim in rims]
     most = mesh.n_vertices / max(sum(len(rim) * count for rim, count in zip(rims, wanted)), 1)
     for rim, count in zip(rims, wanted):
         corners = mesh.vertices[rim]
@@ -64,34 +66,34 @@ def _closed(mesh: Mesh, rims: list[IntArray]) -> Mesh:
     return Mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
-def _between(mesh: Mesh, first: int, last: int) -> FloatArray:
-    """Points (q, 3) on the straight line between two vertices, as far apart as edges are long."""
+def _points_between(mesh: Mesh, first: int, last: int) -> FloatArray:
+    """Place points (q, 3) on the line between two vertices, one edge length apart."""
     ends = mesh.vertices[[first, last]]
     count = int(np.linalg.norm(ends[1] - ends[0]) / mesh.edge_lengths.mean())
     share = np.arange(1, count + 1)[:, None] / (count + 1)
     return np.asarray((1 - share) * ends[0] + share * ends[1])
 
 
-def _parted(rim: IntArray, first: int, last: int, between: IntArray) -> list[IntArray]:
-    """Part a rim in two by a line of vertices from one of its vertices to another; if it has not both, it stays."""
+def _split_rim(rim: IntArray, first: int, last: int, between: IntArray) -> list[IntArray]:
+    """Split a rim along a line of vertices between two of its vertices; without both it stays whole."""
     if not np.isin([first, last], rim).all():
         return [rim]
     from_first = np.roll(rim, -int(np.flatnonzero(rim == first)[0]))
-    at = int(np.flatnonzero(from_first == last)[0])
-    one = np.concatenate([from_first[: at + 1], between[::-1]])
-    other = np.concatenate([from_first[at:], [first], between])
-    return [part for part in (one, other) if len(part) > 2]
+    position = int(np.flatnonzero(from_first == last)[0])
+    forward = np.concatenate([from_first[: position + 1], between[::-1]])
+    backward = np.concatenate([from_first[position:], [first], between])
+    return [part for part in (forward, backward) if len(part) > 2]
 
 
-def _n_rings(mesh: Mesh, rim: IntArray) -> int:
-    """Rings of a cap that are as wide as edges are long."""
+def _count_rings(mesh: Mesh, rim: IntArray) -> int:
+    """Count the rings of a cap that are as wide as edges are long."""
     corners = mesh.vertices[rim]
     radius = np.linalg.norm(corners - corners.mean(axis=0), axis=1).mean()
     return max(int(np.round(radius / mesh.edge_lengths.mean())) - 1, 0)
 
 
 def boundary_loops(mesh: Mesh) -> list[IntArray]:
-    """Vertices along each loop of the boundary, in the direction of the faces; no loop passes a vertex twice."""
+    """List the vertices along each boundary loop, in the direction of the faces, none twice in a loop."""
     faces = mesh.sound_faces
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     ends = np.sort(mesh.boundary_edges, axis=1)

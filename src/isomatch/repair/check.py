@@ -1,4 +1,4 @@
-"""Examine a mesh for defects: the check, and its report with a field for each kind of defect."""
+"""Examine a mesh for defects; the report has a field for each kind."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch._core.compiled import compiled
 from isomatch._core.errors import some
 from isomatch.io import Polygons, SurfaceLike, mesh_from
-from isomatch.repair._winding import faces_to_rewind, shells, with_rewound
-from isomatch.repair.base import LARGE, base_of
+from isomatch.repair._winding import faces_to_rewind, rewind_faces, shells
+from isomatch.repair.base import MIN_BASE_SHARE, base_of
 from isomatch.repair.gaps import NO_SIDES, close_vertices, free_sides, t_junctions
-from isomatch.repair.merged import unmerged
-from isomatch.repair.outliers import outliers
-from isomatch.repair.walls import WALL, double_walled_share
-from isomatch.surfaces import Mesh, fans, first_equal, linked, unsound_faces
+from isomatch.repair.merged import part_merged_limbs
+from isomatch.repair.outliers import find_outliers
+from isomatch.repair.walls import WALL_THICKNESS, double_walled_share
+from isomatch.surfaces import Mesh, count_fans, first_equal, label_components, unsound_faces
 
 
-def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
+def check(mesh: SurfaceLike, *, wall: float = WALL_THICKNESS) -> MeshReport:
     """Report every defect of a mesh that affects distances or matching.
 
     Parameters
@@ -29,7 +29,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
     mesh : Mesh, path_like, tuple or object
         Anything that `mesh_from` takes; its arrays may contain anything.
     wall : float
-        Thickness, in √area, up to which two sheets back to back make a surface double-walled; 0: it is not asked.
+        Largest thickness, in √area, at which two sheets back to back are a double wall; 0 skips the test.
 
     Returns
     -------
@@ -38,8 +38,8 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
 
     Notes
     -----
-    O(n log n) time, in which only hashes are sorted, and O(n) memory: 0.1 s for 100 000 vertices, 1.5 s for a million;
-    beside 0.2 to 0.7 s for the walls.
+    O(n log n) time, in which only hashes are sorted, and O(n) memory: 0.1 s for 100 000 vertices,
+    1.5 s for a million, and 0.2 to 0.7 s more for the walls.
 
     Examples
     --------
@@ -55,17 +55,18 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
     sound = np.flatnonzero(~bad.any)
     whole = mesh if len(sound) == mesh.n_faces else Mesh(mesh.vertices, mesh.faces[sound])
     faces, edges = whole.faces, whole.edge_table
-    n_fans = fans(faces, edges, mesh.n_vertices)
+    n_fans = count_fans(faces, edges, mesh.n_vertices)
     used = n_fans > 0
     finite = np.logical_and.reduce([np.isfinite(x) for x in mesh.vertices.T])
     points = mesh.vertices if used.all() else np.where(used[:, None], mesh.vertices, 0.0)
-    # Dividing by the largest coordinate keeps squares and products from overflowing.
+    # Squares and products of coordinates divided by the largest one do not overflow.
     scale = float(max(points.max(initial=0.0), -points.min(initial=0.0))) or 1.0
     surface = whole.moved(points / scale)
     flatness = np.zeros(len(faces))
     _fill_flatness(surface.vertices, faces, 2 * surface.face_areas, flatness)
     rewound, first = faces_to_rewind(surface), first_equal(mesh.vertices)
-    seams, nobody = unmerged(with_rewound(surface, rewound)).seams, np.zeros(0, dtype=np.int64)
+    oriented = rewind_faces(surface, rewound)
+    seams, no_vertices = part_merged_limbs(oriented).seams, np.zeros(0, dtype=np.int64)
     return MeshReport(
         n_vertices=mesh.n_vertices,
         n_faces=mesh.n_faces,
@@ -84,17 +85,19 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
         non_manifold_edges=edges.ends[edges.n_faces > 2],
         non_manifold_vertices=np.flatnonzero(n_fans > 1),
         inconsistent_edges=edges.ends[edges.clash],
-        merged_vertices=np.concatenate([nobody, *seams]),
-        outliers=np.flatnonzero(outliers(mesh.vertices)) if not mesh.n_faces and finite.all() else nobody,
-        double_walled=double_walled_share(surface, wall, rewound) if wall else float("nan"),
+        merged_vertices=np.concatenate([no_vertices, *seams]),
+        outliers=np.flatnonzero(find_outliers(mesh.vertices))
+        if not mesh.n_faces and finite.all()
+        else no_vertices,
+        double_walled=double_walled_share(oriented, wall) if wall else float("nan"),
         planar=base_of(surface).share if wall else float("nan"),
     )
 
 
 def _gaps(surface: Mesh, first: IntArray, scale: float) -> dict[str, Any]:
-    """Find gaps that are meant to be closed, where vertices (n,) that are one are joined."""
+    """Find gaps that are meant to be closed; ``first`` (n,) is the first vertex at the same position."""
     polygons = Polygons.of_triangles(surface.faces)
-    # points that are joined close boundaries, and open none
+    # joining points can close a boundary, but open none
     free = free_sides(polygons, first) if (surface.edge_table.n_faces == 1).any() else NO_SIDES
     parted = t_junctions(surface.vertices, polygons, first, free)
     loose = close_vertices(surface.vertices, free.ends)
@@ -103,7 +106,7 @@ def _gaps(surface: Mesh, first: IntArray, scale: float) -> dict[str, Any]:
 
 
 def _components(surface: Mesh, used: BoolArray, areas: FloatArray, rewound: BoolArray) -> dict[str, Any]:
-    """Describe components that have faces, largest first: vertices, shares of the area; solids, voids, inside out."""
+    """Describe components with faces, largest first: vertices, shares of the area, which are solid."""
     sizes = np.bincount(surface.components, used).astype(np.int64)
     has_faces = sizes > 0
     of_vertex = (np.cumsum(has_faces) - 1)[surface.components]
@@ -117,13 +120,13 @@ def _components(surface: Mesh, used: BoolArray, areas: FloatArray, rewound: Bool
     total = area.sum()
     shares = area[order] / total if total > 0 else np.zeros(len(sizes))
     names = "inward_components", "solid_components", "void_components"
-    numbers = {name: np.flatnonzero(of[order]) for name, of in zip(names, (inward, *kinds))}
+    numbers = {name: np.flatnonzero(flags[order]) for name, flags in zip(names, (inward, *kinds))}
     return {"component_vertices": sizes[order], "component_shares": shares, **numbers}
 
 
 @compiled()
 def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, flatness: FloatArray) -> None:
-    """Compute the smallest altitude over the longest edge of each face, twice its area over the square; 0 of a point."""
+    """Compute the smallest altitude over the longest edge of each face: twice its area over the square."""
     for f in range(len(faces)):
         longest = 0.0
         b = faces[f, 2]
@@ -139,11 +142,11 @@ def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, fla
 
 
 def _boundary(surface: Mesh, scale: float) -> dict[str, Any]:
-    """Find the edges of the boundary, and the length of each connected piece, longest first, in units of ``scale``."""
+    """Find the boundary edges, and the length of each boundary loop, longest first, times ``scale``."""
     points, boundary = surface.vertices, surface.boundary_edges
     vertices, ends = np.unique(boundary, return_inverse=True)
     ends = ends.reshape(-1, 2)
-    count, label = linked(len(vertices), (ends[:, 0], ends[:, 1]))
+    count, label = label_components(len(vertices), (ends[:, 0], ends[:, 1]))
     lengths = np.linalg.norm(points[boundary[:, 0]] - points[boundary[:, 1]], axis=1)
     loops: FloatArray = np.bincount(label[ends[:, 0]], lengths, count).astype(np.float64)
     with np.errstate(over="ignore"):  # lengths beyond the largest float become infinite
@@ -156,19 +159,20 @@ ZERO_AREA_RATIO = 1e-10
 SLIVER_RATIO = 1e-3
 """A face of positive area is a sliver if its smallest altitude is below this fraction of its longest edge."""
 
-OPENING = 0.1  # √area: six mouse skulls are open by 0.08 to 0.1; docs/lab/design_notes.md
+OPENING_DIAMETER = 0.1  # √area; six mouse skulls have openings of 0.08 to 0.1: docs/lab/design_notes.md
 DOUBLE_WALLED_SHARE = 0.35
-"""A surface is double-walled if another sheet is close behind this share of its area, or more: bodies, animals, organs
-and single bones have up to 0.23, mouse skulls and shells from 0.52; docs/lab/design_notes.md."""
+"""A surface is double-walled if another sheet is close behind at least this share of its area: bodies,
+animals, organs and single bones have up to 0.23, mouse skulls and shells from 0.52:
+docs/lab/design_notes.md."""
 
-# field: what it is, and after the colon why it matters and what to do; the printed table has this order
+# what each field counts, and after the colon why it matters and what to do, in the order of the table
 _FATAL = {
     "non_finite_vertices": "vertices with NaN or infinite coordinates: no distance is defined there; "
     "repair(mesh) removes them and their faces",
     "out_of_range_faces": "faces with a vertex index out of range: the surface is undefined there; "
     "repair(mesh) removes them, or export the file again",
 }
-_SURVIVABLE = {
+_WARNINGS = {
     "repeated_index_faces": "faces with a repeated vertex: they have no area and no normal; repair(mesh) "
     "removes them",
     "duplicate_faces": "faces with the vertices of an earlier face: their area counts twice and their edges "
@@ -196,12 +200,12 @@ _SURVIVABLE = {
     "inward_components": "closed components with faces oriented inward: left and right are exchanged; "
     "repair(mesh) orients them outward",
 }
-MENDED = (
+REPAIRED_DEFECTS = (
     *("non_finite_vertices", "out_of_range_faces", "repeated_index_faces", "duplicate_faces"),
     *("unused_vertices", "coincident_vertices", "inconsistent_edges", "inward_components"),
     *("merged_vertices", "t_junctions", "outliers"),
 )
-"""Fields of `MeshReport` with defects that a repair removes."""
+"""Fields of `MeshReport` whose defects a repair removes."""
 
 
 def has_any(report: MeshReport, defects: Iterable[str]) -> bool:
@@ -315,7 +319,7 @@ class MeshReport:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Defects that reduce accuracy or leave vertices unmatched, one sentence each."""
-        sentences = self._sentences(_SURVIVABLE)
+        sentences = self._sentences(_WARNINGS)
         if self.n_components - len(self.void_components) > 1:
             shares = ", ".join(f"{share:.1%}" for share in self.component_shares[:5])
             sentences.append(
@@ -356,15 +360,15 @@ class MeshReport:
         )
 
     def __str__(self) -> str:
-        told = (_FATAL | _SURVIVABLE).items()
-        every = [(text.partition(": ")[0], len(getattr(self, name)), "") for name, text in told]
+        texts = (_FATAL | _WARNINGS).items()
+        defects = [(text.partition(": ")[0], len(getattr(self, name)), "") for name, text in texts]
         largest = longest = ""
         if self.n_components > 1:
             largest = f"largest: {self.component_vertices[0]:,} vertices"
         if self.n_boundary_loops:
             longest = f"longest: {self.boundary_lengths[0]:.4g}"
         walls = [("double-walled, per cent of the area", round(100 * self.double_walled), "")]
-        if self.planar >= LARGE:
+        if self.planar >= MIN_BASE_SHARE:
             advice = "if this is a base: repair(mesh, without_base=True) cuts it off"
             walls.append(("in one plane, per cent of the area", round(100 * self.planar), advice))
         rows = [
@@ -376,7 +380,7 @@ class MeshReport:
             ("Euler number", self.euler_number, ""),
             *(walls if self.double_walled >= 0 else []),
             ("boundary loops", self.n_boundary_loops, longest),
-            *(defect for defect in every if defect[1]),
+            *(defect for defect in defects if defect[1]),
         ]
         table = [f"{what:<45} {count:>7,}  {where}".rstrip() for what, count, where in rows]
         verdict = [f"fatal: {sentence}" for sentence in self.fatal]

@@ -1,4 +1,4 @@
-"""The draft of a mended mesh: what it is now, how its vertices and faces came from the given ones, and what to note."""
+"""The draft of a repaired mesh: its present state, where its vertices and faces come from, notes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from isomatch.surfaces import Mesh
 
 @dataclass(frozen=True, eq=False)
 class VertexTrace:
-    """Where the vertices of a mesh come from, and what the vertices of the given mesh have become."""
+    """The given vertex of each vertex, and the vertex that each given one has become."""
 
     given: IntArray  # (n,) vertex of the given mesh that each vertex comes from
     current: IntArray  # (n_given,) vertex that each vertex of the given mesh has become; −1 where it is gone
@@ -37,16 +37,16 @@ class VertexTrace:
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A mesh between two steps of a repair, how it came from the given surface, and what was changed."""
+    """A mesh between two steps of a repair, with its origin and what was changed."""
 
     mesh: Mesh
     trace: VertexTrace
-    notes: tuple[str, ...]  # in the order in which they are told
-    asset: Asset | None  # the given one with points inserted into its sides; None if a bare mesh is mended
-    faces: IntArray  # (m,) triangle of this asset, or of the mesh with points inserted, of each face
-    given_face: IntArray  # given triangle of each of these triangles
-    rewound: BoolArray  # (m,) faces that are wound otherwise than they were given
-    contacts: tuple[IntArray, ...] = ()  # given vertices at which limbs were parted, of each place
+    notes: tuple[str, ...]  # in the order of the steps
+    asset: Asset | None  # the given one with inserted points; None for a bare mesh
+    faces: IntArray  # (m,) triangle of the asset, or of the mesh with inserted points, of each face
+    given_face: IntArray  # given triangle of each triangle of the asset
+    rewound: BoolArray  # (m,) faces that are wound unlike the given ones
+    contacts: tuple[IntArray, ...] = ()  # given vertices of each place where limbs were parted
 
     @classmethod
     def of(cls, mesh: Mesh, asset: Asset | None = None, trace: VertexTrace | None = None) -> Draft:
@@ -56,13 +56,13 @@ class Draft:
         return cls(mesh, trace or VertexTrace.of_all(mesh.n_vertices), (), asset, faces, faces, rewound)
 
     def then(self, later: Draft) -> Draft:
-        """Go on with a draft that began with this mesh; faces are told from those of this mesh."""
+        """Continue with a draft that began with this mesh; its faces refer to this mesh."""
         contacts = (*self.contacts, *(self.trace.given[rows] for rows in later.contacts))
         trace, notes = self.trace.then(later.trace), (*self.notes, *later.notes)
         return replace(later, trace=trace, notes=notes, contacts=contacts)
 
     def made_into(self, mesh: Mesh, trace: VertexTrace) -> Draft:
-        """Put a mesh with the same faces between other vertices in the place of this one."""
+        """Replace the mesh by one with the same faces between other vertices."""
         return replace(self, mesh=mesh, trace=self.trace.then(trace))
 
     def noted(self, *notes: str) -> Draft:
@@ -84,8 +84,8 @@ class Draft:
         """Remove vertices (n,) that no face uses, and note how many."""
         if not gone.any():
             return self
-        trace, told = VertexTrace.of_kept(~gone), self.counted(note, noun, gone) if note else self
-        return told.made_into(Mesh(self.mesh.vertices[~gone], trace.current[self.mesh.faces]), trace)
+        trace, draft = VertexTrace.of_kept(~gone), self.counted(note, noun, gone) if note else self
+        return draft.made_into(Mesh(self.mesh.vertices[~gone], trace.current[self.mesh.faces]), trace)
 
 
 Step: TypeAlias = Callable[[Draft], Draft]
@@ -104,8 +104,8 @@ def count(number: int, noun: str) -> str:
     return f"{number} {noun if number == 1 else several}"
 
 
-def placed(places: tuple[IntArray, ...], noun: str) -> str:
-    """Write where something was found, given the vertices of each place."""
+def describe_places(places: tuple[IntArray, ...], noun: str) -> str:
+    """Describe where something was found, given the vertices of each place."""
     largest, n = max(places, key=len), sum(map(len, places))
     return (
         f"at {count(n, 'vertex')}, in {count(len(places), noun)}; the largest has {len(largest)}, one of them vertex "

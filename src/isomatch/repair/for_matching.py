@@ -1,4 +1,4 @@
-"""What a mesh goes through before it is matched: it is mended, and sheets that were glued or merged come apart."""
+"""Prepare a mesh for matching: repair it, and take apart sheets that were glued or merged."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from isomatch._core.errors import MeshError
 from isomatch.decimation import normalised
 from isomatch.repair._winding import seems_inside_out
-from isomatch.repair.caps import capped_at
-from isomatch.repair.check import MENDED, check, has_any
-from isomatch.repair.draft import Draft, VertexTrace, placed, run
+from isomatch.repair.caps import close_holes_at
+from isomatch.repair.check import REPAIRED_DEFECTS, check, has_any
+from isomatch.repair.draft import Draft, VertexTrace, describe_places, run
 from isomatch.repair.sheets import separate_sheets
 from isomatch.repair.steps import (
     close_gaps,
@@ -20,15 +20,15 @@ from isomatch.repair.steps import (
     drop_unsound_faces,
     drop_unused,
     drop_welded,
+    note_winding,
     part_limbs,
-    tell_winding,
     wind,
 )
 from isomatch.surfaces import Mesh, in_spatial_order
 
-LARGE_MESH = 2**16  # vertices, beyond which the arrays of a mesh do not fit into the cache of a processor
+LARGE_MESH = 2**16  # vertices; the arrays of larger meshes do not fit into the cache of a processor
 SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
-TOGETHER = "if they belong together, set preparation.sheet_distance = inf"
+KEEP_TOGETHER = "if they belong together, set preparation.sheet_distance = inf"
 INSIDE_OUT = (
     "it seems to be inside out, and its openings are too large to turn it over unasked; with a shape that does not, "
     "`match` tries both windings of its faces"
@@ -36,20 +36,20 @@ INSIDE_OUT = (
 
 
 def prepare_for_matching(mesh: Mesh, sheet_distance: float) -> Draft:
-    """Mend a mesh as `repair` does, and take sheets apart that were glued together or merged.
+    """Repair a mesh as `repair` does, and take apart sheets that were glued together or merged.
 
     Parameters
     ----------
     mesh : Mesh
         Its arrays may contain anything.
     sheet_distance : float
-        Sheets stay together unless copies of some vertex where they meet are so far apart along edges, in √area.
+        Sheets come apart if copies of a vertex where they meet are farther apart along edges, in √area.
 
     Returns
     -------
     Draft
-        Its ``mesh``, the ``trace`` of its vertices, and ``notes`` on what was changed. Copies of a vertex come from the
-        same one, vertices of the caps that close the holes at parted limbs from the nearest one.
+        The ``mesh``, the ``trace`` of its vertices, and ``notes`` on what was changed. Copies of a vertex
+        come from it, vertices of the caps at parted limbs from the nearest vertex.
 
     Raises
     ------
@@ -60,10 +60,10 @@ def prepare_for_matching(mesh: Mesh, sheet_distance: float) -> Draft:
     report = check(draft.mesh, wall=0.0)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
-    apart = take_sheets_apart(draft, sheet_distance) if has_any(report, SIGNS_OF_SHEETS) else None
-    if apart:
-        draft = apart
-    elif has_any(report, MENDED):
+    separated = take_sheets_apart(draft, sheet_distance) if has_any(report, SIGNS_OF_SHEETS) else None
+    if separated:
+        draft = separated
+    elif has_any(report, REPAIRED_DEFECTS):
         draft = mend(draft, insert=len(report.t_junctions) > 0)
     if len(report.close_vertices):
         draft = draft.noted(
@@ -93,28 +93,28 @@ def take_sheets_apart(draft: Draft, sheet_distance: float) -> Draft | None:
     keep_layers = partial(drop_unsound_faces, keep_duplicates=True)
     glued = run(draft, close_gaps, keep_layers, drop_non_finite, drop_welded, drop_unused)
     sheets = separate_sheets(glued.mesh, sheet_distance)
-    if not sheets.is_manifold:  # as where triangles vanished with the merge of their corners
-        parted = mend(draft, least_distance=sheet_distance)
-        if parted.contacts:
-            *earlier, note = parted.notes
-            return replace(cap_contacts(parted), notes=(*earlier, f"{note}; {TOGETHER}"))
+    if not sheets.is_manifold:  # a merge of corners removed triangles
+        limbs_parted = mend(draft, least_distance=sheet_distance)
+        if limbs_parted.contacts:
+            *earlier, note = limbs_parted.notes
+            return replace(cap_contacts(limbs_parted), notes=(*earlier, f"{note}; {KEEP_TOGETHER}"))
     if not sheets.seams:
         return None
     trace = VertexTrace(sheets.vertex_index, np.arange(glued.mesh.n_vertices))
     separated = mend(glued.then(Draft.of(sheets.mesh, trace=trace)), weld=False)
-    where = placed(tuple(glued.trace.given[seam] for seam in sheets.seams), "seam")
-    return separated.noted(f"separated sheets that were glued together {where}; {TOGETHER}")
+    where = describe_places(tuple(glued.trace.given[seam] for seam in sheets.seams), "seam")
+    return separated.noted(f"separated sheets that were glued together {where}; {KEEP_TOGETHER}")
 
 
 def mend(draft: Draft, weld: bool = True, insert: bool = True, least_distance: float = np.inf) -> Draft:
-    """Mend the mesh of a draft; its own vertices, copies too, are the given ones of these steps."""
+    """Repair the mesh of a draft, whose vertices, with copies, are the given ones of these steps."""
     close = partial(close_gaps, weld=weld, insert=insert)
     part = partial(part_limbs, least_distance=least_distance)
     steps = close, drop_unsound_faces, drop_non_finite, drop_welded, drop_unused, wind, part
-    return tell_winding(draft.then(run(Draft.of(draft.mesh), *steps)))
+    return note_winding(draft.then(run(Draft.of(draft.mesh), *steps)))
 
 
 def cap_contacts(draft: Draft) -> Draft:
-    """Close the holes that a merge left where limbs were parted: they are no openings of the shape."""
-    closed, nearest = capped_at(draft.mesh, np.isin(draft.trace.given, np.concatenate(draft.contacts)))
+    """Close the holes that a merge left at parted limbs, which are no openings of the shape."""
+    closed, nearest = close_holes_at(draft.mesh, np.isin(draft.trace.given, np.concatenate(draft.contacts)))
     return draft.then(Draft.of(closed, trace=VertexTrace(nearest, np.arange(draft.mesh.n_vertices))))

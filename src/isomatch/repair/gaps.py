@@ -10,18 +10,18 @@ from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.io import Asset, Polygons, Renumbering
-from isomatch.surfaces import linked
+from isomatch.surfaces import label_components
 
-ON_EDGE = 1e-3  # of the edge: a vertex this near to it lies on it
-END = 1e-2  # share of an edge next to its ends where no vertex is inserted
-GAP = 3.0  # ratio of distances that tells vertices that nearly coincide from others
-NEAR = 0.3  # of the median side: above, distances are those of a surface
-LEAST_SHARE, FEWEST = 0.05, 4  # of the vertices of the boundary, and vertices, that nearly coincide
-# quantiles of the lengths of sides, and of the small distances, where single ones fill the gap
-SHORT, MOST = 0.02, 0.95
-# points near a piece of a side that are looked at one by one, the shortest piece, and points at once
-MOST_NEAR, PIECE, AT_ONCE = 16, 1 / 64, 2**22
-N_NEAREST = 8  # vertices among which one is sought that no side joins
+ON_SIDE_RATIO = 1e-3  # of the length of a side: a vertex this near lies on it
+SIDE_END_SHARE = 1e-2  # of a side: no vertex is inserted this near to its ends
+MIN_GAP_RATIO = 3.0  # of the shortest sides to the distances of vertices that nearly coincide
+MAX_CLOSE_RATIO = 0.3  # of the median side: vertices farther apart do not nearly coincide
+MIN_CLOSE_SHARE, MIN_CLOSE_VERTICES = 0.05, 4  # of the boundary vertices; fewer may be chance
+# quantiles of the lengths of sides and of small distances, where single ones lie between the two
+SHORT_SIDE_QUANTILE, CLOSE_DISTANCE_QUANTILE = 0.02, 0.95
+# a piece of a side with more points near it is halved, down to this share; points compared at once
+MAX_POINTS_NEAR_PIECE, MIN_PIECE_SHARE, POINTS_AT_ONCE = 16, 1 / 64, 2**22
+N_NEIGHBOURS = 8  # vertices among which the nearest one without a common side is sought
 
 
 class Sides(NamedTuple):
@@ -35,14 +35,14 @@ NO_SIDES = Sides(np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64))
 
 
 class Loose(NamedTuple):
-    """Vertices that nearly coincide with others, and the distance that tells them from others; nan without any."""
+    """Vertices that nearly coincide with others, and the largest distance at which they do, or nan."""
 
     vertices: IntArray
     tolerance: float
 
 
 class TJunctions(NamedTuple):
-    """Points (q,) that lie on sides of polygons: the corner at which each side begins, and where on the side, 0 to 1."""
+    """Points (q,) on sides of polygons: the corner where each side begins, and the place on it, 0 to 1."""
 
     points: IntArray
     corners: IntArray
@@ -50,43 +50,44 @@ class TJunctions(NamedTuple):
 
 
 def close_vertices(positions: FloatArray, sides: IntArray) -> Loose:
-    """Find vertices of the boundary that nearly coincide, by a gap in the distribution of distances between them."""
-    # distances to the nearest vertex that no side of the boundary leads to, and lengths of the sides: where many of the
-    # first are far below the others, the tolerance is in the middle of the gap
-    none = Loose(np.zeros(0, dtype=np.int64), np.nan)
+    """Find boundary vertices that nearly coincide, by a gap in the distribution of their distances."""
+    # Compared are the distance to the nearest vertex without a common side, and the lengths of sides.
+    # If many distances are far below the lengths, the tolerance lies in the middle of the gap.
+    nothing_found = Loose(np.zeros(0, dtype=np.int64), np.nan)
     vertices = np.unique(sides)
-    if len(vertices) < FEWEST:
-        return none
+    if len(vertices) < MIN_CLOSE_VERTICES:
+        return nothing_found
     points, rows = positions[vertices], np.searchsorted(vertices, sides)
-    apart, near = cKDTree(points).query(points, min(N_NEAREST, len(points)))
+    distances, neighbours = cKDTree(points).query(points, min(N_NEIGHBOURS, len(points)))
     joined = np.concatenate([rows[:, 0] * len(points) + rows[:, 1], rows[:, 1] * len(points) + rows[:, 0]])
-    keys = np.arange(len(points))[:, None] * len(points) + near
-    apart[np.isin(keys, joined) | (near == np.arange(len(points))[:, None])] = np.inf
-    nearest = apart.min(axis=1)
+    keys = np.arange(len(points))[:, None] * len(points) + neighbours
+    distances[np.isin(keys, joined) | (neighbours == np.arange(len(points))[:, None])] = np.inf
+    nearest = distances.min(axis=1)
     lengths = np.linalg.norm(points[rows[:, 0]] - points[rows[:, 1]], axis=1)
-    small = nearest[nearest <= NEAR * np.median(lengths)]
-    if len(small) < max(FEWEST, LEAST_SHARE * len(vertices)):
-        return none
-    least = float(np.quantile(lengths, SHORT))
-    most = next((most for most in (small.max(), np.quantile(small, MOST)) if least >= GAP * most), None)
-    if most is None:
-        return none
-    tolerance = float(np.sqrt(most * least))
+    small = nearest[nearest <= MAX_CLOSE_RATIO * np.median(lengths)]
+    if len(small) < max(MIN_CLOSE_VERTICES, MIN_CLOSE_SHARE * len(vertices)):
+        return nothing_found
+    smallest = float(np.quantile(lengths, SHORT_SIDE_QUANTILE))
+    candidates = (small.max(), np.quantile(small, CLOSE_DISTANCE_QUANTILE))
+    largest = next((x for x in candidates if smallest >= MIN_GAP_RATIO * x), None)
+    if largest is None:
+        return nothing_found
+    tolerance = float(np.sqrt(largest * smallest))
     return Loose(vertices[nearest <= tolerance], tolerance)
 
 
 def first_within(points: FloatArray, tolerance: float) -> IntArray:
-    """Find, for each point (n, 3), the first of those that steps of at most the tolerance lead to, (n,)."""
+    """Find, for each point (n, 3), the first point that short steps lead to, (n,)."""
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
     pairs = finite[cKDTree(points[finite]).query_pairs(tolerance, output_type="ndarray")]
-    count, group = linked(len(points), (pairs[:, 0], pairs[:, 1]))
+    count, group = label_components(len(points), (pairs[:, 0], pairs[:, 1]))
     first = np.full(count, len(points))
     np.minimum.at(first, group, np.arange(len(points)))
     return np.asarray(first[group])
 
 
 def t_junctions(points: FloatArray, polygons: Polygons, survivor: IntArray, free: Sides) -> TJunctions:
-    """Find the points on the middle of the free sides of polygons; ``survivor`` (n,) says which points are one."""
+    """Find the points on free sides of polygons; ``survivor`` (n,) is what each point is welded onto."""
     corners, sides = free
     finite = np.isfinite(points[sides]).all(axis=(1, 2))
     corners, sides = corners[finite], sides[finite]
@@ -100,45 +101,54 @@ def t_junctions(points: FloatArray, polygons: Polygons, survivor: IntArray, free
     points = scaled
     start, end = points[sides[:, 0]], points[sides[:, 1]]
     lengths = np.linalg.norm(end - start, axis=1)
-    side, near, share = _on_sides(points[vertices], start, end, lengths)
+    side, near, share = _find_on_sides(points[vertices], start, end, lengths)
     vertex = vertices[near]
-    # no polygon has a corner twice, as one with a flat corner would
-    of, n = polygons.of_corner, len(points)
+    # a point that is a corner of the polygon already is not inserted again
+    polygon_of, n = polygons.of_corner, len(points)
     in_range = (polygons.corners >= 0) & (polygons.corners < n)
-    own = np.where(in_range, survivor[polygons.corners.clip(0, n - 1)], n)
-    new = ~np.isin(of[corners[side]] * (n + 1) + vertex, of * (n + 1) + own)
+    welded_corners = np.where(in_range, survivor[polygons.corners.clip(0, n - 1)], n)
+    new = ~np.isin(polygon_of[corners[side]] * (n + 1) + vertex, polygon_of * (n + 1) + welded_corners)
     order = np.lexsort([share[new], corners[side[new]]])
     return TJunctions(vertex[new][order], corners[side[new]][order], share[new][order])
 
 
-def _on_sides(
+def _find_on_sides(
     points: FloatArray, start: FloatArray, end: FloatArray, lengths: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Find the points (n, 3) on the middle of sides, each pair once: the side, the point, and where on the side."""
-    # in balls around pieces of the sides; those that hold many points, as of other sheets, are halved
+    """Find the points (n, 3) on the middle of sides: the side, the point, and the place on the side."""
+    # Points are sought in balls around pieces of sides; pieces near many points are halved.
     tree, span = cKDTree(points), end - start
-    side, low, high = np.arange(len(start)), np.full(len(start), END), np.full(len(start), 1 - END)
+    side, low, high = (
+        np.arange(len(start)),
+        np.full(len(start), SIDE_END_SHARE),
+        np.full(len(start), 1 - SIDE_END_SHARE),
+    )
     found, shares = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
     while len(side):
         middle = (low + high) / 2
         centres, radii = (
             start[side] + middle[:, None] * span[side],
-            ((high - low) / 2 + ON_EDGE) * lengths[side],
+            ((high - low) / 2 + ON_SIDE_RATIO) * lengths[side],
         )
         counts = tree.query_ball_point(centres, radii, return_length=True)
-        few = (counts <= MOST_NEAR) | (high - low <= PIECE)
+        few = (counts <= MAX_POINTS_NEAR_PIECE) | (high - low <= MIN_PIECE_SHARE)
         held = np.flatnonzero(few & (counts > 0))
-        for rows in np.array_split(held, 1 + counts[held].sum() // AT_ONCE):  # lists take much memory
+        for rows in np.array_split(held, 1 + counts[held].sum() // POINTS_AT_ONCE):  # lists take much memory
             lists = tree.query_ball_point(centres[rows], radii[rows])
             near = np.concatenate([*lists, []]).astype(np.int64)
-            of = np.repeat(side[rows], counts[rows])
-            to, squared = points[near] - start[of], np.maximum(lengths[of] ** 2, np.finfo(float).tiny)
-            share = np.einsum("ij,ij->i", to, span[of]) / squared
-            off = np.linalg.norm(to - share[:, None] * span[of], axis=1)
-            inside = (off <= ON_EDGE * lengths[of]) & (share > END) & (share < 1 - END)
-            found.append(of[inside] * len(points) + near[inside])
+            owner = np.repeat(side[rows], counts[rows])
+            from_start = points[near] - start[owner]
+            squared = np.maximum(lengths[owner] ** 2, np.finfo(float).tiny)
+            share = np.einsum("ij,ij->i", from_start, span[owner]) / squared
+            offset = np.linalg.norm(from_start - share[:, None] * span[owner], axis=1)
+            inside = (
+                (offset <= ON_SIDE_RATIO * lengths[owner])
+                & (share > SIDE_END_SHARE)
+                & (share < 1 - SIDE_END_SHARE)
+            )
+            found.append(owner[inside] * len(points) + near[inside])
             shares.append(share[inside])
-        side, low, high, middle = (np.tile(each[~few], 2) for each in (side, low, high, middle))
+        side, low, high, middle = (np.tile(bounds[~few], 2) for bounds in (side, low, high, middle))
         half = np.arange(len(side)) < len(side) // 2
         low, high = np.where(half, low, middle), np.where(half, middle, high)
     pairs, first = np.unique(np.concatenate(found), return_index=True)
@@ -146,14 +156,14 @@ def _on_sides(
 
 
 def free_sides(polygons: Polygons, survivor: IntArray, is_sound: BoolArray | None = None) -> Sides:
-    """Find the sides of one polygon alone, of those that are sound (p,), if points that are one are joined."""
+    """Find the sides of only one polygon, among the sound ones (p,), after welding."""
     corners, n = polygons.corners, len(survivor)
     inside = (corners >= 0) & (corners < n)
     ends = np.cumsum(polygons.sizes)
     following = np.arange(1, len(corners) + 1)
     following[ends - 1] = ends - polygons.sizes
-    at = survivor[np.where(inside, corners, 0)] if n else corners
-    sides = np.column_stack([at, at[following]])
+    welded = survivor[np.where(inside, corners, 0)] if n else corners
+    sides = np.column_stack([welded, welded[following]])
     low, high = sides.min(axis=1), sides.max(axis=1)
     counts = inside & inside[following] & (low != high)
     if is_sound is not None:
@@ -164,33 +174,33 @@ def free_sides(polygons: Polygons, survivor: IntArray, is_sound: BoolArray | Non
     return Sides(rows, sides[rows])
 
 
-def without_t_junctions(asset: Asset, survivor: IntArray, is_sound: BoolArray) -> tuple[Asset, BoolArray]:
-    """Insert points into the sides that they lie on until none is left; returns also which points (n,) were inserted."""
+def insert_t_junctions(asset: Asset, survivor: IntArray, is_sound: BoolArray) -> tuple[Asset, BoolArray]:
+    """Insert points into the sides they lie on until none is left; return also which (n,) were inserted."""
     inserted = np.zeros(len(asset.points), dtype=bool)
-    # each round gives a polygon points that it did not have, so they come to an end
+    # the rounds end, as each gives some polygon a point that it did not have
     while True:
         free = free_sides(asset.polygons, survivor, is_sound)
         found = t_junctions(asset.placed_points, asset.polygons, survivor, free)
         if not len(found.points):
             return asset, inserted
-        asset = _with_points_on_sides(asset, found)
+        asset = _insert_points(asset, found)
         inserted[found.points] = True
 
 
-def _with_points_on_sides(asset: Asset, found: TJunctions) -> Asset:
-    """Insert points into the sides that they lie on; values of corners there lie between those of the ends."""
+def _insert_points(asset: Asset, found: TJunctions) -> Asset:
+    """Insert points into the sides they lie on, and interpolate the values of corners there."""
     polygons = asset.polygons
-    of = polygons.of_corner[found.corners]
+    owner = polygons.of_corner[found.corners]
     place = found.corners + 1
     corners = np.insert(polygons.corners, place, found.points)
     index = np.insert(np.arange(len(polygons.corners)), place, found.corners)
-    sizes = polygons.sizes + np.bincount(of, minlength=len(polygons))
-    everything = np.arange(len(asset.points))
+    sizes = polygons.sizes + np.bincount(owner, minlength=len(polygons))
+    all_points = np.arange(len(asset.points))
     divided = Polygons(corners, sizes, asset.points)
-    rows = Renumbering(everything, everything, divided, np.arange(len(sizes)), index)
+    rows = Renumbering(all_points, all_points, divided, np.arange(len(sizes)), index)
     new = place + np.arange(len(place))
     ends = np.cumsum(polygons.sizes)
-    following = np.where(place == ends[of], ends[of] - polygons.sizes[of], place)
+    following = np.where(place == ends[owner], ends[owner] - polygons.sizes[owner], place)
     mended = asset.renumbered(rows)
     attributes = []
     for before, after in zip(asset.attributes, mended.attributes):

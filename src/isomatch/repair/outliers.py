@@ -1,4 +1,4 @@
-"""Outliers of a point cloud: points far from all others, as stray ones of a scanner."""
+"""Outliers of a point cloud: points far from all others, such as stray points of a scanner."""
 
 from __future__ import annotations
 
@@ -7,27 +7,28 @@ from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import BoolArray, FloatArray
 
-N_NEAREST = 8  # neighbours
-FAR = 4.0  # mean distance to them, over the median of all points or of theirs, from which a point is far from others
-SOLID = 0.06  # least of the three variances of neighbours, over their sum: of scattered points, and not of a surface
+N_NEIGHBOURS = 8
+FAR_RATIO = 4.0  # mean distance to neighbours, over the median of all points or of the neighbours
+SCATTER_SHARE = 0.06  # smallest variance of neighbours over the sum of three; a surface has less
 
 
-def outliers(points: FloatArray) -> BoolArray:
-    """Find points (n,) whose nearest others are four times as far as is usual, but for those of thinly sampled surfaces.
+def find_outliers(points: FloatArray) -> BoolArray:
+    """Find points (n,) whose neighbours are four times as far as usual, except on thinly sampled surfaces.
 
-    Rusu et al., *Towards 3D point cloud based object maps*, 2008, compare distances to neighbours with those of all
-    points. Here, points with neighbours as far apart as they are stay if these lie on a surface. O(n log n).
+    Rusu et al., *Towards 3D point cloud based object maps*, 2008, compare distances to neighbours with
+    those of all points. Here, a point stays if its neighbours are as far apart and lie on a surface.
+    O(n log n).
     """
     kept = np.arange(len(points))
-    while len(kept) > N_NEAREST + 1:
-        apart, near = cKDTree(points[kept]).query(points[kept], N_NEAREST + 1)
-        distance = apart[:, 1:].mean(axis=1)
-        far = np.flatnonzero(distance > FAR * np.median(distance))
-        around = points[kept][near[far]]
+    while len(kept) > N_NEIGHBOURS + 1:
+        distances, neighbours = cKDTree(points[kept]).query(points[kept], N_NEIGHBOURS + 1)
+        distance = distances[:, 1:].mean(axis=1)
+        far = np.flatnonzero(distance > FAR_RATIO * np.median(distance))
+        around = points[kept][neighbours[far]]
         around = around - around.mean(axis=1, keepdims=True)
         variances = np.linalg.eigvalsh(around.transpose(0, 2, 1) @ around)
-        scattered = variances[:, 0] > SOLID * variances.sum(axis=1)
-        far = far[scattered | (distance[far] > FAR * np.median(distance[near[far, 1:]], axis=1))]
+        scattered = variances[:, 0] > SCATTER_SHARE * variances.sum(axis=1)
+        far = far[scattered | (distance[far] > FAR_RATIO * np.median(distance[neighbours[far, 1:]], axis=1))]
         if not len(far):
             break
         kept = np.delete(kept, far)

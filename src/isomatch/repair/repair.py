@@ -1,4 +1,4 @@
-"""Repair: defects of a mesh removed, with index maps both ways and the attributes of an asset."""
+"""Remove defects of a mesh, with index maps both ways, and carry the attributes of an asset."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from isomatch._core.arrays import IntArray
 from isomatch._core.errors import FormatError, SettingError
 from isomatch.io import Asset, SurfaceLike, asset_from, mesh_from, read_asset, read_mesh
-from isomatch.repair.carried import carried
-from isomatch.repair.check import MENDED, OPENING, MeshReport, has_any
+from isomatch.repair.carry import carry_asset
+from isomatch.repair.check import OPENING_DIAMETER, REPAIRED_DEFECTS, MeshReport, has_any
 from isomatch.repair.draft import Draft, Step, run
 from isomatch.repair.sheets import SHEET_DISTANCE
 from isomatch.repair.steps import (
@@ -25,8 +25,8 @@ from isomatch.repair.steps import (
     drop_unsound_faces,
     drop_unused,
     drop_welded,
+    note_winding,
     part_limbs,
-    tell_winding,
     wind,
 )
 from isomatch.surfaces import Mesh, PointCloud, first_equal
@@ -36,29 +36,29 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Repair:
-    """A mended mesh, and the relation of its indices to those of the original.
+    """A repaired mesh, and index maps between it and the original.
 
     Parameters
     ----------
     mesh : Mesh
-        The mended mesh; the original object if nothing was changed.
+        The repaired mesh; the original object if nothing was changed.
     vertex_index : (n_new,) array of int
-        Original vertex of each new vertex: ``mesh.vertices == original.vertices[vertex_index]``, but where limbs were
-        parted.
+        Original vertex of each new vertex: ``mesh.vertices == original.vertices[vertex_index]``, except
+        where limbs were parted.
     new_index : (n_old,) array of int
-        New vertex of each original vertex: for a welded vertex the one it was welded onto, for a removed vertex -1, for
-        one that became several one of them: of two, that with more faces.
+        New vertex of each original vertex: the one that it was welded onto, -1 if it was removed, and of
+        several copies the one with the most faces.
     face_index : (m_new,) array of int
         Original face of each new face.
     changes : tuple of str
         What was changed, with counts, one phrase for each kind of change; empty if nothing was changed.
     asset : Asset, optional
-        Unless a mesh was given: what was, mended, with all its values and the rest of its document. A polygon that loses
-        a triangle, or of which some are turned over, becomes its triangles.
+        The repaired asset, with all values and the rest of its document, unless a mesh was given. A
+        polygon that loses triangles, or has some turned over, becomes triangles.
     polygon_index : (p_new,) array of int, optional
         Original polygon of each of its polygons.
     contacts : tuple of (s,) array of int
-        Original vertices at which limbs were parted, of each place where they had been merged.
+        Original vertices of each place where merged limbs were parted.
     """
 
     mesh: Mesh
@@ -83,66 +83,67 @@ def repair(
     orient: bool = True,
     unmerge: float = SHEET_DISTANCE,
     outer: bool = False,
-    opening: float = OPENING,
+    opening: float = OPENING_DIAMETER,
     without_base: bool = False,
     report: MeshReport | None = None,
 ) -> Repair:
-    """Mend a mesh: weld, remove faces and vertices that are not part of a surface, and orient the faces outward.
+    """Repair a mesh: weld it, remove what is not part of a surface, and orient the faces outward.
 
     The steps are, in this order:
 
-    1. Vertices at the same position, or as near as is asked for, are welded onto the first of them; vertices on the
-       middle of an edge of the boundary (T-junctions) are inserted into it.
-    2. Faces are removed that have an index out of range, a non-finite or a repeated vertex, or the vertices of an
-       earlier face.
+    1. Vertices at the same position, or within a given distance, are welded onto the first of them.
+       Vertices on the middle of a boundary edge (T-junctions) are inserted into it.
+    2. Faces with an index out of range, a non-finite or repeated vertex, or the vertices of an earlier
+       face are removed.
     3. Non-finite vertices, and vertices that no face uses, are removed.
-    4. Each orientable piece is wound consistently: outward if it is closed, or if flat discs with the lengths of its
-       boundary loops have at most a tenth of its area; otherwise as most of its faces were, as is a void: a closed piece
-       that looks inward, inside a solid.
-    5. Vertices at which limbs that touch were merged by distance become two, each with the faces of one limb, and move
-       apart by a quarter of the mean edge length. The second ones follow the others; holes that the merge left remain.
-    6. If asked for, only the outermost surface is kept, and what is above the rim of a base.
+    4. Each orientable piece is wound consistently: outward if it is closed, or if flat discs with the
+       lengths of its boundary loops have at most a tenth of its area. Other pieces keep the winding of
+       most of their faces, as does a void: a closed piece inside a solid that looks inward.
+    5. Vertices where touching limbs were merged by distance become two, one for each limb, and move
+       apart by a quarter of the mean edge length. The new vertices come last; holes of the merge remain.
+    6. On request, only the outermost surface is kept, or what is above the rim of a base.
 
-    Of points without faces, those far from all others are removed.
+    If there are no faces, points far from all others are removed.
 
-    Vertices and faces keep their order, and no other vertex moves. A second repair changes nothing but, perhaps,
-    chambers, and edges on which parted vertices have come to lie.
+    Vertices and faces keep their order, and no other vertex moves. A second repair changes nothing,
+    except perhaps chambers, and edges that parted vertices have moved onto.
 
     Parameters
     ----------
     mesh : Mesh, Asset, path_like, tuple or object
         An asset, or anything that `mesh_from` takes; its arrays may contain anything.
     weld : bool or float
-        Whether to weld coincident vertices, such as the seams of texture maps; or a distance, in mesh units, within which
-        vertices are one, see `MeshReport.weld_tolerance`. Two sheets that touch at a vertex are
-        joined there. Of values that differ the first is kept, but texture coordinates become those of corners. The parts
-        of an asset stay apart.
+        Whether to weld coincident vertices, such as the seams of texture maps; or a distance, in mesh
+        units, within which vertices are welded, see `MeshReport.weld_tolerance`. Two sheets that touch
+        at a vertex are joined there. Where values differ, the first one is kept, but texture coordinates
+        move to corners. The parts of an asset are not joined.
     remove_duplicates : bool
-        Whether to remove faces with the vertices of an earlier face. Where sheets are glued together, such faces are of
-        both sheets; see `separate_sheets`.
+        Whether to remove faces with the vertices of an earlier face. Where sheets are glued together,
+        such faces belong to both sheets; see `separate_sheets`.
     remove_unused : bool
         Whether to remove finite vertices that no face uses.
     orient : bool
         Whether to make the winding of the faces consistent.
     unmerge : float
-        How far apart limbs that were merged are along the surface at least, in √area; infinity leaves them merged. Only
-        where faces are oriented, and not of an asset of several parts.
+        Smallest distance along the surface, in √area, between merged limbs that are parted; infinity
+        parts none. Needs ``orient``, and an asset of one part.
     outer : bool
-        Whether to remove chambers, closed or with small openings, and their walls: the inside of skulls and shells. What
-        can be reached from outside stays, such as armpits and ears.
+        Whether to remove chambers that are closed or have small openings, with their walls: the inside of
+        skulls and shells. What can be reached from outside stays, such as armpits and ears.
     opening : float
-        The smallest opening through which a chamber counts as outside: the diameter of a ball that can be rolled in, in
-        √area.
+        Smallest opening, in √area, through which a chamber counts as outside: the diameter of a ball that
+        can be rolled in.
     without_base : bool
-        Whether to cut off the largest planar piece along its rim, with what is below: a plate that a scan has grown into.
+        Whether to cut off the largest planar piece along its rim, and what is below it: a plate that a
+        scan has grown into.
     report : MeshReport, optional
-        What `check` found on this mesh. If there is nothing to mend, nothing is computed again.
+        Result of `check` for this mesh. If there is nothing to repair, nothing is computed again.
 
     Notes
     -----
-    O(n log n) time and O(n) memory, as `check`. Faces of zero area with three different positions are kept, because
-    removing them would tear the surface. Non-manifold edges and vertices, holes and one-sided surfaces are left as they
-    are; `check` reports them.
+    O(n log n) time and O(n) memory, like `check`. Faces of zero area with three different positions are
+    kept, because removing them would tear the surface. Non-manifold edges and vertices, holes and
+    one-sided surfaces are left as they are; `check` reports them.
 
     Examples
     --------
@@ -159,8 +160,8 @@ def repair(
     asset, lost = _asset_of(mesh)
     whole = mesh_from(mesh) if asset is None else Mesh(asset.placed_points, asset.polygons.triangles)
     given, parts = Draft.of(whole, asset), asset.parts if asset else ()
-    plain = isinstance(weld, bool) and unmerge >= SHEET_DISTANCE and not (outer or without_base)
-    if report and plain and not has_any(report, MENDED):
+    is_plain = isinstance(weld, bool) and unmerge >= SHEET_DISTANCE and not (outer or without_base)
+    if report and is_plain and not has_any(report, REPAIRED_DEFECTS):
         return _repair_of(given, lost, asset)
     insert = not parts and (report is None or weld is not True or len(report.t_junctions) > 0)
     closed = close_gaps(given, weld, insert)
@@ -173,12 +174,12 @@ def repair(
     cuts += [drop_base] if without_base else []
     mended = run(closed, *steps)
     cut = run(mended, *cuts)
-    # rewound faces that were cut off do not count
-    told = tell_winding(replace(cut, notes=mended.notes))
-    notes = (*told.notes, *cut.notes[len(mended.notes) :])
+    # rewound faces that were cut off are not counted
+    noted = note_winding(replace(cut, notes=mended.notes))
+    notes = (*noted.notes, *cut.notes[len(mended.notes) :])
     if cut.asset is None or not notes:
         return _repair_of(cut, lost + notes, asset)
-    after, polygon_index, kept = carried(cut.asset, cut, onto=closed.trace.current)
+    after, polygon_index, kept = carry_asset(cut.asset, cut, onto=closed.trace.current)
     return _repair_of(cut, (*lost, *notes, *kept), after, polygon_index)
 
 
@@ -197,7 +198,7 @@ def _require_options(weld: bool | float, orient: bool, unmerge: float, outer: bo
 def _repair_of(
     draft: Draft, changes: tuple[str, ...], asset: Asset | None, polygon_index: IntArray | None = None
 ) -> Repair:
-    """Report a draft; the polygons of an asset are the given ones unless others are named."""
+    """Make the result of a draft; by default, the polygons of the asset are the given ones."""
     faces, trace = draft.given_face[draft.faces], draft.trace
     if asset and polygon_index is None:
         polygon_index = np.arange(len(asset.polygons))
@@ -207,7 +208,7 @@ def _repair_of(
 
 
 def _asset_of(surface: SurfaceLike) -> tuple[Asset | None, tuple[str, ...]]:
-    """Return what has attributes, None for bare meshes; and what is lost of a file whose attributes cannot be read."""
+    """Return the asset of a surface, None for a bare mesh, and notes on attributes that cannot be read."""
     if isinstance(surface, Asset):
         return surface, ()
     if isinstance(surface, str | os.PathLike):
@@ -221,11 +222,11 @@ def _asset_of(surface: SurfaceLike) -> tuple[Asset | None, tuple[str, ...]]:
 
 
 def without_seams(surface: T, weld: bool = True) -> tuple[T, Repair | None]:
-    """Weld the vertices of a mesh at exactly the same position, and change nothing else; returns also how.
+    """Weld vertices of a mesh at exactly the same position; return also the repair.
 
-    The surface itself and None if no two vertices coincide, if it is no mesh, or if it has coordinates that are not
-    finite or faces without vertices, which `check` reports. Faces that vanish or double are left out. O(n log n) time,
-    in which only hashes are sorted.
+    Nothing else changes, but faces that vanish or double are left out. Returns the surface itself and
+    None if no two vertices coincide, if it is no mesh, or if it has non-finite coordinates or faces
+    without vertices, which `check` reports. O(n log n) time, in which only hashes are sorted.
     """
     if not (weld and isinstance(surface, Mesh)):
         return surface, None

@@ -1,4 +1,4 @@
-"""Sheets that were glued together, such as limbs that touch in a scan: which faces belong together, their separation."""
+"""Separate sheets that were glued together, such as limbs that touch in a scan."""
 
 from __future__ import annotations
 
@@ -11,76 +11,76 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
-from isomatch.repair.self_contacts import copied, edges_to_root
+from isomatch.repair.self_contacts import copy_at_fans, edges_to_root, face_normals
 from isomatch.surfaces import (
     EdgeTable,
     Mesh,
     corner_links,
+    count_fans,
     edge_table,
-    fans,
     first_equal,
-    linked,
+    label_components,
     meetings,
     unsound_faces,
 )
 
-SHEET_DISTANCE = 0.1  # √area; that of `PreparationSettings`
-MOST_PROBED = 8  # vertices of each seam of which the copies are tested for being far apart
+SHEET_DISTANCE = 0.1  # √area; the default of `PreparationSettings`
+PROBES_PER_SEAM = 8  # vertices whose copies are tested for their distance
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Separation:
     """A mesh whose sheets were separated."""
 
-    mesh: Mesh  # the vertices of the glued mesh; copies of some of them follow
+    mesh: Mesh  # the vertices of the glued mesh, then copies of some
     vertex_index: IntArray  # (n_new,) vertex of the glued mesh of each vertex
-    seams: tuple[IntArray, ...]  # vertices (s,) of the glued mesh that were separated, of each connected seam
+    seams: tuple[IntArray, ...]  # separated vertices (s,) of the glued mesh, for each connected seam
 
     @property
     def is_manifold(self) -> bool:
-        """Whether no more than two faces meet at an edge, and one fan at a vertex."""
-        return not crowded(self.mesh).any()
+        """Whether at most two faces meet at an edge, and one fan at a vertex."""
+        return not crowded_vertices(self.mesh).any()
 
     def __repr__(self) -> str:
         return f"Separation({self.mesh!r}, {len(self.seams)} seams)"
 
 
-def crowded(mesh: Mesh) -> BoolArray:
-    """Vertices (n,) of edges with more than two faces, or with several fans."""
+def crowded_vertices(mesh: Mesh) -> BoolArray:
+    """Find the vertices (n,) of edges with more than two faces, or with several fans."""
     edges = mesh.edge_table
-    several: BoolArray = np.greater(fans(mesh.faces, edges, mesh.n_vertices), 1)
+    several: BoolArray = np.greater(count_fans(mesh.faces, edges, mesh.n_vertices), 1)
     several[edges.ends[edges.n_faces > 2]] = True
     return several
 
 
 def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separation:
-    """Separate sheets that are glued together at vertices, edges or faces, where they are far from one another.
+    """Separate sheets that are glued together at vertices, edges or faces, if they are far apart.
 
-    Where more than two faces meet at an edge, those of one sheet traverse it in opposite directions and have the most
-    similar normals. Around a vertex, the faces of one sheet form a fan. Each fan gets a vertex of its own, at the same
-    position.
+    Where more than two faces meet at an edge, the faces of one sheet traverse it in opposite directions
+    and have the most similar normals. Around a vertex, the faces of one sheet form a fan. Each fan
+    gets a vertex of its own, at the same position.
 
     Parameters
     ----------
     mesh : Mesh
         Its faces are wound consistently, inward or outward. Coincident vertices count as different.
     least_distance : float
-        Sheets stay together unless the copies of some vertex of a seam are so far apart along edges, in √area: a pinch
-        between neighbours shortens no path.
+        Sheets are separated if copies of a vertex of the seam are farther apart along edges, in √area: a
+        pinch between neighbours shortens no path.
 
     Returns
     -------
     Separation
-        The same mesh, without seams, if no sheets were separated. Copies are at one position: distances between them are
-        asked for with ``weld=False``. Pieces that would become components of their own stay glued, or are left out if
-        they have no vertices of their own.
+        The same mesh, without seams, if no sheets were separated. Copies are at one position, so distances
+        between them need ``weld=False``. Pieces that would become components of their own stay glued, or
+        are left out if they have no vertices of their own.
 
     Notes
     -----
     O(n log n) time, and about 0.1 ms for each edge of more than two faces.
     """
     whole = Separation(mesh, np.arange(mesh.n_vertices), ())
-    faces = _with_all_layers(mesh.vertices, mesh.faces)
+    faces = _restore_layers(mesh.vertices, mesh.faces)
     used = np.zeros((mesh.n_vertices, 1), dtype=bool)
     used[faces] = True
     points = np.where(used, mesh.vertices, 0.0)
@@ -90,36 +90,38 @@ def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separ
     fan, vertex = partners.fans()
     if (np.bincount(vertex, minlength=1) < 2).all():
         return whole
-    fan, vertex = _without_islands(mesh, fan, vertex)
-    apart = Mesh(points[vertex], fan)
-    far = far_copies(apart, vertex, _seams(faces, vertex), least_distance)
-    if not far:
+    fan, vertex = _drop_islands(mesh, fan, vertex)
+    separated = Mesh(points[vertex], fan)
+    distant = far_copies(separated, vertex, _seams(faces, vertex), least_distance)
+    if not distant:
         return whole
-    parted, index = copied(mesh, fan, vertex, np.isin(np.arange(mesh.n_vertices), np.concatenate(far)))
-    return Separation(parted, index, tuple(far))
+    parted, index = copy_at_fans(
+        mesh, fan, vertex, np.isin(np.arange(mesh.n_vertices), np.concatenate(distant))
+    )
+    return Separation(parted, index, tuple(distant))
 
 
-def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
-    """Sound faces, (m, 3): without those listed twice, and with those put back that coincided with others."""
-    # where sheets coincide, each edge is traversed equally often in both directions. A face that is listed twice
-    # traverses its edges once too often. A patch of which one layer has been removed, as a duplicate, lacks a traversal
-    # of each edge of its rim, in the same direction all around
-    bad = unsound_faces(vertices, faces)
-    faces = faces[~(bad.any & ~bad.duplicate)]
+def _restore_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
+    """Return the sound faces, (m, 3), without repeated ones, and with coinciding layers put back."""
+    # Where sheets coincide, each edge is traversed equally often in both directions. A face that is
+    # listed twice traverses its edges once too often. A patch that lost a layer, removed as duplicate,
+    # lacks a traversal of each edge of its rim, in the same direction all around.
+    unsound = unsound_faces(vertices, faces)
+    faces = faces[~(unsound.any & ~unsound.duplicate)]
     edges = edge_table(faces, len(vertices))
-    side, edge, direction = sides_of(edges, faces)
+    side, edge, direction = sides_by_edge(edges, faces)
     surplus = np.bincount(edge, direction, len(edges.ends))  # of traversals from the smaller vertex
     lowest = faces.argmin(axis=1)[:, None]
     turned = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)
     too_often = np.bincount(side // 3, surplus[edge] * direction > 0) == 3
     is_repeated = (first_equal(turned) != np.arange(len(faces))) & too_often
     if is_repeated.any():
-        return _with_all_layers(vertices, faces[~is_repeated])
+        return _restore_layers(vertices, faces[~is_repeated])
     if not surplus[edges.n_faces > 2].any():
         return faces
     met = meetings(edges, faces)
     plain = met.sides[met.is_pair & ~met.same_direction]
-    n_pieces, piece = linked(len(faces), tuple(plain.T // 3))
+    n_pieces, piece = label_components(len(faces), tuple(plain.T // 3))
     is_rim = np.ones(faces.size, dtype=bool)
     is_rim[plain] = False
     rim = side[is_rim[side]]
@@ -132,29 +134,29 @@ def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     rim_of = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[rim_of], np.arange(n_pieces + 1))
     faces_of = split_by(piece)
-    # the smallest first: a wall before the rooms beside it
+    # the smallest layer first: a wall before the rooms beside it
     for i in np.flatnonzero(one_sign)[area[one_sign].argsort(kind="stable")]:
-        mine = rim_of[start[i] : start[i + 1]]
-        sign = np.sign(surplus[edge_of[mine]] * direction_of[mine])
-        if len(mine) and abs(sign.sum()) == len(mine):
-            np.subtract.at(surplus, edge_of[mine], sign * direction_of[mine])
+        rim_rows = rim_of[start[i] : start[i + 1]]
+        sign = np.sign(surplus[edge_of[rim_rows]] * direction_of[rim_rows])
+        if len(rim_rows) and abs(sign.sum()) == len(rim_rows):
+            np.subtract.at(surplus, edge_of[rim_rows], sign * direction_of[rim_rows])
             layers.append(faces[faces_of[i]][:, :: -int(sign[0])])
     return np.concatenate(layers)
 
 
-def _without_islands(mesh: Mesh, fan: IntArray, vertex: IntArray) -> tuple[IntArray, IntArray]:
-    """Remove components, fans (m, 3) and their vertices, that have no vertex of their own; rejoin the others."""
-    # of the pieces into which a component of the mesh was separated, the largest keeps its fans. Other pieces that have
-    # vertices of their own, such as rooms with a common wall, are joined with the largest at the vertices they share
+def _drop_islands(mesh: Mesh, fan: IntArray, vertex: IntArray) -> tuple[IntArray, IntArray]:
+    """Remove components without a vertex of their own, and rejoin the others: fans (m, 3), vertices."""
+    # The largest piece of each component of the mesh keeps its fans. Other pieces with vertices of their
+    # own, such as rooms with a common wall, are joined with the largest at the vertices they share.
     label = Mesh(mesh.vertices[vertex], fan).components
     origin = mesh.components[vertex]
     by_size = np.bincount(label)[label].argsort(kind="stable")
     main = np.zeros(origin.max() + 1, dtype=np.int64)
-    main[origin[by_size]] = label[by_size]  # the last one, of the largest component, remains
+    main[origin[by_size]] = label[by_size]  # the last assignment wins: the largest component
     is_main = main[origin] == label
     order = np.lexsort([~is_main, vertex])[::-1]
     first = np.zeros(mesh.n_vertices, dtype=np.int64)
-    first[vertex[order]] = order  # the last one, of the main component if there is any, remains
+    first[vertex[order]] = order  # the last assignment wins: the main component, if any
     has_own = np.bincount(label, ~is_main[first[vertex]]) > 0
     kept = is_main | has_own[label]
     joined, number = np.unique(np.where(is_main, np.arange(len(vertex)), first[vertex]), return_inverse=True)
@@ -162,22 +164,24 @@ def _without_islands(mesh: Mesh, fan: IntArray, vertex: IntArray) -> tuple[IntAr
 
 
 def _seams(faces: IntArray, vertex: IntArray) -> list[IntArray]:
-    """List connected sets of vertices that have several fans, given the vertex of each fan."""
+    """List the connected sets of vertices with several fans, given the vertex of each fan."""
     glued = np.flatnonzero(np.bincount(vertex, minlength=int(faces.max()) + 1) > 1)
     number = np.full(int(faces.max()) + 1, -1, dtype=np.int64)
     number[glued] = np.arange(len(glued))
     ends = number[np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])]
-    _, label = linked(len(glued), tuple(ends[(ends >= 0).all(axis=1)].T))
+    _, label = label_components(len(glued), tuple(ends[(ends >= 0).all(axis=1)].T))
     return [glued[rows] for rows in split_by(label)]
 
 
-def far_copies(apart: Mesh, vertex: IntArray, seams: list[IntArray], least_distance: float) -> list[IntArray]:
-    """Return the seams of which copies of some vertex are so far apart along edges, in √area; ``vertex`` is in order."""
-    lengths = coo_array((apart.edge_lengths, tuple(apart.edges.T)), shape=(len(vertex),) * 2).tocsr()
-    limit = least_distance * np.sqrt(apart.area)
+def far_copies(
+    separated: Mesh, vertex: IntArray, seams: list[IntArray], least_distance: float
+) -> list[IntArray]:
+    """Select the seams with copies of a vertex that are far apart along edges; ``vertex`` is sorted."""
+    lengths = coo_array((separated.edge_lengths, tuple(separated.edges.T)), shape=(len(vertex),) * 2).tocsr()
+    limit = least_distance * np.sqrt(separated.area)
 
     def is_far(seam: IntArray) -> bool:
-        probed = seam[np.unique(np.linspace(0, len(seam) - 1, MOST_PROBED).astype(int))]
+        probed = seam[np.unique(np.linspace(0, len(seam) - 1, PROBES_PER_SEAM).astype(int))]
         firsts, ends = (np.searchsorted(vertex, probed, side=side) for side in ("left", "right"))
         return any(
             (dijkstra(lengths, directed=False, indices=first, limit=limit)[first + 1 : end] > limit).any()
@@ -187,34 +191,34 @@ def far_copies(apart: Mesh, vertex: IntArray, seams: list[IntArray], least_dista
     return [seam for seam in seams if is_far(seam)]
 
 
-LARGEST_LOSS = 1.95  # of likeness; a change of partners between two flat sheets loses two
+MAX_LIKENESS_LOSS = 1.95  # an exchange of partners between two flat sheets loses 2
 HEALING_ROUNDS = 3
-MOST_FACES = 100  # at an edge whose faces are paired; sheets that touch have 4 or 6, and pairing is quadratic
-MOST_SINGLE = 1000  # vertices of one fan in a net of crowded edges; all pairs of them are compared
+MAX_PAIRED_FACES = 100  # at one edge, as pairing is quadratic; sheets that touch have 4 or 6
+MAX_PAIRED_VERTICES = 1000  # with one fan, in a net of crowded edges; all pairs are compared
 
 
 class Partners:
-    """Which sides of m faces continue one another on a sheet."""
+    """The sides of m faces that continue one another on a sheet."""
 
-    # Side 3 f + i of face f goes from its corner i to the next. partner (3 m,) is −1 where none continues a side. Where
-    # directions do not cancel, or more than MOST_FACES meet, all sides of an edge stay together, by _chained (k, 2).
-    # change has, for each crowded edge, the least loss of likeness, ((1 + cos) / 2)² of the angle between normals, by
-    # an exchange of partners, and the two sides that exchange theirs
+    # Side 3 f + i of face f goes from its corner i to the next. partner (3 m,) is −1 where no side
+    # continues a side. If directions do not cancel, or more than MAX_PAIRED_FACES meet, all sides of an
+    # edge stay together, by _chained (k, 2). For each crowded edge, change has the least loss of
+    # likeness by an exchange of partners, and the two sides that exchange them. The likeness is
+    # ((1 + cos) / 2)² for the angle between normals.
     def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
         self._faces, self._n = faces, len(vertices)
         edges = edge_table(faces, len(vertices))
-        side, edge, direction = sides_of(edges, faces)
-        balanced = (np.bincount(edge, direction, len(edges.ends)) == 0) & (edges.n_faces <= MOST_FACES)
+        side, edge, direction = sides_by_edge(edges, faces)
+        balanced = (np.bincount(edge, direction, len(edges.ends)) == 0) & (edges.n_faces <= MAX_PAIRED_FACES)
         met = meetings(edges, faces)
         self._chained = met.sides[met.is_pair | ~balanced[met.edge]]
         self.partner = np.full(faces.size, -1, dtype=np.int64)
         self.change: dict[tuple[int, int], tuple[float, int, int]] = {}
-        normals = Mesh(vertices, faces).face_cross
-        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals = face_normals(Mesh(vertices, faces))
         first = np.cumsum(edges.n_faces) - edges.n_faces
         for e in np.flatnonzero(balanced & (edges.n_faces > 2)):
-            here = slice(first[e], first[e] + edges.n_faces[e])
-            along, against = (side[here][direction[here] == sign] for sign in (1, -1))
+            rows = slice(first[e], first[e] + edges.n_faces[e])
+            along, against = (side[rows][direction[rows] == sign] for sign in (1, -1))
             likeness = (1 + normals[along // 3] @ normals[against // 3].T) ** 2 / 4
             _, chosen = linear_sum_assignment(likeness, maximize=True)
             self.partner[along], self.partner[against[chosen]] = against[chosen], along
@@ -226,11 +230,13 @@ class Partners:
             self.change[low, high] = max(float(loss[i, j]), 0.0), int(along[i]), int(along[j])
 
     def fans(self) -> tuple[IntArray, IntArray]:
-        """Fan of each corner of each face, (m, 3), and the vertex of each fan, in order of the vertices."""
+        """Return the fan of each corner, (m, 3), and the vertex of each fan, sorted."""
         paired = np.flatnonzero(self.partner > np.arange(len(self.partner)))
-        here, there = np.concatenate([self._chained, np.column_stack([paired, self.partner[paired]])]).T
+        side, other_side = np.concatenate([self._chained, np.column_stack([paired, self.partner[paired]])]).T
         start = self._faces.ravel()
-        n_fans, fan = linked(len(start), *corner_links(here, there, start[here] == start[there]))
+        n_fans, fan = label_components(
+            len(start), *corner_links(side, other_side, start[side] == start[other_side])
+        )
         vertex = np.zeros(n_fans, dtype=np.int64)
         vertex[fan] = start
         order = np.argsort(vertex, kind="stable")
@@ -238,16 +244,16 @@ class Partners:
         return number[fan].reshape(-1, 3), vertex[order]
 
     def heal(self) -> None:
-        """Change partners along paths between the vertices of crowded edges that have only one fan."""
-        # a wrong choice of partners at an edge joins the fans at both of its ends, wrong choices along a path of edges
-        # those at the ends of the path. So vertices with only one fan are connected by the paths along which exchanges
-        # lose least
-        usable = [edge for edge, (loss, _, _) in self.change.items() if loss <= LARGEST_LOSS]
+        """Exchange partners along paths between vertices of crowded edges that have only one fan."""
+        # A wrong choice of partners at an edge joins the fans at both of its ends; wrong choices along a
+        # path join the fans at its ends. So vertices with only one fan are connected by the paths along
+        # which exchanges lose least.
+        usable = [edge for edge, (loss, _, _) in self.change.items() if loss <= MAX_LIKENESS_LOSS]
         if not usable:
             return
         ends = np.array(usable)
         losses = np.array([self.change[edge][0] for edge in usable])
-        nets = [_Net.of(ends[rows], losses[rows]) for rows in _connected(ends)]
+        nets = [_Net.of(ends[rows], losses[rows]) for rows in _connected_rows(ends)]
         for _ in range(HEALING_ROUNDS):
             n_fans = np.bincount(self.fans()[1], minlength=self._n)
             changes = [edge for net in nets for edge in net.paths(n_fans)]
@@ -264,7 +270,7 @@ class Partners:
 
 @dataclass(frozen=True)
 class _Net:
-    """Crowded edges that are connected: their vertices, and the matrix of what a change at each edge loses."""
+    """Connected crowded edges: their vertices, and the matrix of the loss by a change at each edge."""
 
     vertices: IntArray
     losses: csr_array
@@ -276,9 +282,9 @@ class _Net:
         return cls(vertices, coo_array((losses + 1e-3, tuple(local.reshape(-1, 2).T)), shape=shape).tocsr())
 
     def paths(self, n_fans: IntArray) -> Iterator[tuple[int, int]]:
-        """Edges of the paths between vertices of one fan, the nearest two first; none where these are too many."""
+        """Yield edges of paths between vertices with one fan, nearest pairs first; none if there are too many."""
         single = np.flatnonzero(n_fans[self.vertices] == 1)
-        if not 2 <= len(single) <= MOST_SINGLE:
+        if not 2 <= len(single) <= MAX_PAIRED_VERTICES:
             return
         lengths, before = dijkstra(self.losses, directed=False, indices=single, return_predecessors=True)
         for i, j in _nearest_pairs(lengths[:, single]):
@@ -287,11 +293,11 @@ class _Net:
                 yield low, high
 
 
-def _connected(ends: IntArray) -> list[IntArray]:
-    """Rows of the edges of each connected net."""
+def _connected_rows(ends: IntArray) -> list[IntArray]:
+    """List the rows of the edges of each connected net."""
     vertices, local = np.unique(ends, return_inverse=True)
     local = local.reshape(-1, 2)
-    _, label = linked(len(vertices), (local[:, 0], local[:, 1]))
+    _, label = label_components(len(vertices), (local[:, 0], local[:, 1]))
     return split_by(label[local[:, 0]])
 
 
@@ -301,15 +307,18 @@ def split_by(label: IntArray) -> list[IntArray]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1) if len(label) else []
 
 
-def sides_of(edges: EdgeTable, faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """All sides, (3 m,), ordered by edge; the edge of each, and its direction: 1 from the smaller vertex, −1."""
+def sides_by_edge(edges: EdgeTable, faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the sides, (3 m,), sorted by edge, the edge of each, and its direction.
+
+    The direction is 1 from the smaller vertex to the larger one, otherwise −1.
+    """
     start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     edge = np.repeat(np.arange(len(edges.ends)), edges.n_faces)
     return edges.sides, edge, np.where(start < end, 1, -1)[edges.sides]
 
 
 def _nearest_pairs(lengths: FloatArray) -> Iterator[tuple[int, int]]:
-    """Pair rows of a symmetric matrix, the nearest two first; those without a path to another stay alone."""
+    """Pair rows of a symmetric matrix, nearest first; rows without a path to another stay alone."""
     lengths[np.tril_indices(len(lengths))] = np.inf
     met: set[int] = set()
     for flat in lengths.argsort(axis=None, kind="stable"):

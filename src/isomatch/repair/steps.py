@@ -1,4 +1,4 @@
-"""The steps of a repair: each takes a draft and returns the next one, the same if it finds nothing to change."""
+"""The steps of a repair: each takes a draft and returns the next, the same if nothing changes."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ import numpy as np
 
 from isomatch._core.arrays import BoolArray, IntArray
 from isomatch.io import Asset
-from isomatch.repair._winding import wound_outward
+from isomatch.repair._winding import wind_outward
 from isomatch.repair.base import base_of
-from isomatch.repair.draft import Draft, VertexTrace, placed
-from isomatch.repair.gaps import first_within, without_t_junctions
-from isomatch.repair.merged import unmerged
-from isomatch.repair.outliers import outliers
+from isomatch.repair.draft import Draft, VertexTrace, describe_places
+from isomatch.repair.gaps import first_within, insert_t_junctions
+from isomatch.repair.merged import part_merged_limbs
+from isomatch.repair.outliers import find_outliers
 from isomatch.surfaces import Mesh, first_equal, unsound_faces
 
 
 def close_gaps(draft: Draft, weld: bool | float = True, insert: bool = True) -> Draft:
-    """Weld vertices at one place, or as near as is asked for, and insert vertices into the sides that they lie on."""
-    # vertices that were welded onto another one stay until `drop_welded`, so that an asset keeps its numbers
+    """Weld vertices at one place, or within a distance, and insert vertices into sides they lie on."""
+    # welded vertices stay until `drop_welded`, so that an asset keeps its numbers
     n = draft.mesh.n_vertices
-    onto = _welded_onto(draft, weld)
-    at = "at the same position" if isinstance(weld, bool) else f"within {weld:g}"
+    onto = _find_survivors(draft, weld)
+    where = "at the same position" if isinstance(weld, bool) else f"within {weld:g}"
     welded = onto != np.arange(n)
-    draft = draft.counted(f"welded {{}} onto an earlier vertex {at}", "vertex", welded)
+    draft = draft.counted(f"welded {{}} onto an earlier vertex {where}", "vertex", welded)
     draft = _insert_on_sides(draft, onto) if insert else draft
     if not welded.any():
         return draft
@@ -32,8 +32,8 @@ def close_gaps(draft: Draft, weld: bool | float = True, insert: bool = True) -> 
     return draft.made_into(mesh, VertexTrace(np.arange(n), onto))
 
 
-def _welded_onto(draft: Draft, weld: bool | float) -> IntArray:
-    """Find the vertex (n,) onto which each one is welded; those of several parts stay apart."""
+def _find_survivors(draft: Draft, weld: bool | float) -> IntArray:
+    """Find the vertex (n,) that each vertex is welded onto; different parts are not welded."""
     places = draft.mesh.vertices
     if draft.asset and len(draft.asset.parts) > 1:
         places = np.column_stack([places, draft.asset.part_of_point])
@@ -43,7 +43,7 @@ def _welded_onto(draft: Draft, weld: bool | float) -> IntArray:
 
 
 def _renumbered(faces: IntArray, number: IntArray) -> IntArray:
-    """Give the corners of faces other numbers (n,); faces that are out of range stay."""
+    """Renumber the corners of faces by ``number`` (n,); faces out of range stay."""
     in_range = ((faces >= 0) & (faces < len(number))).all(axis=1)
     renumbered = faces.copy()
     renumbered[in_range] = number[faces[in_range]]
@@ -51,14 +51,14 @@ def _renumbered(faces: IntArray, number: IntArray) -> IntArray:
 
 
 def _insert_on_sides(draft: Draft, onto: IntArray) -> Draft:
-    """Insert vertices into the sides of faces, or of the polygons of an asset, that they lie on (T-junctions)."""
+    """Insert vertices into the sides of polygons that they lie on (T-junctions)."""
     given = draft.asset or Asset.of_mesh(draft.mesh)
     bad = unsound_faces(draft.mesh.vertices, _renumbered(draft.mesh.faces, onto))
     is_sound = np.bincount(given.polygons.of_triangle, ~bad.any, len(given.polygons)) > 0
-    whole, inserted = without_t_junctions(given, onto, is_sound)
+    whole, inserted = insert_t_junctions(given, onto, is_sound)
     if not inserted.any():
         return draft
-    # triangles of a polygon with a further corner come from its first one
+    # triangles of a polygon with a new corner come from its first triangle
     origin = np.searchsorted(given.polygons.of_triangle, whole.polygons.of_triangle)
     return replace(
         draft,
@@ -86,15 +86,15 @@ def drop_unsound_faces(draft: Draft, keep_duplicates: bool = False) -> Draft:
 
 
 def drop_non_finite(draft: Draft) -> Draft:
-    """Remove vertices without a place."""
+    """Remove vertices with non-finite coordinates."""
     nowhere = np.any(~np.isfinite(draft.mesh.vertices), axis=1)
     return draft.without_vertices(nowhere, "removed {} with non-finite coordinates")
 
 
 def drop_welded(draft: Draft) -> Draft:
-    """Remove vertices that were welded onto others: no given vertex has become one of them."""
+    """Remove vertices that were welded onto others, so that no given vertex has become them."""
     welded = np.ones(draft.mesh.n_vertices + 1, dtype=bool)
-    welded[draft.trace.current] = False  # the last one stands for those that are gone
+    welded[draft.trace.current] = False  # index −1, for vertices that are gone, is the last row
     return draft.without_vertices(welded[:-1])
 
 
@@ -106,27 +106,29 @@ def drop_unused(draft: Draft) -> Draft:
 
 def drop_outliers(draft: Draft) -> Draft:
     """Remove points far from all others, of points without faces."""
-    return draft.without_vertices(outliers(draft.mesh.vertices), "removed {} far from all others", "point")
+    return draft.without_vertices(
+        find_outliers(draft.mesh.vertices), "removed {} far from all others", "point"
+    )
 
 
 def wind(draft: Draft) -> Draft:
-    """Wind the faces consistently, outward where that is known."""
-    mesh, rewound = wound_outward(draft.mesh)
+    """Wind the faces consistently, and outward where the outside is known."""
+    mesh, rewound = wind_outward(draft.mesh)
     return replace(draft, mesh=mesh, rewound=draft.rewound ^ rewound)
 
 
 def part_limbs(draft: Draft, least_distance: float) -> Draft:
-    """Part limbs that were merged by distance, unless they are nearer to one another along the surface, in √area."""
-    if least_distance == np.inf or not (limbs := unmerged(draft.mesh, least_distance)).seams:
+    """Part limbs that were merged by distance, if they are far apart along the surface, in √area."""
+    if least_distance == np.inf or not (limbs := part_merged_limbs(draft.mesh, least_distance)).seams:
         return draft
     trace = VertexTrace(limbs.vertex_index, np.arange(draft.mesh.n_vertices))
     contacts = tuple(draft.trace.given[seam] for seam in limbs.seams)
-    # the winding stopped where limbs were merged, as more than two faces met at an edge there
+    # the winding did not cross merged edges, where more than two faces met
     return wind(replace(draft.made_into(limbs.mesh, trace), contacts=contacts))
 
 
 def drop_chambers(draft: Draft, opening: float) -> Draft:
-    """Remove chambers and their walls, so that the outermost surface is left."""
+    """Remove chambers and their walls; the outermost surface is left."""
     from isomatch.repair.outer import inner_faces  # imports scipy.ndimage, which is slow
 
     return _cut_off(draft, "chambers", inner_faces(draft.mesh, opening))
@@ -148,8 +150,8 @@ def _cut_off(draft: Draft, what: str, gone: BoolArray) -> Draft:
     return noted.without_faces(gone).without_vertices(alone)
 
 
-def tell_winding(draft: Draft) -> Draft:
-    """Note how many faces were rewound, and then where limbs were parted."""
+def note_winding(draft: Draft) -> Draft:
+    """Note how many faces were rewound, and where limbs were parted."""
     draft = draft.counted("rewound {}", "face", draft.rewound)
-    where = placed(draft.contacts, "contact") if draft.contacts else ""
+    where = describe_places(draft.contacts, "contact") if draft.contacts else ""
     return draft.noted(f"parted limbs that were merged {where}") if where else draft

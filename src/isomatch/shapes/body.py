@@ -10,7 +10,7 @@ from isomatch._core.arrays import BoolArray, IntArray
 from isomatch._core.errors import MeshError, some
 from isomatch.decimation import Prolongation, decimations
 from isomatch.geodesics import distance_engine, ordinary_unit
-from isomatch.repair import LARGE_MESH, VertexTrace, outliers, prepare_for_matching
+from isomatch.repair import LARGE_MESH, VertexTrace, find_outliers, prepare_for_matching
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
@@ -97,7 +97,7 @@ def _repair(shape: Surface, sheet_distance: float) -> tuple[Surface, float, Vert
     if isinstance(shape, Graph):
         return shape, 1.0, VertexTrace.of_all(shape.n_vertices), ()
     if isinstance(shape, PointCloud):
-        is_stray, notes = outliers(shape.vertices), tuple[str, ...]()
+        is_stray, notes = find_outliers(shape.vertices), tuple[str, ...]()
         if is_stray.any():
             examples = some(np.flatnonzero(is_stray))
             notes = (f"left out {is_stray.sum()} points far from all others, such as {examples}",)

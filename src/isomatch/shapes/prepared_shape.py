@@ -28,7 +28,7 @@ from isomatch.descriptors import (
     standardised,
 )
 from isomatch.geodesics import Sampling, distance_along_edges_to_nearest
-from isomatch.repair import check, handles, seems_inside_out
+from isomatch.repair import check, count_handles, seems_inside_out
 from isomatch.settings import Config
 from isomatch.shapes.body import Body, Detail, Level
 from isomatch.shapes.smooth_shape import SmoothShape, orientation_of
@@ -272,8 +272,8 @@ class PreparedShape(SmoothShape, Shown):
 
     @cached_property
     def handles(self) -> int:
-        """Number of handles of the body, see `repair.handles`; 0 for points and graphs."""
-        return 0 if self.triangles is None else handles(self.triangles)
+        """Number of handles of the body, see `repair.count_handles`; 0 for points and graphs."""
+        return 0 if self.triangles is None else count_handles(self.triangles)
 
     @cached_property
     def one_sided(self) -> bool:

@@ -14,7 +14,7 @@ from isomatch._core.cached import cached_method
 from isomatch._core.errors import MeshError, NotConvergedError
 from isomatch._core.stage_timer import StageTimer
 from isomatch.correspondence import UNMATCHED
-from isomatch.repair import Cut, capped, creases, cut_along, cut_self_contacts, ends_of
+from isomatch.repair import Cut, close_holes, cut_along, cut_self_contacts, ends_of, find_creases
 from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepare_body
@@ -53,7 +53,7 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
     """Close all holes of a body, if one of them is long; otherwise the body stays the same."""
     everything = np.arange(shape.body.n_vertices)
     if shape.triangles is not None and shape.longest_boundary > shape.config.parts.long_boundary:
-        return _variant(shape, capped(shape.triangles), everything)
+        return _variant(shape, close_holes(shape.triangles), everything)
     same = replace(shape, others=(), finer=None, refining=None, origin=everything, original=replace(shape))
     for name in (names := (*OF_BODY, *OF_DISTANCES)):
         getattr(shape, name)  # computed for the original, which needs them again
@@ -73,7 +73,7 @@ def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
         f"cut where limbs seem to be fused, along {count} {'path' if count == 1 else 'paths'}; the "
         f"largest has {len(longest)} vertices, one of them vertex {shape.user_vertex[longest[0]]}"
     )
-    return _cut_open(shape, lambda: capped(cut.mesh), cut.vertex_index, note)
+    return _cut_open(shape, lambda: close_holes(cut.mesh), cut.vertex_index, note)
 
 
 def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None) -> PreparedShape | None:
@@ -89,7 +89,7 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
     mesh, index = cut_along(cut.mesh, edges)
     vertex = shape.user_vertex[cut.vertex_index[edges[0, 0]]]
     note = f"cut along {len(edges)} edges of creases where limbs may be fused, one of them at vertex {vertex}"
-    return _cut_open(shape, lambda: capped(mesh, ends_of(edges)), cut.vertex_index[index], note)
+    return _cut_open(shape, lambda: close_holes(mesh, ends_of(edges)), cut.vertex_index[index], note)
 
 
 @cached_method
@@ -122,7 +122,7 @@ def _self_contacts(shape: PreparedShape, most: int) -> Cut:
 def _self_contacts_and_creases(shape: PreparedShape, most: int) -> tuple[Cut, IntArray]:
     """Cut a body along the paths of self-contacts, and find the edges of its creases."""
     cut = _self_contacts(shape, most)
-    return cut, creases(cut.mesh)
+    return cut, find_creases(cut.mesh)
 
 
 def _cut_open(

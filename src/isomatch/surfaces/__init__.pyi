@@ -1,15 +1,15 @@
-from isomatch.surfaces._coincident import first_equal, welded
+from isomatch.surfaces._coincident import first_equal, weld_points
 from isomatch.surfaces._edges import (
     EdgeTable,
     Meetings,
     connected_regions,
     corner_links,
+    count_fans,
     edge_table,
-    fans,
-    joined,
-    linked,
+    find_root,
+    join_trees,
+    label_components,
     meetings,
-    root,
 )
 from isomatch.surfaces._faces import UnsoundFaces, unsound_faces, vertex_normals
 from isomatch.surfaces._shared import surface_in_use
@@ -34,20 +34,20 @@ __all__ = [
     "UnsoundFaces",
     "connected_regions",
     "corner_links",
+    "count_fans",
     "edge_table",
-    "fans",
+    "find_root",
     "first_equal",
     "in_spatial_order",
-    "joined",
-    "linked",
+    "join_trees",
+    "label_components",
     "meetings",
     "nearest_in_triangle",
     "nearest_on_surface",
     "rasterise",
     "reflected",
-    "root",
     "surface_in_use",
     "unsound_faces",
     "vertex_normals",
-    "welded",
+    "weld_points",
 ]

@@ -30,7 +30,7 @@ def first_equal(points: AnyArray) -> IntArray:
     return first
 
 
-def welded(points: AnyArray) -> tuple[IntArray, IntArray]:
+def weld_points(points: AnyArray) -> tuple[IntArray, IntArray]:
     """Make one vertex of the points (n, d) at exactly the same position.
 
     Returns the first point of each vertex, (n_vertices,), increasing, and the vertex of each point, (n,).

@@ -115,7 +115,7 @@ def meetings(edges: EdgeTable, faces: IntArray) -> Meetings:
     return Meetings(sides, edge, edges.n_faces[edge] == 2, start[sides[:, 0]] == start[sides[:, 1]])
 
 
-def linked(n_nodes: int, *pairs: tuple[IntArray, IntArray]) -> tuple[int, IntArray]:
+def label_components(n_nodes: int, *pairs: tuple[IntArray, IntArray]) -> tuple[int, IntArray]:
     """Count the connected components of a graph, given the two nodes of each link, and label its nodes, (n_nodes,).
 
     Labels are in order of the first node of each component.
@@ -131,7 +131,7 @@ def connected_regions(
 ) -> Iterator[tuple[IntArray, float]]:
     """Find the regions (m,) of vertices inside that edges connect, with the area of each, the largest first."""
     i, j = edges[inside[edges].all(axis=1)].T
-    n, label = linked(len(inside), (i, j))
+    n, label = label_components(len(inside), (i, j))
     sums = np.bincount(label, inside * areas, n)
     for region in np.argsort(-sums, kind="stable"):
         yield np.flatnonzero((label == region) & inside), float(sums[region])
@@ -141,11 +141,11 @@ def connected_regions(
 def _join_all(parent: IntArray, here: IntArray, there: IntArray) -> None:
     """Join the trees of the nodes of each link."""
     for k in range(len(here)):
-        joined(parent, here[k], there[k])
+        join_trees(parent, here[k], there[k])
 
 
 @compiled()
-def root(parent: IntArray, i: int) -> int:
+def find_root(parent: IntArray, i: int) -> int:
     """Find the root of the tree of a node, and shorten the way there."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
@@ -154,9 +154,9 @@ def root(parent: IntArray, i: int) -> int:
 
 
 @compiled()
-def joined(parent: IntArray, i: int, j: int) -> bool:
+def join_trees(parent: IntArray, i: int, j: int) -> bool:
     """Join the trees of two nodes, whose roots are their smallest nodes; False if they were one."""
-    i, j = root(parent, i), root(parent, j)
+    i, j = find_root(parent, i), find_root(parent, j)
     if i < j:
         parent[j] = i
     else:
@@ -177,7 +177,7 @@ def _number(parent: IntArray) -> int:
     return count
 
 
-def fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
+def count_fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
     """Count the fans of faces around each vertex, (n,): 1 on a manifold, 0 for a vertex without faces.
 
     Two corners at a vertex are in the same fan if their faces share an edge of that vertex.
@@ -187,7 +187,9 @@ def fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
         _count_fans(read_only(faces), edges.opposite, count)
         return count
     met = meetings(edges, faces)
-    n_fans, labels = linked(faces.size, *corner_links(met.sides[:, 0], met.sides[:, 1], met.same_direction))
+    n_fans, labels = label_components(
+        faces.size, *corner_links(met.sides[:, 0], met.sides[:, 1], met.same_direction)
+    )
     vertex_of_fan = np.zeros(n_fans, dtype=np.int64)
     vertex_of_fan[labels] = faces.ravel()
     return np.bincount(vertex_of_fan, minlength=n_vertices)

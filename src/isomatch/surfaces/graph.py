@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MeshError, some
-from isomatch.surfaces._edges import linked
+from isomatch.surfaces._edges import label_components
 from isomatch.surfaces._shared import hash_of
 
 
@@ -86,7 +86,7 @@ class Graph:
     @cached_property
     def components(self) -> IntArray:
         """(n,) label of the connected component of each vertex."""
-        return linked(self.n_vertices, tuple(self.edges.T))[1]
+        return label_components(self.n_vertices, tuple(self.edges.T))[1]
 
 
 def _ends(edges: ArrayLike, n_vertices: int) -> IntArray:

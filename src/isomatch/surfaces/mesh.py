@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from isomatch._core.arrays import FloatArray, IntArray, array_of, numbers_of, read_only
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MeshError
-from isomatch.surfaces._edges import EdgeTable, edge_table, lengths, linked
+from isomatch.surfaces._edges import EdgeTable, edge_table, label_components, lengths
 from isomatch.surfaces._faces import areas_of, cross_products, require_vertices, vertex_normals
 from isomatch.surfaces._shared import Plotted, hash_of
 
@@ -179,7 +179,7 @@ class _Connectivity:
 
     @cached_property
     def components(self) -> IntArray:
-        return linked(self.n_vertices, tuple(self.edge_table.ends.T))[1]
+        return label_components(self.n_vertices, tuple(self.edge_table.ends.T))[1]
 
 
 def _frozen_vertices(values: ArrayLike) -> FloatArray:

@@ -13,7 +13,7 @@ from isomatch._core.arrays import FloatArray, IntArray, numbers_of
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MeshError, SettingError, some
 from isomatch.surfaces._coincident import first_equal
-from isomatch.surfaces._edges import lengths, linked
+from isomatch.surfaces._edges import label_components, lengths
 from isomatch.surfaces._shared import Plotted, hash_of
 
 FEWEST_POINTS = 4  # fewer have no local triangulation
@@ -128,7 +128,7 @@ class PointCloud(Plotted):
     @cached_property
     def components(self) -> IntArray:
         """(n,) label of the connected component of each point."""
-        return linked(self.n_vertices, tuple(self.edges.T))[1]
+        return label_components(self.n_vertices, tuple(self.edges.T))[1]
 
     def _require_places(self) -> None:
         """Raise `MeshError` if so many points lie at one place that it would take quadratic time to find neighbours."""

@@ -26,7 +26,7 @@ from isomatch.io import (
     unread_files,
     with_tiles,
 )
-from isomatch.surfaces import Mesh, PrecisePoints, linked, rasterise
+from isomatch.surfaces import Mesh, PrecisePoints, label_components, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
 
@@ -201,7 +201,9 @@ def _chart(faces: IntArray, uv: FloatArray) -> IntArray:
     sides = np.sign((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
     corners = np.column_stack([faces.ravel(), uv.reshape(-1, 2), np.repeat(sides, 3)])
     place = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3)
-    _, label = linked(int(place.max(initial=0)) + 1, (place[:, 0], place[:, 1]), (place[:, 1], place[:, 2]))
+    _, label = label_components(
+        int(place.max(initial=0)) + 1, (place[:, 0], place[:, 1]), (place[:, 1], place[:, 2])
+    )
     _, first, number = np.unique(label[place[:, 0]], return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[number])
 

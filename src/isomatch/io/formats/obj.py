@@ -20,7 +20,7 @@ from isomatch.io.formats._reading import content_beside
 from isomatch.io.formats._text import NumberRows, TextLines
 from isomatch.io.materials import Layer, Look, Picture, Wrap, picture_in
 from isomatch.io.polygons import Polygons, Renumbering
-from isomatch.surfaces import Mesh, welded
+from isomatch.surfaces import Mesh, weld_points
 
 _STATEMENTS = {"object": "o", "group": "g", "material": "usemtl", "smoothing": "s"}
 """The keyword of each attribute that is written before the faces that it holds for."""
@@ -159,7 +159,7 @@ def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
         return np.zeros((0, width)), np.full(len(corners), -1)
     values, of_points = attributes[0].values[:, :width].astype(np.float64), attributes[0].domain == "point"
     rows = np.flatnonzero(~np.isnan(values).any(axis=1))
-    kept, place = (np.arange(len(rows)),) * 2 if of_points else welded(values[rows])
+    kept, place = (np.arange(len(rows)),) * 2 if of_points else weld_points(values[rows])
     index = np.full(len(values), -1)
     index[rows] = place
     return values[rows[kept]], index[corners] if of_points else index

@@ -10,7 +10,7 @@ from isomatch.io.attribute import Attribute
 from isomatch.io.formats._reading import unexpected
 from isomatch.io.formats._text import TextLines, format_rows, read_lines
 from isomatch.io.polygons import Polygons
-from isomatch.surfaces import Mesh, welded
+from isomatch.surfaces import Mesh, weld_points
 
 _HEADER_SIZE = 84
 TITLE = 80  # bytes before the number of triangles
@@ -37,7 +37,7 @@ def read_asset(data: bytes, name: str) -> Asset:
         attributes, left = _colours(data[:80], triangles["attribute"])
         notes += left
     points = corners.reshape(-1, 3)
-    kept, vertex = welded(points)
+    kept, vertex = weld_points(points)
     polygons = Polygons.of_triangles(vertex.reshape(-1, 3))
     head = data[:TITLE]
     title = head.partition(b"\n")[0].partition(b" ")[2] if is_text else head.partition(b"\0")[0]

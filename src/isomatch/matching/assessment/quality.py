@@ -16,7 +16,7 @@ from isomatch.matching.result import Quality
 from isomatch.matching.selection import Ranking
 from isomatch.settings import COVERAGE_RADIUS
 from isomatch.shapes import orientation_of
-from isomatch.surfaces import Graph, Surface, linked
+from isomatch.surfaces import Graph, Surface, label_components
 
 
 def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] | None = None) -> Quality:
@@ -129,7 +129,7 @@ def torn_off_share(source: Surface, target_area: float, images: FloatArray | Non
     both = (images, target_area), (source.vertices, source.area)
     there, here = (np.linalg.norm(x[i] - x[j], axis=1) / np.sqrt(area) for x, area in both)
     whole = there - here <= apart
-    _, piece = linked(source.n_vertices, (i[whole], j[whole]))
+    _, piece = label_components(source.n_vertices, (i[whole], j[whole]))
     shares = np.sort(np.bincount(piece, source.vertex_areas))[::-1] / source.vertex_areas.sum()
     return float(shares[1]) if len(shares) > 1 else 0.0
 

@@ -1,4 +1,4 @@
-"""What an asset carries goes through a repair: values of points, corners and faces, and turned normals."""
+"""Carry the values of an asset through a repair, and turn normals over with their faces."""
 
 from __future__ import annotations
 
@@ -12,21 +12,23 @@ from isomatch.repair.draft import Draft, count
 from isomatch.surfaces import Mesh
 
 
-def carried(asset: Asset, draft: Draft, onto: IntArray) -> tuple[Asset, IntArray, list[str]]:
-    """Make the mended asset; returns also the polygon of each of its polygons, and notes on values that differed."""
-    # the asset of the draft, and the point (n,) of it that each of its points was welded onto
-    differing = welded_apart(asset, onto)
+def carry_asset(asset: Asset, draft: Draft, onto: IntArray) -> tuple[Asset, IntArray, list[str]]:
+    """Make the repaired asset of the asset of a draft; ``onto`` (n,) is the point each was welded onto.
+
+    Return also the old polygon of each of its polygons, and notes on values that differed.
+    """
+    differing = count_differing(asset, onto)
     mesh, trace = draft.mesh, draft.trace
     rows = Renumbering.of(asset.polygons, trace.given, trace.current, draft.faces, draft.rewound, mesh.faces)
-    whole = kept_at_corners(asset, differing).renumbered(rows)
-    whole = turned_over(whole, asset, rows, draft.faces[draft.rewound])
+    whole = keep_at_corners(asset, differing).renumbered(rows)
+    whole = turn_normals_over(whole, asset, rows, draft.faces[draft.rewound])
     if draft.contacts:
         at_contacts = np.isin(trace.given, np.concatenate(draft.contacts))
         whole = _with_normals(whole.placed_at(mesh.vertices), mesh, at_contacts)
-    return whole, rows.polygon_index, [_told(asset, name, n) for name, n in differing.items()]
+    return whole, rows.polygon_index, [_note(asset, name, n) for name, n in differing.items()]
 
 
-def _told(asset: Asset, name: str, n: int) -> str:
+def _note(asset: Asset, name: str, n: int) -> str:
     welded = count(n, "welded vertex")
     if goes_to_corners(asset, asset.attribute(name, "point")):
         return f"kept {name} at corners, as it differs at {welded}"
@@ -34,20 +36,22 @@ def _told(asset: Asset, name: str, n: int) -> str:
 
 
 def _with_normals(asset: Asset, mesh: Mesh, rows: BoolArray) -> Asset:
-    """Give some points (n,) the normals of a mesh: at merged points those of both limbs had been averaged."""
+    """Give some points (n,) the normals of a mesh: merged points had averages over both limbs."""
     if asset.parts:
         return asset
     attributes = []
-    for each in asset.attributes:
-        if each.kind == "normal" and each.domain == "point":
-            values = np.where(rows[:, None], mesh.vertex_normals, each.values).astype(each.values.dtype)
-            each = replace(each, values=values)
-        attributes.append(each)
+    for attribute in asset.attributes:
+        if attribute.kind == "normal" and attribute.domain == "point":
+            values = np.where(rows[:, None], mesh.vertex_normals, attribute.values).astype(
+                attribute.values.dtype
+            )
+            attribute = replace(attribute, values=values)
+        attributes.append(attribute)
     return replace(asset, attributes=tuple(attributes))
 
 
-def welded_apart(asset: Asset, survivor: IntArray) -> dict[str, int]:
-    """Count, for each attribute of points, those that are welded onto a point with another value."""
+def count_differing(asset: Asset, survivor: IntArray) -> dict[str, int]:
+    """Count, by attribute, the points that are welded onto a point with another value."""
     rows = np.flatnonzero(survivor != np.arange(len(survivor)))
     counts = {}
     for attribute in asset.attributes:
@@ -62,42 +66,44 @@ def welded_apart(asset: Asset, survivor: IntArray) -> dict[str, int]:
 
 
 def _differ(values: AnyArray, rows: IntArray, others: IntArray) -> BoolArray:
-    one, other = values[rows].reshape(len(rows), -1), values[others].reshape(len(rows), -1)
-    differ = np.not_equal(one, other)
+    values_here, other_values = values[rows].reshape(len(rows), -1), values[others].reshape(len(rows), -1)
+    differ = np.not_equal(values_here, other_values)
     if values.dtype.kind == "f":
-        differ &= ~(np.isnan(one) & np.isnan(other))
+        differ &= ~(np.isnan(values_here) & np.isnan(other_values))
     return np.asarray(differ.any(axis=1))
 
 
 def goes_to_corners(asset: Asset, attribute: Attribute) -> bool:
     """Whether values of points that differ at welded ones are kept at corners."""
-    # texture coordinates of one side of a seam would smear the texture. Normals too have two sides at a sharp edge, and
-    # glTF, whose files have parts, splits points for them again
+    # The texture coordinates of one side of a seam would smear the texture. Normals also have two
+    # sides at a sharp edge, and glTF, whose files have parts, splits points for them again.
     directed = attribute.kind == "normal" or attribute.is_tangent
     is_free = all((a.name, a.domain) != (attribute.name, "corner") for a in asset.attributes)
     return is_free and (attribute.kind == "uv" or (directed and bool(asset.parts)))
 
 
-def kept_at_corners(asset: Asset, apart: dict[str, int]) -> Asset:
-    """Return the asset before it is welded, with these attributes of points at corners where that keeps both sides."""
+def keep_at_corners(asset: Asset, differing: dict[str, int]) -> Asset:
+    """Move attributes that differ at welded points to corners, where that keeps both sides of a seam."""
     corners = asset.polygons.corners
     inside = np.where((corners >= 0) & (corners < len(asset.points)), corners, 0)
     attributes = tuple(
-        a.at(inside, "corner") if a.domain == "point" and a.name in apart and goes_to_corners(asset, a) else a
+        a.at(inside, "corner")
+        if a.domain == "point" and a.name in differing and goes_to_corners(asset, a)
+        else a
         for a in asset.attributes
     )
     return replace(asset, attributes=attributes)
 
 
-def turned_over(asset: Asset, before: Asset, rows: Renumbering, rewound: IntArray) -> Asset:
-    """Turn normals over where all faces were, given as the triangles before, unless they agree with them now."""
+def turn_normals_over(asset: Asset, before: Asset, renumbering: Renumbering, rewound: IntArray) -> Asset:
+    """Turn normals over where all faces were rewound, unless they agree with these faces now."""
     if not asset.of_kind("normal") or not len(rewound):
         return asset
-    of_face = np.isin(rows.polygon_index, before.polygons.of_triangle[rewound])
+    of_face = np.isin(renumbering.polygon_index, before.polygons.of_triangle[rewound])
     polygons = asset.polygons
     of_corner = of_face[polygons.of_corner]
     corners, n = polygons.corners, len(asset.points)
-    n_turned, n_all = (np.bincount(each, minlength=n) for each in (corners[of_corner], corners))
+    n_turned, n_all = (np.bincount(points, minlength=n) for points in (corners[of_corner], corners))
     turned = {"face": of_face, "corner": of_corner, "point": (n_turned > 0) & (n_turned == n_all)}
     mesh = Mesh(asset.placed_points, polygons.triangles)
     first = np.unique(polygons.of_triangle, return_index=True)[1]
