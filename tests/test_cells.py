@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch._core.tables import parse_table, read_table
-from isomatch._core.texts import joined, write_csv
+from isomatch._core.texts import table_text, write_csv
 from isomatch.io import Attribute, read_attributes, write_attributes
 
 FORMULAS = ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\tx", "\r=1", "'=1", "''@a"]
@@ -35,7 +35,7 @@ def test_any_other_text_is_written_as_it_is(tmp_path, word):
 
 def test_cells_are_read_as_they_were_meant():
     words = [word for word in (*FORMULAS, *PLAIN) if word == word.strip()]
-    table = parse_table(joined([["n"] * len(words), words]), "a.csv")
+    table = parse_table(table_text([["n"] * len(words), words]), "a.csv")
     assert table.rows[1].cells == words
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from isomatch._core.errors import some
 from isomatch._core.files import legible
-from isomatch._core.texts import decoded, encoding_of, joined, natural_order, unescaped
+from isomatch._core.texts import decode_text, encoding_of, natural_order, table_text, unescape
 from isomatch._core.ties import first_largest, first_of_rank
 
 
@@ -16,7 +16,7 @@ def test_an_encoding_is_found_by_the_bytes():
 
 @pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "utf-16", "utf-32", "utf-8-sig"])
 def test_a_text_is_read_in_any_unicode_with_or_without_a_mark(encoding):
-    assert decoded("name;Füße\na;1,5\n".encode(encoding)) == "name;Füße\na;1,5\n"
+    assert decode_text("name;Füße\na;1,5\n".encode(encoding)) == "name;Füße\na;1,5\n"
 
 
 def test_names_sort_as_people_count():
@@ -29,8 +29,8 @@ def test_bytes_of_names_that_are_no_letters_can_be_told():
 
 
 def test_an_apostrophe_is_taken_off_formulas_alone():
-    assert [unescaped(cell) for cell in ("'=1+1", "'tis")] == ["=1+1", "'tis"]
-    assert joined([["name", "depth"], ["=1+1", -0.5], ["-a", "-2"]]) == "name,depth\n'=1+1,-0.5\n'-a,-2\n"
+    assert [unescape(cell) for cell in ("'=1+1", "'tis")] == ["=1+1", "'tis"]
+    assert table_text([["name", "depth"], ["=1+1", -0.5], ["-a", "-2"]]) == "name,depth\n'=1+1,-0.5\n'-a,-2\n"
 
 
 def test_many_indices_are_counted():

@@ -12,11 +12,11 @@ import scipy.linalg  # noqa: F401 - loads a BLAS of its own
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from isomatch._core.cached import cached_property
-from isomatch._core.threads import ROWS, parallel_map, row_product, serial_blas
+from isomatch._core.threads import ROWS_PER_BLOCK, parallel_map, row_product, serial_blas
 from isomatch.surfaces import Mesh, surface_in_use
 
 
-@pytest.mark.parametrize("n", [0, 1, ROWS, 2 * ROWS + 3])
+@pytest.mark.parametrize("n", [0, 1, ROWS_PER_BLOCK, 2 * ROWS_PER_BLOCK + 3])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_product_by_blocks_of_rows(n, dtype, monkeypatch):
     rng = np.random.default_rng(n)

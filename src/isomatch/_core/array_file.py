@@ -1,4 +1,4 @@
-"""Files of named arrays (``.npz``, ``.npy``, ``.mat``): complete when written, headers before contents when read."""
+"""Files of named arrays (``.npz``, ``.npy``, ``.mat``), written whole, their headers read first."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from numpy.lib import format as npy
 
 from isomatch._core.arrays import AnyArray
 from isomatch._core.errors import FormatError, IsomatchError, MemoryBudgetError, some
-from isomatch._core.files import contents, opened, replaced
+from isomatch._core.files import open_file, read_bytes, replaced
 from isomatch._core.memory import require_memory, room_for
 
 FIRST_VERSION = 1  # format of files that carry no version, which isomatch 0.1 wrote
 _VERSION = "format_version"
 _KINDS = {"float": ("fiu", "numbers"), "integer": ("iu", "integers"), "text": ("U", "a text")}
-LONGEST_HEADER = 1000  # bytes of the header of an array; numpy writes 128
+MAX_HEADER_BYTES = 1000  # of an array; numpy writes 128
 _READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 Header = tuple[tuple[int, ...], np.dtype[np.generic]]  # shape and type of an array
-Refuse = Callable[[str], NoReturn]  # raises the error that says what is wrong with a file
+Refuse = Callable[[str], NoReturn]  # raises the error about a damaged file
 
 
 def save_arrays(
     path: str | Path, version: int, arrays: Mapping[str, object], *, compressed: bool = False
 ) -> None:
-    """Write arrays and the version of their format; an earlier file is replaced only by a complete new one."""
+    """Write arrays and the version of their format, see `replaced`."""
     write_arrays(Path(path), {_VERSION: np.array(version), **arrays}, compressed=compressed)
 
 
@@ -45,7 +45,7 @@ def write_arrays(path: Path, arrays: Mapping[str, object], *, compressed: bool =
 
 
 def require_known_version(path: Path, version: int, newest: int) -> None:
-    """Raise `FormatError` if a file was written by an isomatch that is too new to be understood."""
+    """Raise `FormatError` if a file was written by a newer isomatch."""
     if version > newest:
         raise FormatError(
             f"{path}: has format version {version}, and this isomatch reads versions up to {newest}; upgrade isomatch"
@@ -64,8 +64,8 @@ def _refusing_damage(refuse: Refuse) -> Iterator[None]:
 
 
 def _header(start: IO[bytes], size: int, refuse: Refuse) -> Header:
-    """Read the header of an array; it has to declare what the ``size`` bytes hold, header included."""
-    beginning = BytesIO(start.read(LONGEST_HEADER))  # a header may declare to be longer than memory
+    """Read the header of an array, which has to fit its ``size`` in bytes, with the header."""
+    beginning = BytesIO(start.read(MAX_HEADER_BYTES))  # a header may declare more bytes than there is memory
     shape, _, dtype = _READ_HEADER[npy.read_magic(beginning)](beginning)
     if dtype.kind not in "fciubU" or min(shape, default=0) < 0:
         refuse(f"{dtype} of shape {shape} is not an array of numbers or text")
@@ -75,12 +75,12 @@ def _header(start: IO[bytes], size: int, refuse: Refuse) -> Header:
 
 
 def read_array(path: Path) -> AnyArray:
-    """Read an ``.npy`` file of numbers or text; `FormatError` if it is none, or holds more or less than it declares."""
+    """Read an ``.npy`` file of numbers or text; `FormatError` if it is damaged or anything else."""
 
     def refuse(problem: str) -> NoReturn:
         raise FormatError(f"{path}: not an array ({problem}); expected a file written by numpy.save")
 
-    with opened(path) as file, _refusing_damage(refuse):
+    with open_file(path) as file, _refusing_damage(refuse):
         _header(file, os.fstat(file.fileno()).st_size, refuse)
         file.seek(0)
         array: AnyArray = npy.read_array(file, allow_pickle=False)
@@ -89,27 +89,27 @@ def read_array(path: Path) -> AnyArray:
 
 @dataclass(frozen=True)
 class Stored:
-    """What one array of a file has to be."""
+    """The requirements on one array of a file."""
 
-    kind: Literal["float", "integer", "text"]  # integers are accepted as floats, and floats have to be finite
-    shape: tuple[int | str, ...] = ()  # a name stands for a length that is the same wherever the name occurs
-    positive: bool = False  # whether all entries have to be larger than 0
-    index_of: str = ""  # name of a length n, of which the entries have to be indices 0…n − 1
-    group: str = ""  # the array may be absent together with all others of its group; by default it may not
+    kind: Literal["float", "integer", "text"]  # integers pass as floats; floats have to be finite
+    shape: tuple[int | str, ...] = ()  # a name stands for one length throughout
+    positive: bool = False  # whether all entries have to be positive
+    index_of: str = ""  # name of a length n; entries have to be indices 0…n − 1
+    group: str = ""  # arrays of a group may be absent together
 
 
 @dataclass(frozen=True)
 class ArrayFormat:
     """The arrays that a file has to hold."""
 
-    what: str  # what they make together, such as "a map"
-    writer: str  # what writes such files
+    what: str  # such as "a map"
+    writer: str  # the function that writes such files
     version: int  # of the format; earlier ones are read too
     arrays: Mapping[str, Stored]  # by name; other arrays are not read
     filled: tuple[str, ...] = ()  # names of lengths that may not be 0
 
     def read(self, path: str | Path) -> dict[str, Any]:
-        """Read the arrays of a file, each as float32, float64, int64 or, for a text, as a string; headers come first."""
+        """Read the arrays of a file, as float32, float64, int64 or string, after checking all headers."""
         path = Path(path)
 
         def refuse(problem: str) -> NoReturn:
@@ -121,34 +121,38 @@ class ArrayFormat:
             if _VERSION in stored:
                 self._fit({_VERSION: Stored("integer")}, stored)
                 require_known_version(path, int(stored.read(_VERSION)), self.version)
-            groups = {"", *(each.group for name, each in self.arrays.items() if name in stored)}
-            wanted = {name: each for name, each in self.arrays.items() if each.group in groups}
+            groups = {"", *(array.group for name, array in self.arrays.items() if name in stored)}
+            wanted = {name: array for name, array in self.arrays.items() if array.group in groups}
             lengths = self._fit(wanted, stored)
-            contents = stored.read_all(wanted)
-        return {name: _checked(name, contents[name], each, lengths, refuse) for name, each in wanted.items()}
+            arrays = stored.read_all(wanted)
+        return {
+            name: _check_entries(name, arrays[name], array, lengths, refuse) for name, array in wanted.items()
+        }
 
     def _fit(self, wanted: Mapping[str, Stored], stored: Archive) -> dict[str, int]:
         """Refuse headers that do not fit; return the lengths that have names."""
         lengths: dict[str, int] = {}
-        for name, each in wanted.items():
+        for name, array in wanted.items():
             if name not in stored:
                 stored.refuse(f"it has no array {name!r}")
             shape, dtype = stored.header(name)
-            sizes = [lengths.get(size) if isinstance(size, str) else size for size in each.shape]
+            sizes = [lengths.get(size) if isinstance(size, str) else size for size in array.shape]
             fits = len(shape) == len(sizes) and all(a in (None, b) for a, b in zip(sizes, shape))
-            kinds, kind = _KINDS[each.kind]
+            kinds, kind = _KINDS[array.kind]
             if not fits or dtype.kind not in kinds:
                 expected = ", ".join("any" if size is None else str(size) for size in sizes)
                 stored.refuse(f"{name} has shape {shape} and type {dtype}, not {kind} of shape ({expected})")
-            named = {size: n for size, n in zip(each.shape, shape) if isinstance(size, str)}
+            named = {size: n for size, n in zip(array.shape, shape) if isinstance(size, str)}
             if any(size in self.filled and not n for size, n in named.items()):
                 stored.refuse(f"{name} is empty: it has shape {shape}")
             lengths |= named
         return lengths
 
 
-def _checked(name: str, array: AnyArray, wanted: Stored, lengths: Mapping[str, int], refuse: Refuse) -> Any:
-    """Return an array in a type that compiled code takes, once its entries are checked."""
+def _check_entries(
+    name: str, array: AnyArray, wanted: Stored, lengths: Mapping[str, int], refuse: Refuse
+) -> Any:
+    """Check the entries of an array and convert it to a type that compiled code takes."""
     if wanted.kind == "text":
         try:
             text = str(array)
@@ -172,7 +176,7 @@ def _checked(name: str, array: AnyArray, wanted: Stored, lengths: Mapping[str, i
 
 
 class Archive:
-    """An ``.npz`` file of unknown origin, by the directory of the zip archive that it is; see `opened`."""
+    """An ``.npz`` file of unknown origin, read through the directory of the zip archive."""
 
     def __init__(self, path: Path, stream: BinaryIO, refuse: Refuse) -> None:
         self.path, self.refuse, self._size = path, refuse, os.fstat(stream.fileno()).st_size
@@ -182,8 +186,8 @@ class Archive:
     @classmethod
     @contextmanager
     def opened(cls, path: Path, refuse: Refuse) -> Iterator[Archive]:
-        """Open a file; `MissingFileError` if there is none, and what ``refuse`` raises if it is damaged."""
-        with opened(path) as stream:
+        """Open a file; `MissingFileError` if there is none, the error of ``refuse`` if it is damaged."""
+        with open_file(path) as stream:
             yield cls(path, stream, refuse)
 
     @property
@@ -195,7 +199,7 @@ class Archive:
         return f"{name}.npy" in self._zip.NameToInfo
 
     def header(self, name: str) -> Header:
-        """Read the shape and type that an array declares; its size agrees with that in the directory."""
+        """Read the shape and type of an array, which have to fit its size in the directory."""
         info = self._zip.NameToInfo[f"{name}.npy"]
         # other methods may claim much memory
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
@@ -231,7 +235,7 @@ class Archive:
 
 
 def read_mat(path: Path, what: str, expected: str) -> dict[str, Any]:
-    """Read the variables of a ``.mat`` file by name: arrays, and structs as objects, both without axes of length 1."""
+    """Read the variables of a ``.mat`` file by name, structs as objects, without axes of length 1."""
     from scipy.io import loadmat
 
     def refuse(problem: str) -> NoReturn:
@@ -239,7 +243,7 @@ def read_mat(path: Path, what: str, expected: str) -> dict[str, Any]:
             f"{path}: not {what} ({problem}); expected a MATLAB file before version 7.3 (save -v7) with {expected}"
         )
 
-    data = BytesIO(contents(path))
+    data = BytesIO(read_bytes(path))
     with _refusing_damage(refuse):
         stored = loadmat(data, squeeze_me=True, struct_as_record=False)
     return {name: value for name, value in stored.items() if not name.startswith("__")}

@@ -1,4 +1,4 @@
-"""Names of the array types in signatures, with shapes and index spaces; arrays of what a user gave.
+"""Array types in signatures, with shapes and index spaces, and arrays of user input.
 
 ``Int[SearchRows, "m_s"]`` is an array of integers of shape (m_s,) that are search rows, ``Float[FloatArray, "n 3"]`` one
 of floating-point numbers. A letter is one length within a signature, ``_`` any. mypy tells the index spaces apart; tests
@@ -19,7 +19,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 AnyArray = NDArray[Any]
 
-# Index spaces: what an array of integers counts. An index or a sum is an `IntArray` again, until it is named anew.
+# Index spaces: what integers count. The result of indexing or adding is an `IntArray` again.
 UserVertices = NewType("UserVertices", IntArray)
 """Vertices of a surface as the user gave it, in the numbers of the file."""
 BodyVertices = NewType("BodyVertices", IntArray)
@@ -35,7 +35,7 @@ SoughtRows = NewType("SoughtRows", IntArray)
 
 
 def array_of(values: ArrayLike, name: str, error: type[Exception]) -> AnyArray:
-    """Make an array of what a user gave; the given kind of error if its rows have different lengths."""
+    """Make an array of user input; raise ``error`` if its rows have different lengths."""
     try:
         array: AnyArray = np.asarray(values)
         return array
@@ -44,14 +44,14 @@ def array_of(values: ArrayLike, name: str, error: type[Exception]) -> AnyArray:
 
 
 def read_only(array: AnyArray) -> AnyArray:
-    """View an array that cannot be written to; loops are compiled for such arrays and for others separately."""
+    """Return a read-only view; loops are compiled separately for such arrays."""
     view = array.view()
     view.flags.writeable = False
     return view
 
 
 def numbers_of(values: ArrayLike, name: str, error: type[Exception]) -> FloatArray:
-    """Make a new float64 array of what a user gave; the given kind of error if it does not hold real numbers."""
+    """Make a new float64 array of user input; raise ``error`` if it is not of real numbers."""
     array = array_of(values, name, error)
     if array.size and array.dtype.kind not in "fiub":
         raise error(f"{name} have type {array.dtype}, expected real numbers")
@@ -59,7 +59,7 @@ def numbers_of(values: ArrayLike, name: str, error: type[Exception]) -> FloatArr
 
 
 def single(values: FloatArray) -> Float32Array:
-    """Round to single precision: twice as fast in products and searches, where six digits are enough."""
+    """Round to single precision, which is twice as fast in products and searches."""
     return np.asarray(values, dtype=np.float32)
 
 

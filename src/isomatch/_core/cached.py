@@ -1,4 +1,4 @@
-"""Values that are computed once for each object, kept with it, and go when it goes."""
+"""Values that are computed once for each object and kept with it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING or sys.version_info >= (3, 12):
 else:
 
     class cached_property:
-        """`cached_property` as in Python 3.12: before, a lock let only one thread compute it, whatever the object."""
+        """`cached_property` of Python 3.12, without the lock that all objects shared before."""
 
         def __init__(self, func: Any) -> None:
             self.func = func
@@ -34,8 +34,8 @@ else:
 
 
 def cached_method(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
-    """Decorate a method whose results are kept with the object, one for each list of arguments as written."""
-    # a cache of the bound method would refer to its own object, a circle in which large arrays stay for long
+    """Decorate a method: its results are kept with the object, by the arguments as written."""
+    # a cache of the bound method would refer to its object, and the cycle would keep large arrays long
     name = f"results of {method.__qualname__}"
 
     @wraps(method)

@@ -1,7 +1,7 @@
 """Compiled loops: functions that numba compiles at their first call and keeps between runs.
 
-They copy arrays element by element: to assign an array to a slice compiles for 2 s, most of it the error for
-other shapes. Constants of other modules are arguments: the cache does not see that they change.
+They copy arrays element by element, because assigning an array to a slice takes 2 s to compile.
+Constants of other modules are arguments, because the cache does not see that they change.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ UNCACHED = (
 
 
 def compiled(**options: Any) -> Callable[[F], F]:
-    """Decorate a loop to be compiled, as by `numba.njit`, at its first call; it runs without the interpreter lock."""
+    """Decorate a loop: `numba.njit` compiles it at its first call, to run without the interpreter lock."""
     options = {"nogil": True, "no_cfunc_wrapper": True, **options}  # C does not call loops
 
     def decorate(function: F) -> F:

@@ -42,7 +42,7 @@ class IsomatchError(Exception):
 
 
 class InputError(IsomatchError, ValueError):
-    """Something given cannot be used: base class of the errors about surfaces, landmarks, maps, values and settings.
+    """An input cannot be used: base class of errors about surfaces, landmarks, maps, values, settings.
 
     Examples
     --------
@@ -190,11 +190,11 @@ class NotConvergedError(IsomatchError):
     """
 
 
-MOST_INDICES = 5  # in a message
+MAX_INDICES = 5  # in a message
 
 
 def some(indices: Iterable[int]) -> str:
-    """Write the first indices, and of more also the count: 0, 1, 2, 3, 4, … (8 in all)."""
+    """Write the first indices, and the count of longer lists: 0, 1, 2, 3, 4, … (8 in all)."""
     shown = [int(i) for i in indices]
-    head = ", ".join(map(str, shown[:MOST_INDICES]))
-    return head if len(shown) <= MOST_INDICES else f"{head}, … ({len(shown)} in all)"
+    head = ", ".join(map(str, shown[:MAX_INDICES]))
+    return head if len(shown) <= MAX_INDICES else f"{head}, … ({len(shown)} in all)"

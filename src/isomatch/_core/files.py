@@ -1,4 +1,4 @@
-"""Files are opened with a named error, claimed while they are made, and replaced only by complete new contents."""
+"""Open files with named errors, claim files to be written, and replace them only when complete."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from isomatch._core.errors import (
     UnwritableFileError,
 )
 
-_OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)  # the first: it is no regular file
+_ERRORS_OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)  # None: it is no regular file
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
-UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder until it is complete
-_HALF_LETTER = re.compile("[\ud800-\udfff]")  # what Python makes of bytes that are no UTF-8
-_HALF_LETTER_OR_PERCENT = re.compile("[%\ud800-\udfff]")
+UNFINISHED = ".isomatch-{}.unfinished"  # name of an incomplete file or folder
+_SURROGATE = re.compile("[\ud800-\udfff]")  # how Python decodes bytes of file names that are not UTF-8
+_SURROGATE_OR_PERCENT = re.compile("[%\ud800-\udfff]")
 logger = logging.getLogger(__name__)
 
 
-def opened(path: Path) -> BinaryIO:
-    """Open a file to read its bytes; `MissingFileError` if there is none, `FormatError` if it is no readable file."""
+def open_file(path: Path) -> BinaryIO:
+    """Open a file to read; `MissingFileError` if there is none, `FormatError` if it is not readable."""
     try:
-        if not S_ISREG(path.stat().st_mode):  # a pipe could block, a device never end
+        if not S_ISREG(path.stat().st_mode):  # a pipe could block, a device might never end
             raise FormatError(
                 f"{path}: cannot be opened (not a regular file); write its contents to a file first"
             )
@@ -47,26 +47,26 @@ def opened(path: Path) -> BinaryIO:
         raise FormatError(f"{path}: cannot be opened ({error.strerror}); give a readable file") from None
 
 
-def contents(path: Path) -> bytes:
-    """Read a whole file, see `opened`."""
-    with opened(path) as file:
+def read_bytes(path: Path) -> bytes:
+    """Read a whole file, see `open_file`."""
+    with open_file(path) as file:
         return file.read()
 
 
 @contextmanager
 def replaced(path: Path) -> Iterator[BinaryIO]:
-    """Open a new file beside an earlier one, which it replaces when the block ends without an error."""
-    # a link keeps pointing at the file it names; one that names nothing is itself replaced
+    """Open a new file, which replaces an earlier one when the block ends without an error."""
+    # the target of a link is replaced; a link without a target is itself replaced
     with writing(path):
         _require_replaceable(path)
         final = path.resolve() if path.exists() else path
-        with _passing(final.with_name(UNFINISHED.format(token_hex(8)))) as unfinished:
+        with _removed_at_end(final.with_name(UNFINISHED.format(token_hex(8)))) as unfinished:
             with _changing:
                 file = unfinished.open("xb")
             with file:
                 yield file
                 file.flush()
-                os.fsync(file.fileno())  # a power failure could leave an empty file of the final name
+                os.fsync(file.fileno())  # or a power failure could leave an empty file
             with _changing:
                 unfinished.replace(final)
 
@@ -81,11 +81,11 @@ def write_text(path: Path, text: str) -> None:
 
 @contextmanager
 def staged(folder: Path, last: str, gone: Iterable[str] = ()) -> Iterator[Path]:
-    """Give a new folder inside another; its files move there when the block ends without an error, or none does."""
-    # The last file vouches for the others: an earlier one is taken away first, and its successor moves last. Earlier
-    # files that are gone are removed.
+    """Yield a new folder, whose files all move to another when the block ends without an error."""
+    # The last file vouches for the others: its predecessor is taken away first, and it moves last.
+    # Files in ``gone`` are removed.
     places = [folder / UNFINISHED.format(token_hex(8)) for _ in range(2)]
-    with writing(folder), _passing(places[0]) as new, _passing(places[1]) as earlier:
+    with writing(folder), _removed_at_end(places[0]) as new, _removed_at_end(places[1]) as earlier:
         with _changing:
             new.mkdir()
         yield new
@@ -98,7 +98,7 @@ def staged(folder: Path, last: str, gone: Iterable[str] = ()) -> Iterator[Path]:
 
 
 def _move(moves: Iterable[tuple[Path, Path]]) -> None:
-    """Move files, each to its new place; if one cannot be moved, move all back."""
+    """Move files to new places; if one cannot be moved, move all back."""
     done: list[tuple[Path, Path]] = []
     try:
         for place, to in moves:
@@ -114,32 +114,32 @@ def _move(moves: Iterable[tuple[Path, Path]]) -> None:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
-    """Create a folder and those it is in; those that were not there before and stay empty are removed in the end."""
+    """Create a folder and its parents; new ones that stay empty are removed at the end of the block."""
     with ExitStack() as made:
         for one in (*reversed(folder.parents), folder):
             if not one.exists():
-                made.enter_context(_passing(one))
+                made.enter_context(_removed_at_end(one))
                 with _changing:
                     one.mkdir(exist_ok=True)
         folder.mkdir(exist_ok=True)
         yield
 
 
-_passed: list[Path] = []  # what must not remain, in the order of its creation
+_temporary: list[Path] = []  # files and folders that must not remain, in the order of creation
 _changing = Lock()
 
 
 @contextmanager
-def _passing(path: Path) -> Iterator[Path]:
-    """Remove a file, or a folder that is empty or unfinished, in the end, however that comes."""
+def _removed_at_end(path: Path) -> Iterator[Path]:
+    """Remove a file, or an empty or unfinished folder, when the block ends, however it ends."""
     with _changing:
-        _passed.append(path)
+        _temporary.append(path)
     try:
         yield path
     finally:
         with _changing:
             _remove(path)
-            _passed.remove(path)
+            _temporary.remove(path)
 
 
 def _remove(path: Path) -> None:
@@ -148,12 +148,12 @@ def _remove(path: Path) -> None:
     elif path.suffix == ".unfinished":
         rmtree(path, ignore_errors=True)
     else:
-        with suppress(OSError):  # it is not empty
+        with suppress(OSError):  # which is not empty
             path.rmdir()
 
 
 def remove_unfinished(paths: Iterable[Path], age: float) -> None:
-    """Remove what killed processes left unfinished, if it is older than so many seconds."""
+    """Remove unfinished files of killed processes that are at least ``age`` seconds old."""
     for path in paths:
         with suppress(FileNotFoundError):
             if time.time() - path.stat().st_mtime >= age:
@@ -161,23 +161,23 @@ def remove_unfinished(paths: Iterable[Path], age: float) -> None:
 
 
 def abandon_files() -> None:
-    """Remove everything unfinished, for a process that ends at once; no thread creates or completes more."""
+    """Remove everything unfinished before the process ends; no thread creates or completes more."""
     _changing.acquire()
-    for path in reversed(_passed):
+    for path in reversed(_temporary):
         with suppress(OSError):
             _remove(path)
 
 
 @contextmanager
 def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
-    """Refuse a file, which may stand for several, to other processes while the block runs; none of ``new`` may exist."""
-    from filelock import FileLock, Timeout  # 0.1 s, which commands that write nothing need not wait
+    """Claim a file against other processes while the block runs; no file of ``new`` may exist."""
+    from filelock import FileLock, Timeout  # takes 0.1 s, which commands that write nothing save
 
     lock = path.with_name(f".{path.name}.lock")
-    claim = FileLock(lock, timeout=0, thread_local=False)  # the system releases that of a killed process
+    claim = FileLock(lock, timeout=0, thread_local=False)  # the system releases it if the process is killed
     with writing(path):
         _require_replaceable(path)
-        path.parent.stat()  # some versions of filelock would make the folder
+        path.parent.stat()  # or some versions of filelock would make the folder
         with _changing:
             try:
                 claim.acquire()
@@ -189,7 +189,7 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
                 if error.errno not in _NO_LOCKS:
                     raise
                 logger.warning("%s: not locked (%s); let no other run write there", path, error.strerror)
-            _passed.append(lock)
+            _temporary.append(lock)
     try:
         for one in new:
             if os.path.lexists(one):
@@ -199,10 +199,10 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
         yield
     finally:
         with _changing:
-            with suppress(PermissionError):  # Windows removes it as it is released
-                lock.unlink(missing_ok=True)  # before that: later, it could be that of another process
+            with suppress(PermissionError):  # Windows removes it on release
+                lock.unlink(missing_ok=True)  # before the release: later it could belong to another process
             claim.release()
-            _passed.remove(lock)
+            _temporary.remove(lock)
 
 
 def _require_replaceable(path: Path) -> None:
@@ -212,7 +212,7 @@ def _require_replaceable(path: Path) -> None:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Name the file in the errors of the system, of which `UnwritableFileError` keeps the ``errno``."""
+    """Turn errors of the system into `UnwritableFileError` with the name of the file and ``errno``."""
     try:
         yield
     except OSError as error:
@@ -226,38 +226,38 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def is_of_one_file(error: UnwritableFileError) -> bool:
-    """Whether a file cannot be written for what it is or how it is named, and not as on a full disk, like any other."""
-    return error.errno in _OF_ONE_FILE
+    """Whether only this file cannot be written, unlike with a full disk."""
+    return error.errno in _ERRORS_OF_ONE_FILE
 
 
 def legible(name: str) -> str:
-    """Return the name of a file with bytes that are no UTF-8, and % beside such, as %XX: `unquote_to_bytes` undoes it."""
-    if not _HALF_LETTER.search(name):
+    """Write bytes of a file name that are not UTF-8, and % beside them, as %XX (`unquote_to_bytes`)."""
+    if not _SURROGATE.search(name):
         return name
-    return _HALF_LETTER_OR_PERCENT.sub(lambda match: f"%{ord(match[0]) & 0xFF:02X}", name)
+    return _SURROGATE_OR_PERCENT.sub(lambda match: f"%{ord(match[0]) & 0xFF:02X}", name)
 
 
-_OF_DEVICES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³])(\s*\..*)?", re.IGNORECASE)  # on Windows
+_DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³])(\s*\..*)?", re.IGNORECASE)  # on Windows
 _NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|\x00-\x1f]')
-_LONGEST_NAME = 200  # bytes, which leave room for suffixes; most systems have 255
+_MAX_NAME_BYTES = 200  # leaves room for suffixes; most systems allow 255
 
 
 def require_names(names: Iterable[str], what: str, where: object, remedy: str) -> None:
-    """Raise `InputError` for names of ``what`` that cannot be those of files or would lead out of their folder."""
+    """Raise `InputError` for names of ``what`` that are no valid file names or lead out of their folder."""
     for name in names:
         if not name or _NOT_IN_NAMES.search(name) or name.startswith(".") or name != name.strip().rstrip("."):
             why = 'files are named by it, so give no / \\ : * ? " < > |, nor dots or blanks at its ends'
-        elif _OF_DEVICES.fullmatch(name):
+        elif _DEVICE_NAMES.fullmatch(name):
             why = "files of this name are devices on Windows"
-        elif len(name.encode("utf-8", "surrogateescape")) > _LONGEST_NAME:
-            why = f"it has more than {_LONGEST_NAME} bytes"
+        elif len(name.encode("utf-8", "surrogateescape")) > _MAX_NAME_BYTES:
+            why = f"it has more than {_MAX_NAME_BYTES} bytes"
         else:
             continue
         raise InputError(f"{where}: {name[:80]!r} cannot be the name of a {what}: {why}; {remedy}")
 
 
 def ignores_case(folder: Path) -> bool:
-    """Whether files whose names differ only in case are the same in a folder, or in that in which it would be made."""
+    """Whether names that differ only in case are the same file in a folder, which need not exist yet."""
     place = next(one for one in (folder, *folder.parents) if os.path.isdir(one))
     with writing(place), NamedTemporaryFile(prefix="isomatch-case-", dir=place) as probe:
         return os.path.exists(place / Path(probe.name).name.upper())

@@ -1,4 +1,4 @@
-"""What is imported at its first use, so that the rest costs no time: public names, optional packages, `visualization`.
+"""Import at first use, to save time: public names, optional packages, `visualization`.
 
 The stub ``__init__.pyi`` beside a package is the only list of its names: type checkers and editors read it as usual.
 """
@@ -21,7 +21,7 @@ class _Package(ModuleType):
     def __getattr__(self, name: str) -> Any:
         homes, full = vars(self)["_homes"], f"{self.__name__}.{name}"
         if name in homes:
-            if homes[name] == self.__name__:  # a package within this one, which has names of its own
+            if homes[name] == self.__name__:  # a subpackage with names of its own
                 return import_module(full)
             public = getattr(import_module(homes[name]), name)
             super().__setattr__(name, public)
@@ -31,21 +31,21 @@ class _Package(ModuleType):
         raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Set an attribute, but no module that is named as something public: its import must not hide that."""
+        """Set an attribute, except a module with the name of something public, which it would hide."""
         if not (isinstance(value, ModuleType) and name in self._homes):
             super().__setattr__(name, value)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to another process by name, as modules do; cloudpickle asks for their exact type."""
+        """Pickle by name, as modules do; cloudpickle asks for their exact type."""
         return import_module, (self.__name__,)
 
     def __dir__(self) -> list[str]:
-        """List the public names, and those that Python gives to every module; not what made the package work."""
+        """List the public names, and those of every Python module."""
         return sorted({*self.__all__, *(name for name in super().__dir__() if name[:2] == "__" == name[-2:])})
 
 
 def names_at_first_use(package: str) -> list[str]:
-    """Make a package import its public names at their first use; return the ``__all__`` of its stub, all else imports."""
+    """Make a package import its public names at first use, as its stub says; return its ``__all__``."""
     module: Any = sys.modules[package]
     stub = get_data(package, "__init__.pyi")
     body = ast.parse(stub or b"").body
@@ -56,7 +56,7 @@ def names_at_first_use(package: str) -> list[str]:
     return public
 
 
-# release/prepare.py writes it: the name in an index, or the folder of a checkout as long as there is none
+# written by release/prepare.py: the name in an index, or the folder of a checkout until there is one
 PACKAGE = "."
 
 
@@ -67,7 +67,7 @@ def install_command(extra: str) -> str:
 
 
 def package(module: str, extra: str | None, what: str) -> Any:
-    """Import a module of an optional package; `MissingDependencyError` if the ``extra``, or none, has to be installed."""
+    """Import a module of an optional package; `MissingDependencyError` says how to install it."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -87,12 +87,12 @@ class PlotOptions(TypedDict, total=False):
     label: str  # what the values are, with their unit
     colour_map: str | None  # name of a colour map of matplotlib
     title: str  # text above all
-    width: int  # in pixels; notebooks show two of them for each pixel of the page
-    view: tuple[float, float] | None  # degrees around the shape and above the horizon, by default (32, 14)
+    width: int  # in pixels; notebooks show two per pixel of the page
+    view: tuple[float, float] | None  # degrees around the shape and above the horizon; (32, 14)
 
 
 def visualization() -> Any:
-    """Return the subpackage `visualization`, for methods that show their own object and for nothing else."""
+    """Return the subpackage `visualization`, only for methods that show their object."""
     return import_module("isomatch.visualization")
 
 

@@ -1,4 +1,4 @@
-"""What the last digits of a result depend on: processor, kernels of linear algebra, versions of packages."""
+"""The processor, kernels of linear algebra and package versions, which decide the last digits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from isomatch._core.threads import processors
 
 
 def processor() -> str:
-    """Name the processor, and tell how many of its cores may be used."""
+    """Name the processor and the number of its cores that may be used."""
     listed = Path("/proc/cpuinfo")
     model = re.search(r"model name\s*: (.+)", listed.read_text(encoding="utf-8")) if listed.exists() else None
     name = model[1] if model else platform.processor() or platform.machine()
@@ -23,7 +23,7 @@ def processor() -> str:
 
 
 def kernels() -> str:
-    """Name the libraries of linear algebra that are loaded, with their kernels, which ``OPENBLAS_CORETYPE`` chooses."""
+    """Name the loaded libraries of linear algebra with their kernels (``OPENBLAS_CORETYPE``)."""
     import scipy.linalg  # noqa: F401 - only libraries that are loaded are listed
 
     libraries = [pool for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
@@ -35,12 +35,12 @@ def kernels() -> str:
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Version of each package, or "not installed"."""
+    """Return the version of each package, or "not installed"."""
 
-    def of(package: str) -> str:
+    def find_version(package: str) -> str:
         try:
             return version(package)
         except PackageNotFoundError:
             return "not installed"
 
-    return {package: of(package) for package in packages}
+    return {package: find_version(package) for package in packages}

@@ -1,4 +1,4 @@
-"""Memory: what this process may use, and the budget by which large allocations are refused before they are made."""
+"""Memory that this process may use, and the budget that refuses large allocations in advance."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from isomatch._core.errors import MemoryBudgetError, SettingError
 
 MIB, GIB = 2**20, 2**30
 ROOT = Path("/")
-_MOST_TIMES = 20  # the size of a file, which SECURITY.md promises
-_ANY_FILE = 2**26  # bytes, which are no harm
+_MAX_SIZE_RATIO = 20  # of memory to the size of a file; SECURITY.md promises it
+_ALLOWED_BYTES = 2**26  # for any file, however small
 
 
 def memory_budget() -> int:
-    """Return how many bytes one step may allocate: ``ISOMATCH_MEMORY_BUDGET``, in GiB, or half of `available_memory`."""
+    """Return the bytes that a step may allocate: ``ISOMATCH_MEMORY_BUDGET`` or half of the memory."""
     wanted = os.environ.get("ISOMATCH_MEMORY_BUDGET", "")
     if not wanted:
         return available_memory() // 2
@@ -29,7 +29,7 @@ def memory_budget() -> int:
 
 
 def require_memory(n_bytes: float, purpose: str, instead: str) -> None:
-    """Raise `MemoryBudgetError` if so many bytes for a ``purpose`` exceed the budget, and say what to do ``instead``."""
+    """Raise `MemoryBudgetError` if ``n_bytes`` exceed the budget; say what to do ``instead``."""
     budget = memory_budget()
     if n_bytes > budget:
         raise MemoryBudgetError(
@@ -39,12 +39,12 @@ def require_memory(n_bytes: float, purpose: str, instead: str) -> None:
 
 
 def room_for(size: int) -> int:
-    """Return how many bytes of memory what is in a file of a size may claim: many times that, and some of any file."""
-    return _MOST_TIMES * size + _ANY_FILE
+    """Return the bytes of memory that the contents of a file of some size may claim."""
+    return _MAX_SIZE_RATIO * size + _ALLOWED_BYTES
 
 
 def available_memory(root: Path = ROOT) -> int:
-    """Return how many bytes the machine, control groups and SLURM leave to this process."""
+    """Return the bytes that the machine, control groups and SLURM leave to this process."""
     import psutil
 
     groups = [int(words[0]) for words in group_limits("memory.max", root) if words[0].isdecimal()]
@@ -56,7 +56,7 @@ def available_memory(root: Path = ROOT) -> int:
 
 @cache
 def group_limits(name: str, root: Path = ROOT) -> list[list[str]]:
-    """Return the words of a limit of each control group (version 2) around this process, which psutil does not tell."""
+    """Read a limit of each control group (version 2) around this process, as words; psutil does not."""
     outermost = root / "sys/fs/cgroup"
     try:
         group = (
@@ -64,19 +64,19 @@ def group_limits(name: str, root: Path = ROOT) -> list[list[str]]:
         )
     except OSError:  # not Linux
         return []
-    # in a container, the path can be that outside, where only the outermost folder is visible
+    # in a container, the path may be the one outside it; then only the outermost folder exists
     files = [folder / name for folder in (group, *group.parents) if folder.is_relative_to(outermost)]
     return [words for file in files if file.is_file() and (words := file.read_text(encoding="utf-8").split())]
 
 
 def slurm(name: str) -> int:
-    """Return a number that SLURM gave, 0 if it gave none."""
+    """Read a number from SLURM, 0 without one."""
     word = os.environ.get(name, "")
     return int(word) if re.fullmatch("[0-9]+", word) else 0
 
 
 def peak_memory() -> int | None:
-    """Return the most bytes that this process has used so far; None where the system does not tell."""
+    """Return the peak memory of this process in bytes, None where it is unknown."""
     try:
         import resource
     except ImportError:  # Windows

@@ -1,4 +1,4 @@
-"""Worker processes: few threads each, and an end with the process that started them."""
+"""Worker processes, with few threads, which end with the process that started them."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from threadpoolctl import ThreadpoolController
 def worker_processes(
     count: int, initializer: Callable[..., Any] | None = None, arguments: tuple[Any, ...] = ()
 ) -> Iterator[ProcessPoolExecutor]:
-    """Open a pool of processes; when an exception ends the block, they are killed at once."""
+    """Open a pool of processes, which are killed if an exception ends the block."""
     context = _Spawning()
     with ProcessPoolExecutor(count, context, initializer, arguments) as pool:
         try:
             yield pool
-        except BaseException:  # such as an interruption, or a caller that wants no more
+        except BaseException:  # such as an interruption
             pool.shutdown(wait=False, cancel_futures=True)
             context.kill()
             raise
         if any(process.exitcode for process in context.started):
-            context.kill()  # a pool that breaks while a worker begins would wait for that one for ever
+            context.kill()  # a pool that breaks while a worker starts would wait for it for ever
 
 
 class _Spawning(SpawnContext):
-    """Starts processes, and knows which."""
+    """Starts processes and records them."""
 
     def __init__(self) -> None:
         self.started: list[SpawnProcess] = []
 
     def kill(self) -> None:
-        """Kill all that still run."""
+        """Kill the processes that still run."""
         for process in self.started:
             if process.is_alive():
                 process.kill()
@@ -52,17 +52,17 @@ class _Spawning(SpawnContext):
 
 @cache
 def begin_worker(threads: int) -> None:
-    """Make this process a worker, once: so many threads in our loops, one in linear algebra."""
+    """Make this process a worker, once, with some threads for loops and one for linear algebra."""
     if parent_process() is not None:
         Thread(target=_end_with_parent, daemon=True).start()
         if current_thread() is main_thread():
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches it too; its parent decides
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches workers too, but the parent decides
     os.environ["ISOMATCH_NUM_THREADS"] = str(threads)
     ThreadpoolController().limit(limits=1)
 
 
 def _end_with_parent() -> None:
-    """End this process with the one that started it, which cannot see to it if it is killed."""
+    """End this process when its parent ends, even if the parent is killed."""
     parent = parent_process()
     if parent is not None:
         parent.join()

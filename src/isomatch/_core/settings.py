@@ -1,4 +1,4 @@
-"""Settings: frozen dataclasses whose values are checked in one place and whose defaults name their source."""
+"""Settings: frozen dataclasses with checked values and a source for each default."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def setting(
     most: float | None = None,
     empty: bool = False,
 ) -> Any:
-    """Declare a setting: its default, the source of that, and the bounds, allowed themselves, of it or of each entry."""
+    """Declare a setting: its default, the source of the default, and inclusive bounds of all entries."""
     return field(default=default, metadata={"source": source, "least": least, "most": most, "empty": empty})
 
 
@@ -36,31 +36,31 @@ class Settings:
 
     def __post_init__(self) -> None:
         hints = get_type_hints(type(self))
-        for each in fields(self):
-            if isinstance(getattr(self, each.name), np.generic):  # plain numbers are what files can hold
-                object.__setattr__(self, each.name, getattr(self, each.name).item())
-            _require_allowed(each.name, getattr(self, each.name), hints[each.name], each.metadata)
+        for setting in fields(self):
+            if isinstance(getattr(self, setting.name), np.generic):  # plain numbers are what files can hold
+                object.__setattr__(self, setting.name, getattr(self, setting.name).item())
+            _require_allowed(setting.name, getattr(self, setting.name), hints[setting.name], setting.metadata)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the settings as plain values; those of a stage are a mapping of their own."""
+        """Return the settings as plain values, with a mapping for each stage."""
         return asdict(self)
 
     def changed(self) -> dict[str, Any]:
-        """Return the settings that differ from their defaults, those of a stage as "stage.name"."""
+        """Return the settings that differ from their defaults, of a stage as "stage.name"."""
         different: dict[str, Any] = {}
-        for each in fields(self):
-            value = getattr(self, each.name)
+        for setting in fields(self):
+            value = getattr(self, setting.name)
             if isinstance(value, Settings):
-                different |= {f"{each.name}.{name}": inner for name, inner in value.changed().items()}
-            elif value != each.default:
-                different[each.name] = value
+                different |= {f"{setting.name}.{name}": inner for name, inner in value.changed().items()}
+            elif value != setting.default:
+                different[setting.name] = value
         return different
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Make settings from plain values, such as `to_dict` gave; what is left out keeps its default."""
+        """Make settings from plain values, such as `to_dict` returns; others keep their defaults."""
         hints = get_type_hints(cls)
-        names = [each.name for each in fields(cls)]
+        names = [setting.name for setting in fields(cls)]
         unknown = sorted(set(values) - set(names))
         if unknown:
             raise SettingError(f"unknown setting {', '.join(unknown)}; known are {', '.join(names)}")
@@ -68,7 +68,7 @@ class Settings:
 
 
 def _typed(value: Any, hint: Any, name: str) -> Any:
-    """Give mappings and lists, as files have them, the types of settings."""
+    """Convert mappings and lists, as files have them, to the types of settings."""
     if isinstance(hint, type) and issubclass(hint, Settings) and isinstance(value, Mapping):
         try:
             return hint.from_dict(value)

@@ -1,4 +1,4 @@
-"""What is left out or supposed is told, once in a command; where all must be used, it is an error."""
+"""Tell the user once what is left out or assumed; in strict mode, raise an error."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ logger = logging.getLogger(__name__)
 
 @contextmanager
 def telling_once(strict: bool) -> Iterator[None]:
-    """Tell of everything once in a block; if ``strict``, raise `InputError` instead."""
+    """Tell each message once in a block; if ``strict``, raise `InputError` instead."""
     tokens = _is_strict.set(strict), _told.set(set())
     try:
         yield
@@ -27,16 +27,16 @@ def telling_once(strict: bool) -> Iterator[None]:
 
 
 def noted(message: str) -> str:
-    """Return a sentence about what is left out or supposed; in a strict block, it is an `InputError`."""
+    """Return a message about something left out or assumed; in a strict block, raise `InputError`."""
     if _is_strict.get():
         raise InputError(f"{message}; an error, as --strict was given")
     return message
 
 
 def tell_skipped(message: str, tell: Callable[[str], Any] = logger.warning) -> None:
-    """Tell of what is left out or supposed, see `noted`, and of the same not again."""
-    told = _told.get()
-    if told is None or message not in told:
+    """Tell a message about something left out or assumed, see `noted`, unless it was told before."""
+    already_told = _told.get()
+    if already_told is None or message not in already_told:
         tell(noted(message))
-        if told is not None:
-            told.add(message)
+        if already_told is not None:
+            already_told.add(message)

@@ -1,4 +1,4 @@
-"""The stages of a computation: their seconds, their announcement as they start, and a line or a bar that shows it."""
+"""The stages of a computation: their seconds, progress messages, and a line or bar that shows them."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ The share, an estimate from typical times, never falls. What the function raises
 caller as it is.
 """
 
-# share of the time of a match, and of the preparation of a shape, that is typically over when each stage starts
-MATCHING = {"prepare": 0.0, "components": 0.5, "search": 0.55, "selection": 0.62, "refinement": 0.65}
-MATCHING |= {"quality": 0.8, "mirror images": 0.82, "precision": 0.84, "polish": 0.85, "carry": 0.95}
-MATCHING |= {"hard landmarks": 0.98}
-PREPARATION = {"body": 0.0, "levels": 0.02, "distances": 0.3, "functions": 0.5, "samples": 0.85}
+# typical share of the time of a match, or of a preparation, that has passed when each stage starts
+MATCHING_SHARES = {"prepare": 0.0, "components": 0.5, "search": 0.55, "selection": 0.62, "refinement": 0.65}
+MATCHING_SHARES |= {"quality": 0.8, "mirror images": 0.82, "precision": 0.84, "polish": 0.85, "carry": 0.95}
+MATCHING_SHARES |= {"hard landmarks": 0.98}
+PREPARATION_SHARES = {"body": 0.0, "levels": 0.02, "distances": 0.3, "functions": 0.5, "samples": 0.85}
 
 
-def two_arguments(progress: Progress) -> Callable[[str, float], Any]:
-    """Make a function of a stage alone one of stage and share."""
+def with_two_arguments(progress: Progress) -> Callable[[str, float], Any]:
+    """Wrap a function of the stage alone as one of stage and share."""
     try:
         inspect.signature(progress).bind("stage", 0.0)
     except TypeError:
         return lambda stage, share: progress(stage)  # type: ignore[call-arg]
-    except ValueError:  # it is built in and tells no signature
+    except ValueError:  # a built-in function without a signature
         pass
     return progress  # type: ignore[return-value]
 
 
 class StageTimer:
-    """Times stages, one after the other, and tells ``progress`` of each, with the share at which it typically begins."""
+    """Times consecutive stages, and calls ``progress`` with each and the share where it typically begins."""
 
-    def __init__(self, progress: Progress | None = None, begins: dict[str, float] = MATCHING) -> None:
-        self._progress = two_arguments(progress) if progress else None
+    def __init__(self, progress: Progress | None = None, begins: dict[str, float] = MATCHING_SHARES) -> None:
+        self._progress = with_two_arguments(progress) if progress else None
         self._begins = begins
         self._share = 0.0
         self._telling = Lock()
@@ -69,7 +69,7 @@ class StageTimer:
 
     @contextmanager
     def within(self, what: str) -> Iterator[None]:
-        """Name the stages that start here after what they belong to, as ``what: stage``."""
+        """Prefix the names of stages that start in the block: ``what: stage``."""
         outside, self._scope = self._scope, f"{self._scope}{what}: "
         try:
             yield
@@ -77,21 +77,21 @@ class StageTimer:
             self._scope = outside
 
     def beside(self, what: str, seconds: Mapping[str, float]) -> None:
-        """Take in, as ``what: stage``, what was done within the stage under way on a thread of its own."""
+        """Add stages that ran on another thread during the present stage, as ``what: stage``."""
         self._beside |= {f"{what}: {stage}": spent for stage, spent in seconds.items()}
 
     def reach(self, what: str, share: float) -> None:
-        """Tell what is done now, and the share of the work that is over; from any thread."""
+        """Tell the present step and the share of the work that is done, from any thread."""
         if self._progress:
             tell(self._tell, self._progress, what, share)
 
     def _tell(self, progress: Callable[[str, float], Any], what: str, share: float) -> None:
-        with self._telling:  # when it is told: a slow listener hears of it later
+        with self._telling:  # a slow listener may be called later
             self._share = max(self._share, share)
             progress(what, self._share)
 
     def stop(self) -> dict[str, float]:
-        """End the last stage; give the seconds of each, of what was done beside, and of all as ``"total"``."""
+        """End the last stage; return the seconds of all stages, and of all together as ``"total"``."""
         self._finish()
         return {**self._seconds, **self._beside, "total": time.perf_counter() - self._begun}
 
@@ -103,7 +103,7 @@ class StageTimer:
 
 
 class _Shown:
-    """One line with stage, share and seconds, which each call writes anew."""
+    """A line with stage, share and seconds, rewritten by each call."""
 
     def __init__(self) -> None:
         self._since = 0.0
@@ -132,16 +132,16 @@ class _Shown:
             f'<progress max="1" value="{share:.3f}" style="width:14em;vertical-align:middle"></progress> '
             f'<span style="font-variant-numeric:tabular-nums">{escape(text)}</span>'
         )
-        told = {"text/plain": text, "text/html": html}
+        shown = {"text/plain": text, "text/html": html}
         if self._bar is None:
             self._bar = DisplayHandle()
-            self._bar.display(told, raw=True)
+            self._bar.display(shown, raw=True)
         else:
-            self._bar.update(told, raw=True)
+            self._bar.update(shown, raw=True)
 
 
 def notebook_shell() -> Any:
-    """Return the shell of the notebook in which the program runs, if it does."""
+    """Return the shell of the notebook in which the program runs, None outside notebooks."""
     python: Any = sys.modules.get("IPython")
     shell = python.get_ipython() if python else None
     return shell if getattr(shell, "kernel", None) is not None else None

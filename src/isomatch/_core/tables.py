@@ -17,8 +17,8 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import FormatError
-from isomatch._core.files import contents
-from isomatch._core.texts import decoded, unescaped
+from isomatch._core.files import read_bytes
+from isomatch._core.texts import decode_text, unescape
 
 NO_TEXT = {"", "na", "n/a", "#n/a", "<na>", "nan", "."}  # cells without a value in a column of texts
 NO_NUMBER = NO_TEXT | {"none", "null", "-", "–", "−", "--", "?"}  # the same in a column of numbers
@@ -245,7 +245,7 @@ class Table:
 
 def read_table(path: Path, not_comments: Collection[str] = ()) -> Table:
     """Read the table of a file, see `parse_table`."""
-    return parse_table(decoded(contents(path)), str(path), not_comments)
+    return parse_table(decode_text(read_bytes(path)), str(path), not_comments)
 
 
 def read_integers(path: Path, width: int, wanted: str) -> IntArray:
@@ -364,7 +364,7 @@ def split_rows(lines: Iterable[tuple[int, str]], separator: str, name: str, stri
         for row in reader:
             number, text = lines[last]
             last = reader.line_num
-            cells = [unescaped(cell.strip()) for cell in row]
+            cells = [unescape(cell.strip()) for cell in row]
             rows.append(Row(number, cells if any(cells) or len(cells) > 1 or '"' in text else [], text))
     except csv.Error as error:
         number = lines[min(reader.line_num, len(lines)) - 1][0]
@@ -376,7 +376,7 @@ def split_rows(lines: Iterable[tuple[int, str]], separator: str, name: str, stri
 
 def _split_words(line: str) -> list[str]:
     words = _WORD.finditer(line)
-    return [unescaped(word[2] if word[1] is None else word[1].replace('""', '"')) for word in words]
+    return [unescape(word[2] if word[1] is None else word[1].replace('""', '"')) for word in words]
 
 
 def _find_separator(lines: list[tuple[int, str]], name: str) -> str:

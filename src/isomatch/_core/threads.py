@@ -1,4 +1,4 @@
-"""Threads: calls that can be given up, and independent items in parallel, whose results keep their order."""
+"""Threads: calls that can be abandoned, and independent items in parallel, with results in order."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import SettingError
 from isomatch._core.memory import ROOT, group_limits, slurm
 
-ROWS = 1280  # of a block of a product: the 5000 vertices that are matched by default make four
-POLL = 0.2  # seconds; where a wait cannot be interrupted, as on Windows, it is at least this short
+ROWS_PER_BLOCK = 1280  # of a matrix product; the 5000 vertices matched by default make four blocks
+POLL_SECONDS = 0.2  # longest wait that cannot be interrupted, as on Windows
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 
 def n_threads() -> int:
-    """Return the number of threads to use: ``ISOMATCH_NUM_THREADS`` if it is set, and otherwise of `processors`."""
+    """Return the number of threads to use: ``ISOMATCH_NUM_THREADS``, or `processors` without it."""
     wanted = os.environ.get("ISOMATCH_NUM_THREADS", "")
     if wanted:
         if not re.fullmatch("0*[1-9][0-9]{0,5}", wanted):
@@ -47,11 +47,11 @@ def processors(root: Path = ROOT) -> int:
 
 
 class Abandoned(BaseException):
-    """Ends a thread whose result nobody waits for; never seen outside it."""
+    """Ends a thread whose result nobody waits for, and is caught there."""
 
 
 class Call:
-    """A call under way, on one thread or on several."""
+    """A running call, on one thread or several."""
 
     def __init__(self) -> None:
         self.abandoned = False
@@ -71,20 +71,20 @@ _here = local()
 
 
 def current_call() -> Call | None:
-    """Return the call that this thread works for, if it is one in the background."""
+    """Return the background call that this thread works for, if any."""
     return getattr(_here, "call", None)
 
 
 def stop_if_abandoned() -> None:
-    """End this thread if nobody waits for it any more; to be called where a computation can stop."""
+    """End this thread if nobody waits for it; called where a computation can stop."""
     call = current_call()
     if call is not None and call.abandoned:
         raise Abandoned
 
 
 def in_background(function: Callable[[], R]) -> R:
-    """Call a function on another thread and wait for its result, so that an interruption need not wait for a loop."""
-    # an exception that reaches the waiting thread goes through at once; the function ends at `stop_if_abandoned`
+    """Call a function on another thread and wait for its result, so that Ctrl-C takes effect at once."""
+    # after an exception in the waiting thread, the function ends at its next `stop_if_abandoned`
     if current_call() is not None:
         return function()
     call, results, errors = Call(), [], []
@@ -102,7 +102,7 @@ def in_background(function: Callable[[], R]) -> R:
         thread.start()
         while message := _next(call):
             message()
-        thread.join()  # what it held is free
+        thread.join()  # which releases what it held
     except BaseException:
         call.abandoned = True
         raise
@@ -114,13 +114,13 @@ def in_background(function: Callable[[], R]) -> R:
 def _next(call: Call) -> Callable[[], Any] | None:
     while True:
         try:
-            return call.messages.get(timeout=POLL)
+            return call.messages.get(timeout=POLL_SECONDS)
         except Empty:
             continue
 
 
 def tell(listener: Callable[..., Any], *values: Any) -> None:
-    """Call a function of the user's, on the thread that waits for this call; what it raises gives up the call."""
+    """Call a function of the user on the thread that waits for this call; its errors abandon the call."""
     stop_if_abandoned()
     call = current_call()
     if call is None:
@@ -130,7 +130,7 @@ def tell(listener: Callable[..., Any], *values: Any) -> None:
 
 
 def parallel_rows(function: Callable[[int], None], count: int) -> None:
-    """Call a function with each row number below ``count``, for many short calls: one thread takes every T-th row."""
+    """Call a function with each row number below ``count``; each of T threads takes every T-th row."""
     threads = max(1, min(n_threads(), count))
 
     def rows(first: int) -> None:
@@ -141,13 +141,13 @@ def parallel_rows(function: Callable[[int], None], count: int) -> None:
 
 
 def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """Apply a function to every item, on several threads, and return the results in the order of the items."""
-    # The function should release the interpreter lock. Items must not share anything that is written, so that the
-    # results do not depend on the number of threads. A call from within an item runs in the thread of that item.
+    """Apply a function to every item on several threads; return the results in the order of the items."""
+    # The function should release the interpreter lock. Items must not share anything that is written, so
+    # that results do not depend on the number of threads. A nested call runs in the thread of its item.
     todo = list(items)
     workers = min(n_threads(), len(todo))
     if workers <= 1 or getattr(_inside, "item", False):
-        return [_applied(function, item) for item in todo]
+        return [_apply(function, item) for item in todo]
     call = current_call()
     if call is None:
         return in_background(lambda: parallel_map(function, todo))
@@ -163,7 +163,7 @@ def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
             if i is None:
                 return
             try:
-                results[i] = _applied(function, todo[i])
+                results[i] = _apply(function, todo[i])
             except BaseException as error:
                 errors[i] = error
 
@@ -181,7 +181,7 @@ def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     return [results[i] for i in range(len(todo))]
 
 
-def _applied(function: Callable[[T], R], item: T) -> R:
+def _apply(function: Callable[[T], R], item: T) -> R:
     stop_if_abandoned()
     return function(item)
 
@@ -190,15 +190,15 @@ _inside = local()
 
 
 def row_product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Matrix product (n, k) (k, m) by fixed blocks of rows, on any number of threads; single precision if ``a`` is."""
+    """Multiply matrices (n, k) @ (k, m) by fixed blocks of rows, in the precision of ``a``."""
     product = np.empty((len(a), b.shape[1]), a.dtype)
     factor = np.ascontiguousarray(b, dtype=a.dtype)
 
     def block(first: int) -> None:
-        rows = slice(first, first + ROWS)
+        rows = slice(first, first + ROWS_PER_BLOCK)
         np.matmul(a[rows], factor, out=product[rows])
 
-    parallel_map(block, range(0, len(a), ROWS))
+    parallel_map(block, range(0, len(a), ROWS_PER_BLOCK))
     return product
 
 
@@ -213,8 +213,8 @@ class _Limit:
 
 @contextmanager
 def serial_blas() -> Iterator[None]:
-    """Make matrix products use one thread in a block: results do not depend on their number, and pools do not stall."""
-    # several threads may be in it at once: the first one limits BLAS, the last one lifts the limit
+    """Let BLAS use one thread in a block: results do not depend on their number, and pools do not stall."""
+    # several threads may be in the block: the first one limits BLAS, the last one lifts the limit
     with _Limit.lock:
         if _Limit.controller is None:
             import scipy.linalg  # noqa: F401 - the controller sees only libraries that are loaded
@@ -236,7 +236,7 @@ def serial_blas() -> Iterator[None]:
 
 @contextmanager
 def _any_thread_may_limit() -> Iterator[None]:
-    """Limit OpenBLAS also where another thread did: threadpoolctl 3.8 lets the first one only, and ignores others."""
+    """Let any thread limit OpenBLAS; threadpoolctl 3.8 ignores all but the first."""
     release = getattr(OpenBLASController, "clear_controlling_thread", lambda force: None)
     release(force=True)
     yield

@@ -1,4 +1,4 @@
-"""Choices among equals: by rule, not by rounding, which differs from machine to machine."""
+"""Choices among equal values by a rule, as rounding differs from machine to machine."""
 
 from __future__ import annotations
 
@@ -6,19 +6,22 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray
 
-# Share of the largest value; values that differ by less are equal. Rounding of coordinates by 1e-9 of the size changes
-# distances by less; of a thousand samples, two that differ are equal by this in one shape of ten. Where rounding chose
-# between the sides of a symmetric shape, a part of a horse was mapped with errors from 2.8 to 10.4.
-TIE = 1e-7
+# Values that differ by less than this share of the largest are equal. Rounding coordinates by 1e-9 of
+# the size changes distances by less; among a thousand samples of a shape, different values are equal
+# in one shape of ten. When rounding chose between the sides of a symmetric shape, a part of a horse
+# was mapped with errors from 2.8 to 10.4.
+TIE_RATIO = 1e-7
 
 
 def first_largest(values: FloatArray) -> int:
-    """Index of the first of those values (n,) that equal the largest."""
+    """Return the index of the first value (n,) that equals the largest."""
     most = values.max()
-    return int((values >= most - TIE * abs(most)).argmax()) if np.isfinite(most) else int(values.argmax())
+    return (
+        int((values >= most - TIE_RATIO * abs(most)).argmax()) if np.isfinite(most) else int(values.argmax())
+    )
 
 
 def first_of_rank(values: FloatArray, rank: int) -> int:
-    """Index of the first of those values (n,) that equal the one of a rank; rank 0 is the least."""
+    """Return the index of the first value (n,) that equals the one of a rank; rank 0 is the smallest."""
     value = np.partition(values, rank)[rank]
-    return int((np.abs(values - value) <= TIE * np.abs(values).max()).argmax())
+    return int((np.abs(values - value) <= TIE_RATIO * np.abs(values).max()).argmax())

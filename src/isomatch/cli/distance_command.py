@@ -19,7 +19,7 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import FormatError, SettingError, some
 from isomatch._core.files import write_text
 from isomatch._core.tables import read_integers
-from isomatch._core.texts import is_whole_number, joined, read_text, text_lines
+from isomatch._core.texts import is_whole_number, read_text, table_text, text_lines
 from isomatch.cli.inputs import Force, Output, Seed, Weld, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_table
@@ -195,7 +195,7 @@ class _Asked:
         name = "target" if "targets" in self.words else "vertex"
         header = [name, *(f"from_{word}" for word in self.words["sources"])]
         cells = ([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))
-        return joined([header, *cells]).splitlines()  # a point in a face, which has commas, is quoted
+        return table_text([header, *cells]).splitlines()  # a point in a face, which has commas, is quoted
 
 
 class _Measured(NamedTuple):
@@ -283,7 +283,7 @@ def _write(path: Path, asked: _Asked, distances: FloatArray) -> None:
     lines = asked.lines(distances)
     if "pairs" in asked.words:
         rows = ([*pair, line] for pair, line in zip(asked.words["pairs"], lines))
-        lines = joined([["source", "target", "distance"], *rows]).splitlines()
+        lines = table_text([["source", "target", "distance"], *rows]).splitlines()
     write_text(path, "\n".join([*lines, ""]))
 
 

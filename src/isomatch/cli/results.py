@@ -15,7 +15,7 @@ from typing import Any
 import isomatch
 from isomatch import matching, visualization
 from isomatch._core.errors import FormatError, InputError, MissingFileError
-from isomatch._core.files import claimed, contents, made_folder, staged, write_text
+from isomatch._core.files import claimed, made_folder, read_bytes, staged, write_text
 from isomatch._core.texts import json_text
 from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
@@ -233,7 +233,7 @@ class Earlier:
     def read(cls, folder: Path, *meshes: Path | None) -> Earlier:
         """Read ``result.json``, and require what a match writes; meshes, if given, are where the shapes are now."""
         path = ResultFolder(folder).result
-        text = contents(path)
+        text = read_bytes(path)
         fields: dict[str, Any] = {}
         with suppress(ValueError):
             fields = record if isinstance(record := loads(text), dict) else {}

@@ -25,7 +25,7 @@ from rich.table import Table
 from rich.text import Text
 
 from isomatch._core.errors import IsomatchError
-from isomatch._core.texts import finite, json_text
+from isomatch._core.texts import json_text, without_nonfinite
 
 Tell: TypeAlias = Callable[[str, float], None]
 
@@ -245,7 +245,7 @@ class Talk:
 
 
 def _say_line(value: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(finite(value), allow_nan=False) + "\n")
+    sys.stdout.write(json.dumps(without_nonfinite(value), allow_nan=False) + "\n")
     sys.stdout.flush()
 
 

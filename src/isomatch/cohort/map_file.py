@@ -18,7 +18,7 @@ import numpy as np
 from isomatch._core.array_file import save_arrays
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, MapError
-from isomatch._core.files import opened
+from isomatch._core.files import open_file
 from isomatch._core.threads import n_threads
 from isomatch.cohort.ledger import (
     FileRow,
@@ -116,7 +116,7 @@ def as_matched(
 
 def digest_of(path: Path) -> str:
     """Return the digest of the bytes of a file."""
-    with opened(path) as file:
+    with open_file(path) as file:
         return file_digest(file, partial(blake2b, digest_size=16)).hexdigest()  # type: ignore[arg-type]
 
 

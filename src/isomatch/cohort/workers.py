@@ -21,7 +21,7 @@ from isomatch._core.files import is_of_one_file, legible
 from isomatch._core.first_use import package
 from isomatch._core.processes import begin_worker, worker_processes
 from isomatch._core.skipped import tell_skipped
-from isomatch._core.stage_timer import Progress, two_arguments
+from isomatch._core.stage_timer import Progress, with_two_arguments
 from isomatch._core.threads import n_threads
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
@@ -245,7 +245,7 @@ class Listener:
         def told(message: str) -> None:
             tell_skipped(message, warn or logger.warning)
 
-        return cls(two_arguments(progress) if progress else lambda step, share: None, told)
+        return cls(with_two_arguments(progress) if progress else lambda step, share: None, told)
 
     def part(self, first: float, last: float) -> Listener:
         """Make the steps of a part of the work go from one share of it to another."""

@@ -22,7 +22,7 @@ from isomatch._core.array_file import (
 )
 from isomatch._core.arrays import AnyArray, IntArray
 from isomatch._core.errors import FormatError, SettingError
-from isomatch._core.files import opened, replaced
+from isomatch._core.files import open_file, replaced
 from isomatch._core.tables import read_integers
 
 DIRECTION = "source -> target"
@@ -191,7 +191,7 @@ def _of_pair(path: Path, n_source: int | None, n_target: int | None) -> tuple[bo
 
 def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:
     """Read a text: whether isomatch wrote it, its number of target vertices, if any, and the parts."""
-    with opened(path) as file:
+    with open_file(path) as file:
         header = _HEADER.match(file.read(MAX_HEADER_BYTES).decode("utf-8-sig", errors="replace"))
     if header:
         require_known_version(path, int(header["version"] or FIRST_VERSION), FORMAT.version)

@@ -11,7 +11,7 @@ from isomatch._core.compiled import compiled
 from isomatch._core.errors import MeshError, SettingError
 from isomatch._core.memory import require_memory
 from isomatch._core.settings import generator
-from isomatch._core.ties import TIE, first_largest, first_of_rank
+from isomatch._core.ties import TIE_RATIO, first_largest, first_of_rank
 from isomatch.geodesics.engines import MetricSpace
 from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.surfaces import Mesh, PointCloud
@@ -122,7 +122,9 @@ def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int) ->
         raise SettingError(f"start = {start} must lie in 0…{n - 1}, the points")
     chosen = np.zeros(n_samples, dtype=np.int64)
     chosen[0] = start
-    _fill_with_farthest(np.array(points, dtype=np.float64, order="C"), chosen, np.full(n, np.inf), 2 * TIE)
+    _fill_with_farthest(
+        np.array(points, dtype=np.float64, order="C"), chosen, np.full(n, np.inf), 2 * TIE_RATIO
+    )
     return chosen
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import FormatError
-from isomatch._core.files import contents, opened
+from isomatch._core.files import open_file, read_bytes
 from isomatch.io.attribute import linear_of, srgb_of
 
 Wrap = Literal["repeat", "clamp", "mirror"]
@@ -175,7 +175,7 @@ def picture_in(path: Path) -> bytes | None:
     """Return the contents of a file if they begin as those of a picture; nothing else may be copied into an output."""
     from PIL import Image
 
-    with opened(path) as file:
+    with open_file(path) as file:
         if file.read(len(_KTX)) != _KTX:
             file.seek(0)
             kinds = _KINDS if path.suffix.lower() != ".tga" else ("TGA",)
@@ -184,7 +184,7 @@ def picture_in(path: Path) -> bytes | None:
                     Image.open(file, formats=kinds).verify()
             except Exception:  # the readers of Pillow have no list of their errors
                 return None
-    return contents(path)
+    return read_bytes(path)
 
 
 def as_png(picture: bytes) -> tuple[bytes, str]:

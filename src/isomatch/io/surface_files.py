@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import DescriptorError, FormatError, IsomatchError, MeshError
-from isomatch._core.files import contents, replaced
+from isomatch._core.files import read_bytes, replaced
 from isomatch._core.skipped import tell_skipped
 from isomatch._core.texts import natural_order
 from isomatch.io.appearance import as_written, left_looks
@@ -69,7 +69,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     Mesh(3 vertices, 1 faces)
     """
     path = Path(path)
-    return format_of(path, reading=True).read(contents(path), str(path))
+    return format_of(path, reading=True).read(read_bytes(path), str(path))
 
 
 def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> PointCloud:
@@ -101,7 +101,7 @@ def read_asset(path: str | os.PathLike[str], *, sound: bool = True) -> Asset:
     Asset(4 points, 1 polygons; group)
     """
     path = Path(path)
-    mesh_format, data, name = format_of(path, reading=True), contents(path), str(path)
+    mesh_format, data, name = format_of(path, reading=True), read_bytes(path), str(path)
     with naming(name):
         if mesh_format.read_asset is None:
             return Asset.of_mesh(mesh_format.read(data, name))

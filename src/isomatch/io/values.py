@@ -16,9 +16,9 @@ import numpy as np
 
 from isomatch._core.arrays import AnyArray, IntArray
 from isomatch._core.errors import DescriptorError, FormatError
-from isomatch._core.files import contents, replaced
+from isomatch._core.files import read_bytes, replaced
 from isomatch._core.tables import NO_TEXT, Row, Table, parse_table
-from isomatch._core.texts import decoded, encoding_of, joined
+from isomatch._core.texts import decode_text, encoding_of, table_text
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, Kind, guessed_kind, told_apart
 from isomatch.io.formats import freesurfer, gifti
@@ -72,7 +72,7 @@ def read_attributes(path: str | os.PathLike[str], surface: Asset | None = None) 
         row for each of its polygons are then values on these; values of some points alone are spread over all.
     """
     path = Path(path)
-    attributes = _format_of(path).read(contents(path), str(path), surface)
+    attributes = _format_of(path).read(read_bytes(path), str(path), surface)
     return attributes if surface is None else tuple(_on(surface, each, path) for each in attributes)
 
 
@@ -171,7 +171,7 @@ def _words_or_numbers(attribute: Attribute) -> AnyArray:
 def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
     """Read columns of a text; those without a header are named by the file."""
     n_rows = (len(surface.points), len(surface.polygons)) if surface else ()
-    table = parse_table(decoded(data), name).titled({*_VERTEX_NAMES, *_FACE_NAMES}, n_rows=n_rows)
+    table = parse_table(decode_text(data), name).titled({*_VERTEX_NAMES, *_FACE_NAMES}, n_rows=n_rows)
     if not table.filled:
         raise unexpected(name, "columns of one row for each point", "nothing", "export it again")
     table.require_width()
@@ -241,7 +241,7 @@ def _write_table(attributes: Sequence[Attribute], surface: Asset | None, mark: s
         numbered = [f"{attribute.name}_{i}" for i in range(table.shape[1])]
         names += numbered if len(numbered) != 1 else [attribute.name]
         columns += table.T.tolist()
-    return joined([names, *zip(*columns)], mark).encode(errors="backslashreplace")
+    return table_text([names, *zip(*columns)], mark).encode(errors="backslashreplace")
 
 
 def _column(table: Table, i: int) -> AnyArray:

@@ -15,7 +15,7 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, LandmarkError
-from isomatch._core.files import contents
+from isomatch._core.files import read_bytes
 from isomatch._core.tables import NO_NUMBER, NO_TEXT, Row, Table, read_table, split_rows
 from isomatch._core.texts import is_whole_number, read_text
 from isomatch.io import TURN, Axes, Frame
@@ -134,7 +134,7 @@ def _plain_number(table: Table, cell: str, is_vertex: bool) -> str:
 
 
 def _slicer_markups(path: Path) -> list[MarkedPoint]:
-    text = contents(path)
+    text = read_bytes(path)
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -203,7 +203,7 @@ def _in_lps(position: Any, axes: Axes) -> tuple[float, ...]:
 
 
 def _meshlab_points(path: Path) -> list[MarkedPoint]:
-    text = contents(path)
+    text = read_bytes(path)
     try:
         root = ElementTree.fromstring(re.sub(rb"<!DOCTYPE[^>]*>", b"", text))
     except (ElementTree.ParseError, ValueError, LookupError) as error:

@@ -17,7 +17,7 @@ import numpy as np
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, LandmarkError
 from isomatch._core.files import write_text
-from isomatch._core.texts import joined, write_csv
+from isomatch._core.texts import table_text, write_csv
 from isomatch.landmarks.landmark_files import CURVES
 from isomatch.landmarks.landmarks import Landmarks
 from isomatch.landmarks.specimens import join_places
@@ -141,7 +141,7 @@ def _picked_points(landmarks: Landmarks, title: str) -> str:
 
 def _table(landmarks: Landmarks, title: str) -> str:
     columns = list(_columns(landmarks))
-    text = joined([[name for name, _ in columns], *zip(*(cells for _, cells in columns))])
+    text = table_text([[name for name, _ in columns], *zip(*(cells for _, cells in columns))])
     return re.sub(r"(?m)^#[^,]*", r'"\g<0>"', text)  # without quotes, a name begins a comment
 
 

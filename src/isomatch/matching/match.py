@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._core.errors import SettingError
 from isomatch._core.first_use import visualization
-from isomatch._core.stage_timer import Progress, StageTimer, two_arguments
+from isomatch._core.stage_timer import Progress, StageTimer, with_two_arguments
 from isomatch._core.threads import in_background, serial_blas
 from isomatch.correspondence import UNMATCHED, Correspondence, iterative_closest_points
 from isomatch.io import SurfaceLike
@@ -266,7 +266,7 @@ def match_both(
     >>> there.map.shape == back.map.shape[::-1]
     True
     """
-    tell = two_arguments(progress) if progress else lambda stage, share: None
+    tell = with_two_arguments(progress) if progress else lambda stage, share: None
     timer = StageTimer(lambda stage, share: tell(stage, THERE * share))
     timer_back = StageTimer(lambda stage, share: tell(f"back: {stage}", THERE + (1 - THERE) * share))
 

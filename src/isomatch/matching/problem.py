@@ -12,7 +12,7 @@ import numpy as np
 from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray, SearchRows
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError
-from isomatch._core.stage_timer import MATCHING, Progress, StageTimer
+from isomatch._core.stage_timer import MATCHING_SHARES, Progress, StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.io import SurfaceLike
@@ -300,7 +300,7 @@ def prepare_pair(
         def reach(stage: str, share: float) -> None:
             shares[number] = share
             if timer:
-                timer.reach(f"prepare: {stage}", MATCHING["components"] * sum(shares) / 2)
+                timer.reach(f"prepare: {stage}", MATCHING_SHARES["components"] * sum(shares) / 2)
 
         return _prepared(side, shape, settings, seed, reach)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
 from isomatch._core.errors import FormatError, SettingError
-from isomatch._core.files import opened
+from isomatch._core.files import open_file
 from isomatch._core.first_use import Shown
 from isomatch._core.settings import Settings, require_one_of, setting
 from isomatch.geodesics import engine_names
@@ -173,7 +173,7 @@ class Config(Settings, Shown):
         SettingError
             If a setting is unknown, or its value is not allowed.
         """
-        with opened(Path(path)) as file:
+        with open_file(Path(path)) as file:
             text = file.read(MAX_FILE_BYTES + 1)
         if len(text) > MAX_FILE_BYTES:
             raise FormatError(

@@ -9,9 +9,9 @@ import numpy as np
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import MeshError
 from isomatch._core.settings import generator
-from isomatch._core.stage_timer import PREPARATION, Progress, StageTimer
+from isomatch._core.stage_timer import PREPARATION_SHARES, Progress, StageTimer
 from isomatch._core.threads import in_background, serial_blas
-from isomatch._core.ties import TIE, first_largest
+from isomatch._core.ties import TIE_RATIO, first_largest
 from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
@@ -78,7 +78,7 @@ def prepare(
     config = config or Config()
 
     def run() -> PreparedShape:
-        timer = StageTimer(progress, PREPARATION)
+        timer = StageTimer(progress, PREPARATION_SHARES)
         timer.start("body")
         shape = surface_from(surface)
         generator(seed)  # refuses a bad seed
@@ -192,7 +192,7 @@ def extremal_points(
     highest = np.full(surface.n_vertices, -np.inf)
     np.maximum.at(highest, i, average_distance[j])
     np.maximum.at(highest, j, average_distance[i])
-    peaks = np.flatnonzero(average_distance >= highest - TIE * average_distance.max())
+    peaks = np.flatnonzero(average_distance >= highest - TIE_RATIO * average_distance.max())
     nearest = np.full(surface.n_vertices, np.inf)  # distance to the nearest extremity
     extremities: list[int] = []
     while len(extremities) < limit and len(peaks := peaks[nearest[peaks] >= spacing]):

@@ -8,10 +8,11 @@ from isomatch._core.arrays import AnyArray, IntArray
 
 
 def first_equal(points: AnyArray) -> IntArray:
-    """Find, for each of the points (n, d), the first one at exactly the same position, (n,): itself if there is none.
+    """Find the first point at exactly the same position, (n,), for each of the points (n, d).
 
-    A point with a NaN equals no other. Equality is exact, because equality up to a tolerance is not transitive, and could
-    merge points that are meant to be different. O(n log n) time, most of it to sort hashes.
+    A point with a NaN equals no other. Equality is exact, because equality up to a tolerance is not
+    transitive, and could merge points that are meant to be different. O(n log n) time, most of it to
+    sort hashes.
     """
     first = np.arange(len(points))
     hashes = _hashes(points)
@@ -31,7 +32,7 @@ def first_equal(points: AnyArray) -> IntArray:
 
 
 def weld_points(points: AnyArray) -> tuple[IntArray, IntArray]:
-    """Make one vertex of the points (n, d) at exactly the same position.
+    """Weld the points (n, d) at exactly the same position into one vertex.
 
     Returns the first point of each vertex, (n_vertices,), increasing, and the vertex of each point, (n,).
     """
@@ -51,7 +52,7 @@ def _first_equal_by_order(points: AnyArray) -> IntArray:
 
 
 def _hashes(points: AnyArray) -> AnyArray:
-    """One 64-bit number for each row, the same for equal rows."""
+    """Hash each row to a 64-bit number, the same for equal rows."""
     hashes = np.zeros(len(points), dtype=np.uint64)
     for column in points.T:
         hashes ^= (column + np.zeros(1, column.dtype)).view(np.uint64)  # adding 0 turns -0.0 into 0.0

@@ -18,23 +18,23 @@ class EdgeTable:
 
     ends: IntArray  # (e, 2) vertices of each edge, the smaller first, in lexicographic order
     n_faces: AnyArray  # (e,) how many faces meet there
-    sides: AnyArray  # (3 m,) of all edges, edge after edge; those of an edge in ascending order
+    sides: AnyArray  # (3 m,) all sides, sorted by edge, then by number
     opposite: AnyArray  # (3 m,) the other side at the edge of each side, −1 where not exactly two faces meet
-    clash: BoolArray  # (e,) where exactly two sides have the same direction: their faces are wound inconsistently
+    clash: BoolArray  # (e,) whether the only two sides have one direction: inconsistent winding
 
 
 @dataclass(frozen=True)
 class Meetings:
-    """Pairs of faces that meet at an edge. The r sides of an edge form a chain of r - 1 pairs, k in all."""
+    """The k pairs of faces that meet at edges; the r sides of an edge form a chain of r - 1 pairs."""
 
     sides: IntArray  # (k, 2) on the same edge
     edge: IntArray  # (k,)
-    is_pair: BoolArray  # (k,) which are at an edge of exactly two faces
+    is_pair: BoolArray  # (k,) whether exactly two faces meet at the edge
     same_direction: BoolArray  # (k,) as `EdgeTable.clash`
 
 
 def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
-    """Group the sides of faces with valid indices into edges, in O(n + m) time, but O(k^1.5) for k at one vertex."""
+    """Group the sides of faces with valid indices into edges: O(n + m) time, O(k^1.5) for k at one vertex."""
     faces = read_only(faces)
     start, keys = np.zeros(n_vertices + 2, dtype=np.int64), np.empty(faces.size, dtype=np.int64)
     sides, opposite = np.empty(faces.size, dtype=np.int32), np.empty(faces.size, dtype=np.int32)
@@ -47,7 +47,7 @@ def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
 
 @compiled()
 def _sort_sides(faces: IntArray, start: IntArray, keys: IntArray, sides: AnyArray) -> int:
-    """Sort sides by their smaller vertex, then by the other one, the key, then by number; and count the edges."""
+    """Sort sides by their smaller vertex, then by the other one (the key) and number; count the edges."""
     n = len(start) - 2
     for f in range(len(faces)):
         for i in range(3):
@@ -57,14 +57,14 @@ def _sort_sides(faces: IntArray, start: IntArray, keys: IntArray, sides: AnyArra
     for f in range(len(faces)):
         for i in range(3):
             a, b = faces[f, i], faces[f, (i + 1) % 3]
-            at = start[min(a, b) + 1]
-            keys[at], sides[at] = max(a, b), 3 * f + i
+            row = start[min(a, b) + 1]
+            keys[row], sides[row] = max(a, b), 3 * f + i
             start[min(a, b) + 1] += 1
     sort_lists(start, keys, sides)
     count = 0
     for v in range(n):
-        for at in range(start[v], start[v + 1]):
-            count += int(at == start[v] or keys[at] != keys[at - 1])
+        for row in range(start[v], start[v + 1]):
+            count += int(row == start[v] or keys[row] != keys[row - 1])
     return count
 
 
@@ -79,22 +79,22 @@ def _group_sides(
     opposite: AnyArray,
     clash: BoolArray,
 ) -> None:
-    """Fill the table of edges from the sides, sorted."""
+    """Fill the table of edges from the sorted sides."""
     count = -1
     for v in range(len(start) - 2):
-        for at in range(start[v], start[v + 1]):
-            if at == start[v] or keys[at] != keys[at - 1]:
+        for row in range(start[v], start[v + 1]):
+            if row == start[v] or keys[row] != keys[row - 1]:
                 count += 1
-                ends[count, 0], ends[count, 1] = v, keys[at]
+                ends[count, 0], ends[count, 1] = v, keys[row]
             n_faces[count] += 1
-            side = sides[at]
+            side = sides[row]
             opposite[side] = -1
             if n_faces[count] == 2:
-                other = sides[at - 1]
+                other = sides[row - 1]
                 opposite[side], opposite[other] = other, side
                 clash[count] = faces[side // 3, side % 3] == faces[other // 3, other % 3]
             elif n_faces[count] == 3:
-                opposite[sides[at - 1]] = opposite[sides[at - 2]] = -1
+                opposite[sides[row - 1]] = opposite[sides[row - 2]] = -1
                 clash[count] = False
 
 
@@ -107,23 +107,23 @@ def lengths(points: FloatArray, ends: IntArray) -> FloatArray:
 def meetings(edges: EdgeTable, faces: IntArray) -> Meetings:
     """List the pairs of faces that meet at edges."""
     edge = np.repeat(np.arange(len(edges.ends)), edges.n_faces - 1)
-    there = np.ones(len(edges.sides), dtype=bool)
-    there[np.cumsum(edges.n_faces) - edges.n_faces] = False
-    second = np.flatnonzero(there)
+    is_second = np.ones(len(edges.sides), dtype=bool)
+    is_second[np.cumsum(edges.n_faces) - edges.n_faces] = False
+    second = np.flatnonzero(is_second)
     sides = np.column_stack([edges.sides[second - 1], edges.sides[second]]).astype(np.int64)
     start = faces.ravel()
     return Meetings(sides, edge, edges.n_faces[edge] == 2, start[sides[:, 0]] == start[sides[:, 1]])
 
 
 def label_components(n_nodes: int, *pairs: tuple[IntArray, IntArray]) -> tuple[int, IntArray]:
-    """Count the connected components of a graph, given the two nodes of each link, and label its nodes, (n_nodes,).
+    """Count the connected components of a graph with links between pairs of nodes; label the nodes.
 
-    Labels are in order of the first node of each component.
+    Labels (n_nodes,) are in the order of the first node of each component.
     """
     label = np.arange(n_nodes)
-    for here, there in pairs:
-        _join_all(label, np.ascontiguousarray(here), np.ascontiguousarray(there))
-    return _number(label), label
+    for start, end in pairs:
+        _join_links(label, np.ascontiguousarray(start), np.ascontiguousarray(end))
+    return _number_trees(label), label
 
 
 def connected_regions(
@@ -138,15 +138,15 @@ def connected_regions(
 
 
 @compiled()
-def _join_all(parent: IntArray, here: IntArray, there: IntArray) -> None:
+def _join_links(parent: IntArray, start: IntArray, end: IntArray) -> None:
     """Join the trees of the nodes of each link."""
-    for k in range(len(here)):
-        join_trees(parent, here[k], there[k])
+    for k in range(len(start)):
+        join_trees(parent, start[k], end[k])
 
 
 @compiled()
 def find_root(parent: IntArray, i: int) -> int:
-    """Find the root of the tree of a node, and shorten the way there."""
+    """Find the root of the tree of a node, and shorten the path to it."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -155,7 +155,7 @@ def find_root(parent: IntArray, i: int) -> int:
 
 @compiled()
 def join_trees(parent: IntArray, i: int, j: int) -> bool:
-    """Join the trees of two nodes, whose roots are their smallest nodes; False if they were one."""
+    """Join the trees of two nodes; the root is the smallest node. False if they were one tree."""
     i, j = find_root(parent, i), find_root(parent, j)
     if i < j:
         parent[j] = i
@@ -165,7 +165,7 @@ def join_trees(parent: IntArray, i: int, j: int) -> bool:
 
 
 @compiled()
-def _number(parent: IntArray) -> int:
+def _number_trees(parent: IntArray) -> int:
     """Replace each node by the number of its tree, and count the trees; a parent comes before its children."""
     count = 0
     for i in range(len(parent)):
@@ -197,9 +197,9 @@ def count_fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
 
 @compiled()
 def _count_fans(faces: IntArray, opposite: AnyArray, count: IntArray) -> None:
-    """Walk around each vertex, both ways from a corner, from face to face across the sides that end there."""
-    # opposite sides may run the same way, where faces are wound inconsistently: at_start follows on which end of the
-    # side to be crossed the vertex is
+    """Walk around each vertex, both ways from a corner, from face to face across common sides."""
+    # Opposite sides have the same direction where faces are wound inconsistently, so at_start keeps
+    # track of the end of the side at which the vertex is.
     seen = np.zeros(faces.size, np.bool_)
     for corner in range(faces.size):
         if seen[corner]:
@@ -210,13 +210,13 @@ def _count_fans(faces: IntArray, opposite: AnyArray, count: IntArray) -> None:
             at_start = way == 0
             side = corner if at_start else _before(corner)
             while opposite[side] >= 0:
-                there = opposite[side]
-                at_start ^= faces[there // 3, there % 3] != faces[side // 3, side % 3]
-                here = there if at_start else _after(there)
-                if seen[here]:
+                next_side = opposite[side]
+                at_start ^= faces[next_side // 3, next_side % 3] != faces[side // 3, side % 3]
+                next_corner = next_side if at_start else _after(next_side)
+                if seen[next_corner]:
                     break
-                seen[here] = True
-                side, at_start = _before(here) if at_start else here, not at_start
+                seen[next_corner] = True
+                side, at_start = _before(next_corner) if at_start else next_corner, not at_start
 
 
 @compiled(inline="always")
@@ -230,14 +230,14 @@ def _before(corner: int) -> int:
 
 
 def corner_links(
-    here: IntArray, there: IntArray, same_direction: BoolArray
+    side: IntArray, other_side: IntArray, same_direction: BoolArray
 ) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]:
-    """Corners at the same vertex of faces that share an edge, given the sides that meet: pairs at both of its ends.
+    """Link the corners of faces that share an edge, given the sides that meet: pairs at both ends.
 
     Corner 3 f + i is the start of side 3 f + i and the end of the side before it.
     """
-    after_here, after_there = (side + np.where(side % 3 == 2, -2, 1) for side in (here, there))
+    after_side, after_other = (side + np.where(side % 3 == 2, -2, 1) for side in (side, other_side))
     return (
-        (here, np.where(same_direction, there, after_there)),
-        (after_here, np.where(same_direction, after_there, there)),
+        (side, np.where(same_direction, other_side, after_other)),
+        (after_side, np.where(same_direction, after_other, other_side)),
     )

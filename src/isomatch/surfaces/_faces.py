@@ -1,4 +1,4 @@
-"""Faces of a list of triangles: which cannot be part of a surface, their areas and normals."""
+"""Faces of a list of triangles: unsound ones, areas and normals."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)
 
 @dataclass(frozen=True)
 class UnsoundFaces:
-    """One mask over the faces for each defect. Of several defects of a face only the first counts."""
+    """A mask of the faces for each defect; a face with several defects has only the first."""
 
     out_of_range: BoolArray
     non_finite: BoolArray
@@ -39,7 +39,7 @@ def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
 
 @compiled()
 def _kinds(vertices: FloatArray, faces: IntArray) -> AnyArray:
-    """Tell what is wrong with each face, (m,), 0 for nothing."""
+    """Find the defect of each face, (m,), 0 for none."""
     n = len(vertices)
     kind, start = np.zeros(len(faces), np.int8), np.zeros(n + 2, np.int64)
     for f in range(len(faces)):
@@ -67,29 +67,29 @@ def _kinds(vertices: FloatArray, faces: IntArray) -> AnyArray:
             start[low + 1] += 1
     sort_lists(start, keys, number)
     for v in range(n):
-        for at in range(start[v] + 1, start[v + 1]):
-            if keys[at] == keys[at - 1]:
-                kind[number[at]] = DUPLICATE
+        for row in range(start[v] + 1, start[v + 1]):
+            if keys[row] == keys[row - 1]:
+                kind[number[row]] = DUPLICATE
     return kind
 
 
 @compiled()
 def sort_lists(start: IntArray, keys: IntArray, numbers: AnyArray) -> None:
-    """Sort each list of keys, from ``start[v]`` to ``start[v + 1]``, and of the numbers that tell equal ones apart."""
+    """Sort each list of keys, ``start[v]`` to ``start[v + 1]``, and then of numbers, in place."""
     for v in range(len(start) - 2):
         first, last = start[v], start[v + 1]
         gap = 1
         while gap < (last - first) // 3:
             gap = 3 * gap + 1
-        while gap > 0:  # Shell's sort: by insertion, but where there are many
-            for here in range(first + gap, last):
-                key, number, at = keys[here], numbers[here], here
-                while at - gap >= first and (
-                    keys[at - gap] > key or (keys[at - gap] == key and numbers[at - gap] > number)
+        while gap > 0:  # Shell's sort, which is insertion sort for short lists
+            for row in range(first + gap, last):
+                key, number, place = keys[row], numbers[row], row
+                while place - gap >= first and (
+                    keys[place - gap] > key or (keys[place - gap] == key and numbers[place - gap] > number)
                 ):
-                    keys[at], numbers[at] = keys[at - gap], numbers[at - gap]
-                    at -= gap
-                keys[at], numbers[at] = key, number
+                    keys[place], numbers[place] = keys[place - gap], numbers[place - gap]
+                    place -= gap
+                keys[place], numbers[place] = key, number
             gap //= 3
 
 
@@ -102,9 +102,9 @@ def _sorted(faces: IntArray, f: int) -> tuple[int, int, int]:
 def require_vertices(faces: IntArray, n_vertices: int) -> None:
     """Raise `MeshError` if a vertex index is out of range."""
     if faces.size and not (faces.min() >= 0 and faces.max() < n_vertices):
-        bad = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(axis=1))
+        outside = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(axis=1))
         raise MeshError(
-            f"faces {some(bad)} refer to vertices outside 0…{n_vertices - 1}, so the surface is "
+            f"faces {some(outside)} refer to vertices outside 0…{n_vertices - 1}, so the surface is "
             "undefined there; remove these faces with repair(mesh), or export the file again"
         )
 

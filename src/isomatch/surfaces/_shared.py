@@ -1,4 +1,4 @@
-"""What surfaces share: they draw themselves, and have a hash of their contents."""
+"""Drawing and hashing, which all kinds of surfaces share."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Plotted(Shown):
 
 
 class Hashed(Protocol):
-    """Anything that tells its hash."""
+    """Anything with a hash of its contents."""
 
     @property
     def content_hash(self) -> str:
-        """Hash of what it is made of."""
+        """Hash of its arrays."""
 
 
 _IN_USE: WeakSet[Hashed] = WeakSet()
@@ -41,7 +41,7 @@ _LOCK = Lock()  # a set must not grow while it is listed
 
 
 def hash_of(surface: Hashed, *arrays: AnyArray) -> str:
-    """32 hexadecimal digits, the same on every machine, for a surface and its arrays of float64 or int64."""
+    """Hash a surface and its arrays of float64 or int64: 32 hexadecimal digits, on every machine alike."""
     digest = blake2b(type(surface).__name__.encode(), digest_size=16)
     for array in arrays:
         digest.update(str(array.shape).encode())
@@ -52,7 +52,7 @@ def hash_of(surface: Hashed, *arrays: AnyArray) -> str:
 
 
 def surface_in_use(content_hash: str) -> Hashed | None:
-    """Find a surface by its hash, if that was computed and the surface is still held by somebody else."""
+    """Find a surface by its hash, if it was computed and the surface still exists."""
     with _LOCK:
         surfaces = list(_IN_USE)
     return next((surface for surface in surfaces if surface.content_hash == content_hash), None)

@@ -1,4 +1,4 @@
-"""Meshes in spatial order: what is near on the surface then lies near in memory, and loops need not wait for it."""
+"""Spatial order of meshes: what is near on the surface is near in memory, which makes loops faster."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import numpy as np
 
 from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 
-BITS = 10  # of each coordinate
+BITS_PER_AXIS = 10
 
 
 def in_spatial_order(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, AnyArray]:
-    """Put vertices (n, 3) of [−1, 1]³ in the order of Morton's curve, and faces (m, 3) in that of their first vertices.
+    """Sort vertices (n, 3) in [−1, 1]³ along Morton's curve, and faces (m, 3) by their first vertices.
 
-    Returns both, and the old number of each vertex, (n,) of int32. Corners keep their order.
+    Returns both, and the old number (n,) of each vertex, as int32. Corners keep their order.
     """
-    cells = ((vertices + 1.0) * (2 ** (BITS - 1) - 1)).astype(np.int32)
-    x, y, z = _spread(cells).T
+    cells = ((vertices + 1.0) * (2 ** (BITS_PER_AXIS - 1) - 1)).astype(np.int32)
+    x, y, z = _spread_bits(cells).T
     order = np.argsort(x | y << 1 | z << 2, kind="stable").astype(np.int32)
     place = np.empty(len(order), dtype=np.int64)
     place[order] = np.arange(len(order))
@@ -23,7 +23,7 @@ def in_spatial_order(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray,
     return vertices[order], numbered[np.argsort(numbered.min(axis=1), kind="stable")], order
 
 
-def _spread(cells: AnyArray) -> AnyArray:
+def _spread_bits(cells: AnyArray) -> AnyArray:
     """Put two zeros between the bits of numbers."""
     cells = (cells | cells << 16) & 0x030000FF
     cells = (cells | cells << 8) & 0x0300F00F

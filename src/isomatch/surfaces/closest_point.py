@@ -12,12 +12,12 @@ from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 
-QUERIES_OF_A_THREAD = 1000
-TRIANGLES_IN_A_BOX = 4  # up to twice as many
+QUERIES_PER_CHUNK = 1000
+MIN_TRIANGLES_PER_BOX = 4  # a box has fewer than twice as many
 
 
 def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> PrecisePoints:
-    """Find the point of a surface nearest to each position, of all triangles; of points, the nearest one.
+    """Find the nearest point of a surface, or of a point cloud, for each position.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     if isinstance(surface, PointCloud) or not surface.n_faces:
         return PrecisePoints.at_vertices(cKDTree(surface.vertices).query(positions)[1])
     used = np.unique(surface.sound_faces)
-    apart, nearest = cKDTree(surface.vertices[used]).query(positions)
+    distances, nearest = cKDTree(surface.vertices[used]).query(positions)
     points = PrecisePoints.at_vertices(used[nearest])
     order = cKDTree(
         surface.vertices[surface.sound_faces].mean(axis=1)
@@ -54,17 +54,20 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     vertices, queries = map(read_only, (surface.vertices, positions))
 
     def chunk(first: int) -> None:
-        rows = slice(first, first + QUERIES_OF_A_THREAD)
-        found = apart[rows], points.corners[rows], points.barycentric[rows]
+        rows = slice(first, first + QUERIES_PER_CHUNK)
+        found = distances[rows], points.corners[rows], points.barycentric[rows]
         _take_nearest(vertices, faces, boxes, starts, queries[rows], *found)
 
-    parallel_map(chunk, range(0, len(queries), QUERIES_OF_A_THREAD))
+    parallel_map(chunk, range(0, len(queries), QUERIES_PER_CHUNK))
     return points
 
 
 def _hierarchy(corners: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Bound triangles (f, 3, 3) by boxes (2 k, 2, 3): box i holds 2 i and 2 i + 1, box k + j the j-th of k runs."""
-    k = 1 << max(len(corners) // TRIANGLES_IN_A_BOX, 1).bit_length() - 1
+    """Bound triangles (f, 3, 3) by boxes (2 k, 2, 3).
+
+    Box i holds boxes 2 i and 2 i + 1, and box k + j the j-th of k runs of triangles.
+    """
+    k = 1 << max(len(corners) // MIN_TRIANGLES_PER_BOX, 1).bit_length() - 1
     starts = np.arange(k + 1) * len(corners) // k
     boxes = np.empty((2 * k, 2, 3))
     for side, most in enumerate((np.minimum, np.maximum)):
@@ -92,12 +95,12 @@ def _take_nearest(
     boxes: FloatArray,
     starts: IntArray,
     queries: FloatArray,
-    apart: FloatArray,
+    distances: FloatArray,
     corners: IntArray,
     barycentric: FloatArray,
 ) -> None:
-    """Let the nearest point of a triangle take the row of each query that is nearer to it than the point so far."""
-    waiting, gaps = np.empty(64, dtype=np.int64), np.empty(64)  # twice as many as there are levels
+    """Replace the nearest point of each query by nearer ones on the triangles."""
+    waiting, gaps = np.empty(64, dtype=np.int64), np.empty(64)  # twice the number of levels
     k = len(boxes) // 2
     for i in range(len(queries)):
         q = queries[i]
@@ -105,7 +108,7 @@ def _take_nearest(
         while n:
             n -= 1
             box = waiting[n]
-            if gaps[n] >= apart[i] ** 2:
+            if gaps[n] >= distances[i] ** 2:
                 continue
             if box < k:
                 pair = _gap(boxes[2 * box], q), _gap(boxes[2 * box + 1], q)
@@ -127,7 +130,7 @@ def _take_nearest(
                     x = vertices[a, j]
                     gap += (x + s * (vertices[b, j] - x) + t * (vertices[c, j] - x) - q[j]) ** 2
                 gap = np.sqrt(gap)
-                if gap < apart[i]:
-                    apart[i] = gap
+                if gap < distances[i]:
+                    distances[i] = gap
                     corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
                     barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t

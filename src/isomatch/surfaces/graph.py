@@ -21,7 +21,7 @@ class Graph:
     Parameters
     ----------
     n_vertices : int
-        Number of vertices n, including those without an edge.
+        Number n of vertices, with or without edges.
     edges : (e, 2) array_like of int
         0-based end vertices of each edge, in any order. Edges are stored in lexicographic order, smaller vertex first.
         Of several edges between the same two vertices only the shortest is kept.
@@ -80,7 +80,7 @@ class Graph:
 
     @cached_property
     def content_hash(self) -> str:
-        """32 hexadecimal digits that tell these edges, lengths and weights from others, in this order."""
+        """Hash of edges, lengths and weights, 32 hexadecimal digits."""
         return hash_of(self, self.edges, self.edge_lengths, self.vertex_areas)
 
     @cached_property

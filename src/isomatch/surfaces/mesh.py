@@ -1,4 +1,4 @@
-"""The triangle mesh: vertices and faces; what is derived from them is computed once, when it is first needed."""
+"""The triangle mesh: vertices, faces, and what is derived from them at first use."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from isomatch.surfaces._shared import Plotted, hash_of
 class Mesh(Plotted):
     """An immutable triangle mesh.
 
-    Only the shapes and types of the arrays are checked here, so that a defective mesh can still be loaded, examined
-    by `check` and mended by `repair`. Properties that need valid face indices raise `MeshError` if there are others.
+    Only the shapes and types of the arrays are checked, so that a defective mesh can still be loaded,
+    examined by `check` and repaired by `repair`. Properties that need valid face indices raise
+    `MeshError` for others.
 
     Parameters
     ----------
@@ -107,7 +108,7 @@ class Mesh(Plotted):
 
     @property
     def edges(self) -> IntArray:
-        """(e, 2) undirected edges, each listed once with the smaller index first, in lexicographic order."""
+        """(e, 2) undirected edges, the smaller index first, in lexicographic order."""
         return self.edge_table.ends
 
     @cached_property
@@ -123,16 +124,16 @@ class Mesh(Plotted):
 
     @cached_property
     def content_hash(self) -> str:
-        """32 hexadecimal digits that tell these vertices and faces from others, in this order."""
+        """Hash of vertices and faces in their order, 32 hexadecimal digits."""
         return hash_of(self, self.vertices, self.faces)
 
     @property
     def components(self) -> IntArray:
-        """(n,) label of the connected component of each vertex; a vertex that no face uses is a component of its own."""
+        """(n,) label of the connected component of each vertex; an unused vertex is a component."""
         return self._connectivity.components
 
     def moved(self, vertices: ArrayLike) -> Mesh:
-        """Return the same faces between vertices at other positions (n, 3); what depends on the faces alone is shared."""
+        """Return the same faces between vertices at other positions (n, 3)."""
         positions = _frozen_vertices(vertices)
         if len(positions) != self.n_vertices:
             raise MeshError(f"{len(positions)} positions for {self.n_vertices} vertices; give one for each")
@@ -146,9 +147,9 @@ class Mesh(Plotted):
         return mesh
 
     def submesh(self, keep: ArrayLike) -> tuple[Mesh, IntArray]:
-        """Return the mesh of the vertices to keep, (n,), and the faces between them; and the old number of each vertex.
+        """Return the mesh of the vertices to keep, (n,), with the faces between them, and their old numbers.
 
-        Vertices and faces keep their order. It is this mesh if all vertices are kept.
+        Vertices and faces keep their order. If all vertices are kept, it is this mesh.
         """
         mask = np.asarray(keep, dtype=bool)
         index = np.flatnonzero(mask)
@@ -163,7 +164,7 @@ class Mesh(Plotted):
 
 @dataclass(frozen=True, eq=False)
 class _Connectivity:
-    """What is derived from the faces alone, shared by meshes that differ in their positions."""
+    """Everything derived from the faces alone, shared by meshes with other positions."""
 
     faces: IntArray
     n_vertices: int

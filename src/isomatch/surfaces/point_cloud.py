@@ -16,8 +16,8 @@ from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces._edges import label_components, lengths
 from isomatch.surfaces._shared import Plotted, hash_of
 
-FEWEST_POINTS = 4  # fewer have no local triangulation
-MOST_AT_ONE_PLACE = 1000  # neighbours of so many take 0.1 s, of 60 000 45 s
+MIN_POINTS = 4  # fewer have no local triangulation
+MAX_COINCIDENT_POINTS = 1000  # finding neighbours takes 0.1 s then, 45 s for 60 000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,9 +54,9 @@ class PointCloud(Plotted):
 
     def __init__(self, vertices: ArrayLike, n_neighbours: int = 30) -> None:
         points = numbers_of(vertices, "points", MeshError)
-        if points.ndim != 2 or points.shape[1] != 3 or len(points) < FEWEST_POINTS:
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) < MIN_POINTS:
             raise MeshError(
-                f"points have shape {points.shape}, expected (n, 3) with n at least {FEWEST_POINTS}: "
+                f"points have shape {points.shape}, expected (n, 3) with n at least {MIN_POINTS}: "
                 "one row x, y, z per point"
             )
         bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
@@ -78,7 +78,7 @@ class PointCloud(Plotted):
 
     @cached_property
     def edges(self) -> IntArray:
-        """(e, 2) pairs of points of which one is a nearest neighbour of the other; sorted, in lexicographic order."""
+        """(e, 2) pairs of points, one a nearest neighbour of the other, in lexicographic order."""
         n, k = self.n_vertices, self._n_joined
         self._require_places()
         nearest = scipy.spatial.cKDTree(self._scaled).query(self._scaled, k + 1)[1]
@@ -96,7 +96,7 @@ class PointCloud(Plotted):
 
     @cached_property
     def vertex_areas(self) -> FloatArray:
-        """(n,) area of each point, positive: a third of the area of its triangles in its tangent plane.
+        """(n,) positive area of each point: a third of the area of its triangles in the tangent plane.
 
         By the tufted Laplacian of Sharp & Crane 2020. `MeshError` where points lie on a line, or many at one place.
         """
@@ -122,7 +122,7 @@ class PointCloud(Plotted):
 
     @cached_property
     def content_hash(self) -> str:
-        """32 hexadecimal digits that tell these points from others, in this order."""
+        """Hash of the points in their order, 32 hexadecimal digits."""
         return hash_of(self, self.vertices)
 
     @cached_property
@@ -131,9 +131,9 @@ class PointCloud(Plotted):
         return label_components(self.n_vertices, tuple(self.edges.T))[1]
 
     def _require_places(self) -> None:
-        """Raise `MeshError` if so many points lie at one place that it would take quadratic time to find neighbours."""
+        """Raise `MeshError` if too many points coincide: finding their neighbours takes quadratic time."""
         most = int(np.bincount(first_equal(self.vertices)).max())
-        if most > MOST_AT_ONE_PLACE:
+        if most > MAX_COINCIDENT_POINTS:
             raise MeshError(
                 f"{most} points lie at one place, and have no neighbours but each other; remove all but one"
             )

@@ -1,4 +1,4 @@
-"""Points on the triangles of a surface, and the nearest one in a triangle."""
+"""Points on the triangles of a surface, and the nearest point of a triangle."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class PrecisePoints(NamedTuple):
         return cls(np.repeat(vertices[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (len(vertices), 1)))
 
     def interpolated(self, values: FloatArray) -> FloatArray:
-        """Interpolate values (n, q) at the vertices: (m, q); nan counts only where its weight is not 0."""
+        """Interpolate values (n, q) at the vertices: (m, q); nan with weight 0 is ignored."""
         weights = self.barycentric.astype(values.dtype)
         total: FloatArray = weights[:, :1] * values[self.corners[:, 0]]
         for corner in (1, 2):
@@ -69,15 +69,15 @@ def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -
     """
     if up <= 0.0 and vp <= 0.0:  # p lies behind both edges from a
         return 0.0, 0.0, 0.0
-    # inside, the gradient of |s u + t v − p|² vanishes: s uu + t uv = up and s uv + t vv = vp, by Cramer's rule;
-    # otherwise the minimum is on an edge. A triangle without area has no inside
+    # Inside, the gradient of |s u + t v − p|² vanishes: s uu + t uv = up and s uv + t vv = vp, solved by
+    # Cramer's rule; otherwise the minimum is on an edge. A triangle without area has no inside.
     determinant = uu * vv - uv * uv
     if determinant > 1e-12 * uu * vv:
         s, t = (up * vv - vp * uv) / determinant, (vp * uu - up * uv) / determinant
         if s >= 0.0 and t >= 0.0 and s + t <= 1.0:
             return s, t, -(s * up + t * vp)
     best_s = best_t = best = 0.0
-    for case in range(3):  # the edges (a, b), (a, c), (b, c), on each of which p is projected
+    for case in range(3):  # project p onto the edges (a, b), (a, c), (b, c)
         s = t = 0.0
         if case == 0 and uu > 0.0:
             s = min(max(up / uu, 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""Rasterisation with a depth buffer: the face that is visible in each pixel, and the point on it."""
+"""Rasterisation with a depth buffer: the visible face of each pixel, and the point on it."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from isomatch._core.compiled import compiled
 class Raster:
     """The view of an orthographic camera, (h, w) pixels, row 0 at the top."""
 
-    face: IntArray  # (h, w) face visible in each pixel; −1 for the background
-    barycentric: FloatArray  # (h, w, 3) of the visible point in that face
+    face: IntArray  # (h, w) visible face, −1 for the background
+    barycentric: FloatArray  # (h, w, 3) coordinates of the visible point in its face
     depth: FloatArray  # (h, w) height above the image plane in pixels, towards the viewer; −inf for the background
 
     @property
     def covered(self) -> BoolArray:
-        """(h, w) which pixels show the surface."""
+        """(h, w) whether a pixel shows the surface."""
         return self.face >= 0
 
     def interpolated(self, values: FloatArray, faces: IntArray) -> FloatArray:

@@ -18,7 +18,7 @@ import numpy as np
 
 from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import FormatError, MeshError
-from isomatch._core.files import opened
+from isomatch._core.files import open_file
 from isomatch.io.asset import product
 from isomatch.io.attribute import unused_name
 from isomatch.io.formats._reading import Room, unexpected
@@ -263,7 +263,7 @@ def unpacked(data: bytes, name: str) -> GltfData:
         n, uri = buffer["byteLength"], buffer.get("uri")
         path = beside(uri)
         if path is not None:
-            with opened(path) as file:
+            with open_file(path) as file:
                 room.size += 0 if path in files else min(n, path.stat().st_size)
                 files.add(path)
                 room.take(2 * n, "a buffer")  # read, and in the one buffer

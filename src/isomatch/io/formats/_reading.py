@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 from isomatch._core.errors import FormatError, IsomatchError, MemoryBudgetError
-from isomatch._core.files import contents, writing
+from isomatch._core.files import read_bytes, writing
 from isomatch._core.memory import room_for
 
 
@@ -69,7 +69,9 @@ def on_disk(data: bytes, suffix: str) -> Iterator[Path]:
         yield path
 
 
-def content_beside(name: str, folder: Path, read: Callable[[Path], bytes | None] = contents) -> bytes | None:
+def content_beside(
+    name: str, folder: Path, read: Callable[[Path], bytes | None] = read_bytes
+) -> bytes | None:
     """Read a file of the folder or below, as no other may be copied; None if there is none."""
     clean = name.replace("\\", "/")
     # of a path on the machine of who made the file, the last name is sought here too

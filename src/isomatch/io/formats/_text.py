@@ -13,7 +13,7 @@ import numpy as np
 
 from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch._core.cached import cached_property
-from isomatch._core.texts import MARKS, decoded
+from isomatch._core.texts import BYTE_ORDER_MARKS, decode_text
 from isomatch.io.asset import Frame
 from isomatch.io.formats._reading import unexpected
 from isomatch.io.polygons import spans
@@ -202,8 +202,8 @@ def read_lines(
     # A comment begins at the first byte of a line, or after a blank; its bytes may be of any encoding, and line ends of
     # any kind. If continued, a line that ends in a backslash goes on in the next. The rest of lines that begin with a
     # named keyword is a name, which may contain any #.
-    if data.startswith(tuple(MARKS)) or b"\0" in data[:_HEAD]:
-        data = decoded(data).encode()
+    if data.startswith(tuple(BYTE_ORDER_MARKS)) or b"\0" in data[:_HEAD]:
+        data = decode_text(data).encode()
     text = data.translate(_BLANKS).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not text.endswith(b"\n"):
         text += b"\n"
@@ -231,7 +231,7 @@ def read_lines(
 
 def told_frame(data: bytes) -> Frame | None:
     """Return the frame that comments at the beginning of a text tell, if any."""
-    lines = decoded(data[:_HEAD]).splitlines() if b"#" in data[:_HEAD] else []
+    lines = decode_text(data[:_HEAD]).splitlines() if b"#" in data[:_HEAD] else []
     return Frame.of_lines(*(line.lstrip("# \t") for line in lines if line.lstrip().startswith("#")))
 
 

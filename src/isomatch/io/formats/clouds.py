@@ -11,7 +11,7 @@ import numpy as np
 from isomatch._core.arrays import AnyArray, FloatArray
 from isomatch._core.first_use import package
 from isomatch._core.tables import BLANKS, Table, parse_table
-from isomatch._core.texts import decoded
+from isomatch._core.texts import decode_text
 from isomatch.io.asset import Asset, Frame
 from isomatch.io.attribute import Attribute, Kind, told_apart
 from isomatch.io.formats._reading import Room, damaged, reading, unexpected
@@ -36,7 +36,7 @@ _NO_POLYGONS = Polygons([], [])
 
 def read_xyz(data: bytes, name: str) -> Asset:
     """Read rows of x, y, z by the names of columns or in this order, and what follows: a colour, a normal, or numbers."""
-    frame, text, notes = told_frame(data), re.sub(r"\r\r?\n|\r", "\n", decoded(data)), list[str]()
+    frame, text, notes = told_frame(data), re.sub(r"\r\r?\n|\r", "\n", decode_text(data)), list[str]()
     counted = _COUNT.match(text)
     if counted and int(counted[1]) != text[counted.end() :].rstrip().count("\n") + 1:
         counted = None

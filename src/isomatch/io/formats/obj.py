@@ -12,7 +12,7 @@ import numpy as np
 
 from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import MeshError
-from isomatch._core.texts import decoded, encoding_of
+from isomatch._core.texts import decode_text, encoding_of
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, Kind
 from isomatch.io.formats import _text
@@ -395,4 +395,4 @@ def _statements(library: bytes) -> Iterator[tuple[str, str]]:
 
 
 def _lines(library: bytes) -> list[str]:
-    return decoded(library).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return decode_text(library).replace("\r\n", "\n").replace("\r", "\n").split("\n")
