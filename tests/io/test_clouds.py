@@ -16,7 +16,7 @@ from isomatch.io import (
     to_meshio,
     to_pyvista,
     to_trimesh,
-    unread_files,
+    unreadable_files,
     with_texture,
 )
 from shapes import icosphere
@@ -174,7 +174,7 @@ def test_a_picture_that_is_not_there_is_named_and_pictures_without_a_place_too(t
         each.name for each in write_asset(tmp_path / "a.stl", read_asset(path))
     }
     (tmp_path / "green.png").unlink()
-    assert unread_files(read_asset(path)) == (
+    assert unreadable_files(read_asset(path)) == (
         "'green.png': there is no such file in the folder of the surface",
     )
     main(["repair", str(path), "-o", str(tmp_path / "b.ply")])

@@ -17,7 +17,7 @@ from isomatch.io import (
     with_texture,
     write_attribute,
 )
-from isomatch.io.polygons import merged_corners
+from isomatch.io.polygons import merge_corners
 from isomatch.transfer import bake_texture
 
 OCTETS = np.arange(21).reshape(7, 3) * 12
@@ -52,7 +52,7 @@ def test_annotations_tell_labels_of_one_colour_apart(tmp_path):
     ("kind", "values", "none"), [("scalar", np.ones(15), "nan"), ("label", np.ones(15, np.uint8), "-1")]
 )
 def test_a_point_of_no_polygon_has_none_of_the_values_of_corners(kind, values, none):
-    merged = merged_corners(POLYGONS, 8, Attribute("a", "corner", kind, values))
+    merged = merge_corners(POLYGONS, 8, Attribute("a", "corner", kind, values))
     assert str(int(merged.values[7]) if kind == "label" else merged.values[7]) == none
     assert (merged.values[:7] == 1).all()
 

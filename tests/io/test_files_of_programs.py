@@ -9,7 +9,7 @@ from PIL import Image
 
 from isomatch import Asset, Correspondence, Mesh, check, read_asset, read_mesh, write_asset
 from isomatch.cli import main
-from isomatch.io import FORMATS, Attribute, Polygons, looks_of, read_attributes, unread_files
+from isomatch.io import FORMATS, Attribute, Polygons, looks_of, read_attributes, unreadable_files
 from isomatch.io.formats.freesurfer import SURFACES
 from shapes import icosphere
 
@@ -166,7 +166,7 @@ def test_pictures_of_tiles_are_found_by_their_numbers(tmp_path):
     looks = looks_of(asset)
     shown = [looks.looks[i].base.picture.name for i in looks.of_triangle]
     assert shown == [f"skin.{tile}.png" for tile in (1001, 1002, 1011, 1003)]
-    assert unread_files(asset) == ("'skin.1003.png': there is no such file in the folder of the surface",)
+    assert unreadable_files(asset) == ("'skin.1003.png': there is no such file in the folder of the surface",)
     (tmp_path / "out").mkdir()
     write_asset(tmp_path / "out" / "b.obj", asset)
     again = looks_of(read_asset(tmp_path / "out" / "b.obj"))

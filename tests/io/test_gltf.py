@@ -9,7 +9,7 @@ from made import whole
 
 from isomatch import FormatError, read_asset, read_mesh, write_asset
 from isomatch.io import Attribute, asset_from
-from isomatch.io.formats._gltf_data import GltfData, packed, unpacked
+from isomatch.io.formats._gltf_data import GltfData, pack, unpack
 from isomatch.io.materials import png_of
 
 QUARTER_TURN = [0, 0, np.sqrt(0.5), np.sqrt(0.5)]
@@ -68,7 +68,7 @@ def scene():
 @pytest.fixture
 def path(tmp_path):
     path = tmp_path / "scene.glb"
-    path.write_bytes(packed(scene(), binary=True))
+    path.write_bytes(pack(scene(), binary=True))
     return path
 
 
@@ -113,7 +113,7 @@ def test_what_is_carried_is_added_and_the_rest_stays(path, tmp_path):
     region = Attribute("region", "point", "label", np.arange(8) % 3, names={0: "a", 2: "c"})
     color = Attribute("color", "point", "colour", np.full((8, 3), 200, np.uint8))
     write_asset(tmp_path / "more.glb", asset.with_attributes(region, color))
-    before, after = (unpacked(each.read_bytes(), "x").json for each in (path, tmp_path / "more.glb"))
+    before, after = (unpack(each.read_bytes(), "x").json for each in (path, tmp_path / "more.glb"))
     for key in ("nodes", "skins", "materials", "images", "scenes", "asset", "extensionsUsed", "animations"):
         assert after[key] == before[key]
     old, new = before["meshes"][1]["primitives"][0], after["meshes"][1]["primitives"][0]
@@ -132,7 +132,7 @@ def test_weights_keep_the_skin_of_the_same_joints(path, tmp_path):
     found = read_asset(tmp_path / "w.glb").attribute("weights")
     assert [found.names[i] for i in range(2)] == ["tip", "root"]
     np.testing.assert_allclose(found.dense_weights[4:, [1, 0]], dense[4:], atol=1e-6)
-    document = unpacked((tmp_path / "w.glb").read_bytes(), "x").json
+    document = unpack((tmp_path / "w.glb").read_bytes(), "x").json
     assert document["nodes"][2]["skin"] == 0
 
 
@@ -154,7 +154,7 @@ def test_a_seam_splits_points_morphs_and_all(path, tmp_path):
     assert found.mesh.n_vertices == asset.mesh.n_vertices
     carried = found.attribute("uv").values[found.polygons.corners]
     np.testing.assert_allclose(carried, uv.values, atol=1e-7)  # turned over and back
-    gltf = unpacked((tmp_path / "seam.glb").read_bytes(), "x")
+    gltf = unpack((tmp_path / "seam.glb").read_bytes(), "x")
     primitive = gltf.json["meshes"][1]["primitives"][0]
     morph, rest = (
         gltf.array(keys["POSITION"]) for keys in (primitive["targets"][0], primitive["attributes"])
@@ -189,7 +189,7 @@ def test_buffers_and_images_in_files_of_their_own(path, tmp_path):
     np.testing.assert_array_equal(asset.placed_points, read_asset(path).placed_points)
     (tmp_path / "elsewhere").mkdir()
     write_asset(tmp_path / "elsewhere" / "scene.glb", asset)
-    found = unpacked((tmp_path / "elsewhere" / "scene.glb").read_bytes(), "x")
+    found = unpack((tmp_path / "elsewhere" / "scene.glb").read_bytes(), "x")
     view = found.json["bufferViews"][found.json["images"][0]["bufferView"]]
     assert found.blob[view["byteOffset"] :][: view["byteLength"]] == picture
 
@@ -209,7 +209,7 @@ def test_buffers_and_images_in_files_of_their_own(path, tmp_path):
 def test_damage_is_named(tmp_path, change, message):
     gltf = scene()
     change(gltf.json)
-    (tmp_path / "a.glb").write_bytes(packed(gltf, binary=True))
+    (tmp_path / "a.glb").write_bytes(pack(gltf, binary=True))
     with pytest.raises(FormatError, match=message):
         read_asset(tmp_path / "a.glb")
 
@@ -225,7 +225,7 @@ def test_sparse_values(tmp_path):
         "values": {"bufferView": values},
     }
     gltf.json["meshes"] = [{"primitives": [{"attributes": {"POSITION": position}}]}]
-    (tmp_path / "a.glb").write_bytes(packed(gltf, binary=True))
+    (tmp_path / "a.glb").write_bytes(pack(gltf, binary=True))
     asset = read_asset(tmp_path / "a.glb")
     assert asset.points.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
     assert asset.polygons.triangles.tolist() == [[0, 1, 2]]

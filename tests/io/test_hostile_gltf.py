@@ -11,7 +11,7 @@ from PIL import Image
 from isomatch import FormatError, read_asset, write_asset
 from isomatch._core.memory import room_for
 from isomatch.io import FORMATS
-from isomatch.io.formats._gltf_data import GltfData, packed
+from isomatch.io.formats._gltf_data import GltfData, pack
 from later import some_later
 
 TRIANGLE = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
@@ -39,10 +39,10 @@ def folder(tmp_path):
 def test_files_outside_its_folder_are_not_copied(folder, uri):
     uri = uri.format(folder.parent)
     path = folder / "a.gltf"
-    path.write_bytes(packed(triangle(images=[{"uri": uri}]), binary=False))
+    path.write_bytes(pack(triangle(images=[{"uri": uri}]), binary=False))
     write_asset(folder / "b.glb", read_asset(path))
     assert b"do not publish" not in (folder / "b.glb").read_bytes()
-    document = json.loads(packed(triangle(), binary=False))
+    document = json.loads(pack(triangle(), binary=False))
     document["buffers"] = [{"uri": uri, "byteLength": 4}]
     path.write_text(json.dumps(document))
     with pytest.raises(FormatError, match="outside of its folder"):
@@ -56,7 +56,7 @@ def test_images_beside_it_are_kept_as_what_they_are(folder, kind):
         path.write_bytes(b"\xabKTX 20\xbb\r\n\x1a\n" + bytes(68))
     else:
         Image.new("RGB", (2, 2)).save(path)
-    (folder / "a.gltf").write_bytes(packed(triangle(images=[{"uri": f"a%20b.{kind}"}] * 2), binary=False))
+    (folder / "a.gltf").write_bytes(pack(triangle(images=[{"uri": f"a%20b.{kind}"}] * 2), binary=False))
     document = read_asset(folder / "a.gltf").document
     assert document.blob.count(path.read_bytes()) == 1
     for image in document.json["images"]:
@@ -69,7 +69,7 @@ def test_a_file_beside_it_that_is_no_picture_is_not_copied(folder, name):
     (folder / "notes.txt").write_bytes(b"do not publish")
     if name.startswith("notes"):
         (folder / name).write_bytes(b"do not publish")
-    (folder / "a.gltf").write_bytes(packed(triangle(images=[{"uri": name}]), binary=False))
+    (folder / "a.gltf").write_bytes(pack(triangle(images=[{"uri": name}]), binary=False))
     (folder / "a.obj").write_text(
         f"mtllib a.mtl\nmtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
     )
@@ -109,7 +109,7 @@ def test_memory_is_bounded_by_the_file(folder, what):
     path = folder / "a.gltf"
     (folder / "a.png").write_bytes(b"\x89PNG")
     Image.effect_noise((400, 400), 80).save(folder / "a.png")
-    document = json.loads(packed(triangle(), binary=False))
+    document = json.loads(pack(triangle(), binary=False))
     more = CLAIMS[what](path)
     path.write_text(
         json.dumps({**document, **more, "buffers": document["buffers"] + more.get("buffers", [])})
@@ -141,7 +141,7 @@ def test_memory_is_bounded_by_the_file(folder, what):
     ],
 )
 def test_every_error_names_the_file(folder, wrong):
-    document = json.loads(packed(triangle(), binary=False))
+    document = json.loads(pack(triangle(), binary=False))
     (folder / "a.gltf").write_text(json.dumps(document | wrong))
     with pytest.raises(FormatError, match=re.escape(f"{folder / 'a.gltf'}: ")):
         FORMATS[".gltf"].read_asset((folder / "a.gltf").read_bytes(), str(folder / "a.gltf"))
@@ -153,7 +153,7 @@ def test_a_small_file_cannot_claim_much(folder, n):
     keys = gltf.json["meshes"][0]["primitives"][0]["attributes"]
     for i in range(20):
         keys[f"_{i}"] = gltf.append("accessors", {"componentType": 5126, "count": n, "type": "SCALAR"})
-    (folder / "a.glb").write_bytes(packed(gltf, binary=True))
+    (folder / "a.glb").write_bytes(pack(gltf, binary=True))
     with pytest.raises(FormatError, match="claims or repeats"):
         read_asset(folder / "a.glb")
 
@@ -161,7 +161,7 @@ def test_a_small_file_cannot_claim_much(folder, n):
 def test_every_node_of_the_scene_is_read_and_no_other(folder):
     nodes = [{"mesh": 0, "translation": [i, 0, 0]} for i in range(3)]
     gltf = triangle(scenes=[{"nodes": [2]}, {"nodes": [0, 1]}], scene=1, nodes=nodes)
-    (folder / "a.glb").write_bytes(packed(gltf, binary=True))
+    (folder / "a.glb").write_bytes(pack(gltf, binary=True))
     asset = read_asset(folder / "a.glb")
     assert asset.placed_points[::3, 0].tolist() == [0, 1]
     write_asset(folder / "b.glb", asset.moved(asset.mesh.vertices + UP))

@@ -5,7 +5,7 @@ import pytest
 
 from isomatch import Correspondence, carry_attributes, read_asset, read_mesh, write_asset
 from isomatch.io import Attribute
-from isomatch.io.formats._gltf_data import GltfData, packed
+from isomatch.io.formats._gltf_data import GltfData, pack
 
 TETRAHEDRON = np.float32([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4]])
 FACES = np.uint16([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])  # outwards
@@ -25,7 +25,7 @@ def written(path, node, points=TETRAHEDRON, **properties):
         "nodes": [{"mesh": 0, **node}],
         "meshes": [{"primitives": [{"attributes": keys, "indices": indices}]}],
     }
-    path.write_bytes(packed(gltf, binary=True))
+    path.write_bytes(pack(gltf, binary=True))
     return read_asset(path)
 
 

@@ -7,7 +7,7 @@ from PIL import Image
 
 from isomatch import Correspondence, bake_texture, read_asset
 from isomatch.correspondence import nearest_points
-from isomatch.io.formats._gltf_data import GltfData, packed
+from isomatch.io.formats._gltf_data import GltfData, pack
 from shapes import flat_grid
 
 RED, BLUE, WHITE, GREY = (255, 0, 0), (0, 0, 255), (255, 255, 255), (128, 128, 128)
@@ -102,7 +102,7 @@ class Square:
         return self
 
     def write(self, path):
-        path.write_bytes(packed(self.gltf, binary=path.suffix == ".glb"))
+        path.write_bytes(pack(self.gltf, binary=path.suffix == ".glb"))
         return path
 
 

@@ -21,7 +21,7 @@ from isomatch.cli.distance_command import N_COLUMNS
 from isomatch.cli.inputs import Force, Json, Output, Quiet, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import in_shell, say, say_json
-from isomatch.io import FORMATS, as_written, files_beside, meshes_among, read_as_far
+from isomatch.io import FORMATS, files_beside, meshes_among, prepare_for_writing, read_as_far_as_possible
 from isomatch.repair import Repair, without_seams
 
 NUMBERS = 50  # columns of a table beside the names
@@ -88,7 +88,7 @@ def _meshes(place: Path) -> list[Path]:
 def _examined(path: Path, wall: float, in_table: bool) -> dict[str, Any]:
     """Plain values about a file; in a table, one that cannot be read is a row."""
     try:
-        asset = read_as_far(path)
+        asset = read_as_far_as_possible(path)
         mesh = isomatch.Mesh(asset.placed_points, asset.polygons.triangles)
     except isomatch.IsomatchError as error:
         if not in_table:
@@ -274,5 +274,5 @@ def _whole(file: Path, output: Path) -> Path | isomatch.Asset:
     if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
         return file
     named = output.with_name(output.name.lower().replace(".surf.gii", ".gii"))  # values are taken off later
-    shown, _ = as_written(named, isomatch.read_asset(file, sound=False))
+    shown, _ = prepare_for_writing(named, isomatch.read_asset(file, sound=False))
     return replace(shown.placed, parts=(), document=shown.document)

@@ -17,7 +17,14 @@ from isomatch._core.files import replaced
 from isomatch.cli.inputs import Force, Output, Rounded, naming_files
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import TALK, Talk, say
-from isomatch.io import files_beside, holds_values, png_of, read_attributes, told_apart, write_attributes
+from isomatch.io import (
+    files_beside,
+    holds_values,
+    number_equal_names,
+    png_of,
+    read_attributes,
+    write_attributes,
+)
 from isomatch.transfer import Carried, Labelling, NumbersAs, Side
 
 
@@ -82,7 +89,7 @@ def transfer(
         tell("reading", 0.0)
         assets = isomatch.read_asset(source), isomatch.read_asset(target)
         giver = assets[to == "source"]
-        brought = told_apart(each for path in values or () for each in read_attributes(path, giver))
+        brought = number_equal_names(each for path in values or () for each in read_attributes(path, giver))
         giver = giver.with_attributes(*brought)
         assets = (assets[0], giver) if to == "source" else (giver, assets[1])
         words = [each.name for each in brought] or ["all"]

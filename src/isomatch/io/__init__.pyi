@@ -1,13 +1,21 @@
 from isomatch.io.appearance import (
-    as_written,
     looks_of,
-    unread_files,
+    prepare_for_writing,
+    unreadable_files,
     with_looks_of,
     with_texture,
     with_tiles,
 )
 from isomatch.io.asset import TURN, Asset, Axes, Frame, Part
-from isomatch.io.attribute import Attribute, Domain, Kind, linear_of, srgb_of, told_apart, without_labels
+from isomatch.io.attribute import (
+    Attribute,
+    Domain,
+    Kind,
+    linear_of,
+    number_equal_names,
+    srgb_of,
+    without_labels,
+)
 from isomatch.io.formats.gifti import with_structure_of
 from isomatch.io.formats.gltf import with_key_weights_of, with_skeleton
 from isomatch.io.formats.gltf_carried import animation_channels, is_posed, with_skin_of
@@ -19,11 +27,11 @@ from isomatch.io.materials import (
     Look,
     Looks,
     Picture,
-    multiplied,
+    multiply_colours,
     pixels_of,
     png_of,
-    sampled,
-    unread,
+    sample_texture,
+    unreadable_pictures,
 )
 from isomatch.io.polygons import Polygons, Renumbering
 from isomatch.io.surface_files import (
@@ -31,7 +39,7 @@ from isomatch.io.surface_files import (
     files_beside,
     mesh_from,
     meshes_among,
-    read_as_far,
+    read_as_far_as_possible,
     read_asset,
     read_mesh,
     read_point_cloud,
@@ -60,7 +68,6 @@ __all__ = [
     "Renumbering",
     "SurfaceLike",
     "animation_channels",
-    "as_written",
     "asset_from",
     "files_beside",
     "holds_values",
@@ -69,24 +76,25 @@ __all__ = [
     "looks_of",
     "mesh_from",
     "meshes_among",
-    "multiplied",
+    "multiply_colours",
+    "number_equal_names",
     "pixels_of",
     "png_of",
-    "read_as_far",
+    "prepare_for_writing",
+    "read_as_far_as_possible",
     "read_asset",
     "read_attributes",
     "read_mesh",
     "read_point_cloud",
-    "sampled",
+    "sample_texture",
     "srgb_of",
     "surface_from",
     "to_meshio",
     "to_open3d",
     "to_pyvista",
     "to_trimesh",
-    "told_apart",
-    "unread",
-    "unread_files",
+    "unreadable_files",
+    "unreadable_pictures",
     "with_key_weights_of",
     "with_looks_of",
     "with_names_of",

@@ -1,4 +1,4 @@
-"""A surface with all that its file carries, its parts and the space of its coordinates, and its mesh for matching."""
+"""A surface with all contents of its file, its parts, space of coordinates, and mesh for matching."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from isomatch.io.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.io.polygons import Polygons, Renumbering
 from isomatch.surfaces import Mesh, weld_points
 
-# of the mean edge: rounding of positions that is avoided or told, and that the user has to allow
-TOLD, ASKED = 1e-4, 1e-3
+# mean edges: rounding of positions that is avoided or reported, and that the user has to allow
+REPORTED_ROUNDING, MAX_ROUNDING = 1e-4, 1e-3
 UNKNOWN, SCANNER = "unknown", "scanner_anat"
-# right, anterior, superior of FreeSurfer's voxel axes
-_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-_REAL = [2, 1, 20]  # marks of a footer whose surface is in coordinates of the scanner
-_CLOSE = 1e-4  # millimetres: GIFTI stores six decimals
-NEW_VOLUME: Mapping[str, Any] = {  # what nibabel writes before the numbers of a volume
+# right, anterior, superior components of the voxel axes of FreeSurfer
+_VOXEL_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+_SCANNER_HEAD = [2, 1, 20]  # in the footer of a surface in scanner coordinates
+_MATRIX_TOLERANCE = 1e-4  # millimetres: GIFTI stores six decimals
+NEW_VOLUME: Mapping[str, Any] = {  # as nibabel writes it before the numbers
     "head": np.array([2, 0, 20], dtype=np.int32),
     "valid": "1  # volume info valid",
     "filename": "none",
 }
 Axes: TypeAlias = Literal["RAS", "LPS"]
-"""Where x, y and z point: to the right, to the front and up, or to the left, to the back and up."""
+"""The directions of x, y and z: right, front and up, or left, back and up."""
 TURN = np.array([-1.0, -1.0, 1.0])  # from RAS to LPS and back
-# names of texts that tell the axes, as in VTP files of 3D Slicer, and of others
+# names of texts with the axes, as in VTP files of 3D Slicer, and with other comments
 SPACE, COMMENTS = "SPACE", "comments"
-# lines that tell the axes, as those of 3D Slicer and NRRD, or the unit of the coordinates
-_AXES_SAID = re.compile(r"\b(?:space|coordinate[ _]?system)\s*[=:]\s*[\"']?(?P<axes>[rlaips]{3})\b", re.I)
-_UNIT = re.compile(r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)", re.I)
+# lines with the axes, as 3D Slicer and NRRD write them, or the unit of the coordinates
+_AXES_LINE = re.compile(r"\b(?:space|coordinate[ _]?system)\s*[=:]\s*[\"']?(?P<axes>[rlaips]{3})\b", re.I)
+_UNIT_LINE = re.compile(r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)", re.I)
 
 
 @dataclass(frozen=True)
 class Part:
     """One of several meshes in a file, whose points and polygons follow those of the parts before.
 
-    The ``transform`` is where the file puts it: a matrix that is multiplied by columns x, y, z, 1.
+    The ``transform`` places it: a matrix that multiplies columns x, y, z, 1.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Part:
 
 
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a @ b, rounded alike on every machine, so that hashes of what is placed are the same."""
+    """Return a @ b, rounded alike on every machine, so that hashes of placed points are the same."""
     total: FloatArray = a[:, :1] * b[0]
     for i in range(1, len(b)):
         total = total + a[:, i, None] * b[i]
@@ -62,19 +62,19 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The space of coordinates, as files of brains and those of 3D Slicer tell it.
+    """The space of coordinates, as files of brains and of 3D Slicer define it.
 
     Parameters
     ----------
     space, to : str
-        Spaces of the coordinates, and of what the matrix makes of them: ``"unknown"``, ``"scanner_anat"``,
+        Spaces before and after multiplication by the matrix: ``"unknown"``, ``"scanner_anat"``,
         ``"aligned_anat"``, ``"talairach"``, ``"mni_152"`` or ``"template_other"``, as in NIfTI.
     matrix : (4, 4) array of float
-        It is multiplied by columns x, y, z, 1.
+        It multiplies columns x, y, z, 1.
     volume : mapping, optional
-        The volume of which FreeSurfer made the surface, in the words of nibabel.
+        The volume from which FreeSurfer made the surface, with the keys of nibabel.
     words : tuple of str
-        Lines in which the file tells its unit or axes, such as comments of PLY and titles of VTK.
+        Lines of the file with its unit or axes, such as comments of PLY and titles of VTK.
     """
 
     space: str = UNKNOWN
@@ -85,15 +85,15 @@ class Frame:
 
     @classmethod
     def of_lines(cls, *lines: str) -> Frame | None:
-        """Make the frame of those lines that tell a unit or axes; None if there are none."""
-        words = tuple(line.strip() for line in lines if _AXES_SAID.search(line) or _UNIT.search(line))
+        """Make a frame of the lines with a unit or axes; None without such a line."""
+        words = tuple(line.strip() for line in lines if _AXES_LINE.search(line) or _UNIT_LINE.search(line))
         return cls(words=tuple(dict.fromkeys(words))) if words else None
 
     @classmethod
     def of_named(cls, texts: Mapping[str, str]) -> Frame | None:
-        """Make the frame of texts under names, such as RAS under SPACE; None if they tell nothing."""
+        """Make a frame of named texts, such as RAS under SPACE; None if they have no unit or axes."""
         lines = texts.get(COMMENTS, "").splitlines()
-        known = {COMMENTS, SPACE} if any(map(_AXES_SAID.search, lines)) else {COMMENTS}
+        known = {COMMENTS, SPACE} if any(map(_AXES_LINE.search, lines)) else {COMMENTS}
         return cls.of_lines(*lines, *(f"{name}={text}" for name, text in texts.items() if name not in known))
 
     @classmethod
@@ -101,38 +101,38 @@ class Frame:
         """Make the frame of a FreeSurfer surface, whose origin is the centre of its volume."""
         if not str(volume.get("valid", "")).startswith("1"):
             return cls(volume=volume)
-        if list(volume.get("head", ())) == _REAL:
+        if list(volume.get("head", ())) == _SCANNER_HEAD:
             return cls(SCANNER, SCANNER, volume=volume)
         matrix = np.eye(4)
         directions = np.stack([volume[key] for key in ("xras", "yras", "zras")], axis=1)
-        matrix[:3, :3] = directions @ np.linalg.inv(_AXES)
+        matrix[:3, :3] = directions @ np.linalg.inv(_VOXEL_AXES)
         matrix[:3, 3] = volume["cras"]
         return cls(UNKNOWN, SCANNER, matrix, volume)
 
     @property
     def axes(self) -> Axes | None:
-        """Where its axes point; None where that is not known. Spaces of NIfTI and of FreeSurfer are RAS."""
-        said = {match["axes"].upper() for line in self.words if (match := _AXES_SAID.search(line))}
-        if said:
-            return cast(Axes, said.pop()) if said in ({"RAS"}, {"LPS"}) else None
-        is_turned = not np.allclose(self.matrix[:3, :3], np.eye(3), atol=_CLOSE)
+        """The directions of its axes, None if unknown; spaces of NIfTI and FreeSurfer are RAS."""
+        names = {match["axes"].upper() for line in self.words if (match := _AXES_LINE.search(line))}
+        if names:
+            return cast(Axes, names.pop()) if names in ({"RAS"}, {"LPS"}) else None
+        is_turned = not np.allclose(self.matrix[:3, :3], np.eye(3), atol=_MATRIX_TOLERANCE)
         is_ras = self.volume is not None or self.space != UNKNOWN or (self.to != UNKNOWN and not is_turned)
         return "RAS" if is_ras else None
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Its words, one of which tells the axes if they are known."""
-        is_told = self.axes is None or any(map(_AXES_SAID.search, self.words))
-        return self.words if is_told else (*self.words, f"{SPACE}={self.axes}")
+        """Its words, with a line for the axes if they are known."""
+        has_line = self.axes is None or any(map(_AXES_LINE.search, self.words))
+        return self.words if has_line else (*self.words, f"{SPACE}={self.axes}")
 
     @property
     def named(self) -> dict[str, str]:
-        """The same under the names by which `of_named` knows them."""
+        """Its words under the names that `of_named` reads."""
         others = "\n".join(line for line in self.words if line != f"{SPACE}={self.axes}")
         return {name: text for name, text in ((SPACE, self.axes), (COMMENTS, others)) if text}
 
     def title(self, longest: int) -> str:
-        """Return its lines as one of at most so many bytes; of more, what tells the axes alone."""
+        """Join its lines into a title; if that has more bytes than ``longest``, only the axes."""
         title = "; ".join(self.lines)
         return title if len(title.encode()) <= longest else f"{SPACE}={self.axes}" if self.axes else ""
 
@@ -143,27 +143,30 @@ class Frame:
 
     @property
     def in_volume(self) -> Mapping[str, Any] | None:
-        """A volume of FreeSurfer whose centre is the origin of these coordinates; None if there can be none."""
+        """A volume of FreeSurfer with its centre at the origin of these coordinates; None if none fits."""
         if self.volume is not None:
-            own = Frame.of_volume(self.volume)
-            if not self.has_space or ((own.space, own.to) == (self.space, self.to) and self._is_like(own)):
+            of_volume = Frame.of_volume(self.volume)
+            is_same = (of_volume.space, of_volume.to) == (self.space, self.to) and self._is_like(of_volume)
+            if not self.has_space or is_same:
                 return self.volume
         matrix = self.matrix if self.to == SCANNER else np.eye(4)
         turn = matrix[:3, :3]
-        if SCANNER not in (self.space, self.to) or not np.allclose(turn @ turn.T, np.eye(3), atol=_CLOSE):
+        if SCANNER not in (self.space, self.to) or not np.allclose(
+            turn @ turn.T, np.eye(3), atol=_MATRIX_TOLERANCE
+        ):
             return None
         return {
             **NEW_VOLUME,
             "volume": np.full(3, 256),
             "voxelsize": np.ones(3),
-            **dict(zip(("xras", "yras", "zras"), (turn @ _AXES).T)),
+            **dict(zip(("xras", "yras", "zras"), (turn @ _VOXEL_AXES).T)),
             "cras": matrix[:3, 3],
         }
 
     @property
     def is_in_volume(self) -> bool:
-        """Whether a volume of FreeSurfer tells all of it."""
-        if self.words and (self.axes != "RAS" or any(map(_UNIT.search, self.words))):
+        """Whether a volume of FreeSurfer contains all of it."""
+        if self.words and (self.axes != "RAS" or any(map(_UNIT_LINE.search, self.words))):
             return False
         return not self.has_space or (self.to in (UNKNOWN, SCANNER) and self.in_volume is not None)
 
@@ -172,46 +175,46 @@ class Frame:
             return ", ".join(self.words)
         if self._is_like(Frame()):
             return f"in {self.to if self.space == UNKNOWN else self.space}"
-        if np.allclose(self.matrix[:3, :3], np.eye(3), atol=_CLOSE):
+        if np.allclose(self.matrix[:3, :3], np.eye(3), atol=_MATRIX_TOLERANCE):
             offset = " ".join(f"{number:g}" for number in self.matrix[:3, 3])
             return f"c_ras {offset}, the offset to {self.to}"
         return f"matrix to {self.to}"
 
     def _is_like(self, other: Frame) -> bool:
-        return bool(np.allclose(self.matrix, other.matrix, rtol=0, atol=_CLOSE))
+        return bool(np.allclose(self.matrix, other.matrix, rtol=0, atol=_MATRIX_TOLERANCE))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Asset:
-    """A surface with all that its file carries.
+    """A surface with all contents of its file.
 
-    Values at the vertices of `mesh` go back to the points with `vertex_of_point`, and to corners with
+    Values at the vertices of `mesh` go to points with `vertex_of_point`, to corners with
     `vertex_of_corner`.
 
     Parameters
     ----------
     points : (n, 3) array_like of float
-        Positions as in the file, in its order and units, before any transform of a part.
+        Positions in the order and units of the file, before any transform of a part.
     polygons : Polygons
         Triangles, quads and other polygons, in the order of the file.
     attributes : tuple of Attribute
         Values on points, corners and faces.
     parts : tuple of Part
-        The meshes of a file that has several or puts them somewhere; empty otherwise.
+        The meshes of a file with several meshes or with transforms; empty otherwise.
     document : object, optional
-        What else the format holds, for writing the same format again.
+        Other contents, for writing the same format again.
     notes : tuple of str
-        What a reader left out, supposed or replaced, a sentence for each.
+        Sentences about what the reader left out, assumed or replaced.
     frame : Frame, optional
-        The space of the coordinates, where the file tells it.
+        The space of the coordinates, if the file defines it.
 
     Raises
     ------
     MeshError
-        If the positions have the wrong shape, or the parts do not add up. Polygons that refer to no point are refused
-        when they are used; `repair` removes them.
+        If the positions have the wrong shape, or the parts do not add up. Polygons with missing points
+        are refused when they are used; `repair` removes them.
     DescriptorError
-        If an attribute has another number of rows, or two have the same name.
+        If an attribute has a wrong number of rows, or two have the same name.
 
     Examples
     --------
@@ -252,7 +255,7 @@ class Asset:
         return cls(mesh.vertices, Polygons.of_triangles(mesh.faces), tuple(attributes))
 
     def attribute(self, name: str, domain: Domain | None = None) -> Attribute:
-        """Return an attribute by its name, and domain if several have that name; `DescriptorError` if there is none."""
+        """Return an attribute by its name and, if several have it, domain; `DescriptorError` for none."""
         for attribute in self.attributes:
             if attribute.name == name and domain in (None, attribute.domain):
                 return attribute
@@ -264,28 +267,28 @@ class Asset:
         return tuple(attribute for attribute in self.attributes if attribute.kind == kind)
 
     def with_attributes(self, *attributes: Attribute) -> Asset:
-        """Return the same with more attributes; one of the same name and domain is replaced."""
-        new = {(attribute.name, attribute.domain) for attribute in attributes}
-        kept = tuple(a for a in self.attributes if (a.name, a.domain) not in new)
+        """Add attributes; those with the same name and domain are replaced."""
+        replaced_keys = {(attribute.name, attribute.domain) for attribute in attributes}
+        kept = tuple(a for a in self.attributes if (a.name, a.domain) not in replaced_keys)
         return replace(self, attributes=kept + attributes)
 
     def without_attributes(self, *names: str) -> Asset:
-        """Return the same without the attributes of these names."""
+        """Remove the attributes with these names."""
         return replace(self, attributes=tuple(a for a in self.attributes if a.name not in names))
 
     @cached_property
     def mean_edge(self) -> float:
-        """Mean length of the sides of the triangles where the surface is; of points alone, estimated by their extent."""
+        """Mean side of the placed triangles; without triangles, estimated from the extent of the points."""
         places = self.placed_points
         if len(self.polygons) and len(places):
             corners = places.take(self.polygons.triangles, axis=0, mode="clip")
             sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-        else:  # as far apart as so many on a square
+        else:  # the spacing of as many points on a square
             sides = np.linalg.norm(places - places[:1], axis=1) / max(len(places), 1) ** 0.5
         return float(sides[np.isfinite(sides)].sum() / max(np.isfinite(sides).sum(), 1))
 
     def rounding(self, middles: FloatArray | float = 0.0) -> FloatArray:
-        """(n,) how far floats of 32 bits, of points without ``middles``, (n, 3), move each point where the surface is."""
+        """Measure how far rounding to float32, after subtracting ``middles`` (n, 3), moves each placed point."""
         with np.errstate(over="ignore", invalid="ignore"):
             exact = self.points - middles
             rest = exact - exact.astype(np.float32)
@@ -294,14 +297,15 @@ class Asset:
 
     @property
     def needs_doubles(self) -> bool:
-        """Whether floats of 32 bits would move points by more than ``TOLD`` of the mean edge."""
-        return bool(self.rounding().max(initial=0) > TOLD * self.mean_edge > 0)
+        """Whether float32 would move points by more than ``REPORTED_ROUNDING`` of the mean edge."""
+        return bool(self.rounding().max(initial=0) > REPORTED_ROUNDING * self.mean_edge > 0)
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The surface for matching: ``polygons.triangles`` between welded points, where the file puts them.
+        """The surface for matching: ``polygons.triangles`` between welded points, at their placed positions.
 
-        Points at exactly the same position are one vertex, so that seams are closed, numbered by the first of them.
+        Points at exactly the same position become one vertex, which closes seams, in the order of the
+        first points.
         """
         return Mesh(self.placed_points[self.point_of_vertex], self.vertex_of_point[self.polygons.triangles])
 
@@ -327,7 +331,7 @@ class Asset:
 
     @property
     def with_note_of_uncut(self) -> Asset:
-        """The same with a note, if some polygons that are not convex could not be cut along their outline."""
+        """The same, with a note if some concave polygons could not be cut along their outline."""
         uncut = self.polygons.uncut
         if not len(uncut):
             return self
@@ -335,7 +339,7 @@ class Asset:
         return replace(self, notes=(*self.notes, note))
 
     def require_points(self) -> None:
-        """Raise `MeshError` if a polygon refers to no point."""
+        """Raise `MeshError` if a polygon refers to a missing point."""
         corners = self.polygons.corners
         outside = np.flatnonzero((corners < 0) | (corners >= len(self.points)))
         if len(outside):
@@ -344,7 +348,7 @@ class Asset:
             raise MeshError(f"polygons {polygons} refer to points outside {points}; {remedy}")
 
     def renumbered(self, rows: Renumbering) -> Asset:
-        """Return other points and polygons made of those that there are, with all values on them."""
+        """Return the renumbered points and polygons, with all values on them."""
         index = {"point": rows.point_index, "corner": rows.corner_index, "face": rows.polygon_index}
         parts = self.parts
         if parts:
@@ -365,14 +369,14 @@ class Asset:
         return after
 
     def moved(self, vertices: ArrayLike) -> Asset:
-        """Return the same with the vertices of its mesh at other positions, (n_vertices, 3), where the file puts them."""
+        """Move the vertices of its mesh to other placed positions, (n_vertices, 3)."""
         positions = numbers_of(vertices, "vertices", MeshError)
         if positions.shape != self.mesh.vertices.shape:
             raise MeshError(f"positions have shape {positions.shape}, expected {self.mesh.vertices.shape}")
         return self.placed_at(positions[self.vertex_of_point])
 
     def placed_at(self, places: FloatArray) -> Asset:
-        """Return the same with its points at other places, (n, 3), after the transforms of the parts."""
+        """Move its points to other places, (n, 3), given after the transforms of the parts."""
         points = places.copy()
         for rows, matrix in self._transforms():
             back = np.linalg.pinv(matrix)
@@ -381,7 +385,7 @@ class Asset:
 
     @cached_property
     def placed_points(self) -> FloatArray:
-        """(n, 3) positions after the transforms of the parts: where the surface is."""
+        """(n, 3) positions after the transforms of the parts."""
         transforms = self._transforms()
         points = np.array(self.points) if transforms else self.points
         for rows, matrix in transforms:
@@ -389,7 +393,7 @@ class Asset:
         return points
 
     def _transforms(self) -> list[tuple[slice, FloatArray]]:
-        """Rows of the points of each part that has a transform, and its matrix."""
+        """List the rows of the points of each part with a transform, and its matrix."""
         ends = np.cumsum([part.n_points for part in self.parts])
         return [
             (slice(end - part.n_points, end), np.array(part.transform))
@@ -399,18 +403,18 @@ class Asset:
 
     @cached_property
     def placed(self) -> Asset:
-        """The same without transforms: points, normals, tangents and shape keys where the surface is."""
+        """The same without transforms, which are applied to points, normals, tangents and shape keys."""
         if not self._transforms():
             return self
         attributes = tuple(self._turned(attribute) for attribute in self.attributes)
         return replace(self, points=self.placed_points, attributes=attributes, parts=(), document=None)
 
     def from_placed(self, attribute: Attribute) -> Attribute:
-        """Turn an attribute of `placed` back, if it is normals, tangents or a shape key, to what it is in the parts."""
+        """Transform normals, tangents or a shape key of `placed` back into the coordinates of the parts."""
         return self._turned(attribute, back=True)
 
     def _turned(self, attribute: Attribute, back: bool = False) -> Attribute:
-        """Turn normals, tangents and keys as the transforms of their parts do, or back; but for keys, to length 1."""
+        """Transform normals, tangents and keys with their parts, or back; all but keys get length 1."""
         if attribute.kind not in ("normal", "key") and not attribute.is_tangent:
             return attribute
         corners, values = self.polygons.corners, np.array(attribute.values)
@@ -431,15 +435,15 @@ class Asset:
 
     @cached_property
     def part_of_point(self) -> IntArray:
-        """(n,) index of the part of each point; 0 where the file does not have several."""
+        """(n,) index of the part of each point, 0 without parts."""
         counts = [part.n_points for part in self.parts] or [len(self.points)]
         return np.repeat(np.arange(len(counts)), counts)
 
 
 @runtime_checkable
 class RenumberedDocument(Protocol):
-    """The document of a format that refers to points or polygons by their numbers."""
+    """A document that refers to points or polygons by their numbers."""
 
     def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> object:
-        """Return the document of the asset after, of which the attributes correspond to those before, in order."""
+        """Return the document of the new asset, which has the attributes of the old one, in order."""
         ...

@@ -18,7 +18,7 @@ Domain = Literal["point", "corner", "face"]
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
 
 _WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}
-_ROUNDING = 1e-3  # by which interpolated white may exceed 1
+_WHITE_TOLERANCE = 1e-3  # interpolated white may exceed 1 by this
 _UV_NAMES = {
     "uv", "st", "uvs", "uvmap", "texcoord",
     "texcoords", "tcoords", "texturecoordinates", "texturecoords",
@@ -32,19 +32,19 @@ class Attribute:
     Parameters
     ----------
     name : str
-        Its name in the file; ``"color"``, ``"normal"``, ``"uv"`` and ``"weights"`` where the format has no other.
+        Its name in the file; ``"color"``, ``"normal"``, ``"uv"`` and ``"weights"`` if the format has no names.
     domain : {"point", "corner", "face"}
-        What has a value. A corner is a point of one polygon; at a seam the corners of a point differ.
+        What has the values. A corner is a point of one polygon; the corners of a point differ at a seam.
     kind : {"colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"}
-        What the values mean, which determines how they are carried and written.
+        Meaning of the values, which determines how they are carried and written.
     values : (k,) or (k, d) array_like
-        One row for each point, corner or face, in the type of the file. Colours have 3 or 4 columns, as integers from 0
-        to the largest of 8 or 16 bits, as floats from 0 to 1, or from 0 to 255 in any other type; nan where there is
-        none. Labels are (k,) integers or strings, scalars (k,) numbers, normals (k, 3), texture coordinates (k, 2) or
-        (k, 3), from the lower left of the picture, with nan at corners that have none. Shape keys are (k, 3)
-        displacements.
+        One row for each point, corner or face, in the type of the file. Colours have 3 or 4 columns:
+        integers of 8 or 16 bits from 0 to the largest, floats from 0 to 1, or other types from 0 to 255;
+        nan is no colour. Labels are (k,) integers or strings, scalars (k,) numbers, normals (k, 3),
+        texture coordinates (k, 2) or (k, 3) from the lower left of the picture, or nan. Shape keys are
+        (k, 3) displacements.
     joints : (k, d) array_like of int, optional
-        For skinning weights of few joints: the joint that each weight belongs to. Without it, column j is joint j.
+        Joint of each skinning weight; without it, column j is joint j.
     names : mapping of int to str
         Names of labels or of joints.
     colors : mapping of int to tuple of 4 floats
@@ -70,10 +70,10 @@ class Attribute:
     colors: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for what, said, options in (("domain", self.domain, Domain), ("kind", self.kind, Kind)):
-            if said not in get_args(options):
+        for what, value, options in (("domain", self.domain, Domain), ("kind", self.kind, Kind)):
+            if value not in get_args(options):
                 expected = ", ".join(get_args(options))
-                raise DescriptorError(f"attribute {self.name!r} has {what} {said!r}; use one of {expected}")
+                raise DescriptorError(f"attribute {self.name!r} has {what} {value!r}; use one of {expected}")
         object.__setattr__(self, "values", read_only(np.array(self.values)))
         self._require_kind()
         if self.joints is not None:
@@ -103,18 +103,18 @@ class Attribute:
         raise DescriptorError(f"attribute {self.name!r}: {found}, expected {expected}")
 
     def with_values(self, values: AnyArray, domain: Domain | None = None) -> Attribute:
-        """Return other values of the same name, kind and label names; skinning weights are dense: column j is joint j."""
+        """Replace the values; column j of skinning weights is then joint j."""
         return replace(self, domain=domain or self.domain, values=values, joints=None)
 
     def at(self, index: IntArray, domain: Domain | None = None) -> Attribute:
-        """Return the values of some rows, in this order."""
+        """Select rows, in the given order."""
         joints = None if self.joints is None else self.joints[index]
         return replace(self, domain=domain or self.domain, values=self.values[index], joints=joints)
 
     def spread(self, rows: IntArray, n: int) -> Attribute:
-        """Return n rows, of which some have the values; the others have nan, the label −1, an empty text, or 0.
+        """Put the values into some of n rows; the others get nan, the label −1, an empty text, or 0.
 
-        Colours of integers become floats if there are others.
+        Integer colours become floats if there are rows without a colour.
         """
         values = self.fractions if self.kind == "colour" and len(rows) < n else self.values
         kind, none = values.dtype, 0.0
@@ -128,7 +128,7 @@ class Attribute:
 
     @property
     def note_of_missing(self) -> str:
-        """A sentence about rows that are nan, empty if there are none."""
+        """A sentence about rows with nan, empty if there are none."""
         is_float = self.values.dtype.kind == "f"
         n = np.isnan(self.values).reshape(len(self), -1).any(axis=1).sum() if is_float and len(self) else 0
         return f"{n} of {len(self)} {self.domain}s have no {self.kind}; it is nan there" if n else ""
@@ -143,7 +143,7 @@ class Attribute:
 
     @property
     def plain(self) -> AnyArray:
-        """The values for formats and libraries that know but numbers: codes of labels, one column for each joint."""
+        """The values as plain numbers: codes of labels, and one column for each joint."""
         if self.kind == "weights":
             return self.dense_weights
         values = self.coded.values
@@ -151,12 +151,12 @@ class Attribute:
 
     @property
     def is_tangent(self) -> bool:
-        """Whether these are tangents, along which the first texture coordinate rises."""
+        """Whether these are tangents: directions of the first texture coordinate."""
         return self.kind == "vector" and self.name.startswith("tangent")
 
     @property
     def seems_labels(self) -> bool:
-        """Whether these are labels, or numbers like those of regions: whole, at most half as many as rows; nan is none.
+        """Whether these are labels, or integers that repeat as those of regions do; nan is no label.
 
         Examples
         --------
@@ -174,10 +174,10 @@ class Attribute:
 
     @property
     def full(self) -> float:
-        """The number of full colour: the largest of 8 or 16 bits, 1 in floats up to 1, otherwise 255."""
+        """The value of full colour: the largest integer of 8 or 16 bits, 1 of floats up to 1, otherwise 255."""
         kind = self.values.dtype
         if kind.kind == "f":
-            return 255.0 if np.fmax.reduce(self.values, axis=None, initial=0) > 1 + _ROUNDING else 1.0
+            return 255.0 if np.fmax.reduce(self.values, axis=None, initial=0) > 1 + _WHITE_TOLERANCE else 1.0
         return 255.0 if kind.itemsize > 2 else float(np.iinfo(kind).max) if kind.kind != "b" else 1.0
 
     @property
@@ -187,7 +187,7 @@ class Attribute:
 
     @property
     def n_joints(self) -> int:
-        """Number of joints that skinning weights may refer to."""
+        """Number of joints of skinning weights."""
         used = self.values.shape[1] if self.joints is None else int(self.joints.max(initial=-1)) + 1
         return max([used, *(joint + 1 for joint in self.names)])
 
@@ -209,9 +209,9 @@ class Attribute:
         return dense
 
     def strongest(self, n: int) -> tuple[IntArray, AnyArray]:
-        """Return the joints and weights of the n largest weights of each row, (k, n) each; smaller ones are left out.
+        """Return the joints and values of the n largest weights of each row, (k, n) each.
 
-        The weights of a row are scaled to their former sum, which is 1 in most files.
+        They are scaled to the former sum of the row, which is 1 in most files.
         """
         dense = self.dense_weights
         dense = np.pad(dense, ((0, 0), (0, max(n - dense.shape[1], 0))))
@@ -223,9 +223,9 @@ class Attribute:
 
 
 def srgb_of(linear: ArrayLike) -> FloatArray:
-    """Encode amounts of light 0…1 of red, green and blue, as glTF has them, as pictures and other files do.
+    """Encode linear red, green and blue, 0…1, as sRGB (IEC 61966-2-1); a fourth column is opacity.
 
-    By IEC 61966-2-1. A fourth column is opacity, and stays.
+    glTF has linear colours, pictures and other files have sRGB.
     """
     light = np.array(linear, dtype=np.float64)
     colours = light[..., :3]
@@ -235,7 +235,7 @@ def srgb_of(linear: ArrayLike) -> FloatArray:
 
 
 def linear_of(srgb: ArrayLike) -> FloatArray:
-    """Decode what `srgb_of` encoded."""
+    """Decode sRGB to linear colours, the inverse of `srgb_of`."""
     light = np.array(srgb, dtype=np.float64)
     colours = light[..., :3]
     low, high = colours / 12.92, (np.maximum(colours + 0.055, 0) / 1.055) ** 2.4
@@ -244,7 +244,7 @@ def linear_of(srgb: ArrayLike) -> FloatArray:
 
 
 def without_labels(labels: AnyArray, rows: BoolArray) -> AnyArray:
-    """Put −1, False, nan or an empty text in some rows; unsigned integers become signed ones for that."""
+    """Put −1, False, nan or an empty text into some rows; unsigned integers become signed."""
     if not rows.any():
         return labels
     labels = labels.astype(np.int64) if labels.dtype.kind == "u" else labels.copy()
@@ -253,19 +253,19 @@ def without_labels(labels: AnyArray, rows: BoolArray) -> AnyArray:
 
 
 def require_lengths(attributes: tuple[Attribute, ...], n: Mapping[str, int]) -> None:
-    """Raise `DescriptorError` unless the attributes have different names and a row for each point, corner or face."""
+    """Raise `DescriptorError` for equal names, or for a number of rows that does not fit the domain."""
     for attribute in attributes:
         if len(attribute) != n[attribute.domain]:
-            there = f"{n[attribute.domain]} {attribute.domain}s; give one for each"
-            raise DescriptorError(f"attribute {attribute.name!r} has {len(attribute)} rows for {there}")
+            n_rows = f"{n[attribute.domain]} {attribute.domain}s; give one for each"
+            raise DescriptorError(f"attribute {attribute.name!r} has {len(attribute)} rows for {n_rows}")
     keys = [(attribute.name, attribute.domain) for attribute in attributes]
     twice = [f"{name!r} of {domain}s" for name, domain in keys if keys.count((name, domain)) > 1]
     if twice:
         raise DescriptorError(f"attributes with the same name: {', '.join(sorted(set(twice)))}; rename one")
 
 
-def guessed_kind(name: str, values: AnyArray) -> Kind:
-    """Say what values mean by their name, type and width, in formats that do not tell."""
+def guess_kind(name: str, values: AnyArray) -> Kind:
+    """Guess the kind of values from their name, type and width."""
     word = name.lower().strip("_").rstrip("0123456789").rstrip("_")
     width = values.shape[1] if values.ndim == 2 else 1
     if values.ndim == 1:
@@ -283,8 +283,8 @@ def guessed_kind(name: str, values: AnyArray) -> Kind:
     return "vector"
 
 
-def told_apart(attributes: Iterable[Attribute], *, of_all: bool = False) -> tuple[Attribute, ...]:
-    """Return the same, numbered if one before of the same domain, or of all, has the name: uv, uv_1, uv_2."""
+def number_equal_names(attributes: Iterable[Attribute], *, of_all: bool = False) -> tuple[Attribute, ...]:
+    """Add numbers to equal names of the same domain, or of all domains: uv, uv_1, uv_2."""
     numbered: list[Attribute] = []
     for attribute in attributes:
         taken = [other.name for other in numbered if of_all or other.domain == attribute.domain]
@@ -294,5 +294,5 @@ def told_apart(attributes: Iterable[Attribute], *, of_all: bool = False) -> tupl
 
 
 def unused_name(name: str, taken: Container[str]) -> str:
-    """Return a name, with the next number if it is taken."""
-    return next(each for i in count() if (each := f"{name}_{i}" if i else name) not in taken)
+    """Return a name, with the next free number if it is taken."""
+    return next(numbered for i in count() if (numbered := f"{name}_{i}" if i else name) not in taken)

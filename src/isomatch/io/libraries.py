@@ -1,4 +1,4 @@
-"""Meshes of other libraries, told by their attributes, and made, when the library is imported."""
+"""Meshes of other libraries: recognised by their attributes, and made with the imported library."""
 
 from __future__ import annotations
 
@@ -12,48 +12,49 @@ import numpy as np
 from isomatch._core.arrays import AnyArray, IntArray
 from isomatch._core.errors import MeshError
 from isomatch._core.first_use import package
-from isomatch.io.appearance import with_one_texture, with_texture
+from isomatch.io.appearance import prepare_one_texture, with_texture
 from isomatch.io.asset import Asset, Frame
-from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
-from isomatch.io.materials import png_of, texture_on
+from isomatch.io.attribute import Attribute, Domain, Kind, guess_kind, number_equal_names
+from isomatch.io.materials import png_of, texture_of
 from isomatch.io.polygons import Polygons, split_at_seams, triangles_of_strips
 
-_STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
+_STANDARD_NAMES = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Points and polygons of an object, which may have other cells."""
+    """The points and polygons of an object, which may also have other cells."""
 
     points: AnyArray
     polygons: Polygons  # not cut yet
-    rows: IntArray  # of each polygon among the cells of the object
-    left_out: Mapping[str, int] = field(default_factory=dict)  # how many cells of each kind are no polygons
+    rows: IntArray  # number of each polygon among the cells
+    left_out: Mapping[str, int] = field(default_factory=dict)  # number of other cells of each kind
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be known of other cells; vertices of a cloud of points are none."""
+        """A note on other cells; the vertices of a point cloud do not count."""
         is_cloud = not len(self.polygons)
         counts = {kind: n for kind, n in self.left_out.items() if n and not (is_cloud and kind == "vertex")}
-        told = ", ".join(f"{n} {kind}" for kind, n in counts.items())
-        return (f"cells that are no polygons are left out: {told}",) if told else ()
+        listed = ", ".join(f"{n} {kind}" for kind, n in counts.items())
+        return (f"cells that are no polygons are left out: {listed}",) if listed else ()
 
 
 def asset_from(given: object, *, sound: bool = True) -> Asset:
     """Make an asset of a mesh of another library, with its attributes, and its texture if it has just one.
 
-    The space is taken from texts of ``metadata`` (trimesh), ``field_data`` (PyVista) or ``info`` (meshio), as SPACE: LPS.
-    It may be a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D; or a
-    ``PointCloud`` of trimesh or Open3D. Unless ``sound``, polygons may refer to points that are not there, and `repair`
-    removes them. `MeshError` if it is none of these, or has no polygons but other cells.
+    The space comes from texts of ``metadata`` (trimesh), ``field_data`` (PyVista) or ``info`` (meshio),
+    such as SPACE: LPS. The mesh is a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, a
+    ``TriangleMesh`` of Open3D, or a ``PointCloud`` of trimesh or Open3D. Unless ``sound``, polygons may
+    refer to missing points, which `repair` removes. `MeshError` for anything else, or for cells without
+    polygons.
     """
     geometry, attributes = read_geometry(given)
-    values = told_apart(attributes(given, geometry))
+    values = number_equal_names(attributes(given, geometry))
     frame = Frame.of_named(_texts_of(given))
     asset = Asset(geometry.points, geometry.polygons, values, notes=geometry.notes, frame=frame)
     if sound:
         asset.require_points()
-    asset, texture = asset.with_note_of_uncut, texture_on(given)
+    asset, texture = asset.with_note_of_uncut, texture_of(given)
     if texture is None or not asset.of_kind("uv"):
         return asset
     picture, tint = texture
@@ -61,7 +62,7 @@ def asset_from(given: object, *, sound: bool = True) -> Asset:
 
 
 def _texts_of(mesh: object) -> dict[str, str]:
-    """Return the texts by name that go with a mesh."""
+    """Collect the named texts of a mesh."""
     texts = dict[str, str]()
     for place in ("metadata", "field_data", "info"):
         named: Any = getattr(mesh, place, None) or {}
@@ -79,32 +80,32 @@ def _triangles(mesh: object, points: Any, faces: Any) -> Geometry:
 
 
 def _polydata(mesh: Any, points: Any, faces: Any) -> Geometry:
-    """Read faces stored one after the other, each as the number of its corners and these."""
+    """Read faces stored one after another, each as the number of its corners and the corners."""
     flat = np.asarray(faces, dtype=np.int64)
     if flat.ndim == 2:
         return _triangles(mesh, points, flat)
-    corners, sizes = _unpadded(flat)
+    corners, sizes = _unpad(flat)
     others = {"vertex": getattr(mesh, "n_verts", 0), "line": getattr(mesh, "n_lines", 0)}
     rows = sum(others.values()) + np.arange(len(sizes))
-    strips = _unpadded(np.asarray(mesh.strips, dtype=np.int64)) if getattr(mesh, "n_strips", 0) else None
+    strips = _unpad(np.asarray(mesh.strips, dtype=np.int64)) if getattr(mesh, "n_strips", 0) else None
     return polygons_of(points, corners, sizes, rows, others, strips)
 
 
-def _unpadded(flat: IntArray) -> tuple[IntArray, IntArray]:
-    """Part what is stored as a number of corners and these, one after the other, into corners and numbers."""
+def _unpad(flat: IntArray) -> tuple[IntArray, IntArray]:
+    """Split faces stored as numbers of corners, each followed by the corners, into corners and numbers."""
     starts = np.arange(0, flat.size, flat[0] + 1) if flat.size else flat
     if flat.size and (flat.size % (flat[0] + 1) or (flat[starts] != flat[0]).any()):
-        sizes, at = flat.tolist(), [0]
-        while at[-1] + sizes[at[-1]] + 1 < len(sizes):
-            at.append(at[-1] + sizes[at[-1]] + 1)
-        starts = np.array(at)
+        sizes, starts_found = flat.tolist(), [0]
+        while starts_found[-1] + sizes[starts_found[-1]] + 1 < len(sizes):
+            starts_found.append(starts_found[-1] + sizes[starts_found[-1]] + 1)
+        starts = np.array(starts_found)
     corners = np.ones(flat.size, dtype=bool)
     corners[starts] = False
     return flat[corners], flat[starts]
 
 
 def _blocks(mesh: Any, points: Any, cells: Any) -> Geometry:
-    """Read blocks, each of the cells of one type."""
+    """Read blocks of cells of one type."""
     start, (corners, sizes, rows) = 0, ([np.zeros(0, dtype=np.int64)] for _ in range(3))
     others: Counter[str] = Counter()
     for block in cells:
@@ -127,16 +128,16 @@ def polygons_of(
     others: Mapping[str, int],
     strips: tuple[IntArray, IntArray] | None = None,  # corners and sizes, of cells after all others
 ) -> Geometry:
-    """Leave out what has fewer than three corners, and refuse what has no polygons but other cells than vertices."""
+    """Leave out cells with fewer than three corners; refuse other cells than vertices without polygons."""
     if strips:
-        triangles, of = triangles_of_strips(*strips)
+        triangles, strip = triangles_of_strips(*strips)
         corners, sizes = np.append(corners, triangles), np.append(sizes, np.full(len(triangles), 3))
-        rows = np.append(rows, of + len(rows) + sum(others.values()))
+        rows = np.append(rows, strip + len(rows) + sum(others.values()))
     kept = sizes >= 3
     others = {**others, "of fewer than three corners": int((~kept).sum())}
     if not len(sizes) and {kind for kind, n in others.items() if n} - {"vertex", "line"}:
-        told = ", ".join(sorted(kind for kind, n in others.items() if n))
-        raise MeshError(f"there are no triangles, quads or polygons but {told}; extract the surface first")
+        kinds = ", ".join(sorted(kind for kind, n in others.items() if n))
+        raise MeshError(f"there are no triangles, quads or polygons but {kinds}; extract the surface first")
     polygons = Polygons(corners[np.repeat(kept, sizes)], sizes[kept])
     return Geometry(np.asarray(points), polygons, rows[kept], others)
 
@@ -158,7 +159,7 @@ def _data_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
     yield from attributes_of(getattr(mesh, "point_data", {}), "point")
     cells = getattr(mesh, "cell_data", {})
     if _has(mesh, "cells") and not _has(mesh, "faces"):  # lists of the values of each block
-        cells = {name: np.concatenate(each) for name, each in cells.items()}
+        cells = {name: np.concatenate(blocks) for name, blocks in cells.items()}
     yield from attributes_of(cells, "face", geometry.rows)
 
 
@@ -180,28 +181,28 @@ def _open3d_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
 def attributes_of(
     arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None
 ) -> Iterator[Attribute]:
-    """Make attributes of arrays whose meaning is not told, without those that hold no numbers or words."""
+    """Make attributes of arrays by guessing their kind, without arrays that can be none."""
     return (attribute for _, attribute in named_attributes(arrays, domain, rows))
 
 
 def named_attributes(
     arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None
 ) -> Iterator[tuple[str, Attribute]]:
-    """Make the same, each after the name of its array."""
+    """Make attributes as `attributes_of`, each with the name of its array."""
     for title, values in arrays.items():
         name, array = str(title), np.asarray(values) if rows is None else np.asarray(values)[rows]
         if not is_attribute(array):
             continue
         if array.ndim == 2 and array.shape[1] == 1:
             array = array[:, 0]
-        kind = guessed_kind(name, array)
+        kind = guess_kind(name, array)
         standard = {"normal": "normal", "uv": "uv", "colour": "color"}.get(kind, name)
-        is_standard = name.lower().rstrip("s").replace(" ", "") in (*_STANDARD, standard)
+        is_standard = name.lower().rstrip("s").replace(" ", "") in (*_STANDARD_NAMES, standard)
         yield name, Attribute(standard if is_standard else name, domain, kind, array)
 
 
 def is_attribute(array: AnyArray) -> bool:
-    """Whether an attribute can have the values of an array: numbers in one row or several columns, or single texts."""
+    """Whether an array can be an attribute: numbers in one or more columns, or one text per row."""
     if array.ndim not in (1, 2) or array.dtype.kind not in "biufU":
         return False
     return array.ndim == 1 or array.shape[1] == 1 or (array.dtype.kind != "U" and array.shape[1] > 0)
@@ -209,26 +210,26 @@ def is_attribute(array: AnyArray) -> bool:
 
 @dataclass(frozen=True)
 class ArrayDocument:
-    """The names of the arrays that attributes were read from, and the arrays of a file that are of no points or cells."""
+    """The original names of the arrays of attributes, and the arrays that belong to no points or cells."""
 
     names: Mapping[tuple[str, Domain], str] = field(default_factory=dict)
     fields: Mapping[str, AnyArray] = field(default_factory=dict)
 
 
-Attributes = Callable[[Any, Geometry], Iterator[Attribute]]  # of a mesh, once its geometry is read
+Attributes = Callable[[Any, Geometry], Iterator[Attribute]]  # of a mesh and its geometry
 _LIBRARIES: dict[tuple[str, str], tuple[Callable[[Any, Any, Any], Geometry], Attributes]] = {
     ("vertices", "faces"): (_triangles, _trimesh_attributes),
     ("vertices", "triangles"): (_triangles, _open3d_attributes),
     ("points", "faces"): (_polydata, _data_attributes),
     ("points", "cells"): (_blocks, _data_attributes),
 }
-"""How the mesh of a library is read that has these two attributes: trimesh, Open3D, PyVista, meshio."""
+"""Readers of meshes by two of their attributes: trimesh, Open3D, PyVista, meshio."""
 
 _REMEDIES = ("extract_surface", "to_geometry")  # of grids of PyVista and scenes of trimesh
 
 
 def read_geometry(mesh: object) -> tuple[Geometry, Attributes]:
-    """Read points and polygons of a mesh of trimesh, PyVista, meshio or Open3D, and say how its attributes are read."""
+    """Read a mesh of trimesh, PyVista, meshio or Open3D; return also the reader of its attributes."""
     if type(mesh).__name__ == "PointCloud":
         for name in ("vertices", "points"):  # trimesh, Open3D
             if _has(mesh, name):
@@ -258,8 +259,8 @@ def to_trimesh(asset: Asset) -> Any:
     `MissingDependencyError` if the package is not installed, here and of the other conversions.
     """
     trimesh = package("trimesh", "io", "a mesh of trimesh")
-    shown, texture = with_one_texture(asset)
-    split = _at_points(shown)
+    shown, texture = prepare_one_texture(asset)
+    split = _split_to_points(shown)
     mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
     mesh.metadata.update(_space_of(asset))
     of_triangle = split.polygons.of_triangle
@@ -271,12 +272,12 @@ def to_trimesh(asset: Asset) -> Any:
             material = None
             if texture is not None:
                 image = package("PIL.Image", None, "a texture").fromarray(texture)
-                # white, as the tint is painted into it; with none given, trimesh would write a dark grey
+                # white, as the tint is painted into the picture; the default of trimesh is dark grey
                 material = trimesh.visual.material.SimpleMaterial(image=image, diffuse=(255, 255, 255))
             mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]), material=material)
         elif attribute.kind == "colour" and not has_uv:
             if values.dtype.kind == "f":
-                values = np.nan_to_num(values, nan=attribute.full)  # white is none
+                values = np.nan_to_num(values, nan=attribute.full)  # nan becomes white
             name = "vertex_colors" if of_points else "face_colors"
             setattr(mesh.visual, name, trimesh.visual.to_rgba(values))
         else:
@@ -288,7 +289,7 @@ def to_trimesh(asset: Asset) -> Any:
 def to_pyvista(asset: Asset) -> Any:
     """Make a ``pyvista.PolyData`` with all polygons; points are split where values of corners differ."""
     pyvista = package("pyvista", "vtk", "a mesh of PyVista")
-    split = _at_points(asset)
+    split = _split_to_points(asset)
     cells = np.insert(split.polygons.corners, split.polygons.starts, split.polygons.sizes)
     mesh = pyvista.PolyData(split.points, cells if len(cells) else None)
     document = asset.document if isinstance(asset.document, ArrayDocument) else ArrayDocument()
@@ -297,7 +298,11 @@ def to_pyvista(asset: Asset) -> Any:
         **{key: [text] for key, text in _space_of(asset).items()},
     }.items():
         _set_array(mesh.field_data, name, np.asarray(values))
-    taken = {each.name for each in split.attributes if (each.name, each.domain) not in document.names}
+    taken = {
+        attribute.name
+        for attribute in split.attributes
+        if (attribute.name, attribute.domain) not in document.names
+    }
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
         if not len(attribute):  # which pyvista refuses
@@ -313,7 +318,7 @@ def to_pyvista(asset: Asset) -> Any:
 
 
 def _set_array(data: Any, name: str, values: AnyArray) -> None:
-    """Add an array to the data of a mesh of PyVista, which takes no texts but those of ASCII."""
+    """Add an array to the data of a mesh of PyVista, which itself takes only ASCII texts."""
     if values.dtype.kind != "U":
         data[name] = values
         return
@@ -328,16 +333,19 @@ def _set_array(data: Any, name: str, values: AnyArray) -> None:
 def to_meshio(asset: Asset) -> Any:
     """Make a ``meshio.Mesh`` with all polygons; points are split where values of corners differ.
 
-    Polygons of as many corners in a row are a block.
+    Consecutive polygons with the same number of corners form a block.
     """
     meshio = package("meshio", "io", "a mesh of meshio")
-    split = _at_points(asset)
+    split = _split_to_points(asset)
     polygons = split.polygons
     first = np.flatnonzero(np.diff(polygons.sizes, prepend=0))
     corners = np.split(polygons.corners, polygons.starts[first[1:]])
     kinds, sizes = {3: "triangle", 4: "quad"}, polygons.sizes[first].tolist()
-    blocks = [(kinds.get(n, "polygon"), each.reshape(-1, n)) for each, n in zip(corners, sizes)]
-    if not blocks:  # a file without cells cannot be read
+    blocks = [
+        (kinds.get(n, "polygon"), corners_of_block.reshape(-1, n))
+        for corners_of_block, n in zip(corners, sizes)
+    ]
+    if not blocks:  # meshio cannot read a file without cells
         blocks = [("vertex", np.arange(len(split.points))[:, None])]
     at_points = {a.name: a.plain for a in split.attributes if a.domain == "point"}
     on_faces = [a for a in split.attributes if a.domain == "face" and len(polygons)]
@@ -348,12 +356,12 @@ def to_meshio(asset: Asset) -> Any:
 def to_open3d(asset: Asset) -> Any:
     """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates."""
     open3d = package("open3d", None, "a mesh of Open3D")
-    shown, texture = with_one_texture(asset)
+    shown, texture = prepare_one_texture(asset)
     asset = shown.placed
 
     def vector(values: AnyArray) -> Any:
         kind = open3d.utility.Vector3dVector if values.shape[1] == 3 else open3d.utility.Vector2dVector
-        return kind(np.array(values, dtype=np.float64))  # which can be written to
+        return kind(np.array(values, dtype=np.float64))  # a writable copy
 
     polygons = asset.polygons
     index = open3d.utility.Vector3iVector(np.array(polygons.triangles, dtype=np.int32))
@@ -371,7 +379,7 @@ def to_open3d(asset: Asset) -> Any:
                 mesh.triangle_uvs = vector(values[polygons.triangles.ravel(), :2])
             case "uv", "corner":
                 mesh.triangle_uvs = vector(values[polygons.corner_of_triangle.ravel(), :2])
-    if texture is not None:  # row 0 is at the bottom there
+    if texture is not None:  # with row 0 at the bottom
         mesh.textures = [open3d.geometry.Image(np.ascontiguousarray(texture[::-1]))]
         mesh.triangle_material_ids = open3d.utility.IntVector(np.zeros(len(mesh.triangles), dtype=np.int32))
     return mesh
@@ -381,11 +389,11 @@ def _space_of(asset: Asset) -> dict[str, str]:
     return asset.frame.named if asset.frame else {}
 
 
-def _at_points(asset: Asset) -> Asset:
-    """Return the same with values of corners at points, of which there are more at seams; equal names are numbered."""
+def _split_to_points(asset: Asset) -> Asset:
+    """Move values of corners to points, which are split at seams, and number equal names."""
     asset = asset.placed
     if any(attribute.domain == "corner" for attribute in asset.attributes):
         asset.require_points()
     split = split_at_seams(asset.polygons, len(asset.points), asset.attributes)
     polygons = asset.polygons.between(split.corners)
-    return Asset(asset.points[split.source], polygons, told_apart(split.attributes))
+    return Asset(asset.points[split.source], polygons, number_equal_names(split.attributes))

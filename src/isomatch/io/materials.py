@@ -1,4 +1,4 @@
-"""Materials of a surface: pictures, where texture coordinates look them up, and the colours that multiply them."""
+"""Materials of a surface: pictures, their texture coordinates, and colours that multiply them."""
 
 from __future__ import annotations
 
@@ -21,16 +21,24 @@ from isomatch.io.attribute import linear_of, srgb_of
 Wrap = Literal["repeat", "clamp", "mirror"]
 UNTINTED = (1.0, 1.0, 1.0, 1.0)
 IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # how such files begin
-_KINDS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # those that can be told from other files
-_UNREAD = "a picture cannot be read: "
-_MOST = 8  # widths of a picture that its border may go on, where it has to be painted
-NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
+_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # first bytes of such files
+_PILLOW_FORMATS = (
+    "PNG",
+    "JPEG",
+    "WEBP",
+    "BMP",
+    "GIF",
+    "TIFF",
+    "DDS",
+)  # formats that are recognised by their contents
+_CANNOT_READ = "a picture cannot be read: "
+_MAX_PAINTED_WIDTHS = 8  # how far a clamped border is painted
+DEFAULT_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh without a colour
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture as a file: its name, its bytes, and if these were not found, why."""
+    """A picture file: its name, its bytes, or the reason why they are missing."""
 
     name: str
     data: bytes = b""
@@ -38,7 +46,7 @@ class Picture:
 
     @classmethod
     def among(cls, files: Mapping[str, bytes], name: str) -> Picture:
-        """Return the picture of a name among those that were beside the surface."""
+        """Find a picture by name among the files beside the surface."""
         missing = "" if name in files else "there is no such file in the folder of the surface"
         return cls(name, files.get(name, b""), missing)
 
@@ -47,9 +55,9 @@ class Picture:
 class Layer:
     """A picture on a surface, multiplied in linear light by a tint of red to alpha, 0…1 in sRGB; or the tint alone.
 
-    ``uv`` is the attribute by which it is looked up. The ``matrix`` is multiplied by columns u, v, 1 first, where v goes
-    down from the top of the picture. ``wrap`` says what is beyond its borders, sideways and upwards; with ``nearest``,
-    texels are not blended.
+    ``uv`` is the attribute with its texture coordinates. The ``matrix`` multiplies columns u, v, 1, with
+    v down from the top of the picture. ``wrap`` continues it beyond its borders, sideways and upwards;
+    with ``nearest``, texels are not blended.
     """
 
     tint: tuple[float, ...] = UNTINTED
@@ -60,7 +68,7 @@ class Layer:
     nearest: bool = False
 
     def looked_up(self, uv: FloatArray) -> FloatArray:
-        """(m, 2) places in the picture of texture coordinates (m, 2 or more), both from its lower left."""
+        """Convert texture coordinates (m, 2 or more) to places in the picture, (m, 2), from the lower left."""
         matrix = np.array(self.matrix)
         down = np.column_stack([uv[:, 0], 1 - uv[:, 1]])
         places: FloatArray = down @ matrix[:, :2].T + matrix[:, 2]
@@ -69,17 +77,17 @@ class Layer:
 
     @property
     def pixels(self) -> FloatArray | None:
-        """(h, w, 4) the pixels of its picture, multiplied by the tint; None if it has none that can be read."""
-        if self.picture is None or unread([self.picture]):
+        """(h, w, 4) pixels of its picture, multiplied by the tint; None without a readable picture."""
+        if self.picture is None or unreadable_pictures([self.picture]):
             return None
-        return multiplied(pixels_of(self.picture.data), self.tint)
+        return multiply_colours(pixels_of(self.picture.data), self.tint)
 
     def unrolled(self, uv: FloatArray) -> Layer:
-        """Return a layer whose picture repeats and shows the same at places (m, 2) in the former one.
+        """Return a layer with a repeating picture that shows the same at places (m, 2) in this one.
 
-        A mirrored picture is put beside its mirror image; of one whose border goes on, as much is added as is seen.
+        A mirrored picture is put beside its mirror image; a clamped one gets as much border as is seen.
         """
-        if self.picture is None or self.wrap == ("repeat", "repeat") or unread([self.picture]):
+        if self.picture is None or self.wrap == ("repeat", "repeat") or unreadable_pictures([self.picture]):
             return self
         pixels, matrix = pixels_of(self.picture.data), np.array(self.matrix)
         for axis, wrap in enumerate(self.wrap):
@@ -87,10 +95,10 @@ class Layer:
             seen = seen[np.isfinite(seen)]
             first, last = 0, 2 if wrap == "mirror" else 1
             if wrap == "clamp" and len(seen):
-                first = int(np.floor(seen.min()).clip(-_MOST, 0))
-                last = int(np.ceil(seen.max()).clip(1, _MOST))
+                first = int(np.floor(seen.min()).clip(-_MAX_PAINTED_WIDTHS, 0))
+                last = int(np.ceil(seen.max()).clip(1, _MAX_PAINTED_WIDTHS))
             n = pixels.shape[1 - axis]
-            pixels = pixels.take(_wrapped(np.arange(first * n, last * n), n, wrap), axis=1 - axis)
+            pixels = pixels.take(_wrap_index(np.arange(first * n, last * n), n, wrap), axis=1 - axis)
             matrix[axis, 2] -= first
             matrix[axis] /= last - first
         picture, rows = Picture(self.picture.name, png_of(pixels)), tuple(map(tuple, matrix.tolist()))
@@ -99,7 +107,7 @@ class Layer:
 
 @dataclass(frozen=True)
 class Look:
-    """A material: its base colour, and the light that it emits, which is added."""
+    """A material: its base colour, and emitted light, which is added."""
 
     name: str
     base: Layer
@@ -107,12 +115,12 @@ class Look:
 
     @property
     def main(self) -> Layer:
-        """The layer that is seen where only one can be: what is emitted by a black base, or the base."""
+        """The layer to show if only one can be: the base, or emitted light if the base is black."""
         return self.emitted if self.emitted and max(self.base.tint[:3]) == 0 else self.base
 
     @property
     def layers(self) -> tuple[Layer, ...]:
-        """Its base and what is emitted, if anything is."""
+        """Its base and, if there is any, its emitted light."""
         return (self.base, self.emitted) if self.emitted else (self.base,)
 
     @property
@@ -125,7 +133,7 @@ class Look:
 class Looks:
     """The material of each triangle, (m,), −1 for none, and the materials.
 
-    Their base colours are multiplied by those of points, if ``tinted``, as in glTF.
+    If ``tinted``, as in glTF, base colours are multiplied by the colours of points.
     """
 
     of_triangle: IntArray
@@ -139,12 +147,12 @@ class Looks:
 
 
 def pixels_of(picture: bytes) -> FloatArray:
-    """(height, width, 4) the pixels of a picture file, 0…1, row 0 at the top; `FormatError` if Pillow cannot read it."""
-    return np.asarray(_loaded(picture)) / 255
+    """Read the pixels of a picture file, (h, w, 4), 0…1, row 0 at the top; `FormatError` if damaged."""
+    return np.asarray(_load_image(picture)) / 255
 
 
-def _loaded(picture: bytes) -> Any:
-    """Return an image of red, green, blue and opacity; FormatError if it cannot be read."""
+def _load_image(picture: bytes) -> Any:
+    """Load an image of red, green, blue and opacity; `FormatError` if it cannot be read."""
     from PIL import Image, UnidentifiedImageError  # slow to import, and needed by matplotlib
 
     try:
@@ -153,32 +161,32 @@ def _loaded(picture: bytes) -> Any:
             image = Image.fromarray((np.asarray(image) // 257).astype(np.uint8))
         return image.convert("RGBA")
     except UnidentifiedImageError:
-        raise FormatError(f"{_UNREAD}it is of no known kind; convert it to PNG") from None
+        raise FormatError(f"{_CANNOT_READ}it is of no known kind; convert it to PNG") from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise FormatError(f"{_UNREAD}{error}; copy it again, or convert it to PNG") from None
+        raise FormatError(f"{_CANNOT_READ}{error}; copy it again, or convert it to PNG") from None
 
 
-def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
-    """Say of each picture that cannot be read why not."""
+def unreadable_pictures(pictures: Iterable[Picture]) -> dict[Picture, str]:
+    """Explain for each picture that cannot be read why not."""
     reasons = {}
     for picture in pictures:
         try:
             if picture.missing:
                 raise FormatError(picture.missing)
-            _loaded(picture.data)
+            _load_image(picture.data)
         except FormatError as error:
-            reasons[picture] = str(error).removeprefix(_UNREAD)
+            reasons[picture] = str(error).removeprefix(_CANNOT_READ)
     return reasons
 
 
 def picture_in(path: Path) -> bytes | None:
-    """Return the contents of a file if they begin as those of a picture; nothing else may be copied into an output."""
+    """Read a file if it is a picture; nothing else may be copied into an output."""
     from PIL import Image
 
     with open_file(path) as file:
         if file.read(len(_KTX)) != _KTX:
             file.seek(0)
-            kinds = _KINDS if path.suffix.lower() != ".tga" else ("TGA",)
+            kinds = _PILLOW_FORMATS if path.suffix.lower() != ".tga" else ("TGA",)
             try:
                 with warnings.catch_warnings(action="ignore"):
                     Image.open(file, formats=kinds).verify()
@@ -188,7 +196,7 @@ def picture_in(path: Path) -> bytes | None:
 
 
 def as_png(picture: bytes) -> tuple[bytes, str]:
-    """Return a PNG or JPEG file as it is, and another as PNG if it can be read; and which of the two it is."""
+    """Convert a picture to PNG, unless it is JPEG or cannot be read; return also which of the two it is."""
     if picture.startswith(_JPEG):
         return picture, "jpeg"
     if not picture.startswith(_PNG):
@@ -198,7 +206,7 @@ def as_png(picture: bytes) -> tuple[bytes, str]:
 
 
 def png_of(pixels: AnyArray) -> bytes:
-    """Make a PNG file of (height, width, channels) pixels: integers of the full range of their type, or floats 0…1."""
+    """Make a PNG file of pixels (h, w, channels): integers over the range of their type, or floats 0…1."""
     from matplotlib.image import imsave
 
     if pixels.dtype.kind in "iu" and pixels.dtype != np.uint8:
@@ -212,31 +220,31 @@ def png_of(pixels: AnyArray) -> bytes:
     return file.getvalue()
 
 
-def sampled(pixels: FloatArray, layer: Layer, uv: FloatArray) -> FloatArray:
-    """(m, 4) colours of the pixels of a layer's picture at texture coordinates (m, 2), blended between texels."""
+def sample_texture(pixels: FloatArray, layer: Layer, uv: FloatArray) -> FloatArray:
+    """Sample the pixels of a layer at texture coordinates (m, 2), blended between texels: (m, 4)."""
     height, width = pixels.shape[:2]
-    at = layer.looked_up(uv)
-    x, y = at[:, 0] * width - 0.5, (1 - at[:, 1]) * height - 0.5
+    places = layer.looked_up(uv)
+    x, y = places[:, 0] * width - 0.5, (1 - places[:, 1]) * height - 0.5
     if layer.nearest:
         x, y = np.floor(x + 0.5), np.floor(y + 0.5)
     left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     s, t = (x - left)[:, None], (y - top)[:, None]
     total: FloatArray = np.zeros((len(uv), 4))
     for i, down in ((0, 1 - t), (1, t)):
-        row = _wrapped(top + i, height, layer.wrap[1])
+        row = _wrap_index(top + i, height, layer.wrap[1])
         for j, right in ((0, 1 - s), (1, s)):
-            total += down * right * pixels[row, _wrapped(left + j, width, layer.wrap[0])]
-    return multiplied(total, layer.tint)
+            total += down * right * pixels[row, _wrap_index(left + j, width, layer.wrap[0])]
+    return multiply_colours(total, layer.tint)
 
 
-def multiplied(colours: FloatArray, tint: ArrayLike) -> FloatArray:
-    """Multiply the light of colours (m, 4), 0…1 in sRGB, by that of others."""
+def multiply_colours(colours: FloatArray, tint: ArrayLike) -> FloatArray:
+    """Multiply colours (m, 4), 0…1 in sRGB, by a tint, in linear light."""
     tint = np.asarray(tint, dtype=np.float64)
     return colours if (tint == 1).all() else srgb_of(linear_of(colours) * linear_of(tint))
 
 
-def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:
-    """Return the texel of n that is shown at an index inside or beyond them."""
+def _wrap_index(index: IntArray, n: int, wrap: Wrap) -> IntArray:
+    """Find which of n texels is shown at an index inside or beyond them."""
     if wrap == "clamp":
         return np.clip(index, 0, n - 1)
     if wrap == "mirror":
@@ -245,8 +253,8 @@ def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:
     return index % n
 
 
-def texture_on(mesh: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
-    """Return the texture of a mesh of trimesh or Open3D, and the colour that tints it, 0…1; None unless it has one."""
+def texture_of(mesh: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
+    """Return the one texture of a mesh of trimesh or Open3D, and its tint, 0…1; None otherwise."""
     material = getattr(getattr(mesh, "visual", None), "material", None)  # of trimesh
     images = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
     textures = [np.asarray(image.convert("RGBA")) for image in images if image is not None][-1:]
@@ -256,10 +264,10 @@ def texture_on(mesh: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
 
 
 def _tint(material: Any) -> tuple[float, ...]:
-    """Colour by which a material of trimesh multiplies its picture; those of Open3D are not read."""
+    """Return the colour by which a material of trimesh multiplies its picture."""
     factor = getattr(material, "baseColorFactor", None)  # of glTF
     tint = getattr(material, "diffuse", None) if factor is None else factor
-    if tint is None or (factor is None and tuple(tint) == NO_DIFFUSE):
+    if tint is None or (factor is None and tuple(tint) == DEFAULT_DIFFUSE):
         return UNTINTED
     colour = np.asarray(tint)
     channels = colour if colour.dtype.kind == "f" and colour.max() <= 1 else colour / 255

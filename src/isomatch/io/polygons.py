@@ -1,4 +1,4 @@
-"""Polygons of different sizes, stored in one concatenated array, their triangles, renumbering and texture seams."""
+"""Polygons of different sizes in one concatenated array; triangles, renumbering, texture seams."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from isomatch._core.errors import MeshError
 from isomatch.io.attribute import Attribute, without_labels
 from isomatch.surfaces import first_equal, weld_points
 
-_ROUNDING = 16 * np.finfo(np.float64).eps  # of a corner, relative to the largest coordinate
-_COCIRCULAR = 1e-12  # below this, in a polygon of size 1, corners count as on one line or circle
-_OVERLAP = 1e-9  # share of the area of a polygon that triangles of rounded corners may cover twice
+_CORNER_ROUNDING = 16 * np.finfo(np.float64).eps  # relative to the largest coordinate
+_COCIRCULAR_TOLERANCE = 1e-12  # corners this near to a line or circle lie on it, in a polygon of size 1
+_MAX_OVERLAP_SHARE = 1e-9  # of a polygon that triangles may cover twice by rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,7 +31,7 @@ class Polygons:
     sizes : (p,) array_like of int
         Number of corners of each polygon, at least 3.
     points : (n, 3) array of float, optional
-        Positions for cutting the polygons that are not convex; an `Asset` gives its own. Without them all polygons are
+        Positions for cutting concave polygons; an `Asset` gives its own. Without them, all polygons are
         cut as if they were convex.
 
     Raises
@@ -77,12 +77,12 @@ class Polygons:
 
     @cached_property
     def _cut(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Rows of `corner_of_triangle` that are no fans, what they are instead, and `uncut`."""
+        """The rows of `corner_of_triangle` that are no fans, their triangles, and `uncut`."""
         rows, triangles, left = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3), dtype=np.int64)], list[int]()
         for polygon, places, flat, rounding in self._concave():
             start, size = int(self.starts[polygon]), len(flat)
             first = int(np.lexsort(places.T)[0])  # whichever corner the file begins with
-            ears = _ears(np.roll(flat, -first, axis=0), rounding)
+            ears = _cut_ears(np.roll(flat, -first, axis=0), rounding)
             if ears is None:
                 left.append(polygon)
             else:
@@ -93,24 +93,24 @@ class Polygons:
         return np.concatenate(rows), np.concatenate(triangles), np.array(left, dtype=np.int64)
 
     def _concave(self) -> list[tuple[int, FloatArray, FloatArray, float]]:
-        """Polygons that are not convex, with their corners in space, in their planes, (k, 2), and how exact these are."""
+        """Find the concave polygons, with their corners in space, in their planes, (k, 2), and the rounding."""
         if self.points is None:
             return []
         sound = (self.corners >= 0) & (self.corners < len(self.points))
         sound[sound] = np.isfinite(self.points[self.corners[sound]]).all(axis=1)
         n_sound = np.add.reduceat(sound, self.starts) if len(self) else self.sizes
-        polygons = []
+        found = []
         for size in np.unique(self.sizes[self.sizes > 3]).tolist():
             rows = np.flatnonzero((self.sizes == size) & (n_sound == size))
             places = self.points[self.corners[self.starts[rows, None] + np.arange(size)]]
-            flat, rounding = _flattened(places)
+            flat, rounding = _flatten(places)
             concave = np.flatnonzero(~_are_convex(flat, rounding)).tolist()
-            polygons += [(int(rows[i]), places[i], flat[i], float(rounding[i])) for i in concave]
-        return sorted(polygons, key=lambda each: each[0])
+            found += [(int(rows[i]), places[i], flat[i], float(rounding[i])) for i in concave]
+        return sorted(found, key=lambda polygon: polygon[0])
 
     @cached_property
     def corner_of_triangle(self) -> IntArray:
-        """(m, 3) the corners of the polygons that are those of each triangle; only convex polygons are fans."""
+        """(m, 3) corners of each triangle; convex polygons are cut into fans."""
         rows, ears, _ = self._cut
         second = spans(self.starts + 1, self.sizes - 2)
         first = np.repeat(self.starts, self.sizes - 2)
@@ -120,7 +120,7 @@ class Polygons:
 
     @property
     def uncut(self) -> IntArray:
-        """Polygons that are fans though they are not convex, because their outline crosses itself or has no area."""
+        """Concave polygons that are cut into fans, because their outline crosses itself or has no area."""
         return self._cut[2]
 
     @property
@@ -131,15 +131,15 @@ class Polygons:
         return self.corners[self.corner_of_triangle]
 
     def at(self, points: FloatArray) -> Polygons:
-        """Return the same, cut as they lie at these points, unless they have points already."""
+        """Cut the polygons at these points, unless they have points already."""
         if self.points is not None or (self.sizes == 3).all():
             return self
         return Polygons(self.corners, self.sizes, points)
 
     def between(self, corners: IntArray) -> Polygons:
-        """Return the same with other numbers for the same corners, cut in the same way."""
+        """Replace the numbers of the corners, and cut the polygons in the same way."""
         polygons = Polygons(corners, self.sizes, self.points)
-        polygons.__dict__["_cut"] = self._cut  # as the points have the numbers of before
+        polygons.__dict__["_cut"] = self._cut  # the points have the old numbers
         return polygons
 
     @cached_property
@@ -149,7 +149,7 @@ class Polygons:
 
     @property
     def of_triangle(self) -> IntArray:
-        """(m,) the polygon that each triangle is a piece of."""
+        """(m,) the polygon of each triangle."""
         return np.repeat(np.arange(len(self)), self.sizes - 2)
 
     @property
@@ -159,7 +159,7 @@ class Polygons:
 
 
 def triangles_of_strips(corners: IntArray, sizes: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the triangles (m, 3) of strips, every second turned over, and the strip (m,) of each."""
+    """Return the triangles (m, 3) of strips, every second one turned over, and the strip (m,) of each."""
     counts = np.maximum(sizes - 2, 0)
     first = spans(np.cumsum(sizes) - sizes, counts)
     triangles = corners[first[:, None] + np.arange(3)]
@@ -174,8 +174,8 @@ def spans(starts: IntArray, counts: IntArray) -> IntArray:
     return np.repeat(starts - before, counts) + np.arange(counts.sum(), dtype=np.int64)
 
 
-def _flattened(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(p, k, 2) corners of polygons in their planes, where they turn left, of extent 1; and how exact they are, (p,)."""
+def _flatten(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Project polygons of extent 1 onto their planes, (p, k, 2), to turn left; return also the rounding."""
     scale = np.abs(points).max(axis=(1, 2), keepdims=True)
     points = points / np.where(scale > 0, scale, 1)
     points = points - points[:, :1]
@@ -189,18 +189,18 @@ def _flattened(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     right = right / np.where(length > 0, np.linalg.norm(right, axis=1, keepdims=True), 1)
     up = np.cross(normal, right)
     flat = np.stack([(points * axis[:, None]).sum(axis=2) for axis in (right, up)], axis=2)
-    return flat, _ROUNDING / extent[:, 0, 0]
+    return flat, _CORNER_ROUNDING / extent[:, 0, 0]
 
 
 def _are_convex(flat: FloatArray, rounding: FloatArray) -> BoolArray:
-    """(p,) whether outlines (p, k, 2) turn to the left at every corner, and once around."""
+    """Whether outlines (p, k, 2) turn left at every corner, and once around: (p,)."""
     after = np.roll(flat, -1, axis=1) - flat
     before, size = after.copy(), flat.shape[1]
-    # the edge before a corner, of corners at one place the one before them all
+    # before: the last edge of positive length before each corner
     for i in range(-size, 2 * size):
-        at, last = i % size, (i - 1) % size
-        no_edge = np.abs(after[:, last]).max(axis=1) <= rounding
-        before[:, at] = np.where(no_edge[:, None], before[:, last], after[:, last])
+        corner, previous = i % size, (i - 1) % size
+        no_edge = np.abs(after[:, previous]).max(axis=1) <= rounding
+        before[:, corner] = np.where(no_edge[:, None], before[:, previous], after[:, previous])
     turn = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
     turn[np.abs(after).max(axis=2) <= rounding[:, None]] = 0
     around = np.arctan2(np.maximum(turn, 0), (before * after).sum(axis=2)).sum(axis=1)
@@ -209,29 +209,29 @@ def _are_convex(flat: FloatArray, rounding: FloatArray) -> BoolArray:
 
 
 def _area(flat: FloatArray) -> FloatArray:
-    """Twice the area of outlines (…, k, 2) that turn left."""
+    """Compute twice the signed area of outlines (…, k, 2), positive if they turn left."""
     after = np.roll(flat, -1, axis=-2)
     return np.asarray((flat[..., 0] * after[..., 1] - flat[..., 1] * after[..., 0]).sum(axis=-1))
 
 
-def _ears(flat: FloatArray, rounding: float) -> IntArray | None:
-    """(k - 2, 3) corners of triangles of one polygon; None if none cover its outline once."""
+def _cut_ears(flat: FloatArray, rounding: float) -> IntArray | None:
+    """Cut a polygon into triangles, (k - 2, 3) corners; None if they do not cover its outline once."""
     n, area = len(flat), _area(flat)
     if area <= rounding:
         return None
     cut = triangulate_float64(flat.astype(np.float64), np.array([n], np.uint32)).reshape(-1, 3).tolist()
-    triangles = np.array(_with_every_corner(cut, n)).reshape(-1, 3)
+    triangles = np.array(_insert_corners(cut, n)).reshape(-1, 3)
     parts = _area(flat[triangles])
-    if len(triangles) != n - 2 or np.abs(parts).sum() > (1 + _OVERLAP) * area:
+    if len(triangles) != n - 2 or np.abs(parts).sum() > (1 + _MAX_OVERLAP_SHARE) * area:
         return None
-    return _delaunay(flat, triangles if parts.sum() > 0 else triangles[:, ::-1])
+    return _flip_to_delaunay(flat, triangles if parts.sum() > 0 else triangles[:, ::-1])
 
 
-def _delaunay(flat: FloatArray, triangles: IntArray) -> IntArray:
-    """Flip inner edges until no circumcircle holds the corner across an edge (Lawson 1977)."""
-    # on the long triangles of earcut alone, fast marching finds 5.32 instead of 4.47 in an L-shaped prism
+def _flip_to_delaunay(flat: FloatArray, triangles: IntArray) -> IntArray:
+    """Flip inner edges until no circumcircle contains the corner across an edge (Lawson 1977)."""
+    # with the long triangles of earcut, fast marching finds 5.32 instead of 4.47 in an L-shaped prism
     faces = triangles.tolist()
-    for _ in range(4 * len(faces)):  # far more than it takes; rounding could flip an edge to and fro
+    for _ in range(4 * len(faces)):  # more than enough; rounding could flip an edge for ever
         across = {(face[i - 2], face[i - 1]): (t, face[i]) for t, face in enumerate(faces) for i in range(3)}
         flipped: set[int] = set()
         for (b, c), (t, a) in across.items():
@@ -245,37 +245,37 @@ def _delaunay(flat: FloatArray, triangles: IntArray) -> IntArray:
 
 
 def _is_better(b: list[float], c: list[float], d: list[float]) -> bool:
-    """Whether d is in the circumcircle of (0, b, c), and b and c are on different sides of the line from 0 to d."""
+    """Whether d is in the circumcircle of (0, b, c), with b and c on different sides of the line 0 d."""
 
     def cross(p: list[float], q: list[float]) -> float:
         return p[0] * q[1] - p[1] * q[0]
 
     b2, c2, d2 = (p[0] ** 2 + p[1] ** 2 for p in (b, c, d))
     inside = b2 * cross(c, d) - c2 * cross(b, d) + d2 * cross(b, c)
-    return min(cross(b, d), cross(d, c)) > _COCIRCULAR and inside < -_COCIRCULAR
+    return min(cross(b, d), cross(d, c)) > _COCIRCULAR_TOLERANCE and inside < -_COCIRCULAR_TOLERANCE
 
 
-def _with_every_corner(triangles: list[list[int]], n: int) -> list[list[int]]:
-    """Put corners in that earcut leaves out because they lie on a line between others: they split a triangle there."""
-    used = sorted({corner for triangle in triangles for corner in triangle})
+def _insert_corners(triangles: list[list[int]], n: int) -> list[list[int]]:
+    """Insert the corners on straight lines that earcut leaves out; each splits a triangle."""
+    used = sorted({used_corner for triangle in triangles for used_corner in triangle})
     for a, b in zip(used, [*used[1:], *(used[:1] and [used[0] + n])]):
         for between in range(a + 1, b):
             ends = {(between - 1) % n, b % n}
             for i, triangle in enumerate(triangles):
                 if ends <= set(triangle):
-                    triangles[i] = [between % n if each == b % n else each for each in triangle]
+                    triangles[i] = [between % n if corner == b % n else corner for corner in triangle]
                     last = (between - 1) % n
-                    triangles.append([between % n if each == last else each for each in triangle])
+                    triangles.append([between % n if corner == last else corner for corner in triangle])
                     break
     return triangles
 
 
 @dataclass(frozen=True, eq=False)
 class Renumbering:
-    """What the points, corners and polygons of a new asset were in the old one.
+    """Old numbers of the points, corners and polygons of a new asset.
 
-    The ``point_index`` (n_new,) is the old point of each new one, ``new_point`` (n_old,) the new one of each old one, −1
-    for none; ``polygon_index`` and ``corner_index`` are the old polygons and corners of the new ``polygons``.
+    ``point_index`` (n_new,) is the old point of each new one, ``new_point`` (n_old,) the new point of
+    each old one or −1; ``polygon_index`` and ``corner_index`` are those of the new ``polygons``.
     """
 
     point_index: IntArray
@@ -294,9 +294,10 @@ class Renumbering:
         turned: BoolArray,
         faces: IntArray,
     ) -> Renumbering:
-        """Make it of the triangles of polygons that are kept, which of these are turned over, and their new points.
+        """Renumber polygons, given the triangles that are kept, those turned over, and their new points.
 
-        A polygon of which all triangles are kept, and meet at the same new points, stays one; others become triangles.
+        A polygon stays one if all its triangles are kept and meet at the same new points; otherwise it
+        becomes triangles.
         """
         owner = polygons.of_triangle[kept]
         n_kept, n_turned = (np.bincount(rows, minlength=len(polygons)) for rows in (owner, owner[turned]))
@@ -307,14 +308,14 @@ class Renumbering:
         n_torn = np.bincount(owner, (point[triangles] != faces).any(axis=1), len(polygons))
         whole = (n_kept == polygons.sizes - 2) & ((n_turned == 0) | (n_turned == n_kept)) & (n_torn == 0)
         alone = ~whole[owner]
-        triangles, apart = triangles[alone], faces[alone]
+        triangles, new_corners = triangles[alone], faces[alone]
         of_whole, sizes = np.flatnonzero(whole), polygons.sizes[whole]
         offset = spans(np.zeros(len(sizes), dtype=np.int64), sizes)
         backwards = np.repeat((n_turned > 0)[whole], sizes)
         offset = np.where(backwards, -offset % np.repeat(sizes, sizes), offset)
         of_whole_corners = np.repeat(polygons.starts[whole], sizes) + offset
         corners = np.concatenate([of_whole_corners, triangles.ravel()])
-        points = np.concatenate([point[of_whole_corners], apart.ravel()])
+        points = np.concatenate([point[of_whole_corners], new_corners.ravel()])
         index = np.concatenate([of_whole, owner[alone]])
         sizes = np.concatenate([sizes, np.full(len(triangles), 3)])
         order = np.argsort(index, kind="stable")
@@ -325,15 +326,15 @@ class Renumbering:
 
 @dataclass(frozen=True)
 class Split:
-    """Points of which each has one value of every attribute; there are no more attributes of corners."""
+    """Points with one value of each attribute, so that no attribute is of corners."""
 
-    source: IntArray  # the former point of each, in order
-    corners: IntArray  # the new points of the corners
+    source: IntArray  # (n_new,) the old point of each, sorted
+    corners: IntArray  # (c,) the new point of each corner
     attributes: tuple[Attribute, ...]
 
 
 def split_at_seams(polygons: Polygons, n_points: int, attributes: Sequence[Attribute]) -> Split:
-    """Move the values of corners to points, of which there are then as many as different values meet at a point."""
+    """Move the values of corners to points; a point is split if its corners differ."""
     corners = polygons.corners
     of_corners = [a for a in attributes if a.domain == "corner"]
     if not of_corners:
@@ -345,24 +346,24 @@ def split_at_seams(polygons: Polygons, n_points: int, attributes: Sequence[Attri
     order = np.argsort(source, kind="stable")
     corner = np.append(kept, np.zeros(unused.sum(), dtype=np.int64))
     made = []
-    for each in attributes:
-        if each.domain == "corner":
-            made.append(_without(each.at(corner[order], "point"), unused[source[order]]))
+    for attribute in attributes:
+        if attribute.domain == "corner":
+            made.append(_blank_rows(attribute.at(corner[order], "point"), unused[source[order]]))
         else:
-            made.append(each.at(source[order]) if each.domain == "point" else each)
+            made.append(attribute.at(source[order]) if attribute.domain == "point" else attribute)
     return Split(source[order], np.argsort(order, kind="stable")[place], tuple(made))
 
 
-def merged_corners(polygons: Polygons, n_points: int, attribute: Attribute) -> Attribute | None:
-    """Return an attribute of corners as one of points; None if the corners of a point differ."""
+def merge_corners(polygons: Polygons, n_points: int, attribute: Attribute) -> Attribute | None:
+    """Move an attribute from corners to points; None if the corners of a point differ."""
     if not len(attribute):
         return None
     split = split_at_seams(polygons, n_points, [attribute])
     return split.attributes[0] if len(split.source) == n_points else None
 
 
-def _without(attribute: Attribute, rows: BoolArray) -> Attribute:
-    """Return the same with no value in some rows: nan, −1, an empty text, or 0 where 0 is none."""
+def _blank_rows(attribute: Attribute, rows: BoolArray) -> Attribute:
+    """Blank some rows: nan, −1, an empty text, or 0 where it is no value."""
     if attribute.kind == "label":
         return replace(attribute, values=without_labels(attribute.values, rows))
     values = np.array(attribute.values)
@@ -372,7 +373,7 @@ def _without(attribute: Attribute, rows: BoolArray) -> Attribute:
 
 
 def _codes(values: AnyArray) -> IntArray:
-    """One integer for each row, the same for equal rows; here nan is equal to nan."""
+    """Assign a number to each row, equal rows alike; nan equals nan here."""
     if values.dtype.kind == "U":
         return np.unique(values, return_inverse=True)[1]
     table = values.reshape(len(values), -1).astype(np.float64)

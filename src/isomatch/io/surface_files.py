@@ -1,4 +1,4 @@
-"""Surfaces from files, to files, and from whatever a user has. The suffix of a name determines the format."""
+"""Read and write surface files, by their suffix, and convert surfaces of other kinds."""
 
 from __future__ import annotations
 
@@ -16,36 +16,37 @@ from isomatch._core.errors import DescriptorError, FormatError, IsomatchError, M
 from isomatch._core.files import read_bytes, replaced
 from isomatch._core.skipped import tell_skipped
 from isomatch._core.texts import natural_order
-from isomatch.io.appearance import as_written, left_looks
-from isomatch.io.asset import ASKED, TOLD, Asset
-from isomatch.io.attribute import Attribute, told_apart
-from isomatch.io.formats.ply import renamed
-from isomatch.io.formats.registry import CLOUDS, FORMATS, UNREAD, MeshFormat, format_of, naming
+from isomatch.io.appearance import list_lost_looks, prepare_for_writing
+from isomatch.io.asset import MAX_ROUNDING, REPORTED_ROUNDING, Asset
+from isomatch.io.attribute import Attribute, number_equal_names
+from isomatch.io.formats.ply import names_without_blanks
+from isomatch.io.formats.registry import CLOUDS, FORMATS, UNREADABLE, MeshFormat, format_of, naming
 from isomatch.io.libraries import read_geometry
-from isomatch.io.polygons import merged_corners
+from isomatch.io.polygons import merge_corners
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
 SurfaceLike: TypeAlias = Any
-"""What `surface_from` takes. As a type it says nothing, because other libraries' classes are not imported."""
+"""What `surface_from` takes; it is `Any`, because classes of other libraries are not imported."""
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     r"""Read a triangle mesh from a file.
 
-    Vertices keep their order and number. Polygons are split into triangles, in order. A file without faces gives a mesh
-    of 0 faces. Defects are not sought; see `check`. What the reader left out or supposed, `read_asset` tells.
+    Vertices keep their order and number. Polygons are split into triangles, in order. A file without
+    faces gives a mesh of 0 faces. Defects are not sought; see `check`. The notes of `read_asset` say
+    what the reader left out or assumed.
 
     Parameters
     ----------
     path : path_like
         File with a suffix of `FORMATS`, in upper or lower case: OFF, OBJ, PLY, STL, glTF and GLB; with the extra ``io``
-        GIFTI and FreeSurfer (``lh.pial``, ``rh.white``, …); with the extra ``vtk`` VTP, VTU and VTK. Points alone: XYZ,
-        NPY, with ``io`` PCD.
+        GIFTI and FreeSurfer (``lh.pial``, ``rh.white``, …); with the extra ``vtk`` VTP, VTU and VTK.
+        Point clouds: XYZ, ASC, NPY, and with ``io`` PCD.
 
     Returns
     -------
     Mesh
-        The mesh, in the units of the file; the meshes of a glTF file one after another, where its nodes put them.
+        The mesh, in the units of the file; meshes of a glTF file one after another, placed by its nodes.
 
     Raises
     ------
@@ -57,8 +58,9 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
     Notes
     -----
-    Linear time: for 655 000 vertices 0.02 s from binary PLY, 0.3 s from OBJ, OFF and text PLY, 0.5 s from binary STL. STL
-    files have no connectivity: corners at exactly the same position become one vertex, in order of first appearance.
+    Linear time: for 655 000 vertices 0.02 s from binary PLY, 0.3 s from OBJ, OFF and text PLY, 0.5 s
+    from binary STL. STL files have no connectivity: corners at exactly the same position become one
+    vertex, in order of first appearance.
 
     Examples
     --------
@@ -87,9 +89,9 @@ def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> Po
 
 
 def read_asset(path: str | os.PathLike[str], *, sound: bool = True) -> Asset:
-    r"""Read a surface file with its attributes and all else that it carries, in its order; see `read_mesh`.
+    r"""Read a surface file with all its contents, in its order; see `read_mesh`.
 
-    Unless ``sound``, polygons may refer to points that are not there, and `repair` removes them.
+    Unless ``sound``, polygons may refer to missing points, which `repair` removes.
     `MissingDependencyError` names the extra of a format that needs a package.
 
     Examples
@@ -111,8 +113,8 @@ def read_asset(path: str | os.PathLike[str], *, sound: bool = True) -> Asset:
         return asset.with_note_of_uncut
 
 
-def read_as_far(path: str | os.PathLike[str]) -> Asset:
-    """Read a surface file as `read_asset`; if its attributes cannot be read, points and triangles, with a note why."""
+def read_as_far_as_possible(path: str | os.PathLike[str]) -> Asset:
+    """Read a surface file as `read_asset`, or only points and triangles, with a note why."""
     try:
         return read_asset(path)
     except IsomatchError as error:
@@ -120,15 +122,16 @@ def read_as_far(path: str | os.PathLike[str]) -> Asset:
 
 
 def meshes_among(paths: Iterable[Path]) -> list[Path]:
-    """Keep the surface files, in the natural order of their names; hidden ones, as macOS makes, are none.
+    """Select the surface files, in the natural order of their names, without hidden ones of macOS.
 
-    Points alone, as text or PCD, are kept where there is nothing else: beside surfaces, they are values or landmarks.
+    Point clouds, as text or PCD, count only where there are no surfaces: otherwise they are values or
+    landmarks.
     """
     seen = [path for path in paths if not path.name.startswith(".")]
     for path in seen:
         suffix = path.suffix.lower()
-        if suffix in UNREAD:
-            tell_skipped(f"{path}: left out, as {suffix} files are not read; {UNREAD[suffix]}")
+        if suffix in UNREADABLE:
+            tell_skipped(f"{path}: left out, as {suffix} files are not read; {UNREADABLE[suffix]}")
         elif suffix in {*FORMATS, *CLOUDS} and not path.is_file():
             what = "leads nowhere" if path.is_symlink() and not path.exists() else "is not a file"
             tell_skipped(f"{path}: left out, as it {what}")
@@ -160,8 +163,8 @@ def write_mesh(
     colors : (n, 3) array_like of uint8, optional
         For formats with colours: red, green and blue of each vertex, 0…255.
     rounded : bool
-        Whether the file may move vertices by more than a thousandth of the mean edge, and PLY has floats of 32 bits
-        instead of doubles, which some programs do not read; see `write_asset`.
+        Whether the file may move vertices by more than a thousandth of the mean edge, and PLY has float32
+        instead of doubles, which some programs cannot read; see `write_asset`.
 
     Raises
     ------
@@ -176,9 +179,9 @@ def write_mesh(
 
     Notes
     -----
-    `read_mesh` returns exactly the same float64 coordinates from OFF, OBJ, PLY and VTP. Binary STL, glTF, GIFTI and
-    FreeSurfer store float32, and VTK legacy files as text 11 digits. STL also loses the order of the vertices, and
-    vertices that no face uses.
+    `read_mesh` returns exactly the same float64 coordinates from OFF, OBJ, PLY and VTP. Binary STL,
+    glTF, GIFTI and FreeSurfer store float32, and VTK legacy files as text 11 digits. STL also loses the
+    order of the vertices, and unused vertices.
 
     Examples
     --------
@@ -204,27 +207,27 @@ def write_mesh(
 def write_asset(
     path: str | os.PathLike[str], asset: Asset, *, binary: bool | None = None, rounded: bool = False
 ) -> tuple[Attribute, ...]:
-    """Write an asset as `write_mesh` a mesh; text or binary as it was read, unless ``binary`` is said.
+    """Write an asset as `write_mesh` writes a mesh; by default text or binary as it was read.
 
-    In the format that it was read from, what the file carried beside is written too, as far as the list of formats says:
-    of glTF the whole document, of PLY comments and other elements, of OBJ the material libraries. Libraries and their
-    pictures are written beside an OBJ file, unless they are there, as are the materials of a glTF file.
+    The format that it was read from also keeps other contents of the file: glTF the whole document, PLY
+    comments and other elements, OBJ the material libraries. Libraries and pictures are written beside
+    an OBJ file, unless they exist, also those of materials from a glTF file.
 
-    Positions that floats of 32 bits do not hold are written as doubles to PLY, as text to STL, and about a translation of
-    the node to glTF. `MeshError` if a file moves them by more than a thousandth of the mean edge nevertheless, unless
-    that is allowed by ``rounded``.
+    Positions that float32 would round are written as doubles to PLY, as text to STL, and with a
+    translation of the node to glTF. `MeshError` if a file still moves them by more than a thousandth
+    of the mean edge, unless ``rounded`` allows it.
 
     Returns
     -------
     tuple of Attribute
-        What is not in the file, because the format has no place for it: attributes, "names of" or "opacity of" one,
-        the frame of the coordinates, with its matrix as the values, or digits of the positions, with how far each moved.
+        What the format has no place for: attributes, "names of" or "opacity of" one, the frame of the
+        coordinates, with its matrix as the values, or digits of the positions, with the distances moved.
     """
     path = Path(path)
     mesh_format = format_of(path)
     if binary is not None:
         _require_option(path, "binary", lambda other: "binary" in other.options)
-    lost, (asset, beside) = left_looks(path, asset), as_written(path, asset)
+    lost, (asset, beside) = list_lost_looks(path, asset), prepare_for_writing(path, asset)
     if not mesh_format.has_parts:
         asset = replace(asset.placed, document=asset.document)
     if any(attribute.domain == "corner" for attribute in asset.attributes):
@@ -233,8 +236,8 @@ def write_asset(
     for attribute in asset.attributes:
         place: Attribute | None = attribute
         if attribute.domain == "corner" and not mesh_format.keeps(attribute):
-            place = merged_corners(asset.polygons, len(asset.points), attribute)
-        # of some kinds, a format keeps one of faces and one of points or corners
+            place = merge_corners(asset.polygons, len(asset.points), attribute)
+        # a format may keep only one attribute of a kind on faces, and one on points or corners
         kinds = [(other.kind, other.domain == "face") for other in kept if other.kind in mesh_format.single]
         if place and mesh_format.keeps(place) and (place.kind, place.domain == "face") not in kinds:
             kept.append(place)
@@ -245,29 +248,31 @@ def write_asset(
         left += _rounded(path, asset, mesh_format.middles(asset), rounded)
     if asset.frame is not None and not mesh_format.keeps_frame(asset.frame):
         turned = asset.frame.axes and mesh_format.axes not in (None, asset.frame.axes)
-        told = f"{asset.frame}; positions are turned to {mesh_format.axes}" if turned else str(asset.frame)
-        name = f"the frame of the coordinates ({told})"
+        description = (
+            f"{asset.frame}; positions are turned to {mesh_format.axes}" if turned else str(asset.frame)
+        )
+        name = f"the frame of the coordinates ({description})"
         left.append(Attribute(name, "point", "vector", asset.frame.matrix))
     if path.suffix.lower() == ".ply":
-        left += renamed(replace(asset, attributes=tuple(kept)))
+        left += names_without_blanks(replace(asset, attributes=tuple(kept)))
     options = {} if binary is None else {"binary": binary}
     if rounded and "single" in mesh_format.options:
         options["single"] = True
         left += _rounded(path, asset, np.zeros(3), is_allowed=True)
-    data = mesh_format.write(replace(asset, attributes=told_apart(kept)), **options)
-    for each, content in {**beside, path: data}.items():
-        with replaced(each) as file:
+    data = mesh_format.write(replace(asset, attributes=number_equal_names(kept)), **options)
+    for file_path, content in {**beside, path: data}.items():
+        with replaced(file_path) as file:
             file.write(content)
     return tuple(left)
 
 
 def _rounded(path: Path, asset: Asset, middles: FloatArray, is_allowed: bool) -> list[Attribute]:
-    """Tell how far floats of 32 bits move the points, if at all; `MeshError` if that is far and not allowed."""
+    """Report how far float32 moves the points, if at all; `MeshError` if that is too far."""
     moved = asset.rounding(middles)
     most = float(moved.max(initial=0))
-    if not most > TOLD * asset.mean_edge > 0:
+    if not most > REPORTED_ROUNDING * asset.mean_edge > 0:
         return []
-    if most > ASKED * asset.mean_edge and not (is_allowed and most < float(np.finfo(np.float32).max)):
+    if most > MAX_ROUNDING * asset.mean_edge and not (is_allowed and most < float(np.finfo(np.float32).max)):
         raise MeshError(
             f"{path}: positions would move by up to {most:.2g}, {most / asset.mean_edge:.2g} times the mean edge, as "
             f"{path.suffix} files round them; write a .ply file, or allow it (--rounded, in Python rounded=True)"
@@ -277,11 +282,11 @@ def _rounded(path: Path, asset: Asset, middles: FloatArray, is_allowed: bool) ->
 
 
 def files_beside(path: str | os.PathLike[str], asset: Asset) -> tuple[Path, ...]:
-    """Return the files that `write_asset` writes beside an OBJ file: its library of materials and their pictures.
+    """List the files that `write_asset` writes beside a surface, such as libraries and pictures.
 
-    Those that are already there, with the same contents, are left out, as they stay.
+    Files that exist with the same contents are left out, as they stay.
     """
-    return tuple(as_written(Path(path), asset)[1])
+    return tuple(prepare_for_writing(Path(path), asset)[1])
 
 
 def _require_option(path: Path, option: str, is_able: Callable[[MeshFormat], bool]) -> None:
@@ -291,11 +296,11 @@ def _require_option(path: Path, option: str, is_able: Callable[[MeshFormat], boo
 
 
 def surface_from(given: SurfaceLike) -> Surface:
-    """Make a `Mesh`, `PointCloud` or `Graph` of what a user has.
+    """Make a `Mesh`, `PointCloud` or `Graph` of a file, arrays or a mesh of another library.
 
-    Vertices keep their order and number. Polygons are split into triangles. Without faces, the vertices of a file or an
-    object become a `PointCloud`. An array of points alone is refused, as nothing says what it samples: give
-    ``PointCloud(points)``.
+    Vertices keep their order and number. Polygons are split into triangles. Without faces, the vertices
+    of a file or an object become a `PointCloud`. A bare array of points is refused, because it is
+    unclear what it samples: give ``PointCloud(points)``.
 
     Parameters
     ----------
@@ -323,7 +328,7 @@ def surface_from(given: SurfaceLike) -> Surface:
 
 
 def mesh_from(given: SurfaceLike) -> Mesh:
-    """Make a mesh of what a user has, as `surface_from`; it may have no faces. A point cloud or a graph is refused."""
+    """Make a mesh as `surface_from`, possibly without faces. A point cloud or a graph is refused."""
     if isinstance(given, Mesh):
         return given
     if isinstance(given, str | os.PathLike):

@@ -1,4 +1,4 @@
-"""Files of values on points that hold no surface: tables, arrays, and those of GIFTI and FreeSurfer, by their suffix."""
+"""Files with values and no surface, by their suffix: tables, arrays, GIFTI and FreeSurfer."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from isomatch._core.files import read_bytes, replaced
 from isomatch._core.tables import NO_TEXT, Row, Table, parse_table
 from isomatch._core.texts import decode_text, encoding_of, table_text
 from isomatch.io.asset import Asset
-from isomatch.io.attribute import Attribute, Kind, guessed_kind, told_apart
+from isomatch.io.attribute import Attribute, Kind, guess_kind, number_equal_names
 from isomatch.io.formats import freesurfer, gifti
 from isomatch.io.formats._reading import reading, unexpected
 
 _VERTEX_NAMES = ("vertex", "vertex_index", "vertex_id", "vertexid", "point", "point_id", "node")
 _FACE_NAMES = ("face", "face_index", "polygon", "polygon_index", "triangle", "cell", "element")
-_WEAK_NAMES = ("index", "unnamed: 0", "id")  # of points or of polygons
-_NAMED = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}
+_INDEX_NAMES = ("index", "unnamed: 0", "id")  # of points or polygons
+_DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}
 _IN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,]\d{3})*(?:[.,]\d+)?", re.ASCII)
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class ValuesFormat:
-    """How values on points are read and written, and which have a place in the file."""
+    """Reader and writer of a format of values, and which attributes it keeps."""
 
-    # of the bytes of a file, its name, and the surface that they belong to, if that is known
+    # takes the bytes of a file, its name, and the surface of the values, if it is known
     read: Callable[[bytes, str, Asset | None], tuple[Attribute, ...]]
     write: Callable[[Sequence[Attribute], Asset | None], bytes]
     keeps: Callable[[Attribute], bool] = lambda attribute: attribute.domain != "corner"
@@ -45,7 +45,7 @@ class ValuesFormat:
 
 
 def holds_values(path: str | os.PathLike[str]) -> bool:
-    """Whether a file of this name holds values, and no surface.
+    """Whether a file with this name holds values and no surface.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def holds_values(path: str | os.PathLike[str]) -> bool:
 
 
 def read_attributes(path: str | os.PathLike[str], surface: Asset | None = None) -> tuple[Attribute, ...]:
-    """Read values on points from a file that holds no surface, or besides one: labels, scalars or vectors.
+    """Read values from a file without a surface: labels, scalars or vectors.
 
     Parameters
     ----------
@@ -68,16 +68,20 @@ def read_attributes(path: str | os.PathLike[str], surface: Asset | None = None) 
         ``lh.curv``, ``lh.sulc``, ``lh.thickness``), a NumPy array ``.npy``, or columns of text in ``.csv``, ``.tsv`` or
         ``.txt``, with or without a line of names.
     surface : Asset, optional
-        The surface that they belong to; `DescriptorError` if it has another number of points. Arrays and tables of one
-        row for each of its polygons are then values on these; values of some points alone are spread over all.
+        The surface of the values; `DescriptorError` if it has another number of points. Arrays and tables
+        with a row for each polygon are values of polygons; values of some points are spread over all.
     """
     path = Path(path)
     attributes = _format_of(path).read(read_bytes(path), str(path), surface)
-    return attributes if surface is None else tuple(_on(surface, each, path) for each in attributes)
+    return (
+        attributes
+        if surface is None
+        else tuple(_fit_to_surface(surface, attribute, path) for attribute in attributes)
+    )
 
 
-def _on(surface: Asset, attribute: Attribute, path: Path) -> Attribute:
-    """Return values of points or polygons, by the number of rows; those of welded points go to all."""
+def _fit_to_surface(surface: Asset, attribute: Attribute, path: Path) -> Attribute:
+    """Assign values to points or polygons by the number of rows; welded points share a row."""
     n = len(attribute)
     if n == len(surface.points):
         return attribute
@@ -85,8 +89,8 @@ def _on(surface: Asset, attribute: Attribute, path: Path) -> Attribute:
         return replace(attribute, domain="face")
     if n == surface.mesh.n_vertices:
         return attribute.at(surface.vertex_of_point)
-    there = f"{len(surface.points)} points and {len(surface.polygons)} polygons"
-    raise DescriptorError(f"{path}: {n} rows for a surface of {there}; give the values of this surface")
+    numbers = f"{len(surface.points)} points and {len(surface.polygons)} polygons"
+    raise DescriptorError(f"{path}: {n} rows for a surface of {numbers}; give the values of this surface")
 
 
 def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
@@ -98,17 +102,18 @@ def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
 def write_attributes(
     path: str | os.PathLike[str], attributes: Sequence[Attribute], surface: Asset | None = None
 ) -> tuple[Attribute, ...]:
-    """Write values to a file of their own, if it has a place for one; return what is not there, or "names of" one.
+    """Write values to a file without a surface; return what it does not keep, or "names of" it.
 
-    An existing file is replaced. Numbers that seem to be labels are written as such where the format has only labels, and
-    labels as numbers where it has only these. GIFTI has no place for skinning weights and for values of corners and
-    faces, FreeSurfer but for labels (``.annot``) and scalars. GIFTI names the anatomical structure of the ``surface``.
+    An existing file is replaced. A format with only labels takes numbers that seem to be labels, and one
+    with only numbers takes labels. GIFTI keeps no skinning weights and no values of corners and faces,
+    FreeSurfer only labels (``.annot``) and scalars. GIFTI names the anatomical structure of the
+    ``surface``.
     """
     path = Path(path)
     values_format = _format_of(path)
     kept, left = list[Attribute](), list[Attribute]()
     for attribute in attributes:
-        place = _placed(attribute, values_format)
+        place = _convert(attribute, values_format)
         is_full = kept and (values_format.is_single or len(kept[0]) != len(attribute))
         if place is None or is_full:
             left.append(attribute)
@@ -123,8 +128,8 @@ def write_attributes(
     return tuple(left)
 
 
-def _placed(attribute: Attribute, values_format: ValuesFormat) -> Attribute | None:
-    """Return an attribute as the format keeps it; None if it does not."""
+def _convert(attribute: Attribute, values_format: ValuesFormat) -> Attribute | None:
+    """Convert an attribute to a kind that the format keeps; None if there is none."""
     if values_format.keeps(attribute):
         return attribute
     if attribute.kind == "scalar" and attribute.seems_labels:
@@ -145,7 +150,7 @@ def _format_of(path: Path) -> ValuesFormat:
 
 
 def _read_array(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
-    """Read a ``.npy`` file of one row, number or text for each point."""
+    """Read a ``.npy`` file with a row, number or text for each point."""
     with reading(name, "a .npy file of numbers or texts, without pickled objects"):
         values = np.load(BytesIO(data), allow_pickle=False)
     if not isinstance(values, np.ndarray) or values.ndim not in (1, 2) or values.dtype.kind not in "fiubUS":
@@ -154,7 +159,7 @@ def _read_array(data: bytes, name: str, surface: Asset | None) -> tuple[Attribut
     values = np.char.decode(values, encoding_of(values.tobytes())) if values.dtype.kind == "S" else values
     values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
     title = Path(name).stem
-    return (Attribute(title, "point", guessed_kind(title, values), values),)
+    return (Attribute(title, "point", guess_kind(title, values), values),)
 
 
 def _write_array(attributes: Sequence[Attribute], surface: Asset | None) -> bytes:
@@ -169,72 +174,72 @@ def _words_or_numbers(attribute: Attribute) -> AnyArray:
 
 
 def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
-    """Read columns of a text; those without a header are named by the file."""
+    """Read columns of text; without a header they are named after the file."""
     n_rows = (len(surface.points), len(surface.polygons)) if surface else ()
     table = parse_table(decode_text(data), name).titled({*_VERTEX_NAMES, *_FACE_NAMES}, n_rows=n_rows)
     if not table.filled:
         raise unexpected(name, "columns of one row for each point", "nothing", "export it again")
     table.require_width()
     table.require_one_reading()
-    names = (*_VERTEX_NAMES, *_FACE_NAMES, *_WEAK_NAMES)
-    at = table.column(*names) if table.width > 1 else None
-    if at is None and table.width > 1 and table.titles[:1] == ("",):
-        at = 0
-    index = None if at is None else _index(table, at, n_rows)
-    # empty lines are rows without a value, where there are no others that say of what they are
+    names = (*_VERTEX_NAMES, *_FACE_NAMES, *_INDEX_NAMES)
+    index_column = table.column(*names) if table.width > 1 else None
+    if index_column is None and table.width > 1 and table.titles[:1] == ("",):
+        index_column = 0
+    index = None if index_column is None else _index(table, index_column, n_rows)
+    # without an index column, empty lines are rows without a value
     missing = Row(0, [], "")
     after = (table.rows + i * [missing] for i in range(table.n_empty_after + 1))
     choices = [*after, table.filled, [*dropwhile(lambda row: not row.cells, table.rows)]]
-    rows = next((each for each in choices if len(each) in n_rows), choices[-1])
+    rows = next((attribute for attribute in choices if len(attribute) in n_rows), choices[-1])
     table = replace(table, rows=table.filled if index else rows)
     titles, stem = table.titles, Path(name).stem
     titles = titles or ((stem,) if table.width == 1 else tuple(f"{stem}_{i}" for i in range(table.width)))
-    columns = {i: _column(table, i) for i in range(table.width) if index is None or i != at}
+    columns = {i: _column(table, i) for i in range(table.width) if index is None or i != index_column}
     attributes = [
-        Attribute(titles[i] or f"{stem}_{i}", "point", guessed_kind(titles[i], column), column)
+        Attribute(titles[i] or f"{stem}_{i}", "point", guess_kind(titles[i], column), column)
         for i, column in columns.items()
     ]
-    return told_apart([each.spread(*index) for each in attributes] if index else attributes)
+    return number_equal_names([attribute.spread(*index) for attribute in attributes] if index else attributes)
 
 
-def _index(table: Table, at: int, n_rows: Sequence[int]) -> tuple[IntArray, int] | None:
-    """Return which point or polygon, from 0, each row is of, and their number; None if a column does not say that."""
-    title, rows = table.titles[at], table.filled
-    what = next((each for names, each in _NAMED.items() if title.lower() in names), "")
-    found = [table.integer(row.cells[at]) for row in rows]
-    held = [number for number in found if number is not None and number >= 0]
-    bad = next((row for row, number in zip(rows, found) if number is None or number < 0), None)
-    first = dict(zip(reversed(found), reversed(rows)))
-    twice = next((row for row, number in zip(rows, found) if first[number] is not row), None)
+def _index(table: Table, column: int, n_rows: Sequence[int]) -> tuple[IntArray, int] | None:
+    """Return the point or polygon of each row, from 0, and their number; None if a column has none."""
+    title, rows = table.titles[column], table.filled
+    what = next((domain for names, domain in _DOMAIN_OF_NAMES.items() if title.lower() in names), "")
+    numbers = [table.integer(row.cells[column]) for row in rows]
+    valid = [number for number in numbers if number is not None and number >= 0]
+    bad = next((row for row, number in zip(rows, numbers) if number is None or number < 0), None)
+    first = dict(zip(reversed(numbers), reversed(rows)))
+    twice = next((row for row, number in zip(rows, numbers) if first[number] is not row), None)
     if not what and (bad or twice):
         return None
     if wrong := bad or twice:
         table.refuse(
             wrong, f"is not of one {what}: {title!r} has whole numbers from 0, each once; correct the line"
         )
-    most, least, count = max(held), min(held), len(held)
-    is_counted = [*range(1, count + 1)] == sorted(held)
-    if title.lower() == "id" and not (is_counted or [*range(count)] == sorted(held)):
+    most, least, count = max(valid), min(valid), len(valid)
+    is_counted = [*range(1, count + 1)] == sorted(valid)
+    if title.lower() == "id" and not (is_counted or [*range(count)] == sorted(valid)):
         return None
     faces = n_rows[1:] if what != "vertex" and (what or (count not in n_rows[:1] and count in n_rows)) else ()
     n = next(iter(faces or n_rows), count if is_counted else most + 1)
     base = int(least > 0 and (most == n or (is_counted and count == n)))
     if most - base >= n:
         table.refuse(
-            rows[held.index(most)],
+            rows[valid.index(most)],
             f"is of {title!r} {most}, and there are {n}; give the values of this surface",
         )
     if is_counted and not base:
-        row = rows[held.index(most)]
+        row = rows[valid.index(most)]
         table.refuse(
             row, f"is the last of {title!r}, which may count from 0 or from 1 as there are {n}; count from 0"
         )
     logger.warning("%s: column %r is taken to count %s from %d", table.name, title, what or "rows", base)
-    return np.array(held) - base, n
+    return np.array(valid) - base, n
 
 
 def _write_table(attributes: Sequence[Attribute], surface: Asset | None, mark: str = ",") -> bytes:
-    """Write a line of names, and a row for each point, with a mark between the columns."""
+    """Write a line of names and a row for each point, with a mark between the columns."""
     names, columns = [], []
     for attribute in attributes:
         table = _words_or_numbers(attribute).reshape(len(attribute), -1)
@@ -245,7 +250,7 @@ def _write_table(attributes: Sequence[Attribute], surface: Asset | None, mark: s
 
 
 def _column(table: Table, i: int) -> AnyArray:
-    """Return whole numbers, numbers with nan where there is none, or texts."""
+    """Return a column as integers, floats with nan for no value, or texts."""
     cells = [row.cells[i] if i < len(row.cells) else "" for row in table.rows]
     numbers = [table.number(cell) for cell in cells]
     is_text = [number is None or re.fullmatch(r"[+-]?0\d+", cell) for cell, number in zip(cells, numbers)]
@@ -256,7 +261,7 @@ def _column(table: Table, i: int) -> AnyArray:
     if fractions or all(
         number is not None or _IN_THOUSANDS.fullmatch(cell) for cell, number in zip(cells, numbers)
     ):
-        table.numbers(i)  # which refuses the text
+        table.numbers(i)  # refuses the text
     return np.array(["" if cell.lower() in NO_TEXT else cell for cell in cells])
 
 

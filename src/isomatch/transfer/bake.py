@@ -17,13 +17,13 @@ from isomatch.io import (
     Picture,
     linear_of,
     looks_of,
-    multiplied,
+    multiply_colours,
     pixels_of,
     png_of,
-    sampled,
+    sample_texture,
     srgb_of,
-    unread,
-    unread_files,
+    unreadable_files,
+    unreadable_pictures,
     with_tiles,
 )
 from isomatch.surfaces import Mesh, PrecisePoints, label_components, rasterise
@@ -227,9 +227,9 @@ class _Paint:
 
     @classmethod
     def of(cls, asset: Asset) -> _Paint:
-        looks, colours, notes = looks_of(asset), asset.of_kind("colour"), unread_files(asset)
+        looks, colours, notes = looks_of(asset), asset.of_kind("colour"), unreadable_files(asset)
         pictures = looks.pictures if looks else ()
-        lost = unread(pictures)
+        lost = unreadable_pictures(pictures)
         if len(lost) == len(pictures) and colours:
             looks = None
         elif not looks or all(lost.keys() & set(look.pictures) for look in looks.looks):
@@ -251,7 +251,7 @@ class _Paint:
             those = Places(places.asset, places.triangle[here], places.barycentric[here])
             base = self._of_layer(each.base, those)
             if self.looks.tinted and self.asset.of_kind("colour"):
-                base = multiplied(base, self._of_points(those))
+                base = multiply_colours(base, self._of_points(those))
             if each.emitted:
                 glow = self._of_layer(each.emitted, those)
                 base[:, :3] = srgb_of(linear_of(base) + linear_of(glow))[:, :3]
@@ -267,6 +267,6 @@ class _Paint:
         uv = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]
         if layer.picture in self.pixels and uv:
             at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
-            return sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
+            return sample_texture(self.pixels[layer.picture], layer, np.nan_to_num(at))
         colour = np.array(UNPAINTED if layer.picture else layer.tint, dtype=np.float64)
         return np.tile(colour, (len(places.triangle), 1))

@@ -18,7 +18,7 @@ from isomatch.io import (
     Kind,
     animation_channels,
     is_posed,
-    unread_files,
+    unreadable_files,
     with_key_weights_of,
     with_looks_of,
     with_names_of,
@@ -154,7 +154,7 @@ def carry_attributes(
     if "uv" in kinds:
         asset = asset.without_attributes(*(each.name for each in asset.attributes if each.is_tangent))
         asset = with_looks_of(asset, giver, bridge.at_polygons.triangle[receiver.polygons.of_triangle])
-        notes += unread_files(giver)
+        notes += unreadable_files(giver)
     if "weights" in kinds:
         asset = with_skin_of(asset, giver)
         if is_posed(giver):

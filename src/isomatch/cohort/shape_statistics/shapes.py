@@ -28,7 +28,7 @@ from isomatch._core.tables import read_table
 from isomatch._core.texts import natural_order
 from isomatch.cohort.shape_statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.correspondence import Correspondence
-from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far
+from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far_as_possible
 from isomatch.landmarks import Landmarks
 from isomatch.surfaces import Mesh
 
@@ -300,7 +300,7 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     twice = [name for name, count in Counter(legible(file.stem) for file in files).items() if count > 1]
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
-    assets = {legible(file.stem): read_as_far(file) for file in files}
+    assets = {legible(file.stem): read_as_far_as_possible(file) for file in files}
     masks = {name: _measured(file, assets[name]) for file in files if (name := legible(file.stem))}
     meshes = {name: Mesh(each.placed_points, each.polygons.triangles) for name, each in assets.items()}
     if any(each.n_faces for each in meshes.values()):
@@ -324,7 +324,7 @@ def _structures_in(table: Path) -> dict[str, int]:
 
 def read_corresponding(path: str | Path, faces: IntArray) -> tuple[Mesh, BoolArray | None]:
     """Read a mesh, cut like triangles (m, 3) if it has their polygons, and which vertices were measured (PLY)."""
-    asset = read_as_far(path)
+    asset = read_as_far_as_possible(path)
     triangles = faces if _cut_as(asset.polygons, faces) else asset.polygons.triangles
     return Mesh(asset.placed_points, triangles), _measured(path, asset)
 

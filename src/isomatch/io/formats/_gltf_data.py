@@ -1,4 +1,4 @@
-"""The parts of a glTF file: its container, the arrays that accessors describe, its nodes, joints and shape keys."""
+"""The parts of a glTF file: container, arrays of accessors, nodes, joints and shape keys."""
 
 from __future__ import annotations
 
@@ -29,51 +29,51 @@ _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 51
 _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _TYPES = {width: name for name, width in _WIDTHS.items()}
-VERTICES, INDICES = 34962, 34963  # targets of views
+VERTICES, INDICES = 34962, 34963  # targets of buffer views
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
-_LARGEST_GLB = 2**32 - 64  # bytes of JSON and data; their sizes have 32 bits
-_ENTRY = 24  # bytes that an entry of an array takes while parts are joined, measured
-_MARKS = {b"{": 200, b"[": 88, b",": 32}  # bytes that what these begin takes in Python when JSON is read
-_COPIED = 16  # bytes that a letter of JSON takes when it is copied, measured
-_FREE: dict[str, Any] = {  # what may be replaced
+_MAX_GLB_BYTES = 2**32 - 64  # of JSON and data; sizes have 32 bits
+_ENTRY_BYTES = 24  # memory of an entry of an array while parts are joined, measured
+_JSON_BYTES = {b"{": 200, b"[": 88, b",": 32}  # memory in Python of what each of these begins in JSON
+_COPY_BYTES = 16  # memory of a copied letter of JSON, measured
+_FREE_ENTRIES: dict[str, Any] = {  # placeholders that may be replaced
     "accessors": {"componentType": 5121, "count": 1, "type": "SCALAR"},
     "bufferViews": {"buffer": 0, "byteLength": 1},
 }
-_REFERENCES = {  # keys of numbers of accessors or views, or of what holds nothing but these
+_REFERENCES = {  # keys of indices of accessors or views, or of entries with nothing else
     "accessors": ("indices", "input", "output", "inverseBindMatrices", "attributes", "targets", "extensions"),
     "bufferViews": ("bufferView", "extensions"),
 }
 _CUT_SHORT = "it is cut short, copy or export it again"
 Matrix = tuple[tuple[float, ...], ...]
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_POSED = 1e-3  # of the largest entry: more than what rounding does to matrices
+_POSE_TOLERANCE = 1e-3  # of the largest entry; more than rounding changes
 
 
 @dataclass
 class GltfData:
-    """The JSON of a file and its bytes, in one buffer, while it is read or written."""
+    """The JSON of a file and its bytes in one buffer, while it is read or written."""
 
     json: dict[str, Any]
     blob: bytearray
-    # memory that arrays and pictures may take, as a small file may refer to the same bytes again and again
+    # limits the memory of arrays and pictures, as a small file may refer to the same bytes many times
     room: Room = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         self.room = self.room or Room(len(self.blob))
 
     def array(self, index: int) -> AnyArray:
-        """Return the values of an accessor, (count,) or (count, d), as they are stored; integers stay integers."""
+        """Return the stored values of an accessor, (count,) or (count, d); integers stay integers."""
         accessor = self.json["accessors"][index]
         width, code = _WIDTHS[accessor["type"]], accessor["componentType"]
         values = self._rows(accessor, accessor["count"], width, code)
         if sparse := accessor.get("sparse"):
-            n, at = sparse["count"], sparse["indices"]
-            rows = self._rows(at, n, 1, at["componentType"])[:, 0]
+            n, index_place = sparse["count"], sparse["indices"]
+            rows = self._rows(index_place, n, 1, index_place["componentType"])[:, 0]
             values[rows] = self._rows(sparse["values"], n, width, code)
         return values[:, 0] if width == 1 else values
 
     def numbers(self, index: int, *, normalized: bool = False) -> AnyArray:
-        """Return the values of an accessor in the units that they stand for: normalized integers as fractions."""
+        """Return the values of an accessor, with normalized integers as fractions."""
         values = self.array(index)
         if values.dtype.kind == "f" or not (normalized or self.json["accessors"][index].get("normalized")):
             return values
@@ -81,7 +81,7 @@ class GltfData:
 
     def _rows(self, place: dict[str, Any], count: int, width: int, code: int) -> AnyArray:
         kind = np.dtype(_COMPONENTS[code])
-        self.room.take(_ENTRY * count * width, f"an accessor of {count * width} entries")
+        self.room.take(_ENTRY_BYTES * count * width, f"an accessor of {count * width} entries")
         if "bufferView" not in place or not count:
             return np.zeros((count, width), kind)
         view = self.json["bufferViews"][place["bufferView"]]
@@ -102,7 +102,7 @@ class GltfData:
         return content
 
     def add_array(self, values: AnyArray, target: int | None = VERTICES, **properties: object) -> int:
-        """Append the values of a new accessor, whose rows start at multiples of 4 bytes; return its index."""
+        """Append a new accessor, with rows at multiples of 4 bytes; return its index."""
         kind, width = values.dtype.newbyteorder("<"), math.prod(values.shape[1:])
         rows = np.ascontiguousarray(values.reshape(len(values), width), kind)
         octets = rows.view(np.uint8).reshape(len(rows), width * kind.itemsize)
@@ -114,7 +114,7 @@ class GltfData:
         return self.append("accessors", accessor | {"count": len(values), "type": _TYPES[width]} | properties)
 
     def add_matrices(self, matrices: FloatArray) -> int:
-        """Append a new accessor of (k, 4, 4) matrices; return its index."""
+        """Append an accessor of (k, 4, 4) matrices; return its index."""
         return self.add_array(matrices.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32), target=None)
 
     def add_bytes(self, data: bytes, **properties: object) -> int:
@@ -125,24 +125,26 @@ class GltfData:
         return self.append("bufferViews", view)
 
     def append(self, name: str, entry: object) -> int:
-        """Append an entry to a list of the JSON, or put it where one is free; return its index."""
+        """Append an entry to a list of the JSON, or replace a free one; return its index."""
         listed = self.json.setdefault(name, [])
-        free = _FREE.get(name)
+        free = _FREE_ENTRIES.get(name)
         index: int = listed.index(free) if free in listed else len(listed)
         listed[index : index + 1] = [entry]
         return index
 
     def without_unused(self) -> None:
-        """Free the accessors and views that nothing refers to, and their bytes; what is left keeps its number."""
+        """Free unused accessors and views, and their bytes; the others keep their indices."""
         rest = {key: value for key, value in self.json.items() if key != "accessors"}
         accessors = _numbers_in(rest, _REFERENCES["accessors"])
         listed = self.json.get("accessors", [])
-        listed[:] = [each if i in accessors else _FREE["accessors"] for i, each in enumerate(listed)]
+        listed[:] = [
+            accessor if i in accessors else _FREE_ENTRIES["accessors"] for i, accessor in enumerate(listed)
+        ]
         views = _numbers_in([rest, listed], _REFERENCES["bufferViews"])
         blob = bytearray()
         for i, view in enumerate(self.json.get("bufferViews", [])):
             if i not in views:
-                self.json["bufferViews"][i] = _FREE["bufferViews"]
+                self.json["bufferViews"][i] = _FREE_ENTRIES["bufferViews"]
                 continue
             content = self.blob[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
             self.room.take(len(content), "a buffer view")
@@ -152,24 +154,24 @@ class GltfData:
         self.blob = blob
 
     def separate_instances(self) -> None:
-        """Give each node a mesh of its own, which shares the arrays of the mesh that several nodes had."""
+        """Give each node a mesh of its own, which shares arrays with meshes of other nodes."""
         used, sizes = set[int](), dict[int, int]()
         for node in self.json.get("nodes", []):
             if (mesh := node.get("mesh")) in used:
                 if mesh not in sizes:
-                    sizes[mesh] = _COPIED * len(str(self.json["meshes"][mesh]))
+                    sizes[mesh] = _COPY_BYTES * len(str(self.json["meshes"][mesh]))
                 self.room.take(sizes[mesh], f"a node that repeats mesh {mesh}")
                 node["mesh"] = self.append("meshes", copy.deepcopy(self.json["meshes"][mesh]))
             elif mesh is not None:
                 used.add(mesh)
 
     def surfaces(self) -> Iterator[tuple[int, int, dict[str, int]]]:
-        """Find meshes, primitives of triangles and their keys, of the default scene if it has any mesh."""
+        """Find primitives of triangles, with mesh and keys, in the default scene if it has any mesh."""
         nodes, scenes = self.json.get("nodes", []), self.json.get("scenes", [])
         shown = with_below(nodes, scenes[self.json.get("scene", 0)].get("nodes", []) if scenes else [])
         of_scene = {nodes[i]["mesh"] for i in shown if "mesh" in nodes[i]}
-        for mesh, each in enumerate(self.json.get("meshes", [])):
-            for i, primitive in enumerate(each["primitives"]):
+        for mesh, contents in enumerate(self.json.get("meshes", [])):
+            for i, primitive in enumerate(contents["primitives"]):
                 is_of_triangles = primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN)
                 is_shown = not of_scene or mesh in of_scene
                 if is_shown and is_of_triangles and "POSITION" in (keys := primitive["attributes"]):
@@ -193,36 +195,41 @@ class GltfData:
         return strip
 
     def transforms(self) -> dict[int, tuple[Matrix | None, int | None]]:
-        """Find matrix and skin of the first node of each mesh."""
-        nodes, there = self.json.get("nodes", []), node_matrices(self.json)
+        """Find the matrix and skin of the first node of each mesh."""
+        nodes, matrices = self.json.get("nodes", []), node_matrices(self.json)
         placed: dict[int, tuple[Matrix | None, int | None]] = {}
-        for i, matrix in there.items():
+        for i, matrix in matrices.items():
             if "mesh" in nodes[i] and nodes[i]["mesh"] not in placed:
-                skin, own = nodes[i].get("skin"), matrix
+                skin, placement = nodes[i].get("skin"), matrix
                 if skin is not None:
-                    # its joints put the points, not the node; they stay where they are if these are posed
-                    bound, own = self.binding(self.json["skins"][skin], there), np.eye(4)
-                    if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, own):
-                        own = bound[0]
-                is_placed = not np.array_equal(own, np.eye(4))
-                placed[nodes[i]["mesh"]] = (tuple(map(tuple, own.tolist())) if is_placed else None), skin
+                    # the joints place the points, not the node; posed joints leave them in place
+                    bound, placement = self.binding(self.json["skins"][skin], matrices), np.eye(4)
+                    if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, placement):
+                        placement = bound[0]
+                is_placed = not np.array_equal(placement, np.eye(4))
+                placed[nodes[i]["mesh"]] = (
+                    (tuple(map(tuple, placement.tolist())) if is_placed else None),
+                    skin,
+                )
         return placed
 
-    def binding(self, skin: dict[str, Any], there: Mapping[int, FloatArray]) -> FloatArray:
-        """(k, 4, 4) where each joint of a skin puts what is bound to it; none if the file does not tell how."""
+    def binding(self, skin: dict[str, Any], matrices: Mapping[int, FloatArray]) -> FloatArray:
+        """Find the matrices (k, 4, 4) by which joints of a skin place bound points; none if undefined."""
         if "inverseBindMatrices" not in skin:
             return np.zeros((0, 4, 4))
         inverse = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
-        placed: FloatArray = np.array([there[joint] for joint in skin["joints"]]).reshape(-1, 4, 4)
+        placed: FloatArray = np.array([matrices[joint] for joint in skin["joints"]]).reshape(-1, 4, 4)
         return placed @ inverse[: len(placed)]
 
     def without_empty_primitives(self) -> None:
-        """Remove primitives without points, and meshes that have none left."""
+        """Remove primitives without points, and meshes without primitives."""
         document, number = self.json, dict[int, int]()
         meshes = document.pop("meshes", [])
-        for mesh, each in enumerate(meshes):
-            each["primitives"] = [primitive for primitive in each["primitives"] if primitive["attributes"]]
-            if each["primitives"]:
+        for mesh, contents in enumerate(meshes):
+            contents["primitives"] = [
+                primitive for primitive in contents["primitives"] if primitive["attributes"]
+            ]
+            if contents["primitives"]:
                 number[mesh] = len(number)
         if number:
             document["meshes"] = [meshes[mesh] for mesh in number]
@@ -235,7 +242,7 @@ class GltfData:
 
 
 def _numbers_in(entry: Any, keys: tuple[str, ...], inside: bool = False) -> set[int]:
-    """Numbers under some keys; in extensions, of which nothing is known, any number."""
+    """Collect the numbers under some keys; in unknown extensions, all numbers."""
     if isinstance(entry, int):
         return {entry} if inside else set()
     numbers: set[int] = set()
@@ -247,18 +254,18 @@ def _numbers_in(entry: Any, keys: tuple[str, ...], inside: bool = False) -> set[
     return numbers
 
 
-def unpacked(data: bytes, name: str) -> GltfData:
-    """Read a ``.glb`` or ``.gltf`` file and the files that it names, as one JSON with one buffer."""
+def unpack(data: bytes, name: str) -> GltfData:
+    """Read a ``.glb`` or ``.gltf`` file and the files it names, as one JSON with one buffer."""
     text, binary = _chunks(data, name) if data[:4] == _MAGIC else (data, b"")
     room = Room(len(data))
-    room.take(sum(size * text.count(mark) for mark, size in _MARKS.items()), "its JSON")
+    room.take(sum(size * text.count(mark) for mark, size in _JSON_BYTES.items()), "its JSON")
     gltf, folder = GltfData(json.loads(text), bytearray(), room), Path(name).parent
     extensions = [*gltf.json.get("extensionsUsed", []), *gltf.json.get("extensionsRequired", [])]
     if compressed := _COMPRESSED.intersection(extensions):
         raise FormatError(f"{name}: is compressed by {min(compressed)}; export it without compression")
     starts: list[int] = []
     files: set[Path] = set()
-    beside = cache(partial(_beside, folder.resolve()))  # one file may be named very often
+    beside = cache(partial(_path_beside, folder.resolve()))  # one file may be named many times
     for i, buffer in enumerate(gltf.json.pop("buffers", [])):
         n, uri = buffer["byteLength"], buffer.get("uri")
         path = beside(uri)
@@ -266,15 +273,15 @@ def unpacked(data: bytes, name: str) -> GltfData:
             with open_file(path) as file:
                 room.size += 0 if path in files else min(n, path.stat().st_size)
                 files.add(path)
-                room.take(2 * n, "a buffer")  # read, and in the one buffer
+                room.take(2 * n, "a buffer")  # as read, and in the common buffer
                 content = file.read(n)
         elif uri is None:
-            content = binary if i == 0 else b""  # only the first may be inside the file
+            content = binary if i == 0 else b""  # only the first may be in the file
         elif uri.startswith("data:"):
             content = base64.b64decode(uri.partition(",")[2])
         else:
-            told = f"{name}: its data is in {uri!r}, outside of its folder, and is not read"
-            raise FormatError(f"{told}; copy that file beside this one, or export as .glb")
+            problem = f"{name}: its data is in {uri!r}, outside of its folder, and is not read"
+            raise FormatError(f"{problem}; copy that file beside this one, or export as .glb")
         if not 0 <= n <= len(content):
             raise unexpected(name, f"a buffer of {n} bytes", str(len(content)), _CUT_SHORT)
         gltf.blob += b"\0" * (-len(gltf.blob) % 4)
@@ -297,18 +304,18 @@ def unpacked(data: bytes, name: str) -> GltfData:
     return gltf
 
 
-def _beside(folder: Path, uri: str | None) -> Path | None:
-    """Return the file that a URI names; None unless it lies in the folder or below: no other file may be copied."""
+def _path_beside(folder: Path, uri: str | None) -> Path | None:
+    """Return the file of a URI, None outside the folder, from which no file may be copied."""
     if uri is None or uri.startswith("data:"):
         return None
     path = (folder / unquote(uri)).resolve()
     return path if path.is_relative_to(folder) else None
 
 
-def packed(gltf: GltfData, binary: bool) -> bytes:
+def pack(gltf: GltfData, binary: bool) -> bytes:
     """Write a ``.glb`` file, or a ``.gltf`` file that contains its buffer."""
     document, blob = gltf.json, bytes(gltf.blob)
-    for name, free in _FREE.items():
+    for name, free in _FREE_ENTRIES.items():
         while document.get(name, [])[-1:] == [free]:
             document[name].pop()
         if not document.get(name, [free]):
@@ -320,7 +327,7 @@ def packed(gltf: GltfData, binary: bool) -> bytes:
     if not binary:
         return json.dumps(document, indent=1).encode()
     content = json.dumps(document, separators=(",", ":")).encode()
-    if (size := len(content) + len(blob)) > _LARGEST_GLB:
+    if (size := len(content) + len(blob)) > _MAX_GLB_BYTES:
         raise MeshError(f"a .glb file holds 4 GiB, and this one would have {size} bytes; write .ply or .gltf")
     chunks = _chunk(_JSON, content, b" ") + (_chunk(_BINARY, blob, b"\0") if blob else b"")
     return _MAGIC + np.array([2, 12 + len(chunks)], "<u4").tobytes() + chunks
@@ -335,42 +342,42 @@ def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
     """Return the JSON and the binary chunk of a ``.glb`` file."""
     if (version := int.from_bytes(data[4:8], "little")) != 2:
         raise FormatError(f"{name}: byte 4: expected version 2, found {version}; export it as glTF 2.0")
-    chunks, at = dict[bytes, bytes](), 12
-    while at + 8 <= len(data):
-        size = int.from_bytes(data[at : at + 4], "little")
-        content = data[at + 8 : at + 8 + size]
+    chunks, position = dict[bytes, bytes](), 12
+    while position + 8 <= len(data):
+        size = int.from_bytes(data[position : position + 4], "little")
+        content = data[position + 8 : position + 8 + size]
         if len(content) < size:
             place, expected = f"{name}: byte {len(data)}", f"{size} bytes of a chunk"
             raise unexpected(place, expected, str(len(content)), _CUT_SHORT)
-        chunks.setdefault(data[at + 4 : at + 8], content)
-        at += 8 + size
+        chunks.setdefault(data[position + 4 : position + 8], content)
+        position += 8 + size
     if _JSON not in chunks:
         raise unexpected(f"{name}: byte 12", "a chunk of JSON", "none", "export the file again")
     return chunks[_JSON], chunks.get(_BINARY, b"")
 
 
 def are_alike(matrices: FloatArray, one: FloatArray) -> bool:
-    """Whether matrices are one and the same, but for what rounding does to them."""
-    return bool((np.abs(matrices - one) <= _POSED * np.abs(matrices).max(initial=0)).all())
+    """Whether matrices are equal up to rounding."""
+    return bool((np.abs(matrices - one) <= _POSE_TOLERANCE * np.abs(matrices).max(initial=0)).all())
 
 
 def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
-    """(4, 4) where the scene puts each node, parents before their children."""
+    """Compute the matrix (4, 4) of each node in the scene, parents before children."""
     nodes = document.get("nodes", [])
     below = {child for node in nodes for child in node.get("children", [])}
-    there: dict[int, FloatArray] = {}
+    matrices: dict[int, FloatArray] = {}
     top: FloatArray = np.eye(4)
     waiting = [(i, top) for i in range(len(nodes)) if i not in below][::-1]
     while waiting:
         i, above = waiting.pop()
-        if i not in there:
-            there[i] = product(above, _local(nodes[i]))
-            waiting += [(child, there[i]) for child in reversed(nodes[i].get("children", []))]
-    return there
+        if i not in matrices:
+            matrices[i] = product(above, _local(nodes[i]))
+            waiting += [(child, matrices[i]) for child in reversed(nodes[i].get("children", []))]
+    return matrices
 
 
 def with_below(nodes: Sequence[dict[str, Any]], starts: Iterable[int]) -> set[int]:
-    """Return some nodes and all that are below them."""
+    """Return some nodes and all nodes below them."""
     chosen, waiting = set[int](), list(starts)
     while waiting:
         if (i := waiting.pop()) not in chosen:
@@ -395,7 +402,7 @@ def _local(node: dict[str, Any]) -> FloatArray:
 
 
 def joint_names(document: dict[str, Any]) -> dict[int, str]:
-    """Names of the joints of all skins, by their nodes, in the order of the skins; repeated ones are numbered."""
+    """Return the names of the joints of all skins, by node; equal names are numbered."""
     nodes = dict.fromkeys(node for skin in document.get("skins", []) for node in skin["joints"])
     names: dict[int, str] = {}
     for i, node in enumerate(nodes):
@@ -404,43 +411,53 @@ def joint_names(document: dict[str, Any]) -> dict[int, str]:
 
 
 def extras_of(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what an entry says of itself that the format does not foresee."""
+    """Return the extras of an entry: properties outside the format."""
     extras = entry.get("extras")
     return extras if isinstance(extras, dict) else {}
 
 
 def key_names(mesh: Mapping[str, Any]) -> list[str]:
-    """Names of the shape keys of a mesh, which glTF itself does not have, but most programs write."""
-    own = extras_of(mesh).get("targetNames", [])
-    n = max([len(own), *(len(primitive.get("targets", [])) for primitive in mesh["primitives"])])
+    """Return the names of the shape keys of a mesh, which most programs write as extras."""
+    names_in_file = extras_of(mesh).get("targetNames", [])
+    n = max([len(names_in_file), *(len(primitive.get("targets", [])) for primitive in mesh["primitives"])])
     names: list[str] = []
     for i in range(n):
-        names.append(unused_name(str(own[i]) if i < len(own) else f"key_{i}", names))
+        names.append(unused_name(str(names_in_file[i]) if i < len(names_in_file) else f"key_{i}", names))
     return names
 
 
 def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping[str, float]) -> None:
-    """Set the names of the shape keys of a mesh; they keep their weights, unless there are others."""
-    each = document["meshes"][mesh]
-    had, own = key_names(each), each.get("weights", [])
+    """Set the names of the shape keys of a mesh; they keep their weights unless new ones are given."""
+    contents = document["meshes"][mesh]
+    had, weights_before = key_names(contents), contents.get("weights", [])
     nodes = {i: node for i, node in enumerate(document.get("nodes", [])) if node.get("mesh") == mesh}
-    if names != had:  # what animates the weights has values for those it had
-        without_channels(document, lambda at: at.get("path") == "weights" and at.get("node") in nodes)
-    for place in (*(node for node in nodes.values() if "weights" in node), each):
-        weight_of = {**dict(zip(had, place.pop("weights", own))), **weights}
+    if names != had:  # animations of weights have values for the old keys
+
+        def has_old_weights(target: dict[str, Any]) -> bool:
+            return target.get("path") == "weights" and target.get("node") in nodes
+
+        without_channels(document, has_old_weights)
+    for place in (*(node for node in nodes.values() if "weights" in node), contents):
+        weight_of = {**dict(zip(had, place.pop("weights", weights_before))), **weights}
         if names:
             place["weights"] = [weight_of.get(name, 0) for name in names]
-    said = each.pop("extras", None)
-    extras = {key: said[key] for key in said if key != "targetNames"} if isinstance(said, dict) else {}
+    extras_before = contents.pop("extras", None)
+    extras = (
+        {key: extras_before[key] for key in extras_before if key != "targetNames"}
+        if isinstance(extras_before, dict)
+        else {}
+    )
     if extras or names:
-        each["extras"] = extras | ({"targetNames": names} if names else {})
+        contents["extras"] = extras | ({"targetNames": names} if names else {})
 
 
 def without_channels(document: dict[str, Any], is_gone: Callable[[dict[str, Any]], bool]) -> None:
-    """Leave out what moves targets that are gone, and animations that move nothing any more."""
+    """Remove the channels of targets that are gone, and animations without channels."""
     moving = []
     for animation in document.pop("animations", []):
-        animation["channels"] = [each for each in animation["channels"] if not is_gone(each["target"])]
+        animation["channels"] = [
+            channel for channel in animation["channels"] if not is_gone(channel["target"])
+        ]
         moving += [animation] if animation["channels"] else []
     if moving:
         document["animations"] = moving

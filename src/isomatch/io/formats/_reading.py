@@ -1,4 +1,4 @@
-"""Errors of files whose readers do not name them, and files for readers of other packages."""
+"""Named errors for readers of other packages, limits of memory, and temporary files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from isomatch._core.memory import room_for
 
 @contextmanager
 def reading(name: str, what: str) -> Iterator[None]:
-    """Name the file in whatever error its contents raise: a reader of another package has no list of them."""
+    """Name the file in any error of the block; readers of other packages raise all kinds."""
     try:
         with warnings.catch_warnings(action="ignore"):
             yield
@@ -33,25 +33,25 @@ def reading(name: str, what: str) -> Iterator[None]:
 
 
 def damaged(name: str, what: str, reason: str) -> FormatError:
-    """Make the error of a file whose contents do not fit together."""
+    """Make the error for damaged contents of a file."""
     return unexpected(name, what, f"damaged contents ({reason})", "copy or export it again")
 
 
 def unexpected(place: str, expected: str, content: str, remedy: str) -> FormatError:
-    """Make the error of a file that holds something else than expected at a place."""
+    """Make the error for unexpected content at a place in a file."""
     return FormatError(f"{place}: expected {expected}, found {content}; {remedy}")
 
 
 @dataclass
 class Room:
-    """The memory that what is in a file may take, told before it is allocated."""
+    """The memory that the contents of a file may take, counted before it is allocated."""
 
     size: int
     """Bytes of the file."""
     taken: int = 0
 
     def take(self, n_bytes: int, what: str) -> None:
-        """Raise `FormatError` if there is not so much left."""
+        """Raise `FormatError` if less memory is left."""
         self.taken += n_bytes
         if n_bytes < 0 or self.taken > room_for(self.size):
             raise FormatError(
@@ -61,7 +61,7 @@ class Room:
 
 @contextmanager
 def on_disk(data: bytes, suffix: str) -> Iterator[Path]:
-    """Keep bytes in a file while the block runs, for readers that take nothing else."""
+    """Keep bytes in a file while the block runs, for readers that need one."""
     with TemporaryDirectory(prefix="isomatch-") as folder:
         path = Path(folder) / f"file{suffix}"
         with writing(path):
@@ -72,12 +72,12 @@ def on_disk(data: bytes, suffix: str) -> Iterator[Path]:
 def content_beside(
     name: str, folder: Path, read: Callable[[Path], bytes | None] = read_bytes
 ) -> bytes | None:
-    """Read a file of the folder or below, as no other may be copied; None if there is none."""
-    clean = name.replace("\\", "/")
-    # of a path on the machine of who made the file, the last name is sought here too
-    for each in (clean, PurePosixPath(clean).name):
-        with suppress(FormatError, OSError, ValueError):  # as of names too long, or with a zero byte
-            path = (folder / each).resolve()
-            if each and path.is_relative_to(folder.resolve()) and path.is_file():
+    """Read a file in the folder or below it, as no other may be copied; None if there is none."""
+    plain = name.replace("\\", "/")
+    # a path may be one on the machine of the author; then only its last name is sought
+    for candidate in (plain, PurePosixPath(plain).name):
+        with suppress(FormatError, OSError, ValueError):  # names that are too long, or have a zero byte
+            path = (folder / candidate).resolve()
+            if candidate and path.is_relative_to(folder.resolve()) and path.is_file():
                 return read(path)
     return None

@@ -1,4 +1,4 @@
-"""Lines of a text file with their line numbers, and the numbers that they contain."""
+"""Lines of a text file with their line numbers, and the numbers in them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from isomatch.io.polygons import spans
 EXPORT_AGAIN = "correct the line or export the file again"
 
 SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."
-_HEAD = 2**16  # bytes in which comments may tell the space of the coordinates
-_BLANKS = bytes.maketrans(b"\t\v\f", b"   ")
+_EXAMINED_BYTES = 2**16  # at the start, where comments may name the space of the coordinates
+_BLANKS_TO_SPACES = bytes.maketrans(b"\t\v\f", b"   ")
 _WORD = re.compile(rb"[^ \n]+")
-# Objects take many times the memory of what they are made of, so they are made of a piece at a time.
+# Python objects take much more memory than text, so only a piece at a time is split into them.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
 _PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
 
@@ -34,9 +34,9 @@ class TextLines:
     """Some lines of a file, without comments, blank lines and leading blanks."""
 
     name: str
-    data: AnyArray  # the lines, each closed by a newline, other blanks are spaces; objects would take much more memory
+    data: AnyArray  # bytes of the lines, each with a newline at its end, other blanks as spaces
     numbers: IntArray  # (rows,) the number of each line in the file, from 1
-    before: int = 0  # number of the line before the first of these
+    before: int = 0  # number of the line before the first one
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -63,7 +63,7 @@ class TextLines:
         return [text.strip() for text in self.data.tobytes().split(b"\n")[: len(self)]]
 
     def fail(self, row: int, expected: str, remedy: str = EXPORT_AGAIN) -> NoReturn:
-        """Raise a `FormatError` that quotes one row; a row past the end means that the file is too short."""
+        """Raise a `FormatError` that quotes a row; past the end, it says that the file is too short."""
         if 0 <= row < len(self):
             number, text = self.numbers[row], self.row(row).strip()
             quoted = repr(text if len(text) <= 40 else text[:40] + "…")
@@ -73,7 +73,7 @@ class TextLines:
         raise unexpected(f"{self.name}:{number}", expected, quoted, remedy)
 
     def starting_with(self, keyword: str) -> TextLines:
-        """Return the lines whose first word is the keyword, without this word."""
+        """Select the lines that begin with a keyword, without this word."""
         lengths = np.diff(self.ends, prepend=-1)
         starts = self.ends + 1 - lengths
         chosen = _is_blank(self.data.take(starts + len(keyword), mode="clip"))
@@ -85,7 +85,7 @@ class TextLines:
         return TextLines(self.name, self.data[kept], self.numbers[chosen])
 
     def fields(self, which: int) -> TextLines:
-        """Return the same lines with one field of each ``v/vt/vn`` instead of the word, and 0 where it is missing."""
+        """Replace each word ``v/vt/vn`` by one of its fields, 0 if that is missing."""
         if which == 0 and not (self.data == SLASH).any():
             return self
         field = re.compile(rb"(?:[^ \n/]*/){%d}([^ \n/]*)[^ \n]*" % which)
@@ -94,15 +94,15 @@ class TextLines:
         return TextLines(self.name, np.frombuffer(data, np.uint8), self.numbers)
 
     def parse(self) -> NumberRows:
-        """Parse every row as blank-separated numbers, which may have a decimal comma if none has a point."""
+        """Parse the rows as numbers between blanks, with decimal commas if no number has a point."""
         blank = _is_blank(self.data)
         word_ends = np.flatnonzero(blank[1:] > blank[:-1])
         counts = np.diff(np.searchsorted(word_ends, self.ends), prepend=0)
         values = np.zeros(len(word_ends))
-        at = first = 0
+        n_read = first = 0
         for piece in _pieces(self.data):
-            at += len(piece)
-            stop = int(np.searchsorted(word_ends, at))
+            n_read += len(piece)
+            stop = int(np.searchsorted(word_ends, n_read))
             numbers = _plain_numbers(piece, stop - first)
             if numbers is None:
                 rows = np.searchsorted(np.cumsum(counts), np.arange(first, stop), side="right").tolist()
@@ -124,7 +124,7 @@ class TextLines:
 
 @dataclass(frozen=True)
 class NumberRows:
-    """The numbers on some lines, concatenated, and the number of them on each line."""
+    """The numbers on some lines, concatenated, and their count on each line."""
 
     lines: TextLines
     values: FloatArray
@@ -136,18 +136,18 @@ class NumberRows:
         return np.cumsum(self.counts) - self.counts
 
     def leading(self, width: int, expected: str) -> FloatArray:
-        """Return the first ``width`` numbers of each row, (rows, width); a shorter row raises `FormatError`."""
+        """Return the first numbers of each row, (rows, width); a shorter row raises `FormatError`."""
         self.require(self.counts >= width, expected)
         if len(self.counts) and (self.counts == self.counts[0]).all():
             return self.values.reshape(len(self.counts), -1)[:, :width]
         return np.asarray(self.values[self.starts[:, None] + np.arange(width)])
 
     def columns(self, first: int | IntArray, width: int) -> FloatArray:
-        """Return ``width`` numbers of each row from a column on, (rows, width), nan where the row has no more."""
+        """Return numbers of each row from a column on, (rows, width), with nan beyond its end."""
         table = np.full((len(self.counts), max(width, 0)), np.nan)
         for i in range(width):
-            said = self.counts > first + i
-            table[said, i] = self.values[(self.starts + first + i)[said]]
+            has_number = self.counts > first + i
+            table[has_number, i] = self.values[(self.starts + first + i)[has_number]]
         return table
 
     def require(self, good: AnyArray, expected: str) -> None:
@@ -156,7 +156,7 @@ class NumberRows:
             self.lines.fail(int(np.argmin(good)), expected)
 
     def whole(self, positions: IntArray | None, expected: str) -> IntArray:
-        """Return the values at some positions, by default all, as integers; `FormatError` for another value."""
+        """Return the values at some positions, by default all, as integers; `FormatError` for others."""
         values = self.values if positions is None else self.values[positions]
         good = is_whole(values)
         if not good.all():
@@ -167,18 +167,18 @@ class NumberRows:
 
 def number_of(text: str, has_decimal_comma: bool = False) -> float:
     """Return the number of a word; `ValueError` if it is none."""
-    if "_" in text:  # which Python allows in a number, other readers do not
+    if "_" in text:  # Python allows it in numbers, other readers do not
         raise ValueError
     return float(text.replace(",", ".", 1) if has_decimal_comma else text)
 
 
 def is_whole(values: AnyArray) -> BoolArray:
-    """Which values are integers that a float holds exactly."""
-    return np.asarray((np.abs(values) < 2**53) & (values == np.rint(values)))  # false for inf and nan
+    """Test which values are integers that a float holds exactly."""
+    return np.asarray((np.abs(values) < 2**53) & (values == np.rint(values)))  # False for inf and nan
 
 
 def bytes_or_floats(colours: FloatArray) -> AnyArray:
-    """Return numbers of a text as bytes if they are whole and some are above 1; nan stands for none."""
+    """Convert colours to bytes if they are integers and some are above 1; nan is no colour."""
     colours, largest = colours.copy(), np.fmax.reduce(colours[:, :3], axis=None, initial=0)
     full = 255.0 if largest > 1 else 1.0
     if colours.shape[1] == 4:
@@ -191,7 +191,7 @@ def bytes_or_floats(colours: FloatArray) -> AnyArray:
 
 
 def is_count(word: str) -> bool:
-    """Whether a word is a number of lines or rows that fits 64 bits."""
+    """Whether a word is a count that fits 64 bits."""
     return word.isdecimal() and len(word) < 19
 
 
@@ -199,12 +199,12 @@ def read_lines(
     name: str, data: bytes, before: int = 0, continued: bool = False, named: tuple[str, ...] = ()
 ) -> TextLines:
     """Split the bytes of a file, after ``before`` lines, into lines, without ``#`` comments and blank lines."""
-    # A comment begins at the first byte of a line, or after a blank; its bytes may be of any encoding, and line ends of
-    # any kind. If continued, a line that ends in a backslash goes on in the next. The rest of lines that begin with a
-    # named keyword is a name, which may contain any #.
-    if data.startswith(tuple(BYTE_ORDER_MARKS)) or b"\0" in data[:_HEAD]:
+    # A comment begins at the start of a line or after a blank, in any encoding; line ends are of any kind.
+    # If ``continued``, a line with a final backslash continues in the next. After a keyword in ``named``,
+    # the rest of the line is a name, which may contain #.
+    if data.startswith(tuple(BYTE_ORDER_MARKS)) or b"\0" in data[:_EXAMINED_BYTES]:
         data = decode_text(data).encode()
-    text = data.translate(_BLANKS).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    text = data.translate(_BLANKS_TO_SPACES).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not text.endswith(b"\n"):
         text += b"\n"
     if continued and text.endswith(b"\\\n"):  # the last line is not continued
@@ -229,36 +229,36 @@ def read_lines(
     return TextLines(name, octets, numbers, before)
 
 
-def told_frame(data: bytes) -> Frame | None:
-    """Return the frame that comments at the beginning of a text tell, if any."""
-    lines = decode_text(data[:_HEAD]).splitlines() if b"#" in data[:_HEAD] else []
+def frame_in_comments(data: bytes) -> Frame | None:
+    """Make the frame of comments at the beginning of a text, if they define one."""
+    lines = decode_text(data[:_EXAMINED_BYTES]).splitlines() if b"#" in data[:_EXAMINED_BYTES] else []
     return Frame.of_lines(*(line.lstrip("# \t") for line in lines if line.lstrip().startswith("#")))
 
 
-def comments(frame: Frame | None) -> str:
-    """Return the lines of a frame as comments."""
+def frame_comments(frame: Frame | None) -> str:
+    """Write the lines of a frame as comments."""
     return "".join(f"# {line}\n" for line in (frame.lines if frame else ()))
 
 
 def format_rows(template: str, table: AnyArray) -> bytes:
-    """Write each row of a table with a ``%`` template; a float written with ``%r`` is read back unchanged."""
+    """Write the rows of a table with a ``%`` template; floats written with ``%r`` are read back unchanged."""
     return (template * len(table) % tuple(table.ravel().tolist())).encode("ascii")
 
 
-def numbered(values: AnyArray, template: str = "%d") -> AnyArray:
-    """Write each number as a word, an array of objects."""
+def words_of_numbers(values: AnyArray, template: str = "%d") -> AnyArray:
+    """Format each number as a word, in an array of objects."""
     return np.array((f"{template} " * len(values) % tuple(values.tolist())).split(), dtype=object)
 
 
-def interleaved_lines(parts: list[tuple[IntArray, AnyArray]], n_rows: int, encoding: str = "utf-8") -> bytes:
-    """Write lines of words: of each part as many for each line as its counts say."""
+def interleave_lines(parts: list[tuple[IntArray, AnyArray]], n_rows: int, encoding: str = "utf-8") -> bytes:
+    """Write lines of words; each part gives a number of words to each line."""
     once = np.ones(n_rows, dtype=np.int64)
-    words = interleaved([*parts, (once, np.full(n_rows, "\n", dtype=object))], n_rows, object)
+    words = interleave([*parts, (once, np.full(n_rows, "\n", dtype=object))], n_rows, object)
     return " ".join(words).replace("\n ", "\n").replace(" \n", "\n").encode(encoding, "backslashreplace")
 
 
-def interleaved(parts: list[tuple[IntArray, AnyArray]], n_rows: int, kind: type) -> AnyArray:
-    """Join columns row by row: of each part as many entries for each row as its counts say."""
+def interleave(parts: list[tuple[IntArray, AnyArray]], n_rows: int, kind: type) -> AnyArray:
+    """Join parts row by row; each part gives a number of entries to each row."""
     lengths = sum((counts for counts, _ in parts), np.zeros(n_rows, dtype=np.int64))
     joined: AnyArray = np.zeros(int(lengths.sum()), kind)
     start = np.cumsum(lengths) - lengths
@@ -273,17 +273,17 @@ def _is_blank(octets: AnyArray) -> BoolArray:
 
 
 def _pieces(octets: AnyArray) -> Iterator[bytes]:
-    """Cut bytes between words."""
+    """Cut bytes into pieces between words."""
     return (piece[0] for piece in _PIECE.finditer(octets.data))
 
 
 def _plain_numbers(text: bytes, n_words: int) -> FloatArray | None:
-    """Parse words as numpy does; None if one of them is no number."""
-    if b"(" in text:  # numpy takes nan(1)
+    """Parse words with numpy; None if one of them is no number."""
+    if b"(" in text:  # numpy reads nan(1) as a number
         return None
     # integers are much faster to parse, but have no -0
     for kind in (np.float64,) if b"." in text or b"-0" in text else (np.int64, np.float64):
-        # one word more tells whether numpy read on after the last; it warned of words before it refused them
+        # the extra word shows whether numpy read all words; older versions only warned of bad ones
         with suppress(ValueError), warnings.catch_warnings(action="ignore"):
             numbers = np.fromstring(text + b" 0", kind, sep=" ")[:-1]
             if len(numbers) == n_words and (kind is np.float64 or (np.abs(numbers) < 2**53).all()):

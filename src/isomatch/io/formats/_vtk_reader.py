@@ -1,6 +1,6 @@
-"""The process that reads one VTK file: it writes the arrays that VTK finds to its output, or what is wrong to its errors.
+"""The process that reads one VTK file, and writes its arrays to standard output, or an error.
 
-It imports little, as it is started anew for each file.
+It imports little, because it starts anew for each file.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _VERTEX, _LINE, _TRIANGLE, _STRIP, _POLYGON, _QUAD = 1, 3, 5, 6, 7, 9  # types o
 
 
 def _main(path: Path, room: int) -> None:
-    """Write what a file holds, or end with what is wrong with it."""
+    """Write the contents of a file, or exit with an error."""
     try:
         _limit_memory(room)
         file = BytesIO()
@@ -40,30 +40,34 @@ def _main(path: Path, room: int) -> None:
 
 
 def _arrays(path: Path) -> dict[str, object]:
-    told = vtkCommonCore.vtkStringOutputWindow()
-    vtkCommonCore.vtkOutputWindow.SetInstance(told)
+    messages = vtkCommonCore.vtkStringOutputWindow()
+    vtkCommonCore.vtkOutputWindow.SetInstance(messages)
     reader = _READERS[path.suffix]()
     reader.SetFileName(str(path))
     reader.Update()
-    problems = [problem for each in told.GetOutput().split("\n\n") if (problem := _problem(each))]
+    problems = [problem for array in messages.GetOutput().split("\n\n") if (problem := _problem(array))]
     if problems:
         raise ValueError(problems[0])
     data = reader.GetOutput()
     if not isinstance(data, vtkCommonDataModel.vtkPolyData | vtkCommonDataModel.vtkUnstructuredGrid):
         raise ValueError(f"it holds a {type(data).__name__.removeprefix('vtk') or 'nothing'}")
     types, lists = _cells(data)
-    corners = np.concatenate([_values(each.GetConnectivityArray()) for each in lists])
-    sizes = np.concatenate([np.diff(_values(each.GetOffsetsArray())) for each in lists])
+    corners = np.concatenate([_values(array.GetConnectivityArray()) for array in lists])
+    sizes = np.concatenate([np.diff(_values(array.GetOffsetsArray())) for array in lists])
     if len(sizes) != len(types) or (sizes < 0).any() or sizes.sum() != len(corners):
         raise ValueError("its cells do not fit their declared number")
     is_polygon = np.isin(types, (_TRIANGLE, _POLYGON, _QUAD))
-    is_strip = (types == _STRIP) & isinstance(data, vtkCommonDataModel.vtkPolyData)  # which come last there
+    is_strip = (types == _STRIP) & isinstance(
+        data, vtkCommonDataModel.vtkPolyData
+    )  # cells of strips come last
     others, counts = np.unique(types[~is_polygon & ~is_strip], return_counts=True)
     names = [vtkCommonDataModel.vtkCellTypes.GetClassNameFromTypeId(int(kind)) for kind in others]
     points, held = data.GetPoints(), data.GetFieldData()
-    fields = {each.GetName(): each for each in map(held.GetAbstractArray, range(held.GetNumberOfArrays()))}
+    fields = {array.GetName(): array for array in map(held.GetAbstractArray, range(held.GetNumberOfArrays()))}
     texts = {
-        name: "\n".join(_values(each).ravel()) for name, each in fields.items() if each.IsA("vtkStringArray")
+        name: "\n".join(_values(array).ravel())
+        for name, array in fields.items()
+        if array.IsA("vtkStringArray")
     }
     return {
         "points": _values(points.GetData()) if points else np.zeros((0, 3)),
@@ -89,11 +93,11 @@ def _cells(data: Any) -> tuple[IntArray, list[Any]]:
         types = _values(data.GetCellTypesArray()) if data.GetNumberOfCells() else np.zeros(0, int)
         return types, [data.GetCells()]
     lists = [data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()]
-    return np.repeat([_VERTEX, _LINE, _POLYGON, _STRIP], [each.GetNumberOfCells() for each in lists]), lists
+    return np.repeat([_VERTEX, _LINE, _POLYGON, _STRIP], [cells.GetNumberOfCells() for cells in lists]), lists
 
 
 def _problem(message: str) -> str:
-    """Return what an error of VTK says, nothing for a warning; ranges of nan cannot be read and are of no use."""
+    """Return the text of an error of VTK, nothing for a warning or for a range of nan."""
     head, _, text = message.strip().partition("\n")
     if "WARNING" in head.upper() or "InformationKey" in message:
         return ""
@@ -104,21 +108,21 @@ def _values(array: Any) -> AnyArray:
     if array.IsA("vtkStringArray"):
         texts = np.array([array.GetValue(i) for i in range(array.GetNumberOfValues())], dtype=str)
         return texts if array.GetNumberOfComponents() == 1 else texts.reshape(array.GetNumberOfTuples(), -1)
-    if not array.IsA("vtkDataArray"):  # of variants, which may be anything
+    if not array.IsA("vtkDataArray"):  # an array of variants, which is left out
         return np.zeros((array.GetNumberOfTuples(), 0))
     return np.asarray(vtk_to_numpy(array))
 
 
 def _numbered(domain: str, held: Any) -> Mapping[str, object]:
-    """Name arrays by numbers, as their own names may be anything."""
+    """Name arrays by numbers, because their own names may contain anything."""
     arrays = [held.GetAbstractArray(i) for i in range(held.GetNumberOfArrays())]
-    names = [each.GetName() or f"Unnamed_{i}" for i, each in enumerate(arrays)]
-    values = {f"{domain}_{i}": _values(each) for i, each in enumerate(arrays)}
+    names = [array.GetName() or f"Unnamed_{i}" for i, array in enumerate(arrays)]
+    values = {f"{domain}_{i}": _values(array) for i, array in enumerate(arrays)}
     return {f"{domain}_names": np.array(names, dtype=str), **values}
 
 
 def _limit_memory(room: int) -> None:
-    """Let this process take so many bytes more, where the system limits them and tells what is taken."""
+    """Let this process take only ``room`` bytes more, if the system can limit memory."""
     try:
         import resource
 

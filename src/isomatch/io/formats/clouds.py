@@ -1,4 +1,4 @@
-"""Clouds of points, which are read only: XYZ, columns of text; PCD, through pypcd4; and arrays of NumPy."""
+"""Readers of point clouds: XYZ, columns of text; PCD, by pypcd4; NPY, arrays of NumPy."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from isomatch._core.first_use import package
 from isomatch._core.tables import BLANKS, Table, parse_table
 from isomatch._core.texts import decode_text
 from isomatch.io.asset import Asset, Frame
-from isomatch.io.attribute import Attribute, Kind, told_apart
+from isomatch.io.attribute import Attribute, Kind, number_equal_names
 from isomatch.io.formats._reading import Room, damaged, reading, unexpected
-from isomatch.io.formats._text import read_lines, told_frame
+from isomatch.io.formats._text import frame_in_comments, read_lines
 from isomatch.io.polygons import Polygons
 
-_SPREAD = 0.05  # by which the length of a normal may be off, as of few digits
+_NORMAL_TOLERANCE = 0.05  # of the length of normals written with few digits
 _POSITIONS = ("x", "y", "z")
-_HEAD = 2**16  # letters
-_COUNT = re.compile(r"\s*(\d{1,18})[ \t]*\r?\n")  # of the rows, before them
-_NAMED: dict[tuple[str, ...], tuple[str, Kind]] = {
+_EXAMINED_LETTERS = 2**16  # letters
+_ROW_COUNT = re.compile(r"\s*(\d{1,18})[ \t]*\r?\n")  # a line before the rows with their number
+_NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {
     ("r", "g", "b"): ("color", "colour"),
     ("red", "green", "blue"): ("color", "colour"),
     ("nx", "ny", "nz"): ("normal", "normal"),
     ("normal_x", "normal_y", "normal_z"): ("normal", "normal"),
 }
-_POINTS = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")
-_LONGEST_HEADER = 2**16  # bytes
-_NORMAL = ("normal_x", "normal_y", "normal_z")
+_POINT_COUNT = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")
+_MAX_HEADER_BYTES = 2**16  # bytes
+_NORMAL_COLUMNS = ("normal_x", "normal_y", "normal_z")
 _NO_POLYGONS = Polygons([], [])
 
 
 def read_xyz(data: bytes, name: str) -> Asset:
-    """Read rows of x, y, z by the names of columns or in this order, and what follows: a colour, a normal, or numbers."""
-    frame, text, notes = told_frame(data), re.sub(r"\r\r?\n|\r", "\n", decode_text(data)), list[str]()
-    counted = _COUNT.match(text)
+    """Read rows of x, y, z, by the names of columns or in this order, and colours, normals or numbers."""
+    frame, text, notes = frame_in_comments(data), re.sub(r"\r\r?\n|\r", "\n", decode_text(data)), list[str]()
+    counted = _ROW_COUNT.match(text)
     if counted and int(counted[1]) != text[counted.end() :].rstrip().count("\n") + 1:
         counted = None
     before = counted[0].count("\n") if counted else 0
     text = text[counted.end() :] if counted else text
-    # names of columns and separators are told by the first lines
-    end = text.find("\n", _HEAD)
+    # the first lines tell the names of columns and the separator
+    end = text.find("\n", _EXAMINED_LETTERS)
     head = parse_table(text if end < 0 else text[:end], name)
     table = head.titled(_POSITIONS)
     width = len(table.filled[0].cells) if table.filled else 0
@@ -54,16 +54,16 @@ def read_xyz(data: bytes, name: str) -> Asset:
         notes += [f"the first line is taken as a title: {head.filled[0].text.strip()}"] * is_row
         table = replace(table, titles=())
     first = table.filled[0].line - 1 if table.filled else 0
-    lines = _plain(text.split("\n")[first:] if first else [text], table)
+    lines = _plain_lines(text.split("\n")[first:] if first else [text], table)
     rows = read_lines(name, lines, before=before + first).parse()
     rows.leading(3, "at least 3 numbers x y z of a point")
     values = rows.columns(0, int(rows.counts.max(initial=3)))
     values = values[:, ~(np.isnan(values).all(axis=0) & (np.arange(values.shape[1]) > 2))]
-    return _cloud(values, table, notes, frame)
+    return _make_cloud(values, table, notes, frame)
 
 
-def _plain(lines: list[str], table: Table) -> bytes:
-    """Write the numbers of lines as they are read fast: separated by blanks, with decimal points, nan for no number."""
+def _plain_lines(lines: list[str], table: Table) -> bytes:
+    """Rewrite lines for the fast reader: blanks between numbers, decimal points, nan for no number."""
     text = "\n".join(lines).replace('"', "").replace("−", "-")
     if table.separator != BLANKS:
         mark = re.escape(table.separator)
@@ -72,11 +72,11 @@ def _plain(lines: list[str], table: Table) -> bytes:
     return (text.replace(",", ".") if table.has_decimal_commas else text).encode()
 
 
-def _cloud(values: FloatArray, table: Table, notes: list[str], frame: Frame | None) -> Asset:
-    """Make a cloud of columns, by their names if they have some; `FormatError` if these are not of positions."""
+def _make_cloud(values: FloatArray, table: Table, notes: list[str], frame: Frame | None) -> Asset:
+    """Make a cloud of columns, by their names if there are any; `FormatError` if x, y or z is missing."""
     titles = [title.lower() for title in table.titles]
-    at = [titles.index(axis) for axis in "xyz" if axis in titles]
-    if titles and (len(at) < 3 or len(titles) != values.shape[1]):
+    axes_found = [titles.index(axis) for axis in "xyz" if axis in titles]
+    if titles and (len(axes_found) < 3 or len(titles) != values.shape[1]):
         raise unexpected(
             table.name, "columns x, y, z", ", ".join(table.titles)[:80], "name them so in the first line"
         )
@@ -89,12 +89,14 @@ def _cloud(values: FloatArray, table: Table, notes: list[str], frame: Frame | No
     ):
         found = "a first column that counts the rows"
         raise unexpected(table.name, "x, y, z", found, "name the columns in the first line, such as id x y z")
-    others = [i for i in range(values.shape[1]) if i not in (at or [0, 1, 2]) and titles[i : i + 1] != [""]]
-    names = [table.titles[i] for i in others] if at else []
+    others = [
+        i for i in range(values.shape[1]) if i not in (axes_found or [0, 1, 2]) and titles[i : i + 1] != [""]
+    ]
+    names = [table.titles[i] for i in others] if axes_found else []
     attributes = list[Attribute]()
-    for axes, (name, kind) in _NAMED.items():
-        lower = [each.lower() for each in names]
-        if {*axes} <= {*lower} and not any(each.name == name for each in attributes):
+    for axes, (name, kind) in _NAMED_COLUMNS.items():
+        lower = [title.lower() for title in names]
+        if {*axes} <= {*lower} and not any(title.name == name for title in attributes):
             chosen = [lower.index(axis) for axis in axes]
             three = values[:, [others[i] for i in chosen]]
             if (
@@ -106,20 +108,24 @@ def _cloud(values: FloatArray, table: Table, notes: list[str], frame: Frame | No
                 attributes.append(Attribute(name, "point", kind, three))
                 others = [x for i, x in enumerate(others) if i not in chosen]
                 names = [x for i, x in enumerate(names) if i not in chosen]
-    if at:
+    if axes_found:
         attributes += [
             Attribute(title or f"column {i + 1}", "point", "scalar", values[:, i])
             for i, title in zip(others, names)
         ]
     else:
-        attributes += _columns(values[:, 3:])
+        attributes += _guess_columns(values[:, 3:])
     return Asset(
-        values[:, at or [0, 1, 2]], _NO_POLYGONS, told_apart(attributes), notes=(*notes,), frame=frame
+        values[:, axes_found or [0, 1, 2]],
+        _NO_POLYGONS,
+        number_equal_names(attributes),
+        notes=(*notes,),
+        frame=frame,
     )
 
 
 def read_npy(data: bytes, name: str) -> Asset:
-    """Read an array (n, 3 or more) of positions and what follows them, as in `read_xyz`."""
+    """Read an array (n, 3 or more) of positions and further columns, as in `read_xyz`."""
     with reading(name, "a NumPy array"):
         array = np.load(BytesIO(data), allow_pickle=False)
     lies = array.ndim == 2 and array.shape[0] == 3 < array.shape[1]
@@ -127,13 +133,13 @@ def read_npy(data: bytes, name: str) -> Asset:
         remedy = "save the transposed array" if lies else "save x, y, z as columns"
         raise unexpected(name, "an array (n, 3) of positions", f"{array.dtype} {array.shape}", remedy)
     table = array.astype(np.float64)
-    return Asset(table[:, :3], _NO_POLYGONS, _columns(table[:, 3:]))
+    return Asset(table[:, :3], _NO_POLYGONS, _guess_columns(table[:, 3:]))
 
 
 def read_pcd(data: bytes, name: str) -> Asset:
-    """Read the fields of a cloud of PCL: positions, a colour, a normal, and others by their names."""
+    """Read the fields of a cloud of PCL: positions, colour, normal, and others by their names."""
     pypcd4, what = package("pypcd4", "io", "a .pcd file"), "a PCD file"
-    points = _POINTS.search(data[:_LONGEST_HEADER])
+    points = _POINT_COUNT.search(data[:_MAX_HEADER_BYTES])
     n = int(points[1]) if points else 0
     Room(len(data)).take(n * 12, f"{name}: the header")
     with reading(name, what):
@@ -144,35 +150,37 @@ def read_pcd(data: bytes, name: str) -> Asset:
     if len(fields) != n:
         raise damaged(name, what, f"{len(fields)} points, {n} declared")
     attributes = list[Attribute]()
-    for packed in [name for name in ("rgba", "rgb") if name in columns][:1]:  # a number of 32 bits
+    for packed in [name for name in ("rgba", "rgb") if name in columns][
+        :1
+    ]:  # four bytes in a number of 32 bits
         octets = columns.pop(packed).view("u1").reshape(n, -1)[:, 2::-1]
         attributes.append(Attribute("color", "point", "colour", octets))
-    if columns.keys() >= {*_NORMAL}:
-        normal = np.stack([columns.pop(axis) for axis in _NORMAL], axis=1)
+    if columns.keys() >= {*_NORMAL_COLUMNS}:
+        normal = np.stack([columns.pop(axis) for axis in _NORMAL_COLUMNS], axis=1)
         attributes.append(Attribute("normal", "point", "normal", normal))
     positions = np.stack([columns.pop(axis) for axis in "xyz"], axis=1, dtype=np.float64)
     attributes += [Attribute(column, "point", "scalar", values) for column, values in columns.items()]
     return Asset(positions, _NO_POLYGONS, tuple(attributes))
 
 
-def _columns(others: AnyArray) -> tuple[Attribute, ...]:
-    """Make attributes of the columns after the positions: three that can be a colour or a normal, or single ones."""
-    attributes, at = dict[str, Attribute](), 0
-    while at < others.shape[1]:
-        three, name = others[:, at : at + 3], f"column {at + 4}"
+def _guess_columns(others: AnyArray) -> tuple[Attribute, ...]:
+    """Make attributes of further columns: three that can be a colour or a normal, or single ones."""
+    attributes, column = dict[str, Attribute](), 0
+    while column < others.shape[1]:
+        three, name = others[:, column : column + 3], f"column {column + 4}"
         whole = three.shape[1] == 3 and len(three)
         if whole and "normal" not in attributes and _are_normals(three):
             attributes["normal"] = Attribute("normal", "point", "normal", three)
         elif whole and "color" not in attributes and _are_bytes(three):
             attributes["color"] = Attribute("color", "point", "colour", three.astype(np.uint8))
         else:
-            attributes[name] = Attribute(name, "point", "scalar", others[:, at])
-        at += 1 if name in attributes else 3
+            attributes[name] = Attribute(name, "point", "scalar", others[:, column])
+        column += 1 if name in attributes else 3
     return tuple(attributes.values())
 
 
 def _are_normals(three: AnyArray) -> bool:
-    return bool((np.abs(np.linalg.norm(three, axis=1) - 1) < _SPREAD).all())
+    return bool((np.abs(np.linalg.norm(three, axis=1) - 1) < _NORMAL_TOLERANCE).all())
 
 
 def _are_bytes(three: AnyArray) -> bool:

@@ -1,4 +1,4 @@
-"""FreeSurfer: surfaces of brains, and annotations and curvatures of their points, by nibabel."""
+"""FreeSurfer: surfaces of brains, annotations and curvatures, by nibabel."""
 
 from __future__ import annotations
 
@@ -22,21 +22,25 @@ SURFACES = (
 )  # fmt: skip
 """Ends of the names of surfaces, such as ``lh.pial``."""
 VALUES = (".curv", ".sulc", ".thickness", ".area", ".volume", ".avg_curv")
-"""Ends of the names of files with a number for each point."""
-_PLAIN, _REAL = (np.array([2, real, 20], dtype=">i4").tobytes() + b"valid" for real in (0, 1))
+"""Ends of the names of files with numbers at points."""
+_VOXEL_FOOTER, _SCANNER_FOOTER = (
+    np.array([2, real, 20], dtype=">i4").tobytes() + b"valid" for real in (0, 1)
+)
 
 
 @dataclass(frozen=True)
 class FreeSurferDocument:
-    """Who made the surface."""
+    """The author of the surface."""
 
     stamp: str = "created by isomatch"
 
 
 def read_asset(data: bytes, name: str) -> Asset:
-    """Read the points and triangles of a surface, in millimetres of its own coordinates."""
+    """Read the points and triangles of a surface, in its own coordinates, in millimetres."""
     freesurfer = _package()
-    plain = data.replace(_REAL, _PLAIN)  # nibabel skips the volume of surfaces in coordinates of the scanner
+    plain = data.replace(
+        _SCANNER_FOOTER, _VOXEL_FOOTER
+    )  # nibabel skips the volume of surfaces in scanner coordinates
     with reading(name, "a FreeSurfer surface"), on_disk(plain, "") as path:
         points, faces, volume, stamp = freesurfer.read_geometry(path, read_metadata=True, read_stamp=True)
         if plain != data:
@@ -86,11 +90,11 @@ def write_attributes(attributes: Sequence[Attribute], surface: Asset | None = No
         table = np.zeros((len(keys), 5), dtype=np.int64)
         taken: set[tuple[int, ...]] = set()
         for row, key in enumerate(keys):
-            *color, opacity = coded.colors.get(key, (*(share / 255 for share in _spread(row)), 1.0))
+            *color, opacity = coded.colors.get(key, (*(share / 255 for share in _distinct_colour(row)), 1.0))
             octets, other = tuple(round(255 * share) for share in color), row
-            # points are told by colours: each label has its own, and black is that of points without a label
+            # colours identify labels, so each label has its own; black is no label
             while octets in taken or (key in used and not any(octets)):
-                octets = _spread(other)
+                octets = _distinct_colour(other)
                 other += len(keys)
             taken.add(octets)
             table[row, :4] = (*octets, round(255 * (1 - opacity)))
@@ -101,8 +105,8 @@ def write_attributes(attributes: Sequence[Attribute], surface: Asset | None = No
         return path.read_bytes()
 
 
-def _spread(row: int) -> tuple[int, ...]:
-    """Return a colour that differs from those of all other rows, by which annotations tell labels apart."""
+def _distinct_colour(row: int) -> tuple[int, ...]:
+    """Return a colour that no other row has, as annotations identify labels by colours."""
     return tuple(((row + 1) * 2654435761 % 2**24).to_bytes(3, "little"))
 
 

@@ -16,31 +16,31 @@ import numpy as np
 
 from isomatch._core.first_use import package
 from isomatch.io.asset import COMMENTS, NEW_VOLUME, SPACE, Asset, Frame
-from isomatch.io.attribute import Attribute, guessed_kind, told_apart
+from isomatch.io.attribute import Attribute, guess_kind, number_equal_names
 from isomatch.io.formats._reading import Room, reading, unexpected
 from isomatch.io.polygons import Polygons
 
-_PIECE = 2**20  # bytes that are unpacked at a time
+_PIECE_BYTES = 2**20  # unpacked at a time
 _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
 _NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
-_STRUCTURE = ("AnatomicalStructurePrimary", "AnatomicalStructureSecondary")
-_SURFACE = ".surf.gii"
+_STRUCTURE_KEYS = ("AnatomicalStructurePrimary", "AnatomicalStructureSecondary")
+_SURFACE_SUFFIX = ".surf.gii"
 VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
-"""What stands before ``.gii`` in the names of files without a surface."""
+"""Second suffixes, before ``.gii``, of files without a surface."""
 # by codes of NIfTI
 _SPACES = ("unknown", "scanner_anat", "aligned_anat", "talairach", "mni_152", "template_other")
-_AXES = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
-_VOLUME = {
+_AXIS_LETTERS = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
+_VOLUME_KEYS = {
     "volume": ("Width", "Height", "Depth"),
     "voxelsize": ("Xsize", "Ysize", "Zsize"),
-    **{key: tuple(f"{axis}_{way}" for way in "RAS") for key, axis in _AXES.items()},
+    **{key: tuple(f"{axis}_{way}" for way in "RAS") for key, axis in _AXIS_LETTERS.items()},
 }
-"""Meta data by which FreeSurfer tells its volume, each beginning with VolGeom."""
+"""Meta data of FreeSurfer for its volume, after the prefix VolGeom."""
 
 
 @dataclass(frozen=True)
 class GiftiDocument:
-    """The meta data of a file, of its points but for the frame, and of its triangles; the intents of scalars."""
+    """Meta data of a file, its points (without the frame) and triangles; the intents of scalars."""
 
     of_file: Mapping[str, str] = field(default_factory=dict)
     of_points: Mapping[str, str] = field(default_factory=dict)
@@ -75,36 +75,40 @@ def read_attributes(data: bytes, name: str, surface: Asset | None) -> tuple[Attr
 
 
 def write_attributes(attributes: Sequence[Attribute], surface: Asset | None = None) -> bytes:
-    """Write values on points without a surface, which tells the anatomical structure that they are of."""
-    return _written(attributes, [], GiftiDocument(structure_of(surface) if surface else {}))
+    """Write values on points without the surface, but with its anatomical structure."""
+    return _write_arrays(attributes, [], GiftiDocument(structure_of(surface) if surface else {}))
 
 
 def structure_of(surface: Asset) -> dict[str, str]:
-    """Return the meta data by which a file of GIFTI tells which part of the anatomy it is of."""
+    """Return the meta data with the anatomical structure of a surface."""
     document = surface.document if isinstance(surface.document, GiftiDocument) else GiftiDocument()
     return {
-        name: text for name, text in {**document.of_file, **document.of_points}.items() if name in _STRUCTURE
+        name: text
+        for name, text in {**document.of_file, **document.of_points}.items()
+        if name in _STRUCTURE_KEYS
     }
 
 
 def with_structure_of(asset: Asset, other: Asset) -> Asset:
-    """Return an asset that is of the part of the anatomy of another one, if that tells it."""
-    if not (told := structure_of(other)) or not isinstance(asset.document, GiftiDocument | None):
+    """Give an asset the anatomical structure of another one, if that has any."""
+    if not (structure := structure_of(other)) or not isinstance(asset.document, GiftiDocument | None):
         return asset
     document = asset.document or GiftiDocument()
-    return replace(asset, document=replace(document, of_points={**document.of_points, **told}))
+    return replace(asset, document=replace(document, of_points={**document.of_points, **structure}))
 
 
-def values_beside(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
-    """Take the values off a surface to be written to a ``.surf.gii`` file, which has a place for none, into others."""
-    if not path.name.lower().endswith(_SURFACE):
+def split_off_values(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
+    """Move the values of a ``.surf.gii`` file, which has no place for them, to other files."""
+    if not path.name.lower().endswith(_SURFACE_SUFFIX):
         return asset, {}
-    held = dict[str, list[Attribute]]()
-    for each in filter(keeps, asset.attributes):
-        kind = {"label": ".label", "scalar": ".func", "colour": ".rgba"}.get(each.kind, ".vector")
-        held.setdefault(f"{path.name[: -len(_SURFACE)]}{kind}.gii", []).append(each)
-    kept = tuple(each for each in asset.attributes if not keeps(each))
-    files = {path.with_name(name): write_attributes(values, asset) for name, values in held.items()}
+    files_of_values = dict[str, list[Attribute]]()
+    for attribute in filter(keeps, asset.attributes):
+        kind = {"label": ".label", "scalar": ".func", "colour": ".rgba"}.get(attribute.kind, ".vector")
+        files_of_values.setdefault(f"{path.name[: -len(_SURFACE_SUFFIX)]}{kind}.gii", []).append(attribute)
+    kept = tuple(attribute for attribute in asset.attributes if not keeps(attribute))
+    files = {
+        path.with_name(name): write_attributes(values, asset) for name, values in files_of_values.items()
+    }
     return replace(asset, attributes=kept), files
 
 
@@ -117,22 +121,22 @@ def write(asset: Asset) -> bytes:
     """Write a surface in single precision, with the meta data of the file that it was read from."""
     array = _package().GiftiDataArray
     document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument()
-    system, volume = _described(asset.frame)
+    system, volume = _describe_frame(asset.frame)
     of_points = {**document.of_points, **volume}
     points = array(asset.points.astype(np.float32), _POINTS, coordsys=system, meta=of_points)
     faces = array(asset.polygons.triangles.astype(np.int32), _TRIANGLES, meta=dict(document.of_triangles))
-    return _written(asset.attributes, [points, faces], document)
+    return _write_arrays(asset.attributes, [points, faces], document)
 
 
-def _written(attributes: Sequence[Attribute], arrays: list[Any], document: GiftiDocument) -> bytes:
-    gifti, one_table = _package(), _numbered(attributes)
-    values = [_array(gifti, each, document.intents) for each in one_table]
+def _write_arrays(attributes: Sequence[Attribute], arrays: list[Any], document: GiftiDocument) -> bytes:
+    gifti, one_table = _package(), _renumber_labels(attributes)
+    values = [_array(gifti, attribute, document.intents) for attribute in one_table]
     image = gifti.GiftiImage(meta=gifti.GiftiMetaData(document.of_file), darrays=arrays + values)
     labels: dict[int, Any] = {}
-    for each in one_table:
-        for key, word in each.names.items() if each.kind == "label" else ():
-            label = gifti.GiftiLabel(key, *each.colors.get(key, (None,) * 4))
-            label.label = word.encode(errors="backslashreplace").decode()  # XML has no halves of letters
+    for attribute in one_table:
+        for key, word in attribute.names.items() if attribute.kind == "label" else ():
+            label = gifti.GiftiLabel(key, *attribute.colors.get(key, (None,) * 4))
+            label.label = word.encode(errors="backslashreplace").decode()  # XML has no surrogates
             labels.setdefault(key, label)
     image.labeltable.labels.extend(labels.values())
     return bytes(image.to_xml())
@@ -145,7 +149,7 @@ def _image(data: bytes, name: str) -> Any:
 
 
 def _require_room(data: bytes) -> None:
-    """Raise `FormatError` if what is compressed is far larger than the file; nothing large is kept."""
+    """Raise `FormatError` if compressed data is far larger than the file, without keeping it."""
     room, encoding = Room(len(data)), ""
     for event, element in iterparse(BytesIO(data), ("start", "end")):
         if event == "start":
@@ -153,15 +157,15 @@ def _require_room(data: bytes) -> None:
             continue
         if element.tag == "Data" and "GZip" in encoding:
             stream, rest = zlib.decompressobj(), base64.b64decode(element.text or "")
-            with suppress(zlib.error):  # what is not compressed, and what nibabel will refuse
-                while part := stream.decompress(rest, _PIECE):
+            with suppress(zlib.error):  # of data that is not compressed, or that nibabel will refuse
+                while part := stream.decompress(rest, _PIECE_BYTES):
                     room.take(len(part), "an array")
                     rest = stream.unconsumed_tail
         element.clear()
 
 
 def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribute, ...], dict[str, int]]:
-    """Read all values; those of some points alone are spread over all."""
+    """Read all values; values of some points are spread over all."""
     table = {label.key: label for label in image.labeltable.labels}
     names = {key: str(label.label) for key, label in table.items()}
     colors = {key: tuple(label.rgba) for key, label in table.items() if None not in label.rgba}
@@ -177,35 +181,37 @@ def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribu
         if array.intent == _LABEL:
             attribute = Attribute(name, "point", "label", values, names=names, colors=colors)
         else:
-            kind = "colour" if is_colour else guessed_kind(name, values)
+            kind = "colour" if is_colour else guess_kind(name, values)
             attribute = Attribute(name, "point", "scalar" if kind == "label" else kind, values)
         if nodes:
             rows = np.ravel(nodes[0].data).astype(np.int64)
             attribute = attribute.spread(rows, n_points or int(rows.max(initial=-1)) + 1)
         attributes.append(attribute)
-    numbered = told_apart(attributes)
-    return numbered, {each.name: array.intent for each, array in zip(numbered, arrays)}
+    numbered = number_equal_names(attributes)
+    return numbered, {attribute.name: array.intent for attribute, array in zip(numbered, arrays)}
 
 
 def _frame(points: Any) -> Frame:
-    """Read the frame of points; FreeSurfer may tell it in meta data alone."""
-    said = {key: [points.meta.get(f"VolGeom{word}") for word in words] for key, words in _VOLUME.items()}
+    """Read the frame of points, which FreeSurfer may write as meta data."""
+    texts = {
+        key: [points.meta.get(f"VolGeom{word}") for word in words] for key, words in _VOLUME_KEYS.items()
+    }
     volume = None
-    if all(None not in numbers for numbers in said.values()):
+    if all(None not in numbers for numbers in texts.values()):
         volume = {**NEW_VOLUME, "filename": str(points.meta.get("VolGeomFname", "none"))}
-        for key, numbers in said.items():
+        for key, numbers in texts.items():
             volume[key] = np.array(numbers).astype(int if key == "volume" else float)
-    told, system = Frame.of_named(points.meta), points.coordsys
+    of_words, system = Frame.of_named(points.meta), points.coordsys
     frame = Frame(volume=volume)
     if system is not None:
         spaces = [_SPACES[int(code)] for code in (system.dataspace, system.xformspace)]
         frame = Frame(spaces[0], spaces[1], np.array(system.xform, dtype=np.float64), volume)
         frame = Frame.of_volume(volume) if volume is not None and not frame.has_space else frame
-    return replace(frame, words=told.words) if told else frame
+    return replace(frame, words=of_words.words) if of_words else frame
 
 
-def _described(frame: Frame | None) -> tuple[Any, dict[str, str]]:
-    """Return the coordinate system of a frame, and the meta data that tell its volume and its words."""
+def _describe_frame(frame: Frame | None) -> tuple[Any, dict[str, str]]:
+    """Return the coordinate system of a frame, and meta data with its volume and words."""
     if frame is None:
         return None, {}
     codes = [f"NIFTI_XFORM_{space.upper()}" for space in (frame.space, frame.to)]
@@ -213,7 +219,7 @@ def _described(frame: Frame | None) -> tuple[Any, dict[str, str]]:
     if frame.volume is not None and frame.has_space:
         volume |= {
             f"VolGeom{word}": f"{number:g}" if key == "volume" else f"{number:.6f}"
-            for key, words in _VOLUME.items()
+            for key, words in _VOLUME_KEYS.items()
             for word, number in zip(words, frame.volume[key])
         }
         volume["VolGeomFname"] = str(frame.volume.get("filename", "none"))
@@ -231,8 +237,8 @@ def _array(gifti: Any, attribute: Attribute, intents: Mapping[str, int]) -> Any:
     return gifti.GiftiDataArray(values.astype(kind), intent, meta={"Name": attribute.name})
 
 
-def _numbered(attributes: Sequence[Attribute]) -> list[Attribute]:
-    """Give new numbers to labels that have the number of another of an attribute before: a file has one table."""
+def _renumber_labels(attributes: Sequence[Attribute]) -> list[Attribute]:
+    """Renumber labels whose number means another label in an earlier attribute: a file has one table."""
     table: dict[int, str] = {}
     numbered = []
     for attribute in attributes:

@@ -1,4 +1,4 @@
-"""What one glTF file takes from another: materials with their textures, and skins, joints with what is above them."""
+"""Carry parts of a glTF file to another: materials with textures, skins and joints."""
 
 from __future__ import annotations
 
@@ -17,79 +17,94 @@ from isomatch.io.asset import Asset
 from isomatch.io.attribute import linear_of, srgb_of
 from isomatch.io.formats import _gltf_data
 from isomatch.io.formats._gltf_data import GltfData, joint_names, node_matrices
-from isomatch.io.formats.gltf import GltfDocument, edited, opened_document, texcoord_numbers
-from isomatch.io.materials import IN_PLACE, UNTINTED, Layer, Look, Looks, Picture, Wrap, as_png, unread
+from isomatch.io.formats.gltf import GltfDocument, open_document, texcoord_numbers, with_contents
+from isomatch.io.materials import (
+    IN_PLACE,
+    UNTINTED,
+    Layer,
+    Look,
+    Looks,
+    Picture,
+    Wrap,
+    as_png,
+    unreadable_pictures,
+)
 
-_LISTS = ("images", "samplers", "textures", "materials")
+_MATERIAL_LISTS = ("images", "samplers", "textures", "materials")
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-_CODES = {wrap: code for code, wrap in _WRAPS.items()}
+_WRAP_CODES = {wrap: code for code, wrap in _WRAPS.items()}
 _NEAREST = 9728
 _TRANSFORM, _VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
-_GLOSSY, _STRENGTH = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_emissive_strength"
-_MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
+_SPECULAR_GLOSSINESS, _EMISSIVE_STRENGTH = (
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_emissive_strength",
+)
+_NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys of nodes that joints do not have
 
 
 def materials_of(document: GltfDocument) -> Looks | None:
-    """Return the materials of a file; None if it has none."""
+    """Return the materials of a file, None without any."""
     if not document.json.get("materials"):
         return None
     gltf = GltfData(document.json, bytearray(document.blob))
-    of_triangle, used = _used(document)
+    of_triangle, used = _used_materials(document)
     looks = tuple(_look(gltf, material, document.uv_names) for material in used)
     return Looks(of_triangle, looks, tinted=True)
 
 
 def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntArray) -> Asset:
-    """Return the receiver with the materials and textures of a glTF file whose texture coordinates it has, see `seen`."""
-    document, gltf, starts, number_of = _opened(receiver)
-    theirs = giver.data
-    other, views = theirs.json, dict[int, int]()
+    """Give the receiver the materials of a glTF file whose texture coordinates it has, see `take_looks`."""
+    document, gltf, starts, number_of = _open_for_materials(receiver)
+    giver_data = giver.data
+    other, views = giver_data.json, dict[int, int]()
     for image in other.get("images", []):
         view = image.get("bufferView", -1)
         if view >= 0:
-            image["bufferView"] = views[view] if view in views else gltf.add_bytes(theirs.bytes_of(view))
+            image["bufferView"] = views[view] if view in views else gltf.add_bytes(giver_data.bytes_of(view))
             views[view] = image["bufferView"]
     for texture in other.get("textures", []):
         for place in (texture, *texture.get("extensions", {}).values()):
             for key, name in (("source", "images"), ("sampler", "samplers")):
                 if key in place:
                     place[key] += starts[name]
-    of_triangle, used = _used(giver)
+    of_triangle, used = _used_materials(giver)
     numbers = {number: number_of[name] for number, name in giver.uv_names.items() if name in number_of}
     other["materials"] = [other["materials"][material] for material in used]
     _shift_textures(other["materials"], starts["textures"], numbers)
-    for name in _LISTS:
+    for name in _MATERIAL_LISTS:
         for entry in other.get(name, []):
             gltf.append(name, entry)
     for name in ("extensionsUsed", "extensionsRequired"):
-        _use(gltf, name, other.get(name, []))
-    painted = _painted(document, gltf, seen(of_triangle, giver_triangle), starts["materials"])
-    return edited(receiver, painted, gltf)
+        _use_extensions(gltf, name, other.get(name, []))
+    painted = _assign_materials(document, gltf, take_looks(of_triangle, giver_triangle), starts["materials"])
+    return with_contents(receiver, painted, gltf)
 
 
 def with_materials(receiver: Asset, materials: Looks) -> Asset:
-    """Return the receiver as a glTF file with materials, one for each of its triangles."""
-    document, gltf, starts, number_of = _opened(receiver)
+    """Return the receiver as a glTF file with a material for each of its triangles."""
+    document, gltf, starts, number_of = _open_for_materials(receiver)
     for look in materials.looks:
-        base = {"metallicFactor": 0.0, **_written(gltf, look.base, number_of, "baseColor", UNTINTED)}
+        base = {"metallicFactor": 0.0, **_add_layer(gltf, look.base, number_of, "baseColor", UNTINTED)}
         entry = {"name": look.name, "pbrMetallicRoughness": base}
         if min(look.base.tint[3:], default=1.0) < 1:
             entry["alphaMode"] = "BLEND"
         if look.emitted:
-            entry |= _written(gltf, look.emitted, number_of, "emissive", (0.0, 0.0, 0.0))
+            entry |= _add_layer(gltf, look.emitted, number_of, "emissive", (0.0, 0.0, 0.0))
         gltf.append("materials", entry)
-    return edited(receiver, _painted(document, gltf, materials.of_triangle, starts["materials"]), gltf)
+    return with_contents(
+        receiver, _assign_materials(document, gltf, materials.of_triangle, starts["materials"]), gltf
+    )
 
 
-def seen(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
-    """Return what each triangle takes from a triangle of the giver, and where that is −1, what most of them take."""
+def take_looks(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
+    """Take the look of a triangle of the giver, or the most frequent look where that is −1."""
     held = of_triangle[giver_triangle]
     votes = np.bincount(held[giver_triangle >= 0] + 1, minlength=1)
     return np.where(giver_triangle >= 0, held, votes.argmax() - 1)
 
 
-def _used(document: GltfDocument) -> tuple[IntArray, list[int]]:
-    """(m,) which of the materials in use each triangle has, −1 for none; and these materials."""
+def _used_materials(document: GltfDocument) -> tuple[IntArray, list[int]]:
+    """Return the used material of each triangle, (m,), −1 for none, and the used materials."""
     n, number_of = len(document.json.get("materials", [])), dict[int, int]()
     of_place = []
     for mesh, i, _ in document.places:
@@ -102,11 +117,11 @@ def _look(gltf: GltfData, index: int, names: Mapping[int, str]) -> Look:
     material = gltf.json["materials"][index]
     extensions = material.get("extensions", {})
     words, place = ("baseColorFactor", "baseColorTexture"), material.get("pbrMetallicRoughness", {})
-    if _GLOSSY in extensions:
-        words, place = ("diffuseFactor", "diffuseTexture"), extensions[_GLOSSY]
+    if _SPECULAR_GLOSSINESS in extensions:
+        words, place = ("diffuseFactor", "diffuseTexture"), extensions[_SPECULAR_GLOSSINESS]
     factor = srgb_of(place.get(words[0], UNTINTED))
     base = _layer(gltf, place.get(words[1]), tuple(factor.tolist()), names)
-    strength = extensions.get(_STRENGTH, {}).get("emissiveStrength", 1.0)
+    strength = extensions.get(_EMISSIVE_STRENGTH, {}).get("emissiveStrength", 1.0)
     glow = (*srgb_of(strength * np.array(material.get("emissiveFactor", (0, 0, 0)))).tolist(), 1.0)
     emitted = _layer(gltf, material.get("emissiveTexture"), glow, names) if max(glow[:3]) > 0 else None
     return Look(str(material.get("name", f"material_{index}")), base, emitted)
@@ -121,7 +136,7 @@ def _layer(
     number, index = transform.get("texCoord", info.get("texCoord", 0)), info.get("index", -1)
     sampler = _entry(gltf, "samplers", _entry(gltf, "textures", index).get("sampler", -1))
     wraps: list[Wrap] = [_WRAPS.get(sampler.get(key, 0), "repeat") for key in ("wrapS", "wrapT")]
-    # scale, then turn against the clock as seen in the picture, whose v goes down, then shift
+    # scale, rotate anticlockwise as seen in the picture, whose v points down, then shift
     (sx, sy), (x, y) = transform.get("scale", (1, 1)), transform.get("offset", (0, 0))
     c, s = cos(transform.get("rotation", 0)), sin(transform.get("rotation", 0))
     matrix = (c * sx, s * sy, x), (-s * sx, c * sy, y)
@@ -131,12 +146,12 @@ def _layer(
 
 
 def _picture(gltf: GltfData, index: int) -> Picture:
-    """Return the picture of a texture: of several kinds, the first that can be read, or the first."""
+    """Return the first picture of a texture that can be read, or the first one."""
     texture = _entry(gltf, "textures", index)
     places = [*texture.get("extensions", {}).values(), texture]
     pictures = [_image(gltf, place["source"]) for place in places if "source" in place]
-    lost = unread(pictures)
-    pictures = [each for each in pictures if each not in lost] or pictures
+    lost = unreadable_pictures(pictures)
+    pictures = [picture for picture in pictures if picture not in lost] or pictures
     return pictures[0] if pictures else Picture(f"of texture {index}", missing="the texture names no image")
 
 
@@ -157,51 +172,56 @@ def _image(gltf: GltfData, index: int) -> Picture:
 
 
 def _entry(gltf: GltfData, name: str, index: int) -> dict[str, Any]:
-    """Return an entry of a list; empty if there is none."""
+    """Return an entry of a list, empty if the index is outside."""
     listed = gltf.json.get(name, [])
     return listed[index] if 0 <= index < len(listed) else {}
 
 
-def _opened(asset: Asset) -> tuple[GltfDocument, GltfData, dict[str, int], dict[str, int]]:
-    """Open a document without materials that only its surface uses; count those left, and number coordinates."""
-    document, gltf = opened_document(asset)
+def _open_for_materials(asset: Asset) -> tuple[GltfDocument, GltfData, dict[str, int], dict[str, int]]:
+    """Open a document without materials that only its surface uses.
+
+    Return also the lengths of the lists of materials, and the numbers of texture coordinates.
+    """
+    document, gltf = open_document(asset)
     places = {place[:2] for place in document.places}
     has_others = any(
         "material" in primitive and (mesh, i) not in places
-        for mesh, each in enumerate(gltf.json["meshes"])
-        for i, primitive in enumerate(each["primitives"])
+        for mesh, contents in enumerate(gltf.json["meshes"])
+        for i, primitive in enumerate(contents["primitives"])
     )
     if not has_others:
-        for name in _LISTS:
+        for name in _MATERIAL_LISTS:
             gltf.json.pop(name, None)
         gltf.without_unused()
-    starts = {name: len(gltf.json.get(name, [])) for name in _LISTS}
+    starts = {name: len(gltf.json.get(name, [])) for name in _MATERIAL_LISTS}
     return document, gltf, starts, texcoord_numbers(replace(asset, document=document))
 
 
-def _painted(document: GltfDocument, gltf: GltfData, look: IntArray, start: int) -> GltfDocument:
-    """Give each triangle its material, numbered from ``start``; a primitive of several becomes as many primitives."""
+def _assign_materials(
+    document: GltfDocument, gltf: GltfData, look_of_triangle: IntArray, start: int
+) -> GltfDocument:
+    """Assign materials, numbered from ``start``, to triangles; primitives with several are split."""
     places: list[tuple[int, int, int]] = []
-    of_triangle = np.zeros(len(look), dtype=np.int64)
+    of_triangle = np.zeros(len(look_of_triangle), dtype=np.int64)
     for number, (mesh, i, part) in enumerate(document.places):
         primitives = gltf.json["meshes"][mesh]["primitives"]
         plain = primitives[i]
         plain.pop("material", None)
         plain.get("extensions", {}).pop(_VARIANTS, None)
         held = document.place_of_triangle == number
-        for k, each in enumerate(np.unique(look[held]).tolist() or [-1]):
-            at = len(primitives) if k else i
-            material = {"material": start + each} if each >= 0 else {}
-            primitives[at : at + 1] = [{**copy.deepcopy(plain), **material}]
-            of_triangle[held & (look == each)] = len(places)
-            places.append((mesh, at, part))
+        for k, material_number in enumerate(np.unique(look_of_triangle[held]).tolist() or [-1]):
+            index = len(primitives) if k else i
+            material = {"material": start + material_number} if material_number >= 0 else {}
+            primitives[index : index + 1] = [{**copy.deepcopy(plain), **material}]
+            of_triangle[held & (look_of_triangle == material_number)] = len(places)
+            places.append((mesh, index, part))
     return replace(document, places=tuple(places), place_of_triangle=of_triangle)
 
 
-def _written(
+def _add_layer(
     gltf: GltfData, layer: Layer, number_of: Mapping[str, int], name: str, default: tuple[float, ...]
 ) -> dict[str, Any]:
-    """Add the picture of a layer; return what a material says of it."""
+    """Add the picture of a layer; return its entries of a material."""
     tint = tuple(linear_of(layer.tint).tolist())[: len(default)]
     material: dict[str, Any] = {f"{name}Factor": list(tint)} if tint != default else {}
     if picture := layer.picture:
@@ -210,7 +230,9 @@ def _written(
             data, kind = as_png(picture.data)
             image = {"bufferView": gltf.add_bytes(data), "mimeType": f"image/{kind}"}
         texture: dict[str, Any] = {"source": gltf.append("images", image)}
-        sampler = {f"wrap{axis}": _CODES[wrap] for axis, wrap in zip("ST", layer.wrap) if wrap != "repeat"}
+        sampler = {
+            f"wrap{axis}": _WRAP_CODES[wrap] for axis, wrap in zip("ST", layer.wrap) if wrap != "repeat"
+        }
         if sampler:
             texture["sampler"] = gltf.append("samplers", sampler)
         info: dict[str, Any] = {"index": gltf.append("textures", texture)}
@@ -219,20 +241,20 @@ def _written(
         if layer.matrix != IN_PLACE:
             (sx, _, x), (_, sy, y) = layer.matrix
             info["extensions"] = {_TRANSFORM: {"scale": [sx, sy], "offset": [x, y]}}
-            _use(gltf, "extensionsUsed", [_TRANSFORM])
+            _use_extensions(gltf, "extensionsUsed", [_TRANSFORM])
         material[f"{name}Texture"] = info
     return material
 
 
-def _use(gltf: GltfData, name: str, extensions: list[str]) -> None:
+def _use_extensions(gltf: GltfData, name: str, extensions: list[str]) -> None:
     if union := dict.fromkeys([*gltf.json.get(name, []), *extensions]):
         gltf.json[name] = list(union)
 
 
 def _shift_textures(entry: Any, by: int, numbers: Mapping[int, int]) -> None:
-    """Raise the index of every texture that a material names, in extensions too, and number its coordinates anew."""
-    for each in entry if isinstance(entry, list) else ():
-        _shift_textures(each, by, numbers)
+    """Shift the index of every texture of a material, and renumber its texture coordinates."""
+    for part in entry if isinstance(entry, list) else ():
+        _shift_textures(part, by, numbers)
     for key, value in entry.items() if isinstance(entry, dict) else ():
         if key.lower().endswith("texture") and isinstance(value, dict) and "index" in value:
             value["index"] += by
@@ -244,87 +266,93 @@ def _shift_textures(entry: Any, by: int, numbers: Mapping[int, int]) -> None:
 
 
 def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
-    """Return the receiver with the joints of the giver, if that is a glTF file, bound to them as both are now.
+    """Bind the receiver to the joints of the giver, a glTF file, in their present positions.
 
-    Joints that it had before are emptied, and animations that moved them left out, unless another mesh is bound to them.
-    `DescriptorError` for a joint that is scaled to nothing.
+    Its former joints become empty nodes, and animations of them are removed, unless another mesh is
+    bound to them. `DescriptorError` for a joint that is scaled to nothing.
     """
-    theirs = giver.document
-    if not isinstance(theirs, GltfDocument) or not theirs.json.get("skins"):
+    giver_document = giver.document
+    if not isinstance(giver_document, GltfDocument) or not giver_document.json.get("skins"):
         return receiver
-    document, gltf = opened_document(receiver)
-    other, nodes = copy.deepcopy(theirs.json), gltf.json["nodes"]
+    document, gltf = open_document(receiver)
+    giver_json, nodes = copy.deepcopy(giver_document.json), gltf.json["nodes"]
     meshes, placed = {mesh for mesh, *_ in document.places}, gltf.transforms()
     users = [node for node in nodes if node.get("mesh") in meshes]
     bound = [(node, np.array(placed[node["mesh"]][0] or np.eye(4))) for node in users]
     for node in users:
         node.pop("skin", None)
-    _without_unused_skins(gltf.json)
-    new, there, joints = _appended(gltf.json, other), node_matrices(other), joint_names(other)
+    _remove_unused_skins(gltf.json)
+    new, matrices, joints = (
+        _append_joints(gltf.json, giver_json),
+        node_matrices(giver_json),
+        joint_names(giver_json),
+    )
     for joint, name in joints.items():
-        if np.linalg.det(there[joint]) == 0:
-            told = f"nothing can be bound to joint {name!r}, which its node scales to nothing"
-            raise DescriptorError(f"{told}; give it a size, or carry all but the weights")
-    own, skins = {matrix.tobytes(): matrix for _, matrix in bound}, []
-    for matrix in own.values():
-        number = gltf.add_matrices(np.stack([np.linalg.inv(there[joint]) @ matrix for joint in joints]))
+        if np.linalg.det(matrices[joint]) == 0:
+            problem = f"nothing can be bound to joint {name!r}, which its node scales to nothing"
+            raise DescriptorError(f"{problem}; give it a size, or carry all but the weights")
+    bind_matrices, skins = {matrix.tobytes(): matrix for _, matrix in bound}, []
+    for matrix in bind_matrices.values():
+        number = gltf.add_matrices(np.stack([np.linalg.inv(matrices[joint]) @ matrix for joint in joints]))
         skins.append({"joints": [new[joint] for joint in joints], "inverseBindMatrices": number})
-    for node in nodes:  # the new skins come first, so that the names of their joints stay
+    for node in nodes:  # new skins come first, so that their joints keep their names
         if "skin" in node:
             node["skin"] += len(skins)
     gltf.json["skins"] = skins + gltf.json.get("skins", [])
     for node, matrix in bound:
-        node["skin"] = list(own).index(matrix.tobytes())
-    return edited(receiver, document, gltf)
+        node["skin"] = list(bind_matrices).index(matrix.tobytes())
+    return with_contents(receiver, document, gltf)
 
 
 def is_posed(asset: Asset) -> bool:
-    """Whether the joints of a glTF file are not, or not all in the same way, where its surface was bound to them."""
+    """Whether joints of a glTF file have moved, in different ways, since its surface was bound."""
     document = asset.document
     if not isinstance(document, GltfDocument):
         return False
-    gltf, there = GltfData(document.json, bytearray(document.blob)), node_matrices(document.json)
-    bindings = [gltf.binding(skin, there) for skin in document.json.get("skins", [])]
-    return any(len(each) > 0 and not _gltf_data.are_alike(each, each[0]) for each in bindings)
+    gltf, matrices = GltfData(document.json, bytearray(document.blob)), node_matrices(document.json)
+    bindings = [gltf.binding(skin, matrices) for skin in document.json.get("skins", [])]
+    return any(len(binding) > 0 and not _gltf_data.are_alike(binding, binding[0]) for binding in bindings)
 
 
 def animation_channels(asset: Asset) -> int:
-    """Count what the animations of a glTF file move."""
+    """Count the channels of the animations of a glTF file."""
     animations = asset.document.json.get("animations", []) if isinstance(asset.document, GltfDocument) else []
     return sum(len(animation["channels"]) for animation in animations)
 
 
 def _with_above(nodes: list[dict[str, Any]], starts: Iterable[int]) -> set[int]:
-    """Return some nodes and all that are above them."""
+    """Return some nodes and all nodes above them."""
     above = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
     chosen: set[int] = set()
     for start in starts:
-        at: int | None = start
-        while at is not None and at not in chosen:
-            chosen.add(at)
-            at = above.get(at)
+        current: int | None = start
+        while current is not None and current not in chosen:
+            chosen.add(current)
+            current = above.get(current)
     return chosen
 
 
-def _appended(document: dict[str, Any], other: dict[str, Any]) -> dict[int, int]:
-    """Append the joints of another file and all nodes above them; return the new number of each."""
+def _append_joints(document: dict[str, Any], other: dict[str, Any]) -> dict[int, int]:
+    """Append the joints of another file and all nodes above them; return their new numbers."""
     kept, start = sorted(_with_above(other["nodes"], joint_names(other))), len(document["nodes"])
     new = {old: start + i for i, old in enumerate(kept)}
     below: set[int] = set()
     for old in kept:
-        node = {key: value for key, value in other["nodes"][old].items() if key not in _MESH}
+        node = {key: value for key, value in other["nodes"][old].items() if key not in _NOT_OF_JOINTS}
         if children := [new[child] for child in node.pop("children", []) if child in new]:
             node["children"] = children
         below.update(children)
         document["nodes"].append(node)
     if document.get("scenes"):
         scene = document["scenes"][document.get("scene", 0)]
-        scene.setdefault("nodes", []).extend(each for each in new.values() if each not in below)
+        scene.setdefault("nodes", []).extend(
+            node_number for node_number in new.values() if node_number not in below
+        )
     return new
 
 
-def _without_unused_skins(document: dict[str, Any]) -> None:
-    """Leave out skins that no node has; of their joints, with what is empty around them, an empty node is left each."""
+def _remove_unused_skins(document: dict[str, Any]) -> None:
+    """Remove unused skins; their joints, and empty nodes around them, become empty nodes."""
     nodes, skins = document["nodes"], document.pop("skins", [])
     used = sorted({node["skin"] for node in nodes if "skin" in node})
     for node in nodes:
@@ -332,7 +360,7 @@ def _without_unused_skins(document: dict[str, Any]) -> None:
             node["skin"] = used.index(node["skin"])
     if used:
         document["skins"] = [skins[i] for i in used]
-    needed = [i for i, node in enumerate(nodes) if any(key in node for key in _MESH)]
+    needed = [i for i, node in enumerate(nodes) if any(key in node for key in _NOT_OF_JOINTS)]
     for skin in document.get("skins", []):
         needed += [*skin["joints"], skin.get("skeleton", skin["joints"][0])]
     gone = _with_above(nodes, (joint for skin in skins for joint in skin["joints"]))

@@ -1,4 +1,4 @@
-"""OBJ: vertices, texture coordinates, normals, faces in groups and materials; and MTL, its libraries of materials."""
+"""OBJ: vertices, texture coordinates, normals, faces with groups and materials; MTL, its libraries."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from isomatch.io.polygons import Polygons, Renumbering
 from isomatch.surfaces import Mesh, weld_points
 
 _STATEMENTS = {"object": "o", "group": "g", "material": "usemtl", "smoothing": "s"}
-"""The keyword of each attribute that is written before the faces that it holds for."""
+"""Keywords of attributes that hold for the faces that follow."""
 _INDEXED: tuple[tuple[str, str, Kind, int], ...] = (("vt", "uv", "uv", 2), ("vn", "normal", "normal", 3))
-"""Keyword, name, kind and width of what a face refers to after the vertex, in this order."""
-_NAMED = ("mtllib", "o", "g", "usemtl")
-"""Keywords of lines whose rest is a name."""
-_BLOCK = re.compile(rb"(?m)^#MRGB[ \t]+((?:[0-9A-Fa-f]{8})+)[ \t]*$")
-"""Colours of ZBrush in comments: for each vertex a mask, red, green and blue, two hexadecimal digits each."""
-_NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
-"""Options of a picture, with the most numbers that follow each."""
-_WORDS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
+"""Keyword, name, kind and width of the further indices of faces, in order."""
+_NAME_KEYWORDS = ("mtllib", "o", "g", "usemtl")
+"""Keywords that a name follows, up to the end of the line."""
+_COLOUR_BLOCK = re.compile(rb"(?m)^#MRGB[ \t]+((?:[0-9A-Fa-f]{8})+)[ \t]*$")
+"""Colours of ZBrush in comments: mask, red, green and blue of each vertex, in hexadecimal digits."""
+_NUMBER_OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
+"""Options of a picture, with the largest number of numbers after each."""
+_WORD_OPTIONS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
 _UDIM = re.compile("<udim>", re.IGNORECASE)
 TILES = range(1001, 1101)
 """Numbers of the tiles of texture coordinates: 1001 + u + 10 v."""
-_PICTURES = ("map_", "bump", "disp", "decal", "norm", "refl")
+_PICTURE_KEYWORDS = ("map_", "bump", "disp", "decal", "norm", "refl")
 
 
 @dataclass(frozen=True)
 class ObjDocument:
-    """Material libraries, lines and points, which are no faces; how names are encoded; libraries and pictures."""
+    """Names of material libraries, elements that are no faces, encoding of names, and files."""
 
     libraries: tuple[str, ...] = ()
     elements: tuple[str, ...] = ()
@@ -50,19 +50,19 @@ class ObjDocument:
 
     @property
     def library_names(self) -> tuple[str, ...]:
-        """What may name its libraries: a whole line, as names may have blanks, or each of its words."""
+        """Possible names of libraries: whole lines, as names may have blanks, and their words."""
         return tuple(dict.fromkeys(name for line in self.libraries for name in (line, *line.split())))
 
     def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> ObjDocument:
-        """Renumber lines and points, without those that lose a point."""
+        """Renumber lines and points; those that lose a point are left out."""
         kept = []
         for element in self.elements:
             keyword, *words = element.split()
             numbers = np.array(words, dtype=np.int64) - 1
             inside = (numbers >= 0) & (numbers < len(rows.new_point))
-            new = rows.new_point[numbers[inside]] + 1
-            if inside.all() and new.all():
-                kept.append(" ".join([keyword, *map(str, new.tolist())]))
+            new_numbers = rows.new_point[numbers[inside]] + 1
+            if inside.all() and new_numbers.all():
+                kept.append(" ".join([keyword, *map(str, new_numbers.tolist())]))
         return replace(self, elements=tuple(kept))
 
     def with_renamed_files(self, names: Mapping[str, str]) -> ObjDocument:
@@ -76,14 +76,14 @@ class ObjDocument:
 
 
 def read(data: bytes, name: str) -> Mesh:
-    """Read the faces of an OBJ file. They may be polygons and may have negative indices."""
+    """Read the faces of an OBJ file, which may be polygons with negative indices."""
     _, points, corners, sizes = _geometry(_text.read_lines(name, data, continued=True))
     return Mesh(points, Polygons(corners, sizes, points).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an OBJ file with colours of vertices, texture coordinates and normals of corners, groups and materials."""
-    lines = _text.read_lines(name, data, continued=True, named=_NAMED)
+    lines = _text.read_lines(name, data, continued=True, named=_NAME_KEYWORDS)
     vertices, points, corners, sizes = _geometry(lines)
     attributes, notes = read_colours(vertices, data)
     face_lines = lines.starting_with("f")
@@ -105,7 +105,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     )
     document = ObjDocument(libraries, elements, encoding)
     document = replace(document, files=_read_libraries(document, Path(name).parent))
-    polygons, frame = Polygons(corners, sizes), _text.told_frame(data)
+    polygons, frame = Polygons(corners, sizes), _text.frame_in_comments(data)
     return Asset(points, polygons, tuple(attributes), document=document, notes=notes, frame=frame)
 
 
@@ -126,9 +126,11 @@ def write(asset: Asset) -> bytes:
     names = [name for a in asset.attributes if a.name in _STATEMENTS for name in a.coded.names.values()]
     try:
         "".join([*document.libraries, *names]).encode(encoding)
-    except UnicodeEncodeError:  # which has no letters for a name
+    except UnicodeEncodeError:  # it lacks letters of a name
         encoding = "utf-8"
-    head = _text.comments(asset.frame) + "".join(f"mtllib {library}\n" for library in document.libraries)
+    head = _text.frame_comments(asset.frame) + "".join(
+        f"mtllib {library}\n" for library in document.libraries
+    )
     lines, indices = [head.encode(encoding, "backslashreplace"), _vertices(asset)], [asset.polygons.corners]
     for keyword, _, kind, width in _INDEXED:
         table, index = _table(asset, kind, width)
@@ -153,7 +155,7 @@ def _vertices(asset: Asset) -> bytes:
 
 
 def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
-    """Return the different values of an attribute and the index of that of each corner; -1 where there is none."""
+    """Return the different values of an attribute, and the index of each corner, −1 for none."""
     corners, attributes = asset.polygons.corners, asset.of_kind(kind)
     if not attributes:
         return np.zeros((0, width)), np.full(len(corners), -1)
@@ -181,15 +183,15 @@ def _faces(asset: Asset, indices: list[IntArray], encoding: str) -> bytes:
         table = np.stack([index[rows] + 1 for index in used], axis=1)
         words[rows] = _text.format_rows(f"{template} ", table).decode().split()
     keyword = np.ones(len(sizes), dtype=np.int64), np.full(len(sizes), "f", object)
-    return _text.interleaved_lines(
-        [*map(_changes, statements), keyword, (sizes, words)], len(sizes), encoding
+    return _text.interleave_lines(
+        [*map(_label_statements, statements), keyword, (sizes, words)], len(sizes), encoding
     )
 
 
 def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines, which: int) -> FloatArray:
-    """Read what the corners of faces refer to in one field of their words, (c, width); nan where there is nothing."""
+    """Read the rows that a field of the corners refers to, (c, width), with nan for none."""
     numbers = table_lines.parse()
-    least = 1 if keyword == "vt" else width  # of texture coordinates, the others are 0
+    least = 1 if keyword == "vt" else width  # further texture coordinates are 0
     numbers.require(numbers.counts >= least, f"at least {least} numbers after {keyword}")
     table = np.full((len(table_lines) + 1, width), np.nan)
     table[:-1] = numbers.columns(0, width)
@@ -204,20 +206,20 @@ def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines,
     return table[index]
 
 
-def _changes(attribute: Attribute) -> tuple[IntArray, AnyArray]:
-    """Return the statements before faces whose label is not that of the face before; faces have none or one."""
+def _label_statements(attribute: Attribute) -> tuple[IntArray, AnyArray]:
+    """Return the statements before faces with a new label, and their number, 0 or 1, for each face."""
     coded = attribute.coded
     codes, keyword = coded.values, _STATEMENTS[attribute.name]
     new = np.ones(len(codes), dtype=bool)
     new[1:] = codes[1:] != codes[:-1]
     texts = [f"{keyword} {coded.names.get(code, str(code))}\n" for code in codes[new].tolist()]
-    if texts and texts[0] == f"{keyword} \n":  # nothing was said before the first face
+    if texts and texts[0] == f"{keyword} \n":  # there was no statement before the first face
         texts, new[0] = texts[1:], False
     return new.astype(np.int64), np.array(texts, dtype=object)
 
 
 def _labels(name: str, statements: TextLines, face_lines: TextLines, encoding: str) -> Attribute:
-    """Make a label of what the last statement before each face said."""
+    """Label each face by the last statement before it."""
     words = ["", *(text.decode(encoding) for text in statements.texts)]
     codes = {word: code for code, word in enumerate(dict.fromkeys(words))}
     code_of = np.array([codes[word] for word in words])
@@ -226,7 +228,7 @@ def _labels(name: str, statements: TextLines, face_lines: TextLines, encoding: s
 
 
 def _geometry(lines: TextLines) -> tuple[NumberRows, FloatArray, IntArray, IntArray]:
-    """Read the numbers of each vertex, its position, the corners of all faces, concatenated, and their sizes."""
+    """Read vertex lines, positions, concatenated corners of all faces, and sizes of the faces."""
     vertex_lines = lines.starting_with("v")
     if not len(vertex_lines):
         lines.fail(len(lines), "vertex lines v x y z")
@@ -239,7 +241,7 @@ def _geometry(lines: TextLines) -> tuple[NumberRows, FloatArray, IntArray, IntAr
 
 
 def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> IntArray:
-    """Convert to indices from 0; a negative index counts back from the last vertex line before its face."""
+    """Convert indices to count from 0; negative ones count back from the last vertex before the face."""
     backwards = corners < 0
     if not backwards.any():
         return corners - 1
@@ -248,7 +250,7 @@ def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> 
 
 
 def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tuple[str, ...]]:
-    """Read what follows the positions, ``r g b`` or ``r g b a``, or the blocks in comments; and notes on them."""
+    """Read colours after the positions, ``r g b`` or ``r g b a``, or in comments; return also notes."""
     counts, n, notes = vertices.counts, len(vertices.counts), []
     coloured = counts >= 6
     if n_weights := int((counts == 4).sum()):
@@ -258,7 +260,7 @@ def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tu
         values[~coloured] = np.nan
         colours = _text.bytes_or_floats(values)
     else:
-        blocks = _BLOCK.finditer(data.replace(b"\r", b"\n")) if b"#MRGB" in data else ()
+        blocks = _COLOUR_BLOCK.finditer(data.replace(b"\r", b"\n")) if b"#MRGB" in data else ()
         digits = b"".join(block[1] for block in blocks).decode()
         octets = np.frombuffer(bytes.fromhex(digits), np.uint8).reshape(-1, 4)  # mask, red, green and blue
         if not len(octets):
@@ -275,35 +277,35 @@ def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tu
 
 
 def _read_libraries(document: ObjDocument, folder: Path) -> dict[str, bytes]:
-    """Read the libraries of a document, and the pictures that these name, by their names."""
+    """Read the libraries of a document and their pictures, by name."""
     libraries, pictures = dict[str, bytes](), dict[str, bytes]()
     for name in document.library_names:
         content = content_beside(name, folder)
-        if content is not None and "newmtl" in dict(_statements(content)):  # nothing else is copied
+        if content is not None and "newmtl" in dict(_statements(content)):  # no other file is copied
             libraries[name] = content
     for library in libraries.values():
         for keyword, rest in _statements(library):
-            for name in tiles_of(_options(rest)[1]) if keyword.startswith(_PICTURES) else ():
+            for name in tiles_of(_options(rest)[1]) if keyword.startswith(_PICTURE_KEYWORDS) else ():
                 if (content := content_beside(name, folder, picture_in)) is not None:
                     pictures[name] = content
     return libraries | pictures
 
 
 def materials_of(document: ObjDocument) -> dict[str, Look]:
-    """Return the look of each material, by its name."""
-    said: dict[str, dict[str, str]] = {}
+    """Return the look of each material by name."""
+    statements_of: dict[str, dict[str, str]] = {}
     for library in document.library_names:
         of_material: dict[str, str] = {}
         for keyword, rest in _statements(document.files.get(library, b"")):
             if keyword == "newmtl":
-                of_material = said.setdefault(rest, {})
+                of_material = statements_of.setdefault(rest, {})
             else:
                 of_material[keyword] = rest
-    return {name: _look(name, each, document.files) for name, each in said.items()}
+    return {name: _look(name, statements, document.files) for name, statements in statements_of.items()}
 
 
 def library_of(layers: Mapping[str, Layer], pictures: Mapping[Picture, str], encoding: str) -> bytes:
-    """Write a library of layers by their names; pictures have names too, or keep their own."""
+    """Write a library of named layers; pictures have new names or keep their own."""
     lines = []
     for name, layer in layers.items():
         lines += [f"newmtl {name}", "Kd " + " ".join(f"{x:.6g}" for x in layer.tint[:3])]
@@ -311,45 +313,49 @@ def library_of(layers: Mapping[str, Layer], pictures: Mapping[Picture, str], enc
             lines.append(f"d {layer.tint[3]:.6g}")
         if layer.picture:
             lines.append(f"map_Kd {pictures.get(layer.picture, layer.picture.name)}")
-    return _encoded("".join(f"{line}\n" for line in lines), encoding)
+    return _encode("".join(f"{line}\n" for line in lines), encoding)
 
 
-def renamed(library: bytes, names: Mapping[str, str]) -> bytes:
-    """Return a library in which pictures have other names."""
+def rename_pictures(library: bytes, names: Mapping[str, str]) -> bytes:
+    """Replace the names of pictures in a library."""
     lines = []
     for line in _lines(library):
         keyword, _, rest = line.strip().replace("\t", " ").partition(" ")
         name = _options(rest.strip())[1]
         tiles = dict(zip(map(str, TILES), tiles_of(name)))
-        known = [(tile, names[each]) for tile, each in tiles.items() if each in names]
-        if keyword.lower().startswith(_PICTURES) and known and name in line:
+        known = [(tile, names[picture]) for tile, picture in tiles.items() if picture in names]
+        if keyword.lower().startswith(_PICTURE_KEYWORDS) and known and name in line:
             (tile, new), is_tiled = known[0], len(tiles) > 1
             line = f"{line[: line.rindex(name)]}{'<UDIM>'.join(new.rsplit(tile, 1)) if is_tiled else new}"
         lines.append(line)
-    return _encoded("\n".join(lines), encoding_of(library))
+    return _encode("\n".join(lines), encoding_of(library))
 
 
 def tiles_of(name: str) -> list[str]:
-    """Names of the pictures of all tiles, if a name has <UDIM> in place of their numbers; or the name alone."""
+    """List the names of the pictures of all tiles if the name has <UDIM>, otherwise only the name."""
     parts = _UDIM.split(name)
     return [str(tile).join(parts) for tile in TILES] if len(parts) > 1 else [name]
 
 
-def _encoded(text: str, encoding: str) -> bytes:
-    """Write a text in an encoding, or in UTF-8 where that has no letters for it."""
+def _encode(text: str, encoding: str) -> bytes:
+    """Encode a text, in UTF-8 if the encoding lacks some of its letters."""
     with suppress(UnicodeEncodeError):
         return text.encode(encoding)
     return text.encode(errors="backslashreplace")
 
 
-def _look(name: str, said: Mapping[str, str], files: Mapping[str, bytes]) -> Look:
-    kd = _numbers(said.get("kd", ""), 3) or [1.0, 1.0, 1.0]
-    if "map_kd" in said and max(kd) == 0:  # which some programs write beside every picture
+def _look(name: str, statements: Mapping[str, str], files: Mapping[str, bytes]) -> Look:
+    kd = _numbers(statements.get("kd", ""), 3) or [1.0, 1.0, 1.0]
+    if "map_kd" in statements and max(kd) == 0:  # some programs write black beside every picture
         kd = [1.0, 1.0, 1.0]
-    opacity = _numbers(said.get("d", ""), 1) or [1 - x for x in _numbers(said.get("tr", ""), 1)] or [1.0]
-    ke = _numbers(said.get("ke", ""), 3) or [1.0 if "map_ke" in said else 0.0] * 3
-    emitted = _layer(said.get("map_ke", ""), (*ke, 1.0), files) if max(ke) > 0 else None
-    return Look(name, _layer(said.get("map_kd", ""), (*kd, *opacity), files), emitted)
+    opacity = (
+        _numbers(statements.get("d", ""), 1)
+        or [1 - x for x in _numbers(statements.get("tr", ""), 1)]
+        or [1.0]
+    )
+    ke = _numbers(statements.get("ke", ""), 3) or [1.0 if "map_ke" in statements else 0.0] * 3
+    emitted = _layer(statements.get("map_ke", ""), (*ke, 1.0), files) if max(ke) > 0 else None
+    return Look(name, _layer(statements.get("map_kd", ""), (*kd, *opacity), files), emitted)
 
 
 def _layer(text: str, tint: tuple[float, ...], files: Mapping[str, bytes]) -> Layer:
@@ -358,27 +364,27 @@ def _layer(text: str, tint: tuple[float, ...], files: Mapping[str, bytes]) -> La
     options, name = _options(text)
     sx, sy = [*_numbers(" ".join(options.get("-s", [])), 1, 2), 1.0, 1.0][:2]
     x, y = [*_numbers(" ".join(options.get("-o", [])), 1, 2), 0.0, 0.0][:2]
-    matrix = (sx, 0.0, x), (0.0, sy, 1 - sy - y)  # v of OBJ goes up
+    matrix = (sx, 0.0, x), (0.0, sy, 1 - sy - y)  # v of OBJ points up
     wrap: Wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
     return Layer(tint, Picture.among(files, name), matrix=matrix, wrap=(wrap, wrap))
 
 
 def _options(text: str) -> tuple[dict[str, list[str]], str]:
-    """Split what follows the keyword of a picture into its options and its name, which may have blanks."""
+    """Split the rest of the line of a picture into its options and its name, which may have blanks."""
     words = text.split(" ")
     options: dict[str, list[str]] = {}
-    while len(words) > 1 and (words[0] in _NUMBERS or words[0] in _WORDS or not words[0]):
+    while len(words) > 1 and (words[0] in _NUMBER_OPTIONS or words[0] in _WORD_OPTIONS or not words[0]):
         option = words.pop(0)
         taken = options[option] = list[str]()
-        while len(words) > 1 and len(taken) < _NUMBERS.get(option, 1 if option else 0):
-            if option not in _WORDS and not _numbers(words[0], 1):
+        while len(words) > 1 and len(taken) < _NUMBER_OPTIONS.get(option, 1 if option else 0):
+            if option not in _WORD_OPTIONS and not _numbers(words[0], 1):
                 break
             taken.append(words.pop(0))
     return options, " ".join(words)
 
 
 def _numbers(text: str, least: int, most: int = 3) -> list[float]:
-    """Return the numbers of a text; one alone stands for all; none if there are fewer than least and not one."""
+    """Return the numbers of a text; a single one is repeated; fewer than ``least`` give none."""
     try:
         numbers = [float(word) for word in text.split()[:most]]
     except ValueError:

@@ -16,11 +16,11 @@ from isomatch.io.polygons import Polygons, spans
 from isomatch.surfaces import Mesh
 
 _HEADER = re.compile(r"(?P<letters>(?:ST|[CN4])*)OFF(?![A-Z])\s*(?P<rest>[^#]*)(?:#.*)?", re.IGNORECASE)
-_MAP = "indices into a colour map"
+_MAP_INDICES = "indices into a colour map"
 
 
 class _Tables(NamedTuple):
-    """What a file consists of."""
+    """The contents of a file."""
 
     letters: str  # before OFF
     vertices: NumberRows
@@ -33,16 +33,16 @@ class _Tables(NamedTuple):
 
 def read(data: bytes, name: str) -> Mesh:
     """Read an OFF, COFF, NOFF, 4OFF or STOFF file. Counts may be on the header line; faces may have colours."""
-    tables = _tables(_text.read_lines(name, data))
+    tables = _read_tables(_text.read_lines(name, data))
     return Mesh(tables.points, Polygons(tables.corners, tables.sizes, tables.points).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an OFF file with the colours, normals and texture coordinates of its vertices and the colours of its faces.
 
-    Three or four numbers after the positions are colours if they can be, whatever the header says.
+    Three or four numbers after the positions are colours if possible, whatever the header says.
     """
-    tables = _tables(_text.read_lines(name, data))
+    tables = _read_tables(_text.read_lines(name, data))
     rows, letters, notes, attributes = tables.vertices, tables.letters, tables.notes, []
     start, n_last = 4 if "4" in letters else 3, 2 if "ST" in letters else 0
     if "N" in letters:
@@ -56,7 +56,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     if n_left in (3, 4) and ("C" in letters or may_be_colours):
         attributes.append(Attribute("color", "point", "colour", _text.bytes_or_floats(values)))
     elif n_left > 0:
-        what = _MAP if "C" in letters and n_left == 1 else f"{n_left} numbers after the positions"
+        what = _MAP_INDICES if "C" in letters and n_left == 1 else f"{n_left} numbers after the positions"
         notes.append(f"{what} of vertices are left out")
     if n_last:
         attributes.append(Attribute("uv", "point", "uv", rows.columns(start + max(n_left, 0), 2)))
@@ -65,12 +65,14 @@ def read_asset(data: bytes, name: str) -> Asset:
         values = tables.faces.columns(1 + tables.sizes, n_left)
         attributes.append(Attribute("color", "face", "colour", _text.bytes_or_floats(values)))
     elif n_left > 0:
-        what = _MAP if n_left == 1 else f"{n_left} numbers after the corners"
+        what = _MAP_INDICES if n_left == 1 else f"{n_left} numbers after the corners"
         notes.append(f"{what} of faces are left out")
     kept = [attribute for attribute in attributes if not np.isnan(attribute.values).all()]
     notes += [note for attribute in kept if (note := attribute.note_of_missing)]
     polygons = Polygons(tables.corners, tables.sizes)
-    return Asset(tables.points, polygons, tuple(kept), notes=tuple(notes), frame=_text.told_frame(data))
+    return Asset(
+        tables.points, polygons, tuple(kept), notes=tuple(notes), frame=_text.frame_in_comments(data)
+    )
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -98,25 +100,29 @@ def write(asset: Asset) -> bytes:
         faces = _text.format_rows("3 %d %d %d\n", corners.reshape(-1, 3))
     else:
         once = np.ones(len(sizes), dtype=np.int64)
-        words = [(once, _text.numbered(sizes)), (sizes, _text.numbered(corners))]
+        words = [(once, _text.words_of_numbers(sizes)), (sizes, _text.words_of_numbers(corners))]
         for values, notation in map(_colours, colours):
             has_colour = ~np.isnan(values).any(axis=1)
-            words.append((values.shape[1] * has_colour, _text.numbered(values[has_colour].ravel(), notation)))
-        faces = _text.interleaved_lines(words, len(sizes))
-    head = f"{letters}OFF\n{_text.comments(asset.frame)}{len(asset.points)} {len(sizes)} 0\n".encode()
+            words.append(
+                (values.shape[1] * has_colour, _text.words_of_numbers(values[has_colour].ravel(), notation))
+            )
+        faces = _text.interleave_lines(words, len(sizes))
+    head = f"{letters}OFF\n{_text.frame_comments(asset.frame)}{len(asset.points)} {len(sizes)} 0\n".encode()
     return head + _text.format_rows(f"{template}\n", np.hstack(columns)) + faces
 
 
 def _colours(attribute: Attribute) -> tuple[FloatArray, str]:
-    """Return colours as whole numbers up to 255 or as fractions, and how these are written."""
+    """Return colours as integers up to 255 or fractions, and their template."""
     fractions = attribute.fractions[:, :3]
     octets = np.rint(255 * fractions)
-    whole = attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1  # if not, read as fractions
+    whole = (
+        attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1
+    )  # otherwise they would be read as fractions
     return (octets, "%d") if whole else (fractions, "%r")
 
 
-def _tables(lines: TextLines) -> _Tables:
-    """Read the letters before OFF, the numbers of vertices and faces, on the same line or the next, and their lines."""
+def _read_tables(lines: TextLines) -> _Tables:
+    """Read the letters before OFF, the counts, on this line or the next, and the vertices and faces."""
     first = lines.row(0).strip() if len(lines) else ""
     words, row, notes = first.split(), 0, []
     header = _HEADER.fullmatch(first)

@@ -19,7 +19,7 @@ from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import FormatError, MeshError
 from isomatch._core.texts import encoding_of
 from isomatch.io.asset import Asset, Frame
-from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart, unused_name
+from isomatch.io.attribute import Attribute, Domain, Kind, guess_kind, number_equal_names, unused_name
 from isomatch.io.formats import _text
 from isomatch.io.formats._reading import content_beside, unexpected
 from isomatch.io.formats._text import TextLines
@@ -35,11 +35,15 @@ _TYPES = {
 _COUNT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4")
 _LETTERS = {kind: letters for letters, kind in reversed(_TYPES.items())}
 _BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_LONGEST_HEADER = 2**18  # bytes
-_MOST_DECLARED = 1000  # elements and properties; files in use have fewer than a hundred
-_LONGEST_ROW = 2**31 - 1  # bytes of a numpy type
+_MAX_HEADER_BYTES = 2**18  # bytes
+_MAX_DECLARED = 1000  # elements and properties; real files have fewer than a hundred
+_MAX_ROW_BYTES = 2**31 - 1  # the limit of numpy types
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
-_ENDS = ("vertex1", "vertex2", *_INDEX_LISTS)  # properties of other elements that are numbers of points
+_POINT_PROPERTIES = (
+    "vertex1",
+    "vertex2",
+    *_INDEX_LISTS,
+)  # properties of other elements with numbers of points
 _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("normal", "normal", ("nx", "ny", "nz")),
     ("color", "colour", ("red", "green", "blue", "alpha")),
@@ -50,18 +54,18 @@ _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("uv", "uv", ("u", "v")),
     ("uv", "uv", ("texture_u", "texture_v")),
 )
-_KEPT = "ply_header"  # bytes that are no UTF-8 come back, and halves of letters become escapes
+_KEEP_BYTES = "ply_header"  # keeps bytes that are not UTF-8, and escapes surrogates
 _CORNER_UV = "texcoord"
 TEXTURE_NUMBER = "texnumber"
-"""The property of faces that says which of several pictures they show."""
-_TEXTURE = "comment TextureFile {}"  # which names a picture
+"""The property of faces with the number of their picture."""
+_TEXTURE = "comment TextureFile {}"  # names a picture
 _JOINT = re.compile(r"joint (\S+) (\S+) ?(.*)")
 """Text of a comment that names an attribute of weights, one of its properties, and the joint that it is of."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """A property of an element: its declaration, and its values in all rows, of a list with the number of each row."""
+    """A property of an element: declaration, values of all rows, and for lists their lengths."""
 
     name: str
     type: np.dtype[np.generic]
@@ -71,12 +75,12 @@ class Column:
 
     @classmethod
     def of(cls, name: str, values: AnyArray, counts: IntArray | None = None) -> Column:
-        """Make a column whose type is the smallest of PLY that holds the values."""
+        """Make a column with the smallest type of PLY that holds the values."""
         count_type = None if counts is None else np.dtype("u1" if counts.max(initial=0) < 256 else "i4")
         return cls(name, _type_of(values), count_type, values.ravel(), counts)
 
     def at(self, rows: IntArray) -> Column:
-        """Return the values of some rows, in this order."""
+        """Select rows, in the given order."""
         if self.counts is None:
             return replace(self, values=self.values[rows])
         index = spans((np.cumsum(self.counts) - self.counts)[rows], self.counts[rows])
@@ -84,7 +88,7 @@ class Column:
 
     @property
     def typed(self) -> AnyArray:
-        """The values in the type that the header declares, which text need not keep to."""
+        """The values in the declared type, unless values of a text file do not fit it."""
         if self.type.kind != "f" and self.values.dtype.kind == "f":
             limits = np.iinfo(self.type.str)
             is_whole = _text.is_whole(self.values).all()
@@ -96,26 +100,26 @@ class Column:
 
 @dataclass(frozen=True)
 class Element:
-    """A table of the file, such as ``vertex``: its columns, its number of rows, and where it is, for messages."""
+    """A table of the file, such as ``vertex``, with its place for messages."""
 
     columns: tuple[Column, ...] = ()
     n_rows: int = 0
     place: str = ""
 
     def renumbered(self, new_point: IntArray) -> Element:
-        """Renumber the points of edges; those that lose one are left out."""
+        """Renumber the points of edges; those that lose a point are left out."""
         kept, changed = np.ones(self.n_rows, dtype=bool), []
-        for each in self.columns:
-            if each.name in _ENDS and each.type.kind in "iu":
-                points = each.values.astype(np.int64)
+        for column in self.columns:
+            if column.name in _POINT_PROPERTIES and column.type.kind in "iu":
+                points = column.values.astype(np.int64)
                 points = np.where((points >= 0) & (points < len(new_point)), points, len(new_point))
                 new = np.append(new_point, -1)[points]
-                row = np.repeat(np.arange(self.n_rows), 1 if each.counts is None else each.counts)
+                row = np.repeat(np.arange(self.n_rows), 1 if column.counts is None else column.counts)
                 kept[row[new < 0]] = False
-                each = replace(each, values=np.maximum(new, 0).astype(each.values.dtype))
-            changed.append(each)
+                column = replace(column, values=np.maximum(new, 0).astype(column.values.dtype))
+            changed.append(column)
         rows = np.flatnonzero(kept)
-        return replace(self, columns=tuple(each.at(rows) for each in changed), n_rows=len(rows))
+        return replace(self, columns=tuple(column.at(rows) for column in changed), n_rows=len(rows))
 
 
 Names = Mapping[tuple[str, Domain], tuple[str, ...]]  # the properties of each attribute
@@ -124,7 +128,7 @@ Declared = Mapping[str, tuple[int, list[Column]]]  # of each element, the number
 
 @dataclass(frozen=True)
 class PlyDocument:
-    """What a PLY file holds beside points, polygons and attributes, and how it is written."""
+    """Contents of a PLY file beside points, polygons and attributes, and how it is written."""
 
     byte_order: str = "<"
     encoding: str = "utf-8"  # of the names of properties
@@ -148,53 +152,56 @@ class PlyDocument:
         return replace(self, comments=(*others, *map(_TEXTURE.format, files)), files=files)
 
     def with_renamed_files(self, names: Mapping[str, str]) -> PlyDocument:
-        """Refer to pictures by other names; those that were not found keep theirs."""
-        renamed = ((comment, names.get(_texture_of(comment))) for comment in self.comments)
-        comments = tuple(_TEXTURE.format(name) if name else comment for comment, name in renamed)
+        """Rename pictures; those that were not found keep their names."""
+        names_without_blanks = ((comment, names.get(_texture_of(comment))) for comment in self.comments)
+        comments = tuple(_TEXTURE.format(name) if name else comment for comment, name in names_without_blanks)
         return replace(self, comments=comments)
 
     def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> PlyDocument:
-        """Take the same rows of lists, and renumber the points of edges."""
+        """Select the rows of lists, and renumber the points of edges."""
         return replace(
             self,
-            of_points=tuple(each.at(rows.point_index) for each in self.of_points),
-            of_faces=tuple(each.at(rows.polygon_index) for each in self.of_faces),
-            elements={name: each.renumbered(rows.new_point) for name, each in self.elements.items()},
+            of_points=tuple(part.at(rows.point_index) for part in self.of_points),
+            of_faces=tuple(part.at(rows.polygon_index) for part in self.of_faces),
+            elements={name: part.renumbered(rows.new_point) for name, part in self.elements.items()},
         )
 
 
 def with_names_of(asset: Asset, giver: object) -> Asset:
-    """Return an asset of a PLY file whose new attributes have the names of properties of another PLY document."""
+    """Give new attributes of a PLY file the names of properties in another PLY document."""
     if not (isinstance(asset.document, PlyDocument) and isinstance(giver, PlyDocument)):
         return asset
-    own = asset.document
-    taken = {name for members in own.names.values() for name in members} | {
-        each.name for each in own.of_points
+    document = asset.document
+    taken = {name for members in document.names.values() for name in members}
+    taken |= {column.name for column in document.of_points}
+    more = {
+        key: members
+        for key, members in giver.names.items()
+        if key not in document.names and taken.isdisjoint(members)
     }
-    new = {key: each for key, each in giver.names.items() if key not in own.names and taken.isdisjoint(each)}
-    return replace(asset, document=replace(own, names={**new, **own.names}))
+    return replace(asset, document=replace(document, names={**more, **document.names}))
 
 
-def renamed(asset: Asset) -> list[Attribute]:
-    """Return the attributes whose names lose their blanks, named so."""
-    own = asset.document.names if isinstance(asset.document, PlyDocument) else {}
+def names_without_blanks(asset: Asset) -> list[Attribute]:
+    """Return the attributes whose names lose blanks, with names that say so."""
+    kept_names = asset.document.names if isinstance(asset.document, PlyDocument) else {}
     lost = [
-        each
-        for each in asset.attributes
-        if re.search(r"[\x00-\x20]", each.name) and (each.name, each.domain) not in own
+        attribute
+        for attribute in asset.attributes
+        if re.search(r"[\x00-\x20]", attribute.name) and (attribute.name, attribute.domain) not in kept_names
     ]
-    return [replace(each, name=f"the blanks in the name {each.name}") for each in lost]
+    return [replace(attribute, name=f"the blanks in the name {attribute.name}") for attribute in lost]
 
 
 def read(data: bytes, name: str) -> Mesh:
-    """Read a PLY file; properties and elements other than positions and faces are ignored."""
+    """Read the positions and faces of a PLY file."""
     elements = _elements(data, name)[0]
     points = _positions(elements, name)
     return Mesh(points, Polygons(*_polygons(elements, name)[:2], points).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
-    """Read a PLY file with all properties of its vertices and faces, and its other elements as they are."""
+    """Read a PLY file with all properties of its vertices and faces, and its other elements."""
     elements, order, comments, encoding = _elements(data, name)
     points, (corners, sizes, index_list) = _positions(elements, name), _polygons(elements, name)
     vertex, face = elements.pop("vertex"), elements.pop("face", Element())
@@ -202,19 +209,23 @@ def read_asset(data: bytes, name: str) -> Asset:
     joints = _joints_of(comments)
     of_points, point_names, point_lists = _attributes(vertex, "point", "xyz", sizes, joints)
     of_faces, face_names, face_lists = _attributes(face, "face", (index_list,), sizes, joints)
-    single = {each.type.str[1:] for each in vertex.columns if each.name == "x"} == {"f4"}
+    single = {texture.type.str[1:] for texture in vertex.columns if texture.name == "x"} == {"f4"}
     names, positions = {**point_names, **face_names}, "f4" if single else "f8"
     document = PlyDocument(
         order, encoding, comments, positions, index_list, names, point_lists, face_lists, elements
     )
-    pictures = {each: content_beside(each, Path(name).parent, picture_in) for each in document.textures}
-    document = replace(document, files={each: data for each, data in pictures.items() if data is not None})
+    pictures = {
+        texture: content_beside(texture, Path(name).parent, picture_in) for texture in document.textures
+    }
+    document = replace(
+        document, files={texture: data for texture, data in pictures.items() if data is not None}
+    )
     frame = Frame.of_lines(*map(_text_of, comments))
     return Asset(points, Polygons(corners, sizes), of_points + of_faces, document=document, frame=frame)
 
 
 def keeps(attribute: Attribute) -> bool:
-    """Whether PLY has a place for an attribute: a property, or a list of numbers of the corners of each face."""
+    """Whether PLY has a place for an attribute: properties, or a list for the corners of each face."""
     values = attribute.coded.values
     if values.dtype.kind not in "biuf" or _type_of(values).str[1:] in ("i8", "u8"):
         return False
@@ -227,9 +238,9 @@ def keeps_names(attribute: Attribute) -> bool:
 
 
 def write(asset: Asset, binary: bool | None = None, single: bool = False) -> bytes:
-    """Write a PLY file, binary or text, by default as it was read; a new one little endian, in double precision.
+    """Write a PLY file, by default as it was read; a new one is little endian and has doubles.
 
-    If ``single``, it has no doubles, which some programs do not read.
+    If ``single``, it has no doubles, which some programs cannot read.
     """
     document = asset.document if isinstance(asset.document, PlyDocument) else PlyDocument()
     byte_order = document.byte_order if binary is None else (document.byte_order or "<") if binary else ""
@@ -246,35 +257,35 @@ def write(asset: Asset, binary: bool | None = None, single: bool = False) -> byt
     if single:
         for name, element in elements.items():
             plain = [
-                replace(each, type=np.dtype("f4")) if each.type.str[1:] == "f8" else each
-                for each in element.columns
+                replace(column, type=np.dtype("f4")) if column.type.str[1:] == "f8" else column
+                for column in element.columns
             ]
             elements[name] = Element(tuple(plain), element.n_rows)
     encoding = next(word for word, order in _BYTE_ORDERS.items() if order == byte_order)
     comments = [comment for comment in document.comments if not _JOINT.fullmatch(_text_of(comment))]
     comments += joints
     lines = asset.frame.lines if asset.frame else ()
-    told = Frame.of_lines(*map(_text_of, comments)) or Frame()
-    if told.words != lines:
-        others = (comment for comment in comments if _text_of(comment) not in told.words)
+    frame = Frame.of_lines(*map(_text_of, comments)) or Frame()
+    if frame.words != lines:
+        others = (comment for comment in comments if _text_of(comment) not in frame.words)
         comments = [*others, *(f"comment {line}" for line in lines)]
     header = ["ply", f"format {encoding} 1.0", *comments]
     for name, element in elements.items():
         header.append(f"element {name} {element.n_rows}")
-        for each in element.columns:
-            count = "" if each.count_type is None else f"list {_LETTERS[each.count_type.str[1:]]} "
-            header.append(f"property {count}{_LETTERS[each.type.str[1:]]} {each.name}")
+        for column in element.columns:
+            count = "" if column.count_type is None else f"list {_LETTERS[column.count_type.str[1:]]} "
+            header.append(f"property {count}{_LETTERS[column.type.str[1:]]} {column.name}")
     body = [_rows(element, byte_order) for element in elements.values()]
-    return b"".join([*_encoded([*header, "end_header"], document.encoding), *body])
+    return b"".join([*_encode_header([*header, "end_header"], document.encoding), *body])
 
 
-def _encoded(header: list[str], encoding: str) -> list[bytes]:
-    """Encode the lines of a header: comments as they were read, others so, or in UTF-8 if that has not all letters."""
+def _encode_header(header: list[str], encoding: str) -> list[bytes]:
+    """Encode a header as it was read, or in UTF-8 if the encoding lacks some letters; keep comments."""
     try:
         "".join(line for line in header if not _is_comment(line)).encode(encoding)
     except UnicodeEncodeError:
         encoding = "utf-8"
-    lines = (line.encode("utf-8" if _is_comment(line) else encoding, _KEPT) for line in header)
+    lines = (line.encode("utf-8" if _is_comment(line) else encoding, _KEEP_BYTES) for line in header)
     return [octets + b"\n" for octets in lines]
 
 
@@ -285,7 +296,7 @@ def _escape(error: UnicodeError) -> tuple[bytes | str, int]:
         return codecs.lookup_error("backslashreplace")(error)
 
 
-codecs.register_error(_KEPT, _escape)
+codecs.register_error(_KEEP_BYTES, _escape)
 
 
 def _is_comment(line: str) -> bool:
@@ -297,13 +308,13 @@ def _text_of(comment: str) -> str:
 
 
 def _texture_of(comment: str) -> str:
-    """Name of the picture that a comment tells; empty if it tells none."""
+    """Return the name of the picture in a comment, empty for other comments."""
     keyword, _, name = _text_of(comment).partition(" ")
     return name.strip() if keyword.lower() == "texturefile" else ""
 
 
 def _joints_of(comments: tuple[str, ...]) -> dict[str, dict[str, str]]:
-    """Return the joint of each property of weights, by the name of their attribute, as comments tell."""
+    """Read the joint of each property of weights from comments, by the name of the attribute."""
     joints = dict[str, dict[str, str]]()
     for found in filter(None, (_JOINT.fullmatch(_text_of(comment)) for comment in comments)):
         joints.setdefault(found[1], {})[found[2]] = found[3]
@@ -311,9 +322,9 @@ def _joints_of(comments: tuple[str, ...]) -> dict[str, dict[str, str]]:
 
 
 def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[str, ...], str]:
-    """Read all elements, the byte order, which is empty of text, the comments, and the encoding of names."""
-    # names are in UTF-8, or in another encoding; only blanks of ASCII part words, and the last one is all that follows,
-    # as names of groups of Blender have blanks
+    """Read all elements, the byte order (empty for text), comments, and the encoding of names."""
+    # Names are in UTF-8 or another encoding. Only ASCII blanks separate words, and the last word is the
+    # rest of the line, because names of groups of Blender have blanks.
     lines, n_bytes = _header_lines(data, name)
     encoding = encoding_of(
         b"\n".join(text for text in lines.texts if not text.startswith((b"comment", b"obj_info")))
@@ -344,9 +355,9 @@ def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[st
             case _:
                 properties = "'property TYPE NAME' or 'property list TYPE TYPE NAME'"
                 lines.fail(i, f"'element NAME COUNT' of a new name, {properties}")
-        if i - len(comments) > _MOST_DECLARED:
-            lines.fail(i, f"at most {_MOST_DECLARED} elements and properties", "remove those not needed")
-    read_body = _in_binary if order else _in_text
+        if i - len(comments) > _MAX_DECLARED:
+            lines.fail(i, f"at most {_MAX_DECLARED} elements and properties", "remove those not needed")
+    read_body = _read_binary if order else _read_text
     return read_body(data, name, n_bytes, len(lines), declared), order, tuple(comments), encoding
 
 
@@ -355,7 +366,7 @@ def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
     mark = 3 if data.startswith(b"\xef\xbb\xbf") else 0
     if data[mark : mark + 3].lower() != b"ply" or data[mark + 3 : mark + 4] not in (b"\n", b"\r", b" "):
         raise unexpected(f"{name}:1", "'ply'", repr(data[:10]), "give a PLY file, or rename this one")
-    mark = data.find(b"end_header", 0, _LONGEST_HEADER)
+    mark = data.find(b"end_header", 0, _MAX_HEADER_BYTES)
     end = data.find(b"\r" if b"\n" not in data[:mark] else b"\n", mark)
     if mark < 0 or end < 0:
         raise unexpected(f"{name}:1", "'end_header' within 256 KiB", "none", "copy the file again")
@@ -363,7 +374,7 @@ def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
     return TextLines(name, np.frombuffer(text, np.uint8), np.arange(1, text.count(b"\n") + 1)), end + 1
 
 
-def _in_text(data: bytes, name: str, n_bytes: int, n_lines: int, declared: Declared) -> dict[str, Element]:
+def _read_text(data: bytes, name: str, n_bytes: int, n_lines: int, declared: Declared) -> dict[str, Element]:
     lines, elements, start = _text.read_lines(name, data[n_bytes:], before=n_lines), dict[str, Element](), 0
     for element, (n_rows, columns) in declared.items():
         stop = start + (n_rows if columns else 0)
@@ -390,10 +401,12 @@ def _in_text(data: bytes, name: str, n_bytes: int, n_lines: int, declared: Decla
     return elements
 
 
-def _in_binary(data: bytes, name: str, position: int, _: int, declared: Declared) -> dict[str, Element]:
+def _read_binary(data: bytes, name: str, position: int, _: int, declared: Declared) -> dict[str, Element]:
     elements = dict[str, Element]()
     for element, (n_rows, columns) in declared.items():
-        held, end = _uniform(columns, n_rows, data, position) or _mixed(columns, n_rows, data, position)
+        held, end = _read_uniform(columns, n_rows, data, position) or _read_mixed(
+            columns, n_rows, data, position
+        )
         if end > len(data):
             place, expected = f"{name}: byte {len(data)}", f"{n_rows} rows of element {element}"
             remedy = "it is cut short or damaged, copy or export it again"
@@ -406,8 +419,10 @@ def _in_binary(data: bytes, name: str, position: int, _: int, declared: Declared
     return elements
 
 
-def _uniform(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple[list[Column], int] | None:
-    """Read all rows at once, if all lists are as long as those of the first row; None if they are not."""
+def _read_uniform(
+    columns: list[Column], n_rows: int, data: bytes, start: int
+) -> tuple[list[Column], int] | None:
+    """Read all rows at once; None if their lists have different lengths."""
     fields: list[tuple[object, ...]] = []
     position, counts = start, []
     for i, column in enumerate(columns):
@@ -418,7 +433,7 @@ def _uniform(columns: list[Column], n_rows: int, data: bytes, start: int) -> tup
             count = int(np.frombuffer(first, column.count_type)[0]) if position <= len(data) else -1
             fields.append((f"count{i}", column.count_type))
         position += count * column.type.itemsize
-        if count < 0 or position > min(len(data), start + _LONGEST_ROW):
+        if count < 0 or position > min(len(data), start + _MAX_ROW_BYTES):
             return None
         counts.append(count)
         fields.append((f"{i}", column.type, (count,)))
@@ -428,13 +443,13 @@ def _uniform(columns: list[Column], n_rows: int, data: bytes, start: int) -> tup
     for i, (column, count) in enumerate(zip(columns, counts)):
         if column.count_type is not None and (rows[f"count{i}"] != count).any():
             return None
-        each = None if column.count_type is None else np.broadcast_to(np.int64(count), n_rows)
-        held.append(replace(column, values=rows[f"{i}"].ravel(), counts=each))
+        counts_of_rows = None if column.count_type is None else np.broadcast_to(np.int64(count), n_rows)
+        held.append(replace(column, values=rows[f"{i}"].ravel(), counts=counts_of_rows))
     return held, end
 
 
-def _mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple[list[Column], int]:
-    """Read rows that differ in length; the end is after that of the data if these end before."""
+def _read_mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple[list[Column], int]:
+    """Read rows of different lengths; the returned end exceeds the data if they are cut short."""
     too_far, end, n_rows = len(data) + 1, start, n_rows if columns else 0
     sizes = [column.type.itemsize for column in columns]
     types = [column.count_type or np.dtype("V0") for column in columns]
@@ -442,7 +457,7 @@ def _mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple
         return [], too_far
     orders = ["big" if kind.byteorder == ">" else "little" for kind in types]
     plan = list(zip([kind.itemsize for kind in types], orders, [kind.kind == "i" for kind in types], sizes))
-    told: list[int] = []  # the number of values of each property, row by row
+    counts_read: list[int] = []  # numbers of values of each property, row by row
     for _ in range(n_rows):
         for n_bytes, order, is_signed, size in plan:
             count = 1
@@ -452,32 +467,32 @@ def _mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple
             end += count * size
             if count < 0 or end > len(data):
                 return [], too_far
-            told.append(count)
-    counts = np.array(told, dtype=np.int64).reshape(n_rows, len(columns))
+            counts_read.append(count)
+    counts = np.array(counts_read, dtype=np.int64).reshape(n_rows, len(columns))
     lengths = counts * sizes + [kind.itemsize for kind in types]
     first = start + np.cumsum(lengths.sum(axis=1)) - lengths.sum(axis=1)
     octets, held = np.frombuffer(data, np.uint8), []
     for i, column in enumerate(columns):
         where = spans(first + types[i].itemsize, counts[:, i] * sizes[i])
-        each = None if column.count_type is None else counts[:, i].copy()
-        held.append(replace(column, values=octets[where].view(column.type), counts=each))
+        counts_of_rows = None if column.count_type is None else counts[:, i].copy()
+        held.append(replace(column, values=octets[where].view(column.type), counts=counts_of_rows))
         first = first + lengths[:, i]
     return held, end
 
 
 def _positions(elements: Mapping[str, Element], name: str) -> FloatArray:
     vertex = elements.get("vertex", Element())
-    column = {each.name: each.values for each in vertex.columns if each.counts is None}
-    if missing := [axis for axis in "xyz" if axis not in column]:
+    values_of = {column.name: column.values for column in vertex.columns if column.counts is None}
+    if missing := [axis for axis in "xyz" if axis not in values_of]:
         expected, remedy = "an element 'vertex' with numbers x, y, z", "export the file again with positions"
         raise unexpected(f"{name}:1", expected, f"no {', '.join(missing)}", remedy)
-    return np.stack([column[axis] for axis in "xyz"], axis=1, dtype=np.float64)
+    return np.stack([values_of[axis] for axis in "xyz"], axis=1, dtype=np.float64)
 
 
 def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, IntArray, str]:
-    """Read the corners of all faces, concatenated, the number of corners of each, and the name of the list."""
+    """Read the concatenated corners of all faces, their numbers, and the name of the list."""
     if "face" not in elements and "tristrips" in elements:
-        lists = [each for each in elements["tristrips"].columns if each.counts is not None]
+        lists = [column for column in elements["tristrips"].columns if column.counts is not None]
         if not lists or not _text.is_whole(lists[0].values).all():
             expected = "a list of whole numbers of points in element 'tristrips'"
             raise unexpected(f"{name}:1", expected, "none", "export faces instead")
@@ -492,9 +507,9 @@ def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, Int
     if "face" not in elements:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), _INDEX_LISTS[0]
     face = elements["face"]
-    lists = [each for key in _INDEX_LISTS for each in face.columns if each.name == key]
+    lists = [column for key in _INDEX_LISTS for column in face.columns if column.name == key]
     if not lists or lists[0].counts is None:
-        names = ", ".join(each.name for each in face.columns) or "none"
+        names = ", ".join(column.name for column in face.columns) or "none"
         expected = f"the list {' or '.join(_INDEX_LISTS)} of the faces"
         raise unexpected(f"{name}:1", expected, names, "rename it or export the file again")
     corners, counts = lists[0].values, lists[0].counts
@@ -516,14 +531,14 @@ def _attributes(
     sizes: IntArray,
     joints: Mapping[str, Mapping[str, str]],
 ) -> tuple[tuple[Attribute, ...], Names, tuple[Column, ...]]:
-    """Make attributes of what is not used otherwise; return also the properties of each, and what makes none."""
-    left = {each.name: each for each in element.columns if each.name not in used}
-    single = {name: each for name, each in left.items() if each.count_type is None}
+    """Make attributes of unused columns; return also their properties, and the columns that make none."""
+    left = {column.name: column for column in element.columns if column.name not in used}
+    single = {name: column for name, column in left.items() if column.count_type is None}
     pairs: list[tuple[Attribute, tuple[str, ...]]] = []
 
     def add(name: str, kind: Kind | None, members: tuple[str, ...], words: Iterable[str] = ()) -> None:
         values = np.stack([single.pop(member).typed for member in members], axis=1)
-        kind = kind or guessed_kind(name, values)
+        kind = kind or guess_kind(name, values)
         pairs.append((Attribute(name, domain, kind, values, names=dict(enumerate(words))), members))
 
     for name, joint_of in joints.items():
@@ -531,7 +546,7 @@ def _attributes(
             add(name, "weights", tuple(joint_of), joint_of.values())
     for name, kind, members in _GROUPS:
         types = {single[member].type if member in single else None for member in members}
-        if len(types) == 1 and (each := types.pop()) and (kind == "colour" or each.kind == "f"):
+        if len(types) == 1 and (dtype := types.pop()) and (kind == "colour" or dtype.kind == "f"):
             add(name, kind, members)
     for first in [name for name in single if name.endswith("_0")]:
         stem = first[:-2]
@@ -539,18 +554,20 @@ def _attributes(
         if len(members) > 1 and len({single[member].type for member in members}) == 1:
             add(stem, None, members)
     for name, column in single.items():
-        pairs.append((Attribute(name, domain, guessed_kind(name, column.typed), column.typed), (name,)))
-    lists = {name: _of_corners(each, sizes) for name, each in left.items() if each.counts is not None}
+        pairs.append((Attribute(name, domain, guess_kind(name, column.typed), column.typed), (name,)))
+    lists = {
+        name: _corner_attribute(column, sizes) for name, column in left.items() if column.counts is not None
+    }
     pairs += [(corner, (name,)) for name, corner in lists.items() if corner is not None and domain == "face"]
     pairs.sort(key=lambda pair: list(left).index(pair[1][0]))
-    attributes = told_apart(attribute for attribute, _ in pairs)
+    attributes = number_equal_names(attribute for attribute, _ in pairs)
     names = {(a.name, a.domain): members for a, (_, members) in zip(attributes, pairs)}
     made = {member for members in names.values() for member in members}
     return attributes, names, tuple(left[name] for name in lists if name not in made)
 
 
-def _of_corners(column: Column, sizes: IntArray) -> Attribute | None:
-    """Make an attribute of a list that has as many values as its face has corners, or twice as many, or none."""
+def _corner_attribute(column: Column, sizes: IntArray) -> Attribute | None:
+    """Make an attribute of a list with one value per corner, or two or none for texture coordinates."""
     width, values = 2 if column.name == _CORNER_UV else 1, column.typed
     if column.counts is None or len(column.counts) != len(sizes):
         return None
@@ -558,27 +575,29 @@ def _of_corners(column: Column, sizes: IntArray) -> Attribute | None:
     if not is_full.any() or not (is_full | ((column.counts == 0) & (width == 2))).all():
         return None
     if width == 1:
-        return Attribute(column.name, "corner", guessed_kind(column.name, values), values)
+        return Attribute(column.name, "corner", guess_kind(column.name, values), values)
     uv = np.full((int(sizes.sum()), 2), np.nan, values.dtype)
     uv[np.repeat(is_full, sizes)] = values.reshape(-1, 2)
     return Attribute("uv", "corner", "uv", uv)
 
 
 def _properties(
-    asset: Asset, domain: Domain, own: tuple[Column, ...], lists: tuple[Column, ...], names: Names
+    asset: Asset, domain: Domain, first_columns: tuple[Column, ...], lists: tuple[Column, ...], names: Names
 ) -> tuple[tuple[Column, ...], list[str]]:
-    """Return the columns of an element, with lists of what its corners have, and comments that name joints."""
-    taken = {*_INDEX_LISTS, *(each.name for each in (*own, *lists))}
-    here = [a for a in asset.attributes if a.domain == domain or (a.domain, domain) == ("corner", "face")]
-    former = [names.get((each.name, each.domain), ()) for each in here]
-    for i, (each, members) in enumerate(zip(here, former)):
-        if each.domain != "corner" and len(members) != each.plain.size // max(len(each), 1):
+    """Return the columns of an element, with lists for corners, and comments that name joints."""
+    taken = {*_INDEX_LISTS, *(attribute.name for attribute in (*first_columns, *lists))}
+    attributes = [
+        a for a in asset.attributes if a.domain == domain or (a.domain, domain) == ("corner", "face")
+    ]
+    former = [names.get((attribute.name, attribute.domain), ()) for attribute in attributes]
+    for i, (attribute, members) in enumerate(zip(attributes, former)):
+        if attribute.domain != "corner" and len(members) != attribute.plain.size // max(len(attribute), 1):
             former[i] = ()
     taken.update(member for members in former for member in members)
     columns, comments = list[Column](), list[str]()
-    for attribute, members in zip(here, former):
+    for attribute, members in zip(attributes, former):
         values = attribute.plain
-        members = members or _members(attribute, values, taken)
+        members = members or _name_members(attribute, values, taken)
         taken.update(members)
         if attribute.kind == "weights" and attribute.names:
             for member, joint in zip(members, attribute.joint_names):
@@ -588,16 +607,16 @@ def _properties(
             columns.append(_list_of_faces(members[0], values, asset.polygons.sizes))
         else:
             columns += [Column.of(name, column) for name, column in zip(members, np.atleast_2d(values.T))]
-    return (*own, *columns, *lists), comments
+    return (*first_columns, *columns, *lists), comments
 
 
 def _word(name: str) -> str:
-    """Return a name without blanks, which most readers do not know in names."""
+    """Return a name without blanks, which most readers do not allow."""
     return re.sub(r"[\x00-\x20\x7f]+", "_", name) or "_"
 
 
-def _members(attribute: Attribute, values: AnyArray, taken: set[str]) -> tuple[str, ...]:
-    """Names of the properties of a new attribute: those in use, or its own, with numbers where it has columns."""
+def _name_members(attribute: Attribute, values: AnyArray, taken: set[str]) -> tuple[str, ...]:
+    """Name the properties of a new attribute: usual names, names of joints, or its name with numbers."""
     if attribute.kind == "weights" and attribute.names:
         of_joints = list[str]()
         for joint in attribute.joint_names:
@@ -605,19 +624,19 @@ def _members(attribute: Attribute, values: AnyArray, taken: set[str]) -> tuple[s
         return tuple(of_joints)
     width = values.shape[1] if values.ndim == 2 else 1
     is_corner, kind = attribute.domain == "corner", attribute.kind
-    names: list[tuple[str, ...]] = [(_CORNER_UV,)] if is_corner and kind == "uv" else []
-    for name, each, members in () if is_corner else _GROUPS:
-        if len(members) == width and (name == attribute.name or each == kind == "colour"):
-            names.append(members)
+    options: list[tuple[str, ...]] = [(_CORNER_UV,)] if is_corner and kind == "uv" else []
+    for name, group_kind, members in () if is_corner else _GROUPS:
+        if len(members) == width and (name == attribute.name or group_kind == kind == "colour"):
+            options.append(members)
     stem = _word(attribute.name)
-    while not (free := [members for members in names if taken.isdisjoint(members)]):
-        names = [(stem,) if is_corner or values.ndim == 1 else tuple(f"{stem}_{i}" for i in range(width))]
+    while not (free := [members for members in options if taken.isdisjoint(members)]):
+        options = [(stem,) if is_corner or values.ndim == 1 else tuple(f"{stem}_{i}" for i in range(width))]
         stem += "_"
     return free[0]
 
 
 def _list_of_faces(name: str, values: AnyArray, sizes: IntArray) -> Column:
-    """Make a list of the values of corners; a face with a corner of nan has an empty one."""
+    """Make a list of the values of corners, empty for a face with nan."""
     counts = (values.shape[1] if values.ndim == 2 else 1) * sizes
     if values.dtype.kind == "f" and name == _CORNER_UV:
         missing = np.isnan(values).any(axis=1)
@@ -627,37 +646,40 @@ def _list_of_faces(name: str, values: AnyArray, sizes: IntArray) -> Column:
 
 
 def _type_of(values: AnyArray) -> np.dtype[np.generic]:
-    """Return the smallest type of PLY, which has no integers of 64 bits, that holds values."""
+    """Return the smallest type of PLY that holds values; it has no integers of 64 bits."""
     kind, size = values.dtype.kind, values.dtype.itemsize
     if kind in "biu" and size in (1, 8):
-        for each in ("u1", "i1", "i4", "u4") if size == 1 else ("i4", "u4"):
-            limits = np.iinfo(each)
+        for candidate in ("u1", "i1", "i4", "u4") if size == 1 else ("i4", "u4"):
+            limits = np.iinfo(candidate)
             if limits.min <= values.min(initial=0) and values.max(initial=0) <= limits.max:
-                return np.dtype(each)
+                return np.dtype(candidate)
     return np.dtype("f4" if size == 2 else "f8") if kind == "f" and size not in (4, 8) else values.dtype
 
 
 def _rows(element: Element, byte_order: str) -> bytes:
-    """Write the rows of an element; the byte order is that of binary files, and empty of text."""
+    """Write the rows of an element in a byte order, or as text if that is empty."""
     n_rows = element.n_rows
     once = np.ones(n_rows, dtype=np.int64)
-    fields: list[tuple[IntArray, AnyArray, str]] = []  # numbers in each row, all, their type
+    fields: list[tuple[IntArray, AnyArray, str]] = []  # numbers per row, all values, their type
     for column in element.columns:
         if column.counts is not None and column.count_type is not None:
             fields.append((once, column.counts, column.count_type.str[1:]))
         fields.append((once if column.counts is None else column.counts, column.values, column.type.str[1:]))
     if not byte_order:
         formats = {"f4": "%.9g", "f8": "%r"}
-        words = [(each, _text.numbered(values, formats.get(kind, "%d"))) for each, values, kind in fields]
-        return _text.interleaved_lines(words, n_rows)
-    if all((each == each[:1]).all() for each, _, _ in fields):
-        row = [(f"{i}", byte_order + kind, (each[:1].sum(),)) for i, (each, _, kind) in enumerate(fields)]
+        words = [
+            (counts, _text.words_of_numbers(values, formats.get(kind, "%d")))
+            for counts, values, kind in fields
+        ]
+        return _text.interleave_lines(words, n_rows)
+    if all((counts == counts[:1]).all() for counts, _, _ in fields):
+        row = [(f"{i}", byte_order + kind, (counts[:1].sum(),)) for i, (counts, _, kind) in enumerate(fields)]
         rows = np.zeros(n_rows, row)
         for i, (_, values, _) in enumerate(fields):
             rows[f"{i}"] = values.reshape(rows[f"{i}"].shape)
         return rows.tobytes()
     octets = [
-        (each * int(kind[1:]), np.ascontiguousarray(values, byte_order + kind).view(np.uint8))
-        for each, values, kind in fields
+        (counts * int(kind[1:]), np.ascontiguousarray(values, byte_order + kind).view(np.uint8))
+        for counts, values, kind in fields
     ]
-    return _text.interleaved(octets, n_rows, np.uint8).tobytes()
+    return _text.interleave(octets, n_rows, np.uint8).tobytes()

@@ -1,4 +1,4 @@
-"""The format of each suffix: how its files are read and written, and what they keep."""
+"""The format of each suffix: its reader and writer, and what it keeps."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from isomatch.surfaces import Mesh
 
 @dataclass(frozen=True)
 class MeshFormat:
-    """How one format is read and written."""
+    """The reader and writer of a format, and what it keeps."""
 
-    read: Callable[[bytes, str], Mesh]  # the bytes of a file and its name, which is for messages
-    write: Callable[..., bytes]  # an asset, and the options that the format has, by keyword
-    options: frozenset[str] = frozenset()  # that it has: "binary" of `write_mesh`, "single" precision
-    read_asset: Callable[[bytes, str], Asset] | None = None  # by default points and triangles alone
-    keeps: Callable[[Attribute], bool] = lambda attribute: False  # whether it has a place for an attribute
-    single: frozenset[str] = frozenset()  # kinds of attributes of which it has only one
-    has_parts: bool = False  # and their transforms
+    read: Callable[[bytes, str], Mesh]  # takes the bytes of a file and its name, for messages
+    write: Callable[..., bytes]  # takes an asset, and options by keyword
+    options: frozenset[str] = frozenset()  # "binary" and "single" (precision)
+    read_asset: Callable[[bytes, str], Asset] | None = None  # by default only points and triangles
+    keeps: Callable[[Attribute], bool] = lambda attribute: False  # has a place for
+    single: frozenset[str] = frozenset()  # kinds with at most one attribute
+    has_parts: bool = False  # with transforms
     keeps_names: Callable[[Attribute], bool] = lambda attribute: False  # of labels or joints
     has_opacity: bool = True  # of colours
-    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # but axes and a unit, in words
-    axes: Axes | None = None  # in which all its files are
-    middles: Callable[[Asset], FloatArray] | None = None  # taken from points before they become floats
+    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # axes and units are words
+    axes: Axes | None = None  # of all its files
+    middles: Callable[[Asset], FloatArray] | None = None  # subtracted before rounding
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
-        """Return what has no place of an attribute that has one."""
+        """List the properties that the format does not keep of an attribute."""
         missing = []
         if attribute.coded.names and not self.keeps_names(attribute):
             missing.append(replace(attribute, name=f"names of {attribute.name}"))
@@ -52,7 +52,7 @@ class MeshFormat:
 def _with_attributes(
     read_asset: Callable[[bytes, str], Asset], write: Callable[..., bytes], **others: Any
 ) -> MeshFormat:
-    """Make a format whose meshes are read with all that the file holds."""
+    """Make a format whose meshes are read with all contents of the file."""
 
     def read(data: bytes, name: str) -> Mesh:
         with naming(name):
@@ -63,30 +63,35 @@ def _with_attributes(
 
 
 def _fits_title(frame: Frame) -> bool:
-    return not frame.has_space and frame.title(stl.TITLE) == "; ".join(frame.lines)
+    return not frame.has_space and frame.title(stl.TITLE_BYTES) == "; ".join(frame.lines)
 
 
-def _all(attribute: Attribute) -> bool:
+def _keep_all(attribute: Attribute) -> bool:
     return True
 
 
 _BINARY = frozenset({"binary"})
-_PLAIN: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
-_SINGLE: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
-_GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "keeps_names": _all, "middles": gltf.middles}
-_GIFTI = {"keeps": gifti.keeps, "keeps_names": _all, "keeps_frame": lambda frame: True, **_SINGLE}
+_FEW_KINDS: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
+_ROUNDED: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
+_GLTF: dict[str, Any] = {
+    "keeps": gltf.keeps,
+    "has_parts": True,
+    "keeps_names": _keep_all,
+    "middles": gltf.middles,
+}
+_GIFTI = {"keeps": gifti.keeps, "keeps_names": _keep_all, "keeps_frame": lambda frame: True, **_ROUNDED}
 _VTK: dict[str, Any] = {"keeps": vtk.keeps, "keeps_names": vtk.keeps_names, "options": _BINARY}
-_FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume, "axes": "RAS", **_SINGLE}
+_FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume, "axes": "RAS", **_ROUNDED}
 
 FORMATS: dict[str, MeshFormat] = {
-    ".off": MeshFormat(off.read, off.write, read_asset=off.read_asset, keeps=off.keeps, **_PLAIN),
+    ".off": MeshFormat(off.read, off.write, read_asset=off.read_asset, keeps=off.keeps, **_FEW_KINDS),
     ".obj": MeshFormat(
-        obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, keeps_names=_all, **_PLAIN
+        obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, keeps_names=_keep_all, **_FEW_KINDS
     ),
     ".ply": MeshFormat(
         ply.read, ply.write, _BINARY | {"single"}, ply.read_asset, ply.keeps, keeps_names=ply.keeps_names
     ),
-    ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset, keeps_frame=_fits_title, **_SINGLE),
+    ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset, keeps_frame=_fits_title, **_ROUNDED),
     ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),
     ".gltf": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=False), **_GLTF),
     **{
@@ -98,7 +103,7 @@ FORMATS: dict[str, MeshFormat] = {
         freesurfer.SURFACES, _with_attributes(freesurfer.read_asset, freesurfer.write, **_FREESURFER)
     ),
 }
-"""The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
+"""The format of each suffix, in lower case with its dot. To add a format, add an entry."""
 
 
 CLOUDS: dict[str, Callable[[bytes, str], Asset]] = {
@@ -107,10 +112,10 @@ CLOUDS: dict[str, Callable[[bytes, str], Asset]] = {
     ".pcd": clouds.read_pcd,
     ".npy": clouds.read_npy,
 }
-"""The reader of each suffix of files with points alone, which are not written."""
+"""The reader of each suffix of point clouds, which are not written."""
 
 
-UNREAD = {
+UNREADABLE = {
     **dict.fromkeys(
         (".fbx", ".blend", ".dae", ".3ds", ".usd", ".usda", ".usdc", ".usdz"), "export it as GLB"
     ),
@@ -119,25 +124,25 @@ UNREAD = {
     ),
     **dict.fromkeys((".bin", ".las", ".laz", ".e57", ".ptx"), "save it as PLY"),
 }
-"""What to do with files of surfaces and clouds that are not read, by their suffixes."""
+"""What to do with files of surfaces and clouds that cannot be read, by suffix."""
 
 
 def format_of(path: Path, reading: bool = False) -> MeshFormat:
-    """Return the format of a file by its suffix; `FormatError` if that is unknown, or of a cloud and not for reading."""
+    """Find the format of a file by its suffix; `FormatError` if it is unknown, or a cloud to write."""
     suffix = path.suffix.lower()
     if suffix in FORMATS:
         return FORMATS[suffix]
     if reading and suffix in CLOUDS:
         return _with_attributes(CLOUDS[suffix], ply.write)
-    told = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
+    found = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
     known = ", ".join([*FORMATS, *CLOUDS] if reading else FORMATS)
-    remedy = f"{UNREAD[suffix]}, or one of {known}" if suffix in UNREAD else f"use one of {known}"
-    raise FormatError(f"{path}: {told} is not a mesh format; {remedy}")
+    remedy = f"{UNREADABLE[suffix]}, or one of {known}" if suffix in UNREADABLE else f"use one of {known}"
+    raise FormatError(f"{path}: {found} is not a mesh format; {remedy}")
 
 
 @contextmanager
 def naming(name: str) -> Iterator[None]:
-    """Name a file where what it holds does not fit together."""
+    """Name the file in errors about its contents."""
     try:
         yield
     except InputError as error:

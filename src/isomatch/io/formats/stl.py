@@ -12,9 +12,9 @@ from isomatch.io.formats._text import TextLines, format_rows, read_lines
 from isomatch.io.polygons import Polygons
 from isomatch.surfaces import Mesh, weld_points
 
-_HEADER_SIZE = 84
-TITLE = 80  # bytes before the number of triangles
-_UNCOUNTED = (0, 2**32 - 1)  # as numbers of triangles of programs that write them before they know
+_HEADER_BYTES = 84
+TITLE_BYTES = 80  # before the number of triangles
+_UNKNOWN_COUNTS = (0, 2**32 - 1)  # written by programs that do not know the number of triangles yet
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -28,50 +28,50 @@ def read_asset(data: bytes, name: str) -> Asset:
     """Read an STL file with the colours of its triangles, if it is binary and has some."""
     is_text = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() in (b"solid", b"facet")
     # binary files may start with it, too
-    if is_text and b"\0" not in data[: _HEADER_SIZE + _TRIANGLE.itemsize]:
+    if is_text and b"\0" not in data[: _HEADER_BYTES + _TRIANGLE.itemsize]:
         (corners, notes), attributes = _read_text(read_lines(name, data.lower())), list[Attribute]()
     else:
         triangles, notes = _triangles(data, name)
-        with np.errstate(invalid="ignore"):  # which a signalling nan sets
+        with np.errstate(invalid="ignore"):  # of signalling nan
             corners = triangles["corners"].astype(np.float64)
         attributes, left = _colours(data[:80], triangles["attribute"])
         notes += left
     points = corners.reshape(-1, 3)
     kept, vertex = weld_points(points)
     polygons = Polygons.of_triangles(vertex.reshape(-1, 3))
-    head = data[:TITLE]
+    head = data[:TITLE_BYTES]
     title = head.partition(b"\n")[0].partition(b" ")[2] if is_text else head.partition(b"\0")[0]
     frame = Frame.of_lines(title.decode(errors="replace"))
     return Asset(points[kept], polygons, tuple(attributes), notes=tuple(notes), frame=frame)
 
 
 def write(asset: Asset, binary: bool | None = None) -> bytes:
-    """Write an STL file, binary in single precision, or text with all digits; by default text where it needs them."""
+    """Write an STL file: binary in single precision, or text with all digits, by default if needed."""
     mesh = Mesh(asset.points, asset.polygons.triangles)
     corners = mesh.vertices[mesh.sound_faces]  # (m, 3, 3)
     lengths = np.linalg.norm(mesh.face_cross, axis=1, keepdims=True)
     normals = np.divide(mesh.face_cross, lengths, out=np.zeros_like(mesh.face_cross), where=lengths > 0)
-    title = asset.frame.title(TITLE) if asset.frame else ""
+    title = asset.frame.title(TITLE_BYTES) if asset.frame else ""
     if asset.needs_doubles if binary is None else not binary:
         template = "facet normal %r %r %r\nouter loop\n" + "vertex %r %r %r\n" * 3 + "endloop\nendfacet\n"
         table = np.hstack([normals, corners.reshape(-1, 9)])
         return f"solid {title}".strip().encode() + b"\n" + format_rows(template, table) + b"endsolid\n"
     triangles = np.zeros(mesh.n_faces, _TRIANGLE)
     triangles["normal"], triangles["corners"] = normals, corners
-    header = (title or "binary STL").encode().ljust(TITLE) + mesh.n_faces.to_bytes(4, "little")
+    header = (title or "binary STL").encode().ljust(TITLE_BYTES) + mesh.n_faces.to_bytes(4, "little")
     return header + triangles.tobytes()
 
 
 def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
-    """Read the triangles of a binary file; some programs write 0 or −1 for their number, or bytes after them."""
-    if len(data) < _HEADER_SIZE:
-        expected = f"'solid' or {_HEADER_SIZE} bytes of header"
+    """Read the triangles of a binary file, with a count of 0 or −1, or bytes after them, of some programs."""
+    if len(data) < _HEADER_BYTES:
+        expected = f"'solid' or {_HEADER_BYTES} bytes of header"
         raise unexpected(f"{name}: byte {len(data)}", expected, "the end", "copy it again")
     declared = int.from_bytes(data[80:84], "little")
-    present, rest = divmod(len(data) - _HEADER_SIZE, _TRIANGLE.itemsize)
-    size = _HEADER_SIZE + _TRIANGLE.itemsize * declared
+    present, rest = divmod(len(data) - _HEADER_BYTES, _TRIANGLE.itemsize)
+    size = _HEADER_BYTES + _TRIANGLE.itemsize * declared
     n, notes = declared, []
-    if declared in _UNCOUNTED and present and not rest:
+    if declared in _UNKNOWN_COUNTS and present and not rest:
         n = present
         notes = [f"the header says {'−1' if declared else 0} triangles; the {present} that follow are read"]
     elif declared > 0 and size < len(data):
@@ -80,17 +80,17 @@ def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
         place = f"{name}: byte {min(len(data), size)}"
         expected = f"{size} bytes for the {declared} triangles declared at byte 80"
         raise unexpected(place, expected, str(len(data)), "the file is damaged, copy or export it again")
-    return np.frombuffer(data, _TRIANGLE, n, _HEADER_SIZE), notes
+    return np.frombuffer(data, _TRIANGLE, n, _HEADER_BYTES), notes
 
 
 def _colours(header: bytes, words: AnyArray) -> tuple[list[Attribute], list[str]]:
-    """Read a colour of 15 bits for each triangle, as Materialise Magics or else as VisCAM and SolidView keep it."""
+    """Read a colour of 15 bits for each triangle, of Materialise Magics, or of VisCAM and SolidView."""
     fifths = np.stack([words & 31, words >> 5 & 31, words >> 10 & 31], axis=1)
     octets = np.rint(fifths * (255 / 31))
     marked = words >= 2**15
     mark = header.find(b"COLOR=")
     if mark >= 0 and len(header) >= mark + 10:
-        octets[marked] = list(header[mark + 6 : mark + 9])  # the colour of the whole
+        octets[marked] = list(header[mark + 6 : mark + 9])  # the default colour
         return [Attribute("color", "face", "colour", octets.astype(np.uint8))], []
     if not marked.any():
         return [], ["the two bytes after each triangle are left out"] if words.any() else []
@@ -108,7 +108,7 @@ def _read_text(lines: TextLines) -> tuple[FloatArray, list[str]]:
         notes.append(f"{after} lines after the last endsolid are left out")
     corners = lines.starting_with("vertex")
     loop_ends = lines.starting_with("endloop").numbers
-    # At the end of triangle t, counted from 0, 3 (t + 1) corners must have been read.
+    # at the end of triangle t, counted from 0, 3 (t + 1) corners have been read
     read = np.searchsorted(corners.numbers, loop_ends)
     wrong = np.flatnonzero(read != 3 * np.arange(1, len(loop_ends) + 1))
     if len(wrong):

@@ -1,6 +1,6 @@
 """VTK: legacy files, and XML files of polygons (VTP) and of unstructured grids (VTU), read and written by VTK.
 
-They are read in a process of their own: what a file declares can make VTK crash or fill memory.
+They are read in a separate process: a damaged file can make VTK crash or fill memory.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from isomatch._core.errors import FormatError, MeshError
 from isomatch._core.first_use import package
 from isomatch._core.memory import room_for
 from isomatch.io.asset import COMMENTS, SPACE, Asset, Frame
-from isomatch.io.attribute import Attribute, told_apart
+from isomatch.io.attribute import Attribute, number_equal_names
 from isomatch.io.formats._reading import damaged, on_disk, reading
 from isomatch.io.libraries import ArrayDocument, is_attribute, named_attributes, polygons_of, to_pyvista
 
-# time that a file may take, and more for large ones; a triangle takes 0.5 s, a million points in 20 MB of VTP 1.9 s
-SECONDS, BYTES_A_SECOND = 60.0, 1e6
-_MARK = "isomatch_end"
-TITLE = 255  # bytes of the second line of a legacy file
-# VTK reads on into this after an array of a legacy file that is too short, and does not find it as what it is
-_END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _MARK.encode()
-_ENDED = "the reader came to an end over it, as where more is declared than the file holds"
-_DECLARED = {
+# allowed time, more for large files; a triangle takes 0.5 s, a million points in 20 MB of VTP 1.9 s
+MAX_SECONDS, BYTES_PER_SECOND = 60.0, 1e6
+_END_MARK = "isomatch_end"
+TITLE_BYTES = 255  # in the second line of a legacy file
+# after a legacy file: VTK reads into it if an array is too short, and then does not find the mark
+_END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _END_MARK.encode()
+_ENDED_EARLY = "the reader came to an end over it, as where more is declared than the file holds"
+_POLYGON_COUNT = {
     ".vtk": re.compile(rb"(?im)^POLYGONS\s+(-?\d+)"),
     ".vtp": re.compile(rb"""\sNumberOfPolys\s*=\s*["'](\d+)"""),
 }
@@ -42,24 +42,26 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
     package("vtkmodules", "vtk", what)
     if suffix != ".vtk" and b"</VTKFile" not in data:
         raise damaged(name, what, "it has no end, and is cut short")
-    stored = _stored(data + _END if suffix == ".vtk" else data, name, suffix, what)
-    others = dict(zip(stored["others"].tolist(), stored["counts"].tolist()))
+    stored = _read_in_process(data + _END if suffix == ".vtk" else data, name, suffix, what)
+    n_other_cells = dict(zip(stored["others"].tolist(), stored["counts"].tolist()))
     if suffix != ".vtu" and stored["is_polygons"]:
-        declared = sum(map(int, _DECLARED[suffix].findall(data.partition(b"<AppendedData")[0])))
-        n_more = declared - len(stored["sizes"])  # legacy files of version 5 count one more
+        declared = sum(map(int, _POLYGON_COUNT[suffix].findall(data.partition(b"<AppendedData")[0])))
+        n_more = declared - len(stored["sizes"])  # legacy files of version 5 count one polygon more
         if n_more not in ((0, 1) if suffix == ".vtk" else (0,)):
             raise damaged(name, what, f"{len(stored['sizes'])} polygons, {declared} declared")
-    if suffix == ".vtk" and _MARK not in (
+    if suffix == ".vtk" and _END_MARK not in (
         *stored["point_names"],
         *stored["cell_names"],
         *stored["field_names"],
     ):
         raise damaged(name, what, "it is cut short, or an array is shorter than declared")
     with reading(name, what):
-        points, corners, sizes, rows = (stored[each] for each in ("points", "corners", "sizes", "rows"))
+        points, corners, sizes, rows = (
+            stored[attribute] for attribute in ("points", "corners", "sizes", "rows")
+        )
         strips = stored["strip_corners"], stored["strip_sizes"]
-        cells = polygons_of(points, corners, sizes, rows, others, strips)
-        at_points, on_cells = _named(stored, "point"), _named(stored, "cell")
+        cells = polygons_of(points, corners, sizes, rows, n_other_cells, strips)
+        at_points, on_cells = _named_arrays(stored, "point"), _named_arrays(stored, "cell")
         arrays = [*at_points.items(), *on_cells.items()]
         skipped = [name for name, array in arrays if not is_attribute(array)]
         why = "it has neither numbers nor one text in a row"
@@ -68,41 +70,43 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
             *named_attributes(at_points, "point"),
             *named_attributes(on_cells, "face", cells.rows),
         ]
-        attributes = told_apart(each for _, each in named)
-        names = {(each.name, each.domain): name for each, (name, _) in zip(attributes, named)}
+        attributes = number_equal_names(attribute for _, attribute in named)
+        names = {(attribute.name, attribute.domain): name for attribute, (name, _) in zip(attributes, named)}
         fields = {
-            name: each for name, each in _named(stored, "field").items() if name not in (SPACE, COMMENTS)
+            name: attribute
+            for name, attribute in _named_arrays(stored, "field").items()
+            if name not in (SPACE, COMMENTS)
         }
         document = ArrayDocument(names, fields)
-        told = dict(zip(stored["text_names"].tolist(), stored["texts"].tolist()))
+        texts = dict(zip(stored["text_names"].tolist(), stored["texts"].tolist()))
         if suffix == ".vtk":  # its second line is a title
-            told[COMMENTS] = data.split(b"\n", 2)[1].decode(errors="replace")
-        frame = Frame.of_named(told)
+            texts[COMMENTS] = data.split(b"\n", 2)[1].decode(errors="replace")
+        frame = Frame.of_named(texts)
         return Asset(cells.points, cells.polygons, attributes, (), document, notes, frame)
 
 
-def _stored(data: bytes, name: str, suffix: str, what: str) -> Mapping[str, AnyArray]:
+def _read_in_process(data: bytes, name: str, suffix: str, what: str) -> Mapping[str, AnyArray]:
     with reading(name, what), on_disk(data, suffix) as path:
         arguments = "isomatch.io.formats._vtk_reader", str(path), str(room_for(len(data)))
-        command = [sys.executable, "-P", "-m", *arguments]  # -P: nothing in the working folder is imported
+        command = [sys.executable, "-P", "-m", *arguments]  # -P: import nothing from the working folder
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        limit = SECONDS + len(data) / BYTES_A_SECOND
+        limit = MAX_SECONDS + len(data) / BYTES_PER_SECOND
         try:
             ended = subprocess.run(command, env=environment, capture_output=True, timeout=limit)
         except subprocess.TimeoutExpired:
-            told = f"{name}: reading took more than {limit:.0f} s and was ended"
+            problem = f"{name}: reading took more than {limit:.0f} s and was ended"
             remedy = "try again when the machine is less busy, or export it in another format"
-            raise FormatError(f"{told}; {remedy}") from None
+            raise FormatError(f"{problem}; {remedy}") from None
         if ended.returncode:
-            said = ended.stderr.decode(errors="replace").strip().splitlines()
-            raise damaged(name, what, said[-1] if said and ended.returncode > 0 else _ENDED)
+            errors = ended.stderr.decode(errors="replace").strip().splitlines()
+            raise damaged(name, what, errors[-1] if errors and ended.returncode > 0 else _ENDED_EARLY)
         with np.load(BytesIO(ended.stdout)) as stored:
             return dict(stored)
 
 
-def _named(stored: Mapping[str, AnyArray], domain: str) -> dict[str, AnyArray]:
+def _named_arrays(stored: Mapping[str, AnyArray], domain: str) -> dict[str, AnyArray]:
     names = enumerate(stored[f"{domain}_names"].tolist())
-    return {name: stored[f"{domain}_{i}"] for i, name in names if name != _MARK}
+    return {name: stored[f"{domain}_{i}"] for i, name in names if name != _END_MARK}
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -117,15 +121,15 @@ def keeps_names(attribute: Attribute) -> bool:
 
 def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
     """Write a file of this suffix, binary or text."""
-    if suffix == ".vtu" and not len(asset.points):  # over which VTK ends the process
+    if suffix == ".vtu" and not len(asset.points):  # which would end the process of VTK
         raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
     mesh = to_pyvista(asset)
-    if suffix == ".vtk":  # where the title tells it
+    if suffix == ".vtk":  # which has it in the title
         for name in (asset.frame or Frame()).named:
             mesh.field_data.pop(name, None)
     with on_disk(b"", suffix) as path:
         (mesh.cast_to_unstructured_grid() if suffix == ".vtu" else mesh).save(path, binary=binary)
-        if suffix != ".vtk" or not (title := (asset.frame or Frame()).title(TITLE)):
+        if suffix != ".vtk" or not (title := (asset.frame or Frame()).title(TITLE_BYTES)):
             return path.read_bytes()
         version, _, rest = path.read_bytes().split(b"\n", 2)
         return b"\n".join([version, title.encode(), rest])
