@@ -3,7 +3,8 @@
 import pytest
 
 from isomatch._core.errors import FormatError
-from isomatch.io.formats import obj, off, stl
+from isomatch.io import FORMATS
+from isomatch.io.formats import obj, off
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 HALVES = [[0, 1, 2], [0, 2, 3]]
@@ -106,7 +107,7 @@ TWO_FACETS = facet(*SQUARE[:3]) + facet(SQUARE[0], *SQUARE[2:])
 def test_stl_text(name):
     text = f"solid{name}\n{TWO_FACETS}endsolid{name}\n"
     for variant in (text, text.upper(), text.replace("vertex", "\t vertex").replace("\n", "\r\n")):
-        mesh = stl.read(variant.encode(), "a.stl")
+        mesh = FORMATS[".stl"].read(variant.encode(), "a.stl")
         assert mesh.vertices.tolist() == SQUARE
         assert mesh.faces.tolist() == HALVES
 
@@ -125,4 +126,4 @@ def test_stl_text(name):
 )
 def test_stl_broken(data, message):
     with pytest.raises(FormatError, match=message):
-        stl.read(data, "a.stl")
+        FORMATS[".stl"].read(data, "a.stl")

@@ -14,7 +14,7 @@ from isomatch import (
     write_asset,
 )
 from isomatch.cli import main
-from isomatch.io import Attribute
+from isomatch.io import FORMATS, Attribute
 from isomatch.io.formats import obj, off, ply, stl
 from isomatch.io.polygons import Polygons
 
@@ -51,13 +51,18 @@ def stl_file():
 
 
 def binary_stl(count=2, words=(0, 0), header=b"", after=b""):
-    whole = stl.write(Asset.of_mesh(stl.read(stl_file(), "a.stl")))
+    whole = stl.write(Asset.of_mesh(FORMATS[".stl"].read(stl_file(), "a.stl")))
     rows = np.frombuffer(whole[84:], np.uint8).reshape(2, 50).copy()
     rows[:, 48:] = np.array(words, "<u2").view(np.uint8).reshape(2, 2)
     return header.ljust(80) + count.to_bytes(4, "little") + rows.tobytes() + after
 
 
-READERS = [(obj.read, obj_file()), (off.read, off_file()), (ply.read, ply_file()), (stl.read, stl_file())]
+READERS = [
+    (obj.read, obj_file()),
+    (off.read, off_file()),
+    (ply.read, ply_file()),
+    (FORMATS[".stl"].read, stl_file()),
+]
 
 
 @pytest.mark.parametrize(("read", "data"), READERS)
@@ -92,13 +97,13 @@ def encoded(encoding, mark):
         (off.read, off_file(header="4 2 0\n")),
         (off.read, off_file(header="OFF # four\n4 2 0 # v f e\n")),
         (off.read, off_file([[*(2 * np.array(p)), 2] for p in POINTS], header="4OFF\n4 2 0\n")),
-        (stl.read, stl_file().replace(b"solid a", b"solid part #3")),
-        (stl.read, stl_file().replace(b"endsolid a\n", b"")),
-        (stl.read, stl_file().replace(b"solid a", b"solid endsolid", 1)),
-        (stl.read, stl_file().partition(b"\n")[2]),
-        (stl.read, binary_stl(count=0)),
-        (stl.read, binary_stl(count=2**32 - 1, header=b"solid")),
-        (stl.read, binary_stl(after=b"made by hand" * 9, header=b"solid")),
+        (FORMATS[".stl"].read, stl_file().replace(b"solid a", b"solid part #3")),
+        (FORMATS[".stl"].read, stl_file().replace(b"endsolid a\n", b"")),
+        (FORMATS[".stl"].read, stl_file().replace(b"solid a", b"solid endsolid", 1)),
+        (FORMATS[".stl"].read, stl_file().partition(b"\n")[2]),
+        (FORMATS[".stl"].read, binary_stl(count=0)),
+        (FORMATS[".stl"].read, binary_stl(count=2**32 - 1, header=b"solid")),
+        (FORMATS[".stl"].read, binary_stl(after=b"made by hand" * 9, header=b"solid")),
     ],
 )
 def test_variants(read, data):

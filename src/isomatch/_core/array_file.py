@@ -125,9 +125,7 @@ class ArrayFormat:
             wanted = {name: array for name, array in self.arrays.items() if array.group in groups}
             lengths = self._fit(wanted, stored)
             arrays = stored.read_all(wanted)
-        return {
-            name: _check_entries(name, arrays[name], array, lengths, refuse) for name, array in wanted.items()
-        }
+        return {name: _check_entries(name, arrays[name], wanted[name], lengths, refuse) for name in wanted}
 
     def _fit(self, wanted: Mapping[str, Stored], stored: Archive) -> dict[str, int]:
         """Refuse headers that do not fit; return the lengths that have names."""

@@ -297,18 +297,11 @@ def parse_table(text: str, name: str, not_comments: Collection[str] = ()) -> Tab
         _COMMENT_MARK.sub("", line) for number, line in lines if number < first and _COMMENT_MARK.match(line)
     ]
     width = len(rows[0].cells) if rows else 0
-    headers = (
-        split_rows([(0, line)], mark, name, False)[0] for line in before[-1:] for mark in (separator, BLANKS)
-    )
+    last = [(0, line) for line in before[-1:]]
+    headers = (row for mark in (separator, BLANKS) for row in split_rows(last, mark, name, False))
     titles = next((row.cells for row in headers if len(row.cells) == width), [])
-    return Table(
-        name,
-        rows,
-        separator,
-        has_commas and separator != ",",
-        comment_titles=(*titles,),
-        n_empty_after=n_empty_after,
-    )
+    is_comma = has_commas and separator != ","
+    return Table(name, rows, separator, is_comma, (), 0, (*titles,), n_empty_after)
 
 
 def _is_comment(line: str, not_comments: Collection[str]) -> bool:

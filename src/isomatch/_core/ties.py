@@ -16,9 +16,8 @@ TIE_RATIO = 1e-7
 def first_largest(values: FloatArray) -> int:
     """Return the index of the first value (n,) that equals the largest."""
     most = values.max()
-    return (
-        int((values >= most - TIE_RATIO * abs(most)).argmax()) if np.isfinite(most) else int(values.argmax())
-    )
+    ties = values >= most - TIE_RATIO * abs(most) if np.isfinite(most) else values
+    return int(ties.argmax())
 
 
 def first_of_rank(values: FloatArray, rank: int) -> int:

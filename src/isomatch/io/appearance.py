@@ -146,9 +146,9 @@ def prepare_for_writing(path: Path, asset: Asset) -> tuple[Asset, dict[Path, byt
     document, suffix = asset.document, path.suffix.lower()
     if suffix in (".glb", ".gltf"):
         materials = None if isinstance(document, GltfDocument) else looks_of(asset)
-        return (
-            gltf_carried.with_materials(_without_texture_numbers(asset), materials) if materials else asset
-        ), {}
+        if materials:
+            asset = gltf_carried.with_materials(_without_texture_numbers(asset), materials)
+        return asset, {}
     document_type = {".obj": ObjDocument, ".ply": PlyDocument}.get(suffix, ())
     materials = looks_of(asset) if document_type and not isinstance(document, document_type) else None
     if isinstance(document, GltfDocument):

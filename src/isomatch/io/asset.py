@@ -151,9 +151,8 @@ class Frame:
                 return self.volume
         matrix = self.matrix if self.to == SCANNER else np.eye(4)
         turn = matrix[:3, :3]
-        if SCANNER not in (self.space, self.to) or not np.allclose(
-            turn @ turn.T, np.eye(3), atol=_MATRIX_TOLERANCE
-        ):
+        is_rotation = np.allclose(turn @ turn.T, np.eye(3), atol=_MATRIX_TOLERANCE)
+        if SCANNER not in (self.space, self.to) or not is_rotation:
             return None
         return {
             **NEW_VOLUME,

@@ -298,11 +298,7 @@ def to_pyvista(asset: Asset) -> Any:
         **{key: [text] for key, text in _space_of(asset).items()},
     }.items():
         _set_array(mesh.field_data, name, np.asarray(values))
-    taken = {
-        attribute.name
-        for attribute in split.attributes
-        if (attribute.name, attribute.domain) not in document.names
-    }
+    taken = {a.name for a in split.attributes if (a.name, a.domain) not in document.names}
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
         if not len(attribute):  # which pyvista refuses
@@ -341,10 +337,7 @@ def to_meshio(asset: Asset) -> Any:
     first = np.flatnonzero(np.diff(polygons.sizes, prepend=0))
     corners = np.split(polygons.corners, polygons.starts[first[1:]])
     kinds, sizes = {3: "triangle", 4: "quad"}, polygons.sizes[first].tolist()
-    blocks = [
-        (kinds.get(n, "polygon"), corners_of_block.reshape(-1, n))
-        for corners_of_block, n in zip(corners, sizes)
-    ]
+    blocks = [(kinds.get(n, "polygon"), cells.reshape(-1, n)) for cells, n in zip(corners, sizes)]
     if not blocks:  # meshio cannot read a file without cells
         blocks = [("vertex", np.arange(len(split.points))[:, None])]
     at_points = {a.name: a.plain for a in split.attributes if a.domain == "point"}

@@ -22,15 +22,7 @@ Wrap = Literal["repeat", "clamp", "mirror"]
 UNTINTED = (1.0, 1.0, 1.0, 1.0)
 IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 _PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # first bytes of such files
-_PILLOW_FORMATS = (
-    "PNG",
-    "JPEG",
-    "WEBP",
-    "BMP",
-    "GIF",
-    "TIFF",
-    "DDS",
-)  # formats that are recognised by their contents
+_PILLOW_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # recognised by their contents
 _CANNOT_READ = "a picture cannot be read: "
 _MAX_PAINTED_WIDTHS = 8  # how far a clamped border is painted
 DEFAULT_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh without a colour

@@ -248,10 +248,8 @@ def write_asset(
         left += _rounded(path, asset, mesh_format.middles(asset), rounded)
     if asset.frame is not None and not mesh_format.keeps_frame(asset.frame):
         turned = asset.frame.axes and mesh_format.axes not in (None, asset.frame.axes)
-        description = (
-            f"{asset.frame}; positions are turned to {mesh_format.axes}" if turned else str(asset.frame)
-        )
-        name = f"the frame of the coordinates ({description})"
+        turn = f"; positions are turned to {mesh_format.axes}" if turned else ""
+        name = f"the frame of the coordinates ({asset.frame}{turn})"
         left.append(Attribute(name, "point", "vector", asset.frame.matrix))
     if path.suffix.lower() == ".ply":
         left += names_without_blanks(replace(asset, attributes=tuple(kept)))

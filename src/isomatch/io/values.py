@@ -73,11 +73,9 @@ def read_attributes(path: str | os.PathLike[str], surface: Asset | None = None) 
     """
     path = Path(path)
     attributes = _format_of(path).read(read_bytes(path), str(path), surface)
-    return (
-        attributes
-        if surface is None
-        else tuple(_fit_to_surface(surface, attribute, path) for attribute in attributes)
-    )
+    if surface is None:
+        return attributes
+    return tuple(_fit_to_surface(surface, attribute, path) for attribute in attributes)
 
 
 def _fit_to_surface(surface: Asset, attribute: Attribute, path: Path) -> Attribute:

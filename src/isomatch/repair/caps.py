@@ -19,10 +19,8 @@ def close_holes_at(mesh: Mesh, marked: BoolArray) -> tuple[Mesh, IntArray]:
     if n == mesh.n_vertices:
         return closed, all_vertices
     graph = coo_array((closed.edge_lengths, tuple(closed.edges.T)), shape=(n, n)).tocsr()
-    nearest = dijkstra(graph, directed=False, indices=all_vertices, min_only=True, return_predecessors=True)[
-        2
-    ]
-    return closed, nearest.astype(np.int64)
+    sought = {"indices": all_vertices, "min_only": True, "return_predecessors": True}
+    return closed, dijkstra(graph, directed=False, **sought)[2].astype(np.int64)
 
 
 def close_holes(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:

@@ -42,10 +42,8 @@ def _with_normals(asset: Asset, mesh: Mesh, rows: BoolArray) -> Asset:
     attributes = []
     for attribute in asset.attributes:
         if attribute.kind == "normal" and attribute.domain == "point":
-            values = np.where(rows[:, None], mesh.vertex_normals, attribute.values).astype(
-                attribute.values.dtype
-            )
-            attribute = replace(attribute, values=values)
+            values = np.where(rows[:, None], mesh.vertex_normals, attribute.values)
+            attribute = replace(attribute, values=values.astype(attribute.values.dtype))
         attributes.append(attribute)
     return replace(asset, attributes=tuple(attributes))
 

@@ -65,7 +65,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL_THICKNESS) -> MeshReport:
     flatness = np.zeros(len(faces))
     _fill_flatness(surface.vertices, faces, 2 * surface.face_areas, flatness)
     rewound, first = faces_to_rewind(surface), first_equal(mesh.vertices)
-    oriented = rewind_faces(surface, rewound)
+    oriented, is_cloud = rewind_faces(surface, rewound), not mesh.n_faces and finite.all()
     seams, no_vertices = part_merged_limbs(oriented).seams, np.zeros(0, dtype=np.int64)
     return MeshReport(
         n_vertices=mesh.n_vertices,
@@ -86,9 +86,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL_THICKNESS) -> MeshReport:
         non_manifold_vertices=np.flatnonzero(n_fans > 1),
         inconsistent_edges=edges.ends[edges.clash],
         merged_vertices=np.concatenate([no_vertices, *seams]),
-        outliers=np.flatnonzero(find_outliers(mesh.vertices))
-        if not mesh.n_faces and finite.all()
-        else no_vertices,
+        outliers=np.flatnonzero(find_outliers(mesh.vertices)) if is_cloud else no_vertices,
         double_walled=double_walled_share(oriented, wall) if wall else float("nan"),
         planar=base_of(surface).share if wall else float("nan"),
     )

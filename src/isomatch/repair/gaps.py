@@ -118,11 +118,8 @@ def _find_on_sides(
     """Find the points (n, 3) on the middle of sides: the side, the point, and the place on the side."""
     # Points are sought in balls around pieces of sides; pieces near many points are halved.
     tree, span = cKDTree(points), end - start
-    side, low, high = (
-        np.arange(len(start)),
-        np.full(len(start), SIDE_END_SHARE),
-        np.full(len(start), 1 - SIDE_END_SHARE),
-    )
+    side, low = np.arange(len(start)), np.full(len(start), SIDE_END_SHARE)
+    high = 1 - low
     found, shares = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
     while len(side):
         middle = (low + high) / 2
@@ -141,11 +138,8 @@ def _find_on_sides(
             squared = np.maximum(lengths[owner] ** 2, np.finfo(float).tiny)
             share = np.einsum("ij,ij->i", from_start, span[owner]) / squared
             offset = np.linalg.norm(from_start - share[:, None] * span[owner], axis=1)
-            inside = (
-                (offset <= ON_SIDE_RATIO * lengths[owner])
-                & (share > SIDE_END_SHARE)
-                & (share < 1 - SIDE_END_SHARE)
-            )
+            is_between = (share > SIDE_END_SHARE) & (share < 1 - SIDE_END_SHARE)
+            inside = (offset <= ON_SIDE_RATIO * lengths[owner]) & is_between
             found.append(owner[inside] * len(points) + near[inside])
             shares.append(share[inside])
         side, low, high, middle = (np.tile(bounds[~few], 2) for bounds in (side, low, high, middle))

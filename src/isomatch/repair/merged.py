@@ -142,9 +142,8 @@ def _fans_of_sheets(mesh: Mesh, marked: BoolArray, contact: BoolArray) -> tuple[
     n = mesh.n_vertices
     graph = coo_array((mesh.edge_lengths, tuple(mesh.edges.T)), shape=(n, n)).tocsr()
     limit = SEEN_DISTANCE * np.sqrt(mesh.area)
-    distance_to_marks = dijkstra(
-        graph, directed=False, indices=np.flatnonzero(marked), min_only=True, limit=limit
-    )
+    sources = np.flatnonzero(marked)
+    distance_to_marks = dijkstra(graph, directed=False, indices=sources, min_only=True, limit=limit)
     around = np.isfinite(distance_to_marks) & ~contact
     count, piece = label_components(n, tuple(mesh.edges[around[mesh.edges].all(axis=1)].T))
     reach = np.zeros(count)
@@ -220,11 +219,8 @@ def _confirm_contacts(
     np.minimum.at(facing, vertex[1:][is_copy], np.einsum("ij,ij->i", normals[1:], normals[:-1])[is_copy])
     places = np.flatnonzero(several)
     seams = [places[rows] for rows in split_by(_label_near(mesh, several))]
-    merged = [
-        v
-        for v in seams
-        if marked[v].mean() >= max(MIN_MARKED_SHARE, MARKED_SHARE_AT_RIGHT_ANGLES + facing[v].mean() / 2)
-    ]
+    least = [max(MIN_MARKED_SHARE, MARKED_SHARE_AT_RIGHT_ANGLES + facing[v].mean() / 2) for v in seams]
+    merged = [v for v, share in zip(seams, least) if marked[v].mean() >= share]
     # Bodies that share a corner, an edge or a wall stay one. Merged ones have lost triangles, so that
     # at least half of some hole is at the contact. If a limb would be cut off, only marked vertices
     # are parted.
@@ -243,7 +239,6 @@ def _confirm_contacts(
             return seam[:0]
         return seam if area[bodies].min() >= MIN_BODY_SHARE else seam[marked[seam]]
 
-    far = far_copies(
-        separated, vertex, [part for seam in merged if len(part := kept_of(seam))], least_distance
-    )
+    parts = [part for seam in merged if len(part := kept_of(seam))]
+    far = far_copies(separated, vertex, parts, least_distance)
     return np.isin(np.arange(mesh.n_vertices), np.concatenate([[-1], *far]))

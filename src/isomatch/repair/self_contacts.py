@@ -254,16 +254,12 @@ def find_creases(mesh: Mesh) -> IntArray:
     if not len(sharp_ends):
         return np.zeros((0, 2), dtype=np.int64)
     graph = coo_array((costs, tuple(ends.T)), shape=(n, n)).tocsr()
-    asked = {
-        "indices": sharp_ends,
-        "min_only": True,
-        "return_predecessors": True,
-        "limit": MAX_BRIDGE_COST * size,
-    }
+    limit = MAX_BRIDGE_COST * size
+    asked = {"indices": sharp_ends, "min_only": True, "return_predecessors": True, "limit": limit}
     near, before, owner = dijkstra(graph, directed=False, **asked)
     i, j = ends.T
     gaps = near[i] + near[j] + costs
-    bridges = np.flatnonzero(gaps <= MAX_BRIDGE_COST * size)
+    bridges = np.flatnonzero(gaps <= limit)
     chosen, crease_of = [ends[sharp]], np.arange(count)
     for edge in bridges[np.argsort(gaps[bridges], kind="stable")]:
         one, other = crease_of[piece[owner[ends[edge]]]]

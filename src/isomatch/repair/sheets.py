@@ -234,9 +234,8 @@ class Partners:
         paired = np.flatnonzero(self.partner > np.arange(len(self.partner)))
         side, other_side = np.concatenate([self._chained, np.column_stack([paired, self.partner[paired]])]).T
         start = self._faces.ravel()
-        n_fans, fan = label_components(
-            len(start), *corner_links(side, other_side, start[side] == start[other_side])
-        )
+        links = corner_links(side, other_side, start[side] == start[other_side])
+        n_fans, fan = label_components(len(start), *links)
         vertex = np.zeros(n_fans, dtype=np.int64)
         vertex[fan] = start
         order = np.argsort(vertex, kind="stable")

@@ -106,9 +106,8 @@ def drop_unused(draft: Draft) -> Draft:
 
 def drop_outliers(draft: Draft) -> Draft:
     """Remove points far from all others, of points without faces."""
-    return draft.without_vertices(
-        find_outliers(draft.mesh.vertices), "removed {} far from all others", "point"
-    )
+    stray = find_outliers(draft.mesh.vertices)
+    return draft.without_vertices(stray, "removed {} far from all others", "point")
 
 
 def wind(draft: Draft) -> Draft:

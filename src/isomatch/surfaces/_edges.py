@@ -187,9 +187,8 @@ def count_fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
         _count_fans(read_only(faces), edges.opposite, count)
         return count
     met = meetings(edges, faces)
-    n_fans, labels = label_components(
-        faces.size, *corner_links(met.sides[:, 0], met.sides[:, 1], met.same_direction)
-    )
+    links = corner_links(met.sides[:, 0], met.sides[:, 1], met.same_direction)
+    n_fans, labels = label_components(faces.size, *links)
     vertex_of_fan = np.zeros(n_fans, dtype=np.int64)
     vertex_of_fan[labels] = faces.ravel()
     return np.bincount(vertex_of_fan, minlength=n_vertices)

@@ -137,9 +137,8 @@ class GltfData:
         rest = {key: value for key, value in self.json.items() if key != "accessors"}
         accessors = _numbers_in(rest, _REFERENCES["accessors"])
         listed = self.json.get("accessors", [])
-        listed[:] = [
-            accessor if i in accessors else _FREE_ENTRIES["accessors"] for i, accessor in enumerate(listed)
-        ]
+        free = _FREE_ENTRIES["accessors"]
+        listed[:] = [accessor if i in accessors else free for i, accessor in enumerate(listed)]
         views = _numbers_in([rest, listed], _REFERENCES["bufferViews"])
         blob = bytearray()
         for i, view in enumerate(self.json.get("bufferViews", [])):
@@ -207,10 +206,8 @@ class GltfData:
                     if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, placement):
                         placement = bound[0]
                 is_placed = not np.array_equal(placement, np.eye(4))
-                placed[nodes[i]["mesh"]] = (
-                    (tuple(map(tuple, placement.tolist())) if is_placed else None),
-                    skin,
-                )
+                rows = tuple(map(tuple, placement.tolist())) if is_placed else None
+                placed[nodes[i]["mesh"]] = rows, skin
         return placed
 
     def binding(self, skin: dict[str, Any], matrices: Mapping[int, FloatArray]) -> FloatArray:
@@ -226,9 +223,7 @@ class GltfData:
         document, number = self.json, dict[int, int]()
         meshes = document.pop("meshes", [])
         for mesh, contents in enumerate(meshes):
-            contents["primitives"] = [
-                primitive for primitive in contents["primitives"] if primitive["attributes"]
-            ]
+            contents["primitives"] = [part for part in contents["primitives"] if part["attributes"]]
             if contents["primitives"]:
                 number[mesh] = len(number)
         if number:
@@ -441,12 +436,8 @@ def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Map
         weight_of = {**dict(zip(had, place.pop("weights", weights_before))), **weights}
         if names:
             place["weights"] = [weight_of.get(name, 0) for name in names]
-    extras_before = contents.pop("extras", None)
-    extras = (
-        {key: extras_before[key] for key in extras_before if key != "targetNames"}
-        if isinstance(extras_before, dict)
-        else {}
-    )
+    extras = {key: text for key, text in extras_of(contents).items() if key != "targetNames"}
+    contents.pop("extras", None)
     if extras or names:
         contents["extras"] = extras | ({"targetNames": names} if names else {})
 
@@ -455,9 +446,8 @@ def without_channels(document: dict[str, Any], is_gone: Callable[[dict[str, Any]
     """Remove the channels of targets that are gone, and animations without channels."""
     moving = []
     for animation in document.pop("animations", []):
-        animation["channels"] = [
-            channel for channel in animation["channels"] if not is_gone(channel["target"])
-        ]
+        channels = animation["channels"]
+        animation["channels"] = [channel for channel in channels if not is_gone(channel["target"])]
         moving += [animation] if animation["channels"] else []
     if moving:
         document["animations"] = moving

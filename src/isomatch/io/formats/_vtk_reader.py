@@ -57,18 +57,13 @@ def _arrays(path: Path) -> dict[str, object]:
     if len(sizes) != len(types) or (sizes < 0).any() or sizes.sum() != len(corners):
         raise ValueError("its cells do not fit their declared number")
     is_polygon = np.isin(types, (_TRIANGLE, _POLYGON, _QUAD))
-    is_strip = (types == _STRIP) & isinstance(
-        data, vtkCommonDataModel.vtkPolyData
-    )  # cells of strips come last
+    is_strip = (types == _STRIP) & isinstance(data, vtkCommonDataModel.vtkPolyData)  # the last cells
     others, counts = np.unique(types[~is_polygon & ~is_strip], return_counts=True)
     names = [vtkCommonDataModel.vtkCellTypes.GetClassNameFromTypeId(int(kind)) for kind in others]
     points, held = data.GetPoints(), data.GetFieldData()
     fields = {array.GetName(): array for array in map(held.GetAbstractArray, range(held.GetNumberOfArrays()))}
-    texts = {
-        name: "\n".join(_values(array).ravel())
-        for name, array in fields.items()
-        if array.IsA("vtkStringArray")
-    }
+    named_texts = [(name, array) for name, array in fields.items() if array.IsA("vtkStringArray")]
+    texts = {name: "\n".join(_values(array).ravel()) for name, array in named_texts}
     return {
         "points": _values(points.GetData()) if points else np.zeros((0, 3)),
         "corners": corners[np.repeat(is_polygon, sizes)],

@@ -89,9 +89,8 @@ def _make_cloud(values: FloatArray, table: Table, notes: list[str], frame: Frame
     ):
         found = "a first column that counts the rows"
         raise unexpected(table.name, "x, y, z", found, "name the columns in the first line, such as id x y z")
-    others = [
-        i for i in range(values.shape[1]) if i not in (axes_found or [0, 1, 2]) and titles[i : i + 1] != [""]
-    ]
+    positions = axes_found or [0, 1, 2]
+    others = [i for i in range(values.shape[1]) if i not in positions and titles[i : i + 1] != [""]]
     names = [table.titles[i] for i in others] if axes_found else []
     attributes = list[Attribute]()
     for axes, (name, kind) in _NAMED_COLUMNS.items():
@@ -115,13 +114,8 @@ def _make_cloud(values: FloatArray, table: Table, notes: list[str], frame: Frame
         ]
     else:
         attributes += _guess_columns(values[:, 3:])
-    return Asset(
-        values[:, axes_found or [0, 1, 2]],
-        _NO_POLYGONS,
-        number_equal_names(attributes),
-        notes=(*notes,),
-        frame=frame,
-    )
+    named = number_equal_names(attributes)
+    return Asset(values[:, positions], _NO_POLYGONS, named, notes=(*notes,), frame=frame)
 
 
 def read_npy(data: bytes, name: str) -> Asset:
@@ -150,9 +144,7 @@ def read_pcd(data: bytes, name: str) -> Asset:
     if len(fields) != n:
         raise damaged(name, what, f"{len(fields)} points, {n} declared")
     attributes = list[Attribute]()
-    for packed in [name for name in ("rgba", "rgb") if name in columns][
-        :1
-    ]:  # four bytes in a number of 32 bits
+    for packed in [name for name in ("rgba", "rgb") if name in columns][:1]:  # bytes in 32 bits
         octets = columns.pop(packed).view("u1").reshape(n, -1)[:, 2::-1]
         attributes.append(Attribute("color", "point", "colour", octets))
     if columns.keys() >= {*_NORMAL_COLUMNS}:

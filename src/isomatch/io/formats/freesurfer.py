@@ -38,9 +38,8 @@ class FreeSurferDocument:
 def read_asset(data: bytes, name: str) -> Asset:
     """Read the points and triangles of a surface, in its own coordinates, in millimetres."""
     freesurfer = _package()
-    plain = data.replace(
-        _SCANNER_FOOTER, _VOXEL_FOOTER
-    )  # nibabel skips the volume of surfaces in scanner coordinates
+    # nibabel skips the volume of surfaces in scanner coordinates
+    plain = data.replace(_SCANNER_FOOTER, _VOXEL_FOOTER)
     with reading(name, "a FreeSurfer surface"), on_disk(plain, "") as path:
         points, faces, volume, stamp = freesurfer.read_geometry(path, read_metadata=True, read_stamp=True)
         if plain != data:

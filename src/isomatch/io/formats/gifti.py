@@ -82,11 +82,8 @@ def write_attributes(attributes: Sequence[Attribute], surface: Asset | None = No
 def structure_of(surface: Asset) -> dict[str, str]:
     """Return the meta data with the anatomical structure of a surface."""
     document = surface.document if isinstance(surface.document, GiftiDocument) else GiftiDocument()
-    return {
-        name: text
-        for name, text in {**document.of_file, **document.of_points}.items()
-        if name in _STRUCTURE_KEYS
-    }
+    meta = {**document.of_file, **document.of_points}
+    return {name: meta[name] for name in _STRUCTURE_KEYS if name in meta}
 
 
 def with_structure_of(asset: Asset, other: Asset) -> Asset:
@@ -101,14 +98,13 @@ def split_off_values(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]
     """Move the values of a ``.surf.gii`` file, which has no place for them, to other files."""
     if not path.name.lower().endswith(_SURFACE_SUFFIX):
         return asset, {}
-    files_of_values = dict[str, list[Attribute]]()
+    values_of = dict[Path, list[Attribute]]()
     for attribute in filter(keeps, asset.attributes):
         kind = {"label": ".label", "scalar": ".func", "colour": ".rgba"}.get(attribute.kind, ".vector")
-        files_of_values.setdefault(f"{path.name[: -len(_SURFACE_SUFFIX)]}{kind}.gii", []).append(attribute)
+        file = path.with_name(f"{path.name[: -len(_SURFACE_SUFFIX)]}{kind}.gii")
+        values_of.setdefault(file, []).append(attribute)
     kept = tuple(attribute for attribute in asset.attributes if not keeps(attribute))
-    files = {
-        path.with_name(name): write_attributes(values, asset) for name, values in files_of_values.items()
-    }
+    files = {file: write_attributes(values, asset) for file, values in values_of.items()}
     return replace(asset, attributes=kept), files
 
 

@@ -103,9 +103,8 @@ def _read(gltf: GltfData) -> Asset:
     for (mesh, keys), same in groupby(gltf.surfaces(), itemgetter(0, 2)):
         listed = [i for _, i, _ in same]
         primitives = [meshes[mesh]["primitives"][i] for i in listed]
-        gltf.room.take(
-            _PART_BYTES + _PRIMITIVE_BYTES * len(primitives), f"a part of {len(primitives)} primitives"
-        )
+        n_primitives = len(primitives)
+        gltf.room.take(_PART_BYTES + _PRIMITIVE_BYTES * n_primitives, f"a part of {n_primitives} primitives")
         points.append(gltf.numbers(keys["POSITION"]))
         n = len(points[-1])
         transform, skin = placed.get(mesh, (None, None))
@@ -116,13 +115,11 @@ def _read(gltf: GltfData) -> Asset:
         parts.append(Part(str(meshes[mesh].get("name", "")), n, sum(map(len, of_each)), transform))
         values.append(_read_values(gltf, keys, names) | _read_weights(gltf, keys, skin))
         targets = zip(key_names(meshes[mesh]), primitives[0].get("targets", []))
-        moves = {
-            key: gltf.numbers(primitive["POSITION"]) for key, primitive in targets if "POSITION" in primitive
-        }
-        moves = {key: primitive.astype(np.float32) for key, primitive in moves.items()}
-        shape_keys.append(
-            {key: Attribute(key, "point", "key", primitive) for key, primitive in moves.items()}
-        )
+        shape_keys.append({})
+        for key, target in targets:
+            if "POSITION" in target:
+                moves = gltf.numbers(target["POSITION"]).astype(np.float32)
+                shape_keys[-1][key] = Attribute(key, "point", "key", moves)
     attributes = [
         _join_parts([primitive.get(name) for primitive in of_parts], parts)
         for of_parts in (values, shape_keys)
@@ -142,10 +139,8 @@ def _read(gltf: GltfData) -> Asset:
         for key in ("indices", "targets", "mode"):
             primitive.pop(key, None)
     gltf.without_unused()
-    blob, keys_with_colours = bytes(gltf.blob), frozenset(coloured)
-    document = GltfDocument(
-        gltf.json, blob, tuple(places), of_triangle, polygons, names, coloured=keys_with_colours
-    )
+    held = gltf.json, bytes(gltf.blob), tuple(places), of_triangle, polygons, names
+    document = GltfDocument(*held, coloured=frozenset(coloured))
     numbered = number_equal_names(attributes, of_all=True)
     frame = Frame.of_named({name: str(text) for name, text in extras_of(gltf.json["asset"]).items()})
     return Asset(np.concatenate(points), polygons, numbered, tuple(parts), document, frame=frame)
@@ -404,9 +399,8 @@ def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[s
     if attribute.kind == "colour":
         number = _number(attribute.name, "color")
         own_keys = [] if number is None else [f"COLOR_{number}"]
-        return next(
-            key for key in (*own_keys, *(f"COLOR_{i}" for i in range(len(keys) + 1))) if key not in keys
-        )
+        candidates = (*own_keys, *(f"COLOR_{i}" for i in range(len(keys) + 1)))
+        return next(key for key in candidates if key not in keys)
     meant = (attribute.name, attribute.kind)
     key = {("normal", "normal"): "NORMAL", ("tangent", "vector"): "TANGENT"}.get(meant)
     return key if key and key not in keys else unused_name(f"_{attribute.name.upper()}", keys)

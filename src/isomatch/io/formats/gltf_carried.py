@@ -35,10 +35,7 @@ _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _WRAP_CODES = {wrap: code for code, wrap in _WRAPS.items()}
 _NEAREST = 9728
 _TRANSFORM, _VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
-_SPECULAR_GLOSSINESS, _EMISSIVE_STRENGTH = (
-    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_emissive_strength",
-)
+_GLOSSINESS, _EMISSIVE_STRENGTH = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_emissive_strength"
 _NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys of nodes that joints do not have
 
 
@@ -91,9 +88,8 @@ def with_materials(receiver: Asset, materials: Looks) -> Asset:
         if look.emitted:
             entry |= _add_layer(gltf, look.emitted, number_of, "emissive", (0.0, 0.0, 0.0))
         gltf.append("materials", entry)
-    return with_contents(
-        receiver, _assign_materials(document, gltf, materials.of_triangle, starts["materials"]), gltf
-    )
+    document = _assign_materials(document, gltf, materials.of_triangle, starts["materials"])
+    return with_contents(receiver, document, gltf)
 
 
 def take_looks(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
@@ -117,8 +113,8 @@ def _look(gltf: GltfData, index: int, names: Mapping[int, str]) -> Look:
     material = gltf.json["materials"][index]
     extensions = material.get("extensions", {})
     words, place = ("baseColorFactor", "baseColorTexture"), material.get("pbrMetallicRoughness", {})
-    if _SPECULAR_GLOSSINESS in extensions:
-        words, place = ("diffuseFactor", "diffuseTexture"), extensions[_SPECULAR_GLOSSINESS]
+    if _GLOSSINESS in extensions:
+        words, place = ("diffuseFactor", "diffuseTexture"), extensions[_GLOSSINESS]
     factor = srgb_of(place.get(words[0], UNTINTED))
     base = _layer(gltf, place.get(words[1]), tuple(factor.tolist()), names)
     strength = extensions.get(_EMISSIVE_STRENGTH, {}).get("emissiveStrength", 1.0)
@@ -230,9 +226,8 @@ def _add_layer(
             data, kind = as_png(picture.data)
             image = {"bufferView": gltf.add_bytes(data), "mimeType": f"image/{kind}"}
         texture: dict[str, Any] = {"source": gltf.append("images", image)}
-        sampler = {
-            f"wrap{axis}": _WRAP_CODES[wrap] for axis, wrap in zip("ST", layer.wrap) if wrap != "repeat"
-        }
+        wraps = [(f"wrap{axis}", wrap) for axis, wrap in zip("ST", layer.wrap) if wrap != "repeat"]
+        sampler = {key: _WRAP_CODES[wrap] for key, wrap in wraps}
         if sampler:
             texture["sampler"] = gltf.append("samplers", sampler)
         info: dict[str, Any] = {"index": gltf.append("textures", texture)}
@@ -282,11 +277,8 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     for node in users:
         node.pop("skin", None)
     _remove_unused_skins(gltf.json)
-    new, matrices, joints = (
-        _append_joints(gltf.json, giver_json),
-        node_matrices(giver_json),
-        joint_names(giver_json),
-    )
+    new, joints = _append_joints(gltf.json, giver_json), joint_names(giver_json)
+    matrices = node_matrices(giver_json)
     for joint, name in joints.items():
         if np.linalg.det(matrices[joint]) == 0:
             problem = f"nothing can be bound to joint {name!r}, which its node scales to nothing"
@@ -345,9 +337,7 @@ def _append_joints(document: dict[str, Any], other: dict[str, Any]) -> dict[int,
         document["nodes"].append(node)
     if document.get("scenes"):
         scene = document["scenes"][document.get("scene", 0)]
-        scene.setdefault("nodes", []).extend(
-            node_number for node_number in new.values() if node_number not in below
-        )
+        scene.setdefault("nodes", []).extend(number for number in new.values() if number not in below)
     return new
 
 

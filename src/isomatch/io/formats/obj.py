@@ -128,9 +128,8 @@ def write(asset: Asset) -> bytes:
         "".join([*document.libraries, *names]).encode(encoding)
     except UnicodeEncodeError:  # it lacks letters of a name
         encoding = "utf-8"
-    head = _text.frame_comments(asset.frame) + "".join(
-        f"mtllib {library}\n" for library in document.libraries
-    )
+    libraries = "".join(f"mtllib {library}\n" for library in document.libraries)
+    head = _text.frame_comments(asset.frame) + libraries
     lines, indices = [head.encode(encoding, "backslashreplace"), _vertices(asset)], [asset.polygons.corners]
     for keyword, _, kind, width in _INDEXED:
         table, index = _table(asset, kind, width)
@@ -348,11 +347,8 @@ def _look(name: str, statements: Mapping[str, str], files: Mapping[str, bytes]) 
     kd = _numbers(statements.get("kd", ""), 3) or [1.0, 1.0, 1.0]
     if "map_kd" in statements and max(kd) == 0:  # some programs write black beside every picture
         kd = [1.0, 1.0, 1.0]
-    opacity = (
-        _numbers(statements.get("d", ""), 1)
-        or [1 - x for x in _numbers(statements.get("tr", ""), 1)]
-        or [1.0]
-    )
+    clear = _numbers(statements.get("tr", ""), 1)
+    opacity = _numbers(statements.get("d", ""), 1) or [1 - x for x in clear] or [1.0]
     ke = _numbers(statements.get("ke", ""), 3) or [1.0 if "map_ke" in statements else 0.0] * 3
     emitted = _layer(statements.get("map_ke", ""), (*ke, 1.0), files) if max(ke) > 0 else None
     return Look(name, _layer(statements.get("map_kd", ""), (*kd, *opacity), files), emitted)

@@ -70,9 +70,8 @@ def read_asset(data: bytes, name: str) -> Asset:
     kept = [attribute for attribute in attributes if not np.isnan(attribute.values).all()]
     notes += [note for attribute in kept if (note := attribute.note_of_missing)]
     polygons = Polygons(tables.corners, tables.sizes)
-    return Asset(
-        tables.points, polygons, tuple(kept), notes=tuple(notes), frame=_text.frame_in_comments(data)
-    )
+    frame = _text.frame_in_comments(data)
+    return Asset(tables.points, polygons, tuple(kept), notes=tuple(notes), frame=frame)
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -103,9 +102,8 @@ def write(asset: Asset) -> bytes:
         words = [(once, _text.words_of_numbers(sizes)), (sizes, _text.words_of_numbers(corners))]
         for values, notation in map(_colours, colours):
             has_colour = ~np.isnan(values).any(axis=1)
-            words.append(
-                (values.shape[1] * has_colour, _text.words_of_numbers(values[has_colour].ravel(), notation))
-            )
+            colour_words = _text.words_of_numbers(values[has_colour].ravel(), notation)
+            words.append((values.shape[1] * has_colour, colour_words))
         faces = _text.interleave_lines(words, len(sizes))
     head = f"{letters}OFF\n{_text.frame_comments(asset.frame)}{len(asset.points)} {len(sizes)} 0\n".encode()
     return head + _text.format_rows(f"{template}\n", np.hstack(columns)) + faces
@@ -115,9 +113,8 @@ def _colours(attribute: Attribute) -> tuple[FloatArray, str]:
     """Return colours as integers up to 255 or fractions, and their template."""
     fractions = attribute.fractions[:, :3]
     octets = np.rint(255 * fractions)
-    whole = (
-        attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1
-    )  # otherwise they would be read as fractions
+    # integers up to 1 would be read as fractions
+    whole = attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1
     return (octets, "%d") if whole else (fractions, "%r")
 
 

@@ -39,11 +39,7 @@ _MAX_HEADER_BYTES = 2**18  # bytes
 _MAX_DECLARED = 1000  # elements and properties; real files have fewer than a hundred
 _MAX_ROW_BYTES = 2**31 - 1  # the limit of numpy types
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
-_POINT_PROPERTIES = (
-    "vertex1",
-    "vertex2",
-    *_INDEX_LISTS,
-)  # properties of other elements with numbers of points
+_POINT_PROPERTIES = ("vertex1", "vertex2", *_INDEX_LISTS)  # numbers of points in other elements
 _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("normal", "normal", ("nx", "ny", "nz")),
     ("color", "colour", ("red", "green", "blue", "alpha")),
@@ -214,12 +210,11 @@ def read_asset(data: bytes, name: str) -> Asset:
     document = PlyDocument(
         order, encoding, comments, positions, index_list, names, point_lists, face_lists, elements
     )
-    pictures = {
-        texture: content_beside(texture, Path(name).parent, picture_in) for texture in document.textures
-    }
-    document = replace(
-        document, files={texture: data for texture, data in pictures.items() if data is not None}
-    )
+    folder, files = Path(name).parent, dict[str, bytes]()
+    for texture in document.textures:
+        if (picture := content_beside(texture, folder, picture_in)) is not None:
+            files[texture] = picture
+    document = replace(document, files=files)
     frame = Frame.of_lines(*map(_text_of, comments))
     return Asset(points, Polygons(corners, sizes), of_points + of_faces, document=document, frame=frame)
 
@@ -404,9 +399,8 @@ def _read_text(data: bytes, name: str, n_bytes: int, n_lines: int, declared: Dec
 def _read_binary(data: bytes, name: str, position: int, _: int, declared: Declared) -> dict[str, Element]:
     elements = dict[str, Element]()
     for element, (n_rows, columns) in declared.items():
-        held, end = _read_uniform(columns, n_rows, data, position) or _read_mixed(
-            columns, n_rows, data, position
-        )
+        declaration = columns, n_rows, data, position
+        held, end = _read_uniform(*declaration) or _read_mixed(*declaration)
         if end > len(data):
             place, expected = f"{name}: byte {len(data)}", f"{n_rows} rows of element {element}"
             remedy = "it is cut short or damaged, copy or export it again"
@@ -555,9 +549,8 @@ def _attributes(
             add(stem, None, members)
     for name, column in single.items():
         pairs.append((Attribute(name, domain, guess_kind(name, column.typed), column.typed), (name,)))
-    lists = {
-        name: _corner_attribute(column, sizes) for name, column in left.items() if column.counts is not None
-    }
+    listed = [column for column in left.values() if column.counts is not None]
+    lists = {column.name: _corner_attribute(column, sizes) for column in listed}
     pairs += [(corner, (name,)) for name, corner in lists.items() if corner is not None and domain == "face"]
     pairs.sort(key=lambda pair: list(left).index(pair[1][0]))
     attributes = number_equal_names(attribute for attribute, _ in pairs)
@@ -667,11 +660,8 @@ def _rows(element: Element, byte_order: str) -> bytes:
         fields.append((once if column.counts is None else column.counts, column.values, column.type.str[1:]))
     if not byte_order:
         formats = {"f4": "%.9g", "f8": "%r"}
-        words = [
-            (counts, _text.words_of_numbers(values, formats.get(kind, "%d")))
-            for counts, values, kind in fields
-        ]
-        return _text.interleave_lines(words, n_rows)
+        words = [_text.words_of_numbers(values, formats.get(kind, "%d")) for _, values, kind in fields]
+        return _text.interleave_lines([*zip((counts for counts, *_ in fields), words)], n_rows)
     if all((counts == counts[:1]).all() for counts, _, _ in fields):
         row = [(f"{i}", byte_order + kind, (counts[:1].sum(),)) for i, (counts, _, kind) in enumerate(fields)]
         rows = np.zeros(n_rows, row)

@@ -66,32 +66,24 @@ def _fits_title(frame: Frame) -> bool:
     return not frame.has_space and frame.title(stl.TITLE_BYTES) == "; ".join(frame.lines)
 
 
-def _keep_all(attribute: Attribute) -> bool:
-    return True
-
-
 _BINARY = frozenset({"binary"})
 _FEW_KINDS: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
 _ROUNDED: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
-_GLTF: dict[str, Any] = {
-    "keeps": gltf.keeps,
-    "has_parts": True,
-    "keeps_names": _keep_all,
-    "middles": gltf.middles,
-}
-_GIFTI = {"keeps": gifti.keeps, "keeps_names": _keep_all, "keeps_frame": lambda frame: True, **_ROUNDED}
+_NAMED: dict[str, Any] = {"keeps_names": lambda attribute: True}
+_GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "middles": gltf.middles, **_NAMED}
+_GIFTI = {"keeps": gifti.keeps, "keeps_frame": lambda frame: True, **_NAMED, **_ROUNDED}
 _VTK: dict[str, Any] = {"keeps": vtk.keeps, "keeps_names": vtk.keeps_names, "options": _BINARY}
 _FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume, "axes": "RAS", **_ROUNDED}
 
 FORMATS: dict[str, MeshFormat] = {
     ".off": MeshFormat(off.read, off.write, read_asset=off.read_asset, keeps=off.keeps, **_FEW_KINDS),
     ".obj": MeshFormat(
-        obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, keeps_names=_keep_all, **_FEW_KINDS
+        obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, **_NAMED, **_FEW_KINDS
     ),
     ".ply": MeshFormat(
         ply.read, ply.write, _BINARY | {"single"}, ply.read_asset, ply.keeps, keeps_names=ply.keeps_names
     ),
-    ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset, keeps_frame=_fits_title, **_ROUNDED),
+    ".stl": _with_attributes(stl.read_asset, stl.write, options=_BINARY, keeps_frame=_fits_title, **_ROUNDED),
     ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),
     ".gltf": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=False), **_GLTF),
     **{

@@ -18,14 +18,8 @@ _UNKNOWN_COUNTS = (0, 2**32 - 1)  # written by programs that do not know the num
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def read(data: bytes, name: str) -> Mesh:
-    """Read an STL file; corners at exactly the same position become one vertex, in order of first appearance."""
-    asset = read_asset(data, name)
-    return Mesh(asset.points, asset.polygons.triangles)
-
-
 def read_asset(data: bytes, name: str) -> Asset:
-    """Read an STL file with the colours of its triangles, if it is binary and has some."""
+    """Read an STL file with colours of triangles; corners at the same position become one vertex."""
     is_text = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() in (b"solid", b"facet")
     # binary files may start with it, too
     if is_text and b"\0" not in data[: _HEADER_BYTES + _TRIANGLE.itemsize]:

@@ -56,9 +56,7 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
     ):
         raise damaged(name, what, "it is cut short, or an array is shorter than declared")
     with reading(name, what):
-        points, corners, sizes, rows = (
-            stored[attribute] for attribute in ("points", "corners", "sizes", "rows")
-        )
+        points, corners, sizes, rows = (stored[key] for key in ("points", "corners", "sizes", "rows"))
         strips = stored["strip_corners"], stored["strip_sizes"]
         cells = polygons_of(points, corners, sizes, rows, n_other_cells, strips)
         at_points, on_cells = _named_arrays(stored, "point"), _named_arrays(stored, "cell")
@@ -66,17 +64,11 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
         skipped = [name for name, array in arrays if not is_attribute(array)]
         why = "it has neither numbers nor one text in a row"
         notes = (*cells.notes, *(f"the array {name!r} is left out: {why}" for name in skipped))
-        named = [
-            *named_attributes(at_points, "point"),
-            *named_attributes(on_cells, "face", cells.rows),
-        ]
+        named = [*named_attributes(at_points, "point"), *named_attributes(on_cells, "face", cells.rows)]
         attributes = number_equal_names(attribute for _, attribute in named)
         names = {(attribute.name, attribute.domain): name for attribute, (name, _) in zip(attributes, named)}
-        fields = {
-            name: attribute
-            for name, attribute in _named_arrays(stored, "field").items()
-            if name not in (SPACE, COMMENTS)
-        }
+        fields = _named_arrays(stored, "field")
+        fields = {name: fields[name] for name in fields if name not in (SPACE, COMMENTS)}
         document = ArrayDocument(names, fields)
         texts = dict(zip(stored["text_names"].tolist(), stored["texts"].tolist()))
         if suffix == ".vtk":  # its second line is a title
