@@ -28,7 +28,7 @@ from isomatch.cohort import Collection, finish, write_landmark_tables
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.datasets import animal_head, example_pair
 from isomatch.geodesics import distance_engine, farthest_point_sampling
-from isomatch.io import looks_of, pixels_of, sampled
+from isomatch.io import looks_of, pixels_of, sample_texture
 from isomatch.visualization import arranged_panels, camera_of, position_colours, surface_image
 from isomatch_lab.procedural import creature, organ
 
@@ -118,7 +118,7 @@ def keys():
     turn = Rotation.from_euler("y", 55, degrees=True).as_matrix()
 
     def striped(uv):
-        return sampled(pixels, layer, uv)[:, :3]
+        return sample_texture(pixels, layer, uv)[:, :3]
 
     images = []
     for animal in (cat, lion):

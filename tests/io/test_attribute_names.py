@@ -27,9 +27,11 @@ def test_ply_keeps_values_of_any_name(tmp_path, name, binary):
     part = Attribute(name, "face", "label", [1, 2, 3, 4])
     at_corners = Attribute(name, "corner", "scalar", np.arange(15.0))
     asset = carrying(scalar(name), *others, part, at_corners)
-    left = {each.name for each in write_asset(tmp_path / "a.ply", asset, binary=binary)}
+    left = {attribute.name for attribute in write_asset(tmp_path / "a.ply", asset, binary=binary)}
     assert left == {
-        f"the blanks in the name {each.name}" for each in asset.attributes if re.search(r"\s", each.name)
+        f"the blanks in the name {attribute.name}"
+        for attribute in asset.attributes
+        if re.search(r"\s", attribute.name)
     }
     again = read_asset(tmp_path / "a.ply")
     assert np.array_equal(again.points, POINTS)

@@ -164,14 +164,14 @@ def test_pictures_of_ply_go_through_every_format_that_has_some(tmp_path, numbers
     for suffix in (between, "ply") if between else ("ply",):
         (tmp_path / suffix).mkdir(exist_ok=True)
         asset, path = read_asset(path), tmp_path / suffix / f"out.{suffix}"
-        assert {each.name for each in write_asset(path, asset)} <= {"names of material"}
+        assert {lost.name for lost in write_asset(path, asset)} <= {"names of material"}
         assert seen(path) == truth
 
 
 def test_a_picture_that_is_not_there_is_named_and_pictures_without_a_place_too(tmp_path):
     path = textured(tmp_path)
     assert {"the pictures of the materials", "uv", "texnumber"} == {
-        each.name for each in write_asset(tmp_path / "a.stl", read_asset(path))
+        lost.name for lost in write_asset(tmp_path / "a.stl", read_asset(path))
     }
     (tmp_path / "green.png").unlink()
     assert unreadable_files(read_asset(path)) == (

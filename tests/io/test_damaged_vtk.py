@@ -107,7 +107,7 @@ def legacy(version, binary, lower=False):
                 numbers(joined, ">i8", binary),
             ]
         else:
-            counted = np.concatenate([[len(each), *each] for each in lists])
+            counted = np.concatenate([[len(cell), *cell] for cell in lists])
             parts += [f"{keyword} {len(lists)} {len(counted)}\n".encode(), numbers(counted, ">i4", binary)]
     parts.append(b"CELL_DATA 7\nSCALARS height double\nLOOKUP_TABLE default\n")
     parts += [
@@ -255,11 +255,11 @@ def test_cells_that_are_no_polygons_are_told(tmp_path):
     cloud = pyvista.PolyData(POINTS[:4], verts=[1, 0, 1, 1, 1, 2, 1, 3])
     solid.write(tmp_path / "a.vtu")
     surface.save(tmp_path / "b.vtp")
-    told = "cells that are no polygons are left out: "
+    start = "cells that are no polygons are left out: "
     for asset in (asset_from(solid), read_asset(tmp_path / "a.vtu")):
-        assert asset.notes == (f"{told}2 line, 1 tetra",)
+        assert asset.notes == (f"{start}2 line, 1 tetra",)
     for asset in (asset_from(surface), read_asset(tmp_path / "b.vtp")):
-        assert asset.notes == (f"{told}1 vertex, 1 line",)
+        assert asset.notes == (f"{start}1 vertex, 1 line",)
     assert asset_from(cloud).notes == ()
 
 

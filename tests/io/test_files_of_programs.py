@@ -19,8 +19,8 @@ N = SPHERE.n_vertices
 
 def ply(names, kind=b"float"):
     header = [b"ply", b"format binary_little_endian 1.0", b"element vertex 3"]
-    header += [b"property float " + each for each in (b"x", b"y", b"z")]
-    header += [b"property " + kind + b" " + each for each in names]
+    header += [b"property float " + name for name in (b"x", b"y", b"z")]
+    header += [b"property " + kind + b" " + name for name in names]
     header += [b"element face 1", b"property list uchar uint vertex_indices", b"end_header\n"]
     rows = np.column_stack([np.eye(3), np.tile(np.arange(len(names)), (3, 1))]).astype("<f4")
     return b"\n".join(header) + rows.tobytes() + struct.pack("<B3I", 3, 0, 1, 2)
@@ -35,7 +35,7 @@ def test_names_of_ply_are_utf_8_may_have_blanks_and_come_back(tmp_path, names):
     words = [name.encode() for name in names]
     (tmp_path / "a.ply").write_bytes(ply(words))
     asset = read_asset(tmp_path / "a.ply")
-    assert [each.name for each in asset.attributes] == names
+    assert [attribute.name for attribute in asset.attributes] == names
     write_asset(tmp_path / "b.ply", asset)
     header = (tmp_path / "b.ply").read_bytes().partition(b"end_header")[0]
     assert all(b"property float " + word + b"\n" in header for word in words)
@@ -48,7 +48,7 @@ def test_names_of_ply_are_utf_8_may_have_blanks_and_come_back(tmp_path, names):
         "target",
     ]
     assert main([*argv, "-o", str(tmp_path / "c.ply")]) == 0
-    assert [each.name for each in read_asset(tmp_path / "c.ply").attributes] == names
+    assert [attribute.name for attribute in read_asset(tmp_path / "c.ply").attributes] == names
 
 
 def test_blanks_in_the_names_of_other_formats_are_lost_in_ply_and_that_is_told(tmp_path):
@@ -137,7 +137,7 @@ def test_white_colours_of_one_mesh_stay_and_numbers_have_no_gap(tmp_path, first,
         "asset": {"version": "2.0"},
         "scenes": [{"nodes": [0, 1]}],
         "nodes": [{"mesh": 0}, {"mesh": 1}],
-        "meshes": [{"primitives": [{"attributes": each}]} for each in (coloured, {"POSITION": 0})],
+        "meshes": [{"primitives": [{"attributes": keys}]} for keys in (coloured, {"POSITION": 0})],
         "accessors": accessors,
         "bufferViews": views,
         "buffers": [{"byteLength": len(octets)}],
@@ -208,10 +208,10 @@ def test_the_smallest_surfaces_of_all_formats_are_checked_and_mended_or_refused(
 
 
 def test_a_book_of_close_pages_is_checked_in_time_that_grows_with_the_pages():
-    """Points near a side are looked for by pieces: their number is not that of all pages."""
+    """Points near a side are sought by pieces, which are near few pages."""
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
     moved = [(0.01 * np.sin(i), 0.01 * np.cos(3 * i), 1e-5 * i) for i in range(300)]
-    pages = [np.add(square, each) for each in moved]
+    pages = [np.add(square, offset) for offset in moved]
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     book = Mesh(np.concatenate(pages), np.concatenate([faces + 4 * i for i in range(300)]))
     assert len(check(book).component_vertices) == 300

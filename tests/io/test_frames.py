@@ -83,10 +83,10 @@ def in_scanner(path):
             return image.agg_data("pointset") + [float(meta[f"VolGeomC_{way}"]) for way in "RAS"]
         assert system.xformspace == 1
         return image.agg_data("pointset") @ system.xform[:3, :3].T + system.xform[:3, 3]
-    points, _, said = nibabel.freesurfer.read_geometry(path, read_metadata=True)
-    directions = np.stack([said[key] for key in ("xras", "yras", "zras")], axis=1)
+    points, _, volume_info = nibabel.freesurfer.read_geometry(path, read_metadata=True)
+    directions = np.stack([volume_info[key] for key in ("xras", "yras", "zras")], axis=1)
     in_volume = directions @ np.linalg.inv(np.stack(list(AXES.values()), axis=1))
-    return points @ in_volume.T + said["cras"]
+    return points @ in_volume.T + volume_info["cras"]
 
 
 @pytest.mark.parametrize("name", ["out.pial", "out.surf.gii"])
@@ -123,8 +123,8 @@ def test_a_format_without_frames_tells_the_loss(pair, tmp_path, capsys):
         assert lost.name.startswith("the frame of the coordinates (")
         np.testing.assert_array_equal(lost.values, asset.frame.matrix)
     assert main(["repair", str(pair[0]), "-o", str(tmp_path / "b.ply")]) == 0
-    told = "c_ras 5 -20 30, the offset to" if asset.frame.space == "unknown" else "in"
-    lost = f"the frame of the coordinates ({told} scanner_anat), which a .ply file cannot store"
+    where = "c_ras 5 -20 30, the offset to" if asset.frame.space == "unknown" else "in"
+    lost = f"the frame of the coordinates ({where} scanner_anat), which a .ply file cannot store"
     assert f"not in {tmp_path / 'b.ply'}: {lost}" in capsys.readouterr().out
     assert main(["repair", str(pair[0]), "-o", str(tmp_path / "b.surf.gii")]) == 0
     assert "cannot store" not in capsys.readouterr().out
@@ -141,7 +141,7 @@ def test_a_tilted_volume(tmp_path):
     )
     asset = read_asset(tmp_path / "a.white")
     # through voxels: from the surface to the volume's own, and from these to the scanner
-    axes, tilted = (np.stack(list(each.values()), axis=1) for each in (AXES, TILTED))
+    axes, tilted = (np.stack(list(directions.values()), axis=1) for directions in (AXES, TILTED))
     voxels = mesh.vertices @ np.linalg.inv(axes).T + 128
     expected = (voxels - 128) @ tilted.T + OFFSETS[0]
     np.testing.assert_allclose(in_scanner(tmp_path / "a.white"), expected, atol=1e-6)

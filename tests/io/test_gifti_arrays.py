@@ -39,9 +39,9 @@ def test_colours_are_read(tmp_path, width, kind):
     GiftiImage(darrays=[array]).to_filename(tmp_path / "paint.func.gii")
     (found,) = read_asset(tmp_path / "a.surf.gii").attributes
     (alone,) = read_attributes(tmp_path / "paint.func.gii")
-    for each in (found, alone):
-        assert each.kind == "colour"
-        np.testing.assert_array_equal(each.values, colours)
+    for colour in (found, alone):
+        assert colour.kind == "colour"
+        np.testing.assert_array_equal(colour.values, colours)
     assert found.name == alone.name == "color"
     write_asset(tmp_path / "a.ply", read_asset(tmp_path / "a.surf.gii"))
     assert read_asset(tmp_path / "a.ply").attribute("color").kind == "colour"

@@ -113,7 +113,7 @@ def test_what_is_carried_is_added_and_the_rest_stays(path, tmp_path):
     region = Attribute("region", "point", "label", np.arange(8) % 3, names={0: "a", 2: "c"})
     color = Attribute("color", "point", "colour", np.full((8, 3), 200, np.uint8))
     write_asset(tmp_path / "more.glb", asset.with_attributes(region, color))
-    before, after = (unpack(each.read_bytes(), "x").json for each in (path, tmp_path / "more.glb"))
+    before, after = (unpack(file.read_bytes(), "x").json for file in (path, tmp_path / "more.glb"))
     for key in ("nodes", "skins", "materials", "images", "scenes", "asset", "extensionsUsed", "animations"):
         assert after[key] == before[key]
     old, new = before["meshes"][1]["primitives"][0], after["meshes"][1]["primitives"][0]
@@ -204,24 +204,31 @@ def test_buffers_and_images_in_files_of_their_own(path, tmp_path):
         (lambda j: j["nodes"].append({"children": [0], "matrix": [1]}), "found damaged contents"),
         (lambda j: j["accessors"][3].update(bufferView=1), "a triangle refers to point"),
         (lambda j: j.update(meshes=5), "found damaged contents"),
+        (lambda j: j["bufferViews"][0].update(buffer=3), "found damaged contents"),
+        (lambda j: j["buffers"][0].update(byteLength=-1), "expected a buffer of -1 bytes"),
+        (
+            lambda j: j["meshes"][0]["primitives"][0]["attributes"].update(POSITION=77),
+            "found damaged contents",
+        ),
+        (lambda j: j.update(scene=4), "found damaged contents"),
     ],
 )
-def test_damage_is_named(tmp_path, change, message):
-    gltf = scene()
-    change(gltf.json)
-    (tmp_path / "a.glb").write_bytes(pack(gltf, binary=True))
-    with pytest.raises(FormatError, match=message):
-        read_asset(tmp_path / "a.glb")
+def test_damage_is_named_with_the_file(tmp_path, change, message):
+    document = json.loads(pack(scene(), binary=False))
+    change(document)
+    (tmp_path / "a.gltf").write_text(json.dumps(document))
+    with pytest.raises(FormatError, match=rf"a\.gltf: .*{message}"):
+        read_asset(tmp_path / "a.gltf")
 
 
 def test_sparse_values(tmp_path):
     gltf = GltfData({"asset": {"version": "2.0"}}, bytearray())
     position = gltf.add_array(np.zeros((3, 3), np.float32))
-    at = gltf.add_bytes(np.uint8([1, 2]).tobytes())
+    indices = gltf.add_bytes(np.uint8([1, 2]).tobytes())
     values = gltf.add_bytes(np.float32([[1, 0, 0], [0, 1, 0]]).tobytes())
     gltf.json["accessors"][position]["sparse"] = {
         "count": 2,
-        "indices": {"bufferView": at, "componentType": 5121},
+        "indices": {"bufferView": indices, "componentType": 5121},
         "values": {"bufferView": values},
     }
     gltf.json["meshes"] = [{"primitives": [{"attributes": {"POSITION": position}}]}]

@@ -10,7 +10,6 @@ from PIL import Image
 
 from isomatch import FormatError, read_asset, write_asset
 from isomatch._core.memory import room_for
-from isomatch.io import FORMATS
 from isomatch.io.formats._gltf_data import GltfData, pack
 from later import some_later
 
@@ -116,46 +115,16 @@ def test_memory_is_bounded_by_the_file(folder, what):
     )
     size = path.stat().st_size
     tracemalloc.start()
-    told = ""
+    message = ""
     try:
         assert len(read_asset(path).points) == 3
     except FormatError as error:
-        told = str(error)
+        message = str(error)
     finally:
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    assert re.match(rf"({re.escape(str(path))}: .* claims or repeats more than .*)?\Z", told)
+    assert re.match(rf"({re.escape(str(path))}: .* claims or repeats more than .*)?\Z", message)
     assert peak < room_for(size) + 2**20
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"accessors": [{"bufferView": 0, "componentType": 5126, "count": 99, "type": "VEC3"}]},
-        {"accessors": [{"componentType": 5126, "count": 10**9, "type": "VEC3"}]},
-        {"bufferViews": [{"buffer": 3, "byteLength": 3}]},
-        {"buffers": [{"byteLength": -1}]},
-        {"extensionsRequired": ["KHR_draco_mesh_compression"]},
-        {"meshes": [{"primitives": [{"attributes": {"POSITION": 7}}]}]},
-        {"scene": 4, "scenes": [{}]},
-    ],
-)
-def test_every_error_names_the_file(folder, wrong):
-    document = json.loads(pack(triangle(), binary=False))
-    (folder / "a.gltf").write_text(json.dumps(document | wrong))
-    with pytest.raises(FormatError, match=re.escape(f"{folder / 'a.gltf'}: ")):
-        FORMATS[".gltf"].read_asset((folder / "a.gltf").read_bytes(), str(folder / "a.gltf"))
-
-
-@pytest.mark.parametrize("n", [10**7, 10**12])
-def test_a_small_file_cannot_claim_much(folder, n):
-    gltf = triangle()
-    keys = gltf.json["meshes"][0]["primitives"][0]["attributes"]
-    for i in range(20):
-        keys[f"_{i}"] = gltf.append("accessors", {"componentType": 5126, "count": n, "type": "SCALAR"})
-    (folder / "a.glb").write_bytes(pack(gltf, binary=True))
-    with pytest.raises(FormatError, match="claims or repeats"):
-        read_asset(folder / "a.glb")
 
 
 def test_every_node_of_the_scene_is_read_and_no_other(folder):

@@ -49,17 +49,17 @@ def test_everything_is_kept_or_told(tmp_path, suffix, what):
     given, asset = CARRIED[what], Asset.of_mesh(BODY)
     is_frame = isinstance(given, Frame)
     asset = replace(asset, frame=given) if is_frame else asset.with_attributes(given)
-    left = [each.name for each in write_asset(tmp_path / f"a{suffix}", asset)]
+    left = [attribute.name for attribute in write_asset(tmp_path / f"a{suffix}", asset)]
     again = read_asset(tmp_path / f"a{suffix}")
     if is_frame:
         kept = again.frame is not None and given.words[0] in again.frame.words
-        told = [name for name in left if given.words[0] in name]
+        reported = [name for name in left if given.words[0] in name]
     else:
         kept = any(is_like(given, found, again) for found in again.attributes)
-        told = [name for name in left if name == given.name]
-    assert kept != bool(told)
+        reported = [name for name in left if name == given.name]
+    assert kept != bool(reported)
     if what == "labels" and kept:
-        (found,) = (each for each in again.attributes if each.kind == "label")
+        (found,) = (attribute for attribute in again.attributes if attribute.kind == "label")
         words = [found.names.get(code) for code in found.coded.values.tolist()]
         assert (words == [given.names[code] for code in given.values.tolist()]) != ("names of region" in left)
 
@@ -67,7 +67,7 @@ def test_everything_is_kept_or_told(tmp_path, suffix, what):
 def test_the_law_can_be_broken(tmp_path):
     """A loss that a format does not tell would be found: STL files have no scalars, and say so."""
     asset = Asset.of_mesh(BODY).with_attributes(CARRIED["scalars"])
-    assert [each.name for each in write_asset(tmp_path / "a.stl", asset)] == ["thickness"]
+    assert [lost.name for lost in write_asset(tmp_path / "a.stl", asset)] == ["thickness"]
     assert not read_asset(tmp_path / "a.stl").attributes
 
 
@@ -99,19 +99,19 @@ def slicer_files(folder):
     """Files as 3D Slicer writes them, the space in the place that each format has for it."""
     faces = "".join(f"3 {a} {b} {c}\n" for a, b, c in BODY.faces)
     points = "".join(f"{x} {y} {z}\n" for x, y, z in BODY.vertices.tolist())
-    said = "3D Slicer output. SPACE=RAS"
+    comment = "3D Slicer output. SPACE=RAS"
     (folder / "a.vtk").write_text(
-        f"# vtk DataFile Version 3.0\n{said}\nASCII\nDATASET POLYDATA\nPOINTS {N} double\n{points}"
+        f"# vtk DataFile Version 3.0\n{comment}\nASCII\nDATASET POLYDATA\nPOINTS {N} double\n{points}"
         f"POLYGONS {M} {4 * M}\n{faces}"
     )
     rows = "".join(f"f {a} {b} {c}\n" for a, b, c in BODY.faces + 1)
-    (folder / "a.obj").write_text(f"# {said}\n" + "".join(f"v {p}\n" for p in points.splitlines()) + rows)
+    (folder / "a.obj").write_text(f"# {comment}\n" + "".join(f"v {p}\n" for p in points.splitlines()) + rows)
     triangles = np.zeros(M, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     triangles["corners"] = BODY.vertices[BODY.faces]
     (folder / "a.stl").write_bytes(
-        said.encode().ljust(80, b"\0") + M.to_bytes(4, "little") + triangles.tobytes()
+        comment.encode().ljust(80, b"\0") + M.to_bytes(4, "little") + triangles.tobytes()
     )
-    (folder / "a.off").write_text(f"OFF\n#{said}\n{N} {M} 0\n{points}{faces}")
+    (folder / "a.off").write_text(f"OFF\n#{comment}\n{N} {M} 0\n{points}{faces}")
     mesh = to_pyvista(Asset.of_mesh(BODY))
     mesh.field_data["SPACE"] = ["RAS"]
     mesh.save(folder / "a.vtp")
@@ -160,20 +160,20 @@ def test_far_from_the_origin_positions_stay_or_it_is_said_by_how_much(tmp_path, 
             asset = replace(asset, document=replace(asset.document, positions="f4"))
     asset, path = asset.moved(places), tmp_path / f"a{suffix}"
     edge = np.linalg.norm(BODY.vertices[BODY.faces] - BODY.vertices[np.roll(BODY.faces, 1, 1)], axis=2).mean()
-    told = np.linalg.norm(places - places.astype(np.float32), axis=1).max()
-    assert told > 0.1 * edge
+    rounding = np.linalg.norm(places - places.astype(np.float32), axis=1).max()
+    assert rounding > 0.1 * edge
     if suffix in (".gii", ".pial"):
-        with pytest.raises(MeshError, match=rf"would move by up to {told:.2g}, .* \.ply"):
+        with pytest.raises(MeshError, match=rf"would move by up to {rounding:.2g}, .* \.ply"):
             write_asset(path, asset)
         assert not path.exists()
         (left,) = write_asset(path, asset, rounded=True)
-        assert left.name == f"the last digits of the positions (moved by up to {told:.2g})"
-        assert left.values.max() == pytest.approx(told)
+        assert left.name == f"the last digits of the positions (moved by up to {rounding:.2g})"
+        assert left.values.max() == pytest.approx(rounding)
         return
     assert write_asset(path, asset) == ()
     found = read_asset(path).placed_points
     if suffix == ".stl":
-        places, found = (np.unique(each, axis=0) for each in (places, found))
+        places, found = (np.unique(positions, axis=0) for positions in (places, found))
     assert np.linalg.norm(found - places, axis=1).max() < 1e-3 * edge
 
 

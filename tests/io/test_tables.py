@@ -22,7 +22,9 @@ examples = settings(
 
 def values(folder, content, surface=SURFACE):
     (folder / "t.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
-    return {each.name: each.values.tolist() for each in read_attributes(folder / "t.csv", surface)}
+    return {
+        attribute.name: attribute.values.tolist() for attribute in read_attributes(folder / "t.csv", surface)
+    }
 
 
 def same(read, written):
@@ -196,7 +198,7 @@ def test_positions_are_found_by_their_names(tmp_path, header, order):
     (tmp_path / "a.xyz").write_text("\n".join([header, *(" ".join(map(str, row)) for row in rows)]))
     asset = read_asset(tmp_path / "a.xyz")
     assert asset.points.tolist() == [list(map(float, row)) for row in XYZ]
-    assert {each.name for each in asset.attributes} == {"id", "Height"} & {*header.split()}
+    assert {attribute.name for attribute in asset.attributes} == {"id", "Height"} & {*header.split()}
 
 
 @pytest.mark.parametrize(

@@ -214,7 +214,7 @@ def test_columns_of_vertices_of_off_files(tmp_path, header, normals, colours, te
             np.testing.assert_array_equal(asset.attribute("uv").values, uv)
         assert asset.notes == ()
         left = write_asset(tmp_path / "b.off", asset)
-        assert [each.name for each in left] == (
+        assert [lost.name for lost in left] == (
             ["opacity of color"] if name == "a" and "128" in str(colours) else []
         )
 
@@ -264,7 +264,7 @@ def test_whole_numbers_of_64_bits_in_ply_files(tmp_path):
     rows = [[2**40, 1, 2**40], [1, 0], [2, 0], [3, 0]]
     asset = ply.read_asset(ply_file(properties, with_columns(rows)), "a.ply")
     assert asset.attribute("key").values.tolist() == [2**40, 1, 2, 3]
-    assert [each.name for each in write_asset(tmp_path / "a.ply", asset)] == ["key"]
+    assert [lost.name for lost in write_asset(tmp_path / "a.ply", asset)] == ["key"]
     assert b"property list uchar uint64 keys" in (tmp_path / "a.ply").read_bytes()
 
 

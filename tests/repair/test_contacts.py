@@ -120,7 +120,9 @@ def test_both_hands_come_off(twice_fused):
     cut = cut_self_contacts(twice_fused, 2)
     assert_laws(twice_fused, cut)
     assert count_handles(cut.mesh) == 0
-    places = sorted((place(twice_fused, cut_path) for cut_path in cut.cut_paths), key=lambda at: at[0])
+    places = sorted(
+        (place(twice_fused, cut_path) for cut_path in cut.cut_paths), key=lambda position: position[0]
+    )
     np.testing.assert_allclose(places, [HANDS["left"], HANDS["right"]], atol=0.06)
 
 
@@ -163,8 +165,8 @@ def test_the_surface_alone_tells_where_the_cut_paths_are(fused):
     other = disguised(fused, 1)
     found = cut_self_contacts(other.mesh, 1)
     assert_laws(other.mesh, found)
-    there = np.argsort(other.new_vertex)[found.cut_paths[0]]
-    assert np.linalg.norm(place(fused, there) - place(fused, cut_path)) < 0.02
+    vertices = np.argsort(other.new_vertex)[found.cut_paths[0]]
+    assert np.linalg.norm(place(fused, vertices) - place(fused, cut_path)) < 0.02
 
 
 @pytest.mark.parametrize("scale", [1000.0, 0.001])

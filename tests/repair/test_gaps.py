@@ -8,26 +8,12 @@ from isomatch._core.errors import MeshError, SettingError
 from isomatch.io import Polygons
 from isomatch.repair import find_outliers
 from isomatch_lab.procedural import creature
-from shapes import icosphere
+from shapes import icosphere, inside_out
+from zoo.made import together
 
 STRIP = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0.5, 0], [2, 0, 0], [2, 0.5, 0], [2, 1, 0]]
-"""Two triangles on the left meet four on the right, of which two have a corner on the middle of their edge."""
+"""Two triangles on the left meet four on the right, two of them with a corner on the middle of that edge."""
 FACES = [[0, 1, 2], [0, 2, 3], [1, 5, 6], [1, 6, 4], [4, 6, 7], [4, 7, 2]]
-
-
-def volume_of(mesh):
-    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
-    return np.einsum("ij,ij->", a, np.cross(b, c)) / 6
-
-
-def turned(mesh):
-    return Mesh(mesh.vertices, mesh.faces[:, ::-1])
-
-
-def together(*meshes):
-    offsets = np.cumsum([0, *(mesh.n_vertices for mesh in meshes[:-1])])
-    faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
 def ball(radius, level=2, centre=(0, 0, 0)):
@@ -42,9 +28,9 @@ def test_paths_cross_an_edge_after_its_t_junction_is_mended():
     assert mended.face_index.tolist() == [0, 0, 1, 2, 3, 4, 5]
     assert mended.mesh.area == pytest.approx(strip.area)
     assert check(mended.mesh).ok
-    there, before = (distance_engine(mesh).distances_from([0])[0] for mesh in (mended.mesh, strip))
-    assert there[6] == pytest.approx(np.hypot(2, 0.5), abs=0.05)
-    assert before[4] > there[4] + 0.1
+    after, before = (distance_engine(mesh).distances_from([0])[0] for mesh in (mended.mesh, strip))
+    assert after[6] == pytest.approx(np.hypot(2, 0.5), abs=0.05)
+    assert before[4] > after[4] + 0.1
 
 
 @pytest.mark.parametrize("share", [0.2, 0.7])
@@ -87,8 +73,8 @@ def test_sound_meshes_have_no_such_gaps():
 def test_a_match_names_the_command_that_welds():
     body = creature(1500).mesh
     points = body.vertices[body.faces].reshape(-1, 3)
-    apart = points + 1e-4 * np.random.default_rng(0).random(points.shape)
-    whole = np.vstack([apart, body.vertices + np.array([9.0, 0, 0])])
+    soup = points + 1e-4 * np.random.default_rng(0).random(points.shape)
+    whole = np.vstack([soup, body.vertices + np.array([9.0, 0, 0])])
     faces = np.vstack([np.arange(len(points)).reshape(-1, 3), body.faces + len(points)])
     assert any("isomatch repair --weld" in note for note in prepare(Mesh(whole, faces)).notes)
 
@@ -100,7 +86,7 @@ def test_a_weld_is_a_distance(weld):
 
 
 def test_a_void_is_no_defect():
-    solid = together(ball(1.0), turned(ball(0.5)))
+    solid = together(ball(1.0), inside_out(ball(0.5)))
     report = check(solid)
     assert report.ok
     assert (report.solid_components.tolist(), report.void_components.tolist()) == ([0], [1])
@@ -111,17 +97,21 @@ def test_a_void_is_no_defect():
     ("meshes", "expected"),
     [
         pytest.param([ball(1.0), ball(0.5)], [1, 1], id="a solid in a solid stays"),
-        pytest.param([ball(1.0), turned(ball(0.5, centre=(3, 0, 0)))], [1, 1], id="one beside it is turned"),
         pytest.param(
-            [ball(1.0), turned(ball(0.8)), turned(ball(0.4))], [1, -1, 1], id="in a void is no solid"
+            [ball(1.0), inside_out(ball(0.5, centre=(3, 0, 0)))], [1, 1], id="one beside it is turned"
         ),
-        pytest.param([turned(ball(1.0)), turned(ball(0.5))], [1, -1], id="a solid inside out with a void"),
+        pytest.param(
+            [ball(1.0), inside_out(ball(0.8)), inside_out(ball(0.4))], [1, -1, 1], id="in a void is no solid"
+        ),
+        pytest.param(
+            [inside_out(ball(1.0)), inside_out(ball(0.5))], [1, -1], id="a solid inside out with a void"
+        ),
     ],
 )
 def test_containment_decides_which_way_a_shell_looks(meshes, expected):
     mended = repair(together(*meshes)).mesh
-    volumes = [abs(volume_of(mesh)) for mesh in meshes]
-    assert volume_of(mended) == pytest.approx(np.dot(expected, volumes))
+    volumes = [abs(mesh.volume) for mesh in meshes]
+    assert mended.volume == pytest.approx(np.dot(expected, volumes))
 
 
 def on_a_plate(height=0.02):

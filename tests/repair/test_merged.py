@@ -13,7 +13,7 @@ from isomatch.settings import PreparationSettings
 from isomatch_lab.damage import merge
 from shapes import icosphere
 from zoo import zoo
-from zoo.made import boxes
+from zoo.made import boxes, together
 
 MERGED = [
     (0.03, 11, 1.0),
@@ -152,11 +152,7 @@ def test_what_lies_on_the_surface_is_on_the_limb_it_was_on():
 def test_two_bodies_come_apart_that_were_merged_but_not_those_that_share_a_corner():
     one = decimate(icosphere(5), 2000).mesh
     turned = one.vertices @ Rotation.random(random_state=3).as_matrix()
-    both = Mesh(
-        np.vstack([one.vertices, turned + np.array([2.005, 0, 0])]),
-        np.vstack([one.faces, one.faces + one.n_vertices]),
-    )
-    damaged = merge(both, 2.0)
+    damaged = merge(together(one, one.moved(turned + np.array([2.005, 0, 0]))), 2.0)
     assert len(np.unique(damaged.mesh.components)) == 1
     assert len(np.unique(repair(damaged.mesh).mesh.components)) == 2
     for places in ([(0, 0, 0), (1, 1, 0)], [(0, 0, 0), (1, 1, 1)]):
@@ -185,19 +181,17 @@ def test_a_body_is_matched_with_its_limbs_apart_and_its_holes_closed():
     assert count_handles(shape.body) == 0
     assert shape.longest_boundary < 0.1
     assert any("parted limbs" in note and "sheet_distance" in note for note in shape.notes)
-    together = Config(preparation=PreparationSettings(sheet_distance=np.inf))
+    glued = Config(preparation=PreparationSettings(sheet_distance=np.inf))
     np.testing.assert_array_equal(shape.user_vertex[shape.body_vertex], np.arange(damaged.mesh.n_vertices))
-    assert count_handles(prepare(damaged.mesh, together).body) > 0
+    assert count_handles(prepare(damaged.mesh, glued).body) > 0
 
 
 def test_each_body_of_a_scene_is_parted_as_alone_whatever_the_order_of_its_faces():
     damaged = merged_hairpin(*MERGED[1]).mesh
     far = icosphere(3)
     order = np.random.default_rng(0).permutation(damaged.n_faces)
-    scene = Mesh(
-        np.vstack([far.vertices * 5 + 100, damaged.vertices]),
-        np.vstack([far.faces, damaged.faces[order] + far.n_vertices]),
-    )
+    shuffled = Mesh(damaged.vertices, damaged.faces[order])
+    scene = together(far.moved(far.vertices * 5 + 100), shuffled)
     alone, among = repair(damaged), repair(scene)
     assert count_handles(among.mesh) == 0
     np.testing.assert_array_equal(

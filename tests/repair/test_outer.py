@@ -14,13 +14,7 @@ from isomatch_lab.procedural import PLANS, creature, organ
 from shapes import icosphere
 from thin_walls import shell
 from zoo import torus
-
-
-def joined(*meshes):
-    """Several meshes as one."""
-    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes[:-1])])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
+from zoo.made import together
 
 
 def ball(radius, centre=(0, 0, 0), inward=False):
@@ -35,7 +29,7 @@ def made_organ(kind):
 SINGLE = {
     "ball": lambda: ball(1.0),
     "torus": lambda: torus(60, 30),
-    "two balls": lambda: joined(ball(1.0), ball(0.5, (3, 0, 0))),
+    "two balls": lambda: together(ball(1.0), ball(0.5, (3, 0, 0))),
     "body": lambda: example_pair()[0].mesh,
     "another body": lambda: creature(3000, kind="biped", pose=3).mesh,
     **{kind: partial(made_organ, kind) for kind in PLANS},
@@ -73,14 +67,14 @@ def test_shells_are_called_double_walled(kind):
 def test_two_sheets_with_air_between_them_are_no_wall():
     """Of a hollow ball the wall counts, and not the narrow space around a ball in a larger one."""
     inside, outside = ball(1.0, inward=True), ball(1.05)
-    assert double_walled_share(joined(inside, outside)) > 0.95
-    gap = joined(ball(1.0), ball(1.05, inward=True))
+    assert double_walled_share(together(inside, outside)) > 0.95
+    gap = together(ball(1.0), ball(1.05, inward=True))
     assert double_walled_share(gap) == 0
 
 
 def test_the_wall_of_a_closed_shell_is_told_by_check():
     """Its inner surface looks inward by right, though as a shape of its own it would be turned over."""
-    assert check(joined(ball(1.0, inward=True), ball(1.05))).double_walled > 0.95
+    assert check(together(ball(1.0, inward=True), ball(1.05))).double_walled > 0.95
 
 
 def test_thickness_and_winding_that_cannot_be_used_are_named():
@@ -93,7 +87,7 @@ def test_thickness_and_winding_that_cannot_be_used_are_named():
 @pytest.mark.parametrize("inward", [True, False])
 def test_a_chamber_of_a_ball_is_removed(inward):
     whole = ball(1.0)
-    found = repair(joined(ball(0.6, (0.1, 0, 0), inward), whole), outer=True)
+    found = repair(together(ball(0.6, (0.1, 0, 0), inward), whole), outer=True)
     n = icosphere(3).n_vertices
     assert found.mesh.n_vertices == n
     assert np.array_equal(found.vertex_index, n + np.arange(n))
@@ -103,7 +97,7 @@ def test_a_chamber_of_a_ball_is_removed(inward):
 
 
 def test_of_nested_balls_the_outermost_stays():
-    nested = joined(*(ball(radius) for radius in (0.3, 1.0, 0.6)))
+    nested = together(*(ball(radius) for radius in (0.3, 1.0, 0.6)))
     found = repair(nested, outer=True)
     assert np.array_equal(np.unique(np.linalg.norm(found.mesh.vertices, axis=1).round(6)), [1.0])
 
@@ -130,7 +124,7 @@ def test_windows_that_are_larger_than_the_opening_are_looked_through():
 
 
 def test_values_stay_with_their_vertices_and_faces():
-    mesh = joined(ball(0.6, inward=True), ball(1.0))
+    mesh = together(ball(0.6, inward=True), ball(1.0))
     point = Attribute("height", "point", "scalar", mesh.vertices[:, 2])
     face = Attribute("part", "face", "label", np.repeat([1, 2], mesh.n_faces // 2))
     asset = repair(Asset.of_mesh(mesh, [point, face]), outer=True).asset

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from isomatch.repair import check, repair
 from isomatch.surfaces import Mesh
 from zoo import any_mesh, grid, specimen, torus, zoo
+from zoo.made import together
 
 OPTIONS = st.fixed_dictionaries({name: st.booleans() for name in ("weld", "remove_unused", "orient")})
 
@@ -106,19 +107,15 @@ def test_winding_in_any_unit(scale):
 def test_each_piece_is_wound_by_itself():
     """Faces of three surfaces in any order, some of them rewound."""
     tori = [torus(24, 12), torus(12, 6), torus(9, 5)]
-    before = np.cumsum([0, *(each.n_vertices for each in tori)])
-    faces = np.concatenate([each.faces + n for each, n in zip(tori, before)])
+    whole = together(*(one.moved(one.vertices + 20 * i) for i, one in enumerate(tori)))
     rng = np.random.default_rng(0)
-    faces = rng.permutation(faces)
+    faces = rng.permutation(whole.faces)
     turned = rng.random(len(faces)) < 0.4
     faces[turned] = faces[turned, ::-1]
-    vertices = np.concatenate([each.vertices + 20 * i for i, each in enumerate(tori)])
-    mended = assert_laws(Mesh(vertices, faces)).mesh
+    mended = assert_laws(Mesh(whole.vertices, faces)).mesh
     assert not len(check(mended).inconsistent_edges)
-    for i, each in enumerate(tori):
-        own = (mended.faces >= before[i]) & (mended.faces < before[i + 1])
-        part = Mesh(mended.vertices, mended.faces[own.all(axis=1)])
-        assert part.volume == pytest.approx(each.volume)
+    for label, one in enumerate(tori):
+        assert mended.submesh(mended.components == label)[0].volume == pytest.approx(one.volume)
 
 
 @given(st.integers(0, 2**32))

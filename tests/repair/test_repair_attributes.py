@@ -180,10 +180,10 @@ def test_texture_coordinates_of_a_file_with_wild_faces(tmp_path):
 def test_attributes_that_cannot_be_read_do_not_keep_the_mesh_from_being_mended(tmp_path, capsys):
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 9 9\nvt 0 0\nf 1/1 2/7 3/1\n")
     assert main(["repair", str(tmp_path / "a.obj"), "-o", str(tmp_path / "b.obj")]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[0].startswith("left out all but points and faces, as ")
-    assert "expected indices of the 1 vt lines, found '1/1 2/7 3/1'" in told[0]
-    assert told[1] == "removed 1 vertex that no face used"
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("left out all but points and faces, as ")
+    assert "expected indices of the 1 vt lines, found '1/1 2/7 3/1'" in lines[0]
+    assert lines[1] == "removed 1 vertex that no face used"
     assert len(read_asset(tmp_path / "b.obj").points) == 3
 
 
@@ -217,7 +217,7 @@ end_header
 
 
 def test_elements_of_ply_files_that_number_points(tmp_path):
-    """The second face is the first one after the weld; edges follow, but not that of the point that goes."""
+    """The second face is the first one after the weld; edges follow, except the edge of a removed point."""
     (tmp_path / "a.ply").write_text(PLY)
     write_asset(tmp_path / "b.ply", repair(tmp_path / "a.ply").asset)
     header, _, body = (tmp_path / "b.ply").read_text().partition("end_header\n")
@@ -304,10 +304,10 @@ def test_looks_stay_on_their_triangles(tmp_path, suffix):
     write_asset(tmp_path / "b.glb", mended)
     found = read_asset(tmp_path / "b.glb")
     assert len(found.points) == 16
-    for each in (mended, found):
-        seen = looks_of(each)
+    for found_asset in (mended, found):
+        seen = looks_of(found_asset)
         light = np.array([look.name == "light" for look in seen.looks])[seen.of_triangle]
-        triangles = each.points[each.polygons.triangles].tolist()
+        triangles = found_asset.points[found_asset.polygons.triangles].tolist()
         before = square.vertices[square.faces].tolist()
         assert [bool(light[triangles.index(corners)]) for corners in before] == [False, True] * 9
 

@@ -102,11 +102,13 @@ def test_whole_faces_come_apart_and_distances_are_those_along_the_surface(closed
     assert len(check(ring.mesh).duplicate_faces) == 12
     found = separate_sheets(ring.mesh)
     assert check(found.mesh).euler_number == 2
-    at = np.flatnonzero(ring.twin < 0)[::25]
-    expected = geodesic_distances(whole, ring.original[at])[:, ring.original[at]]
-    through = geodesic_distances(ring.mesh, at)[:, at]
+    vertices = np.flatnonzero(ring.twin < 0)[::25]
+    expected = geodesic_distances(whole, ring.original[vertices])[:, ring.original[vertices]]
+    through = geodesic_distances(ring.mesh, vertices)[:, vertices]
     assert (expected - through).max() > 1
-    np.testing.assert_allclose(geodesic_distances(found.mesh, at, weld=False)[:, at], expected, atol=0.2)
+    np.testing.assert_allclose(
+        geodesic_distances(found.mesh, vertices, weld=False)[:, vertices], expected, atol=0.2
+    )
 
 
 def test_a_layer_that_was_removed_is_put_back(closed_horseshoe):
@@ -160,7 +162,7 @@ def test_a_face_listed_twice_is_no_sheet():
     ("what", "n"), [("around an edge", 20_000), ("in one place", 100_000), ("in one place", 20_001)]
 )
 def test_a_crowd_of_faces_stays_together(what, n):
-    """No weld has so many sheets: nothing is paired, and memory does not grow with the square of their number."""
+    """Welds have few sheets: here nothing is paired, and memory does not grow with their square."""
     turn = np.linspace(0, 2 * np.pi, n, endpoint=False)
     points = np.vstack(
         [[[0, 0, 0], [0, 0, 1]], np.column_stack([np.cos(turn), np.sin(turn), np.full(n, 0.5)])]

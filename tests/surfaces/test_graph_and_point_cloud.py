@@ -72,11 +72,11 @@ def test_areas_scale(scale):
 def test_neighbours_are_the_nearest():
     points = np.random.default_rng(0).random((200, 3))
     cloud = PointCloud(points, 5)
-    apart = np.linalg.norm(points[:, None] - points, axis=2)
-    nearest = np.argsort(apart, axis=1)[:, 1:6]
+    distances = np.linalg.norm(points[:, None] - points, axis=2)
+    nearest = np.argsort(distances, axis=1)[:, 1:6]
     expected = {tuple(sorted((i, int(j)))) for i in range(200) for j in nearest[i]}
     assert {tuple(edge) for edge in cloud.edges.tolist()} == expected
-    np.testing.assert_allclose(cloud.edge_lengths, apart[tuple(cloud.edges.T)])
+    np.testing.assert_allclose(cloud.edge_lengths, distances[tuple(cloud.edges.T)])
 
 
 def test_few_points_are_all_joined():

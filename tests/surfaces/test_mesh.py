@@ -1,5 +1,7 @@
 """The mesh: derived quantities against closed forms, and what its constructor refuses."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -89,12 +91,13 @@ def test_fans_are_those_found_corner_by_corner(faces):
 
     start, first = faces.ravel(), 0
     for count in table.n_faces.tolist():
-        for here, there in zip(
-            table.sides[first : first + count - 1], table.sides[first + 1 : first + count]
-        ):
-            there_ends = (there, after(there)) if start[here] == start[there] else (after(there), there)
-            join(int(here), int(there_ends[0]))
-            join(after(int(here)), int(there_ends[1]))
+        corners = table.sides[first : first + count].tolist()
+        for corner, other in pairwise(corners):
+            ends = other, after(other)
+            if start[corner] != start[other]:
+                ends = ends[::-1]
+            join(corner, ends[0])
+            join(after(corner), ends[1])
         first += count
     expected = [len({same for same, v in zip(label, start) if v == w}) for w in range(7)]
     assert count_fans(faces, table, 7).tolist() == expected
@@ -124,8 +127,8 @@ def test_in_spatial_order_the_mesh_is_the_same_and_what_is_near_is_near_in_memor
     assert np.array_equal(ordered, vertices[order])
     assert sorted(map(tuple, order[renumbered])) == sorted(map(tuple, faces))
     assert (np.diff(renumbered.min(axis=1)) >= 0).all()
-    apart = np.linalg.norm(np.diff(ordered, axis=0), axis=1)
-    assert np.median(apart) < 0.1 * np.median(np.linalg.norm(np.diff(vertices, axis=0), axis=1))
+    distances = np.linalg.norm(np.diff(ordered, axis=0), axis=1)
+    assert np.median(distances) < 0.1 * np.median(np.linalg.norm(np.diff(vertices, axis=0), axis=1))
 
 
 NUMBER = st.sampled_from([0.0, -0.0, 1.0, np.nan, np.inf, 5e-324])

@@ -287,7 +287,7 @@ def _place_beside(
         clean = name.replace("\\", "/")
         last = PurePosixPath(clean)
         inside = [clean] if (folder / clean).resolve().is_relative_to(folder) else []
-        # an existing file with other contents is replaced only if its name begins with that of the surface
+        # an existing file with other contents is replaced only if its name begins like the surface
         has_stem = last.name.startswith((f"{path.stem}.", f"{path.stem}_"))
         stem = last.stem if has_stem else f"{path.stem}_{last.stem}"
         numbered = (f"{stem}_{i}{last.suffix}" for i in count(1))

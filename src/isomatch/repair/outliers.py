@@ -13,7 +13,7 @@ SCATTER_SHARE = 0.06  # smallest variance of neighbours over the sum of three; a
 
 
 def find_outliers(points: FloatArray) -> BoolArray:
-    """Find points (n,) whose neighbours are four times as far as usual, except on thinly sampled surfaces.
+    """Find points (n,) whose neighbours are four times the usual distance away, except on thin samples.
 
     Rusu et al., *Towards 3D point cloud based object maps*, 2008, compare distances to neighbours with
     those of all points. Here, a point stays if its neighbours are as far apart and lie on a surface.

@@ -161,17 +161,17 @@ def _read_values(gltf: GltfData, keys: Mapping[str, int], uv_names: dict[int, st
         if key == "POSITION" or key.startswith(("JOINTS_", "WEIGHTS_")):
             continue
         name, kind = _named(key)
-        said = extras_of(gltf.json["accessors"][index])
-        name = unused_name(str(said.get("name", name)), attributes)
+        extras = extras_of(gltf.json["accessors"][index])
+        name = unused_name(str(extras.get("name", name)), attributes)
         values = _encode_colours(gltf.array(index)) if kind == "colour" else gltf.numbers(index)
         if kind == "uv":
             uv_names.setdefault(int(key.rpartition("_")[2]), name)
             values = _flip_v(values)
         words, colors = {}, {}
-        if said.get("kind") == "label" and values.ndim == 1:
+        if extras.get("kind") == "label" and values.ndim == 1:
             kind, values = "label", np.rint(values).astype(np.int64)
-            words = {int(code): word for code, word in said.get("names", {}).items()}
-            colors = {int(code): tuple(color) for code, color in said.get("colors", {}).items()}
+            words = {int(code): word for code, word in extras.get("names", {}).items()}
+            colors = {int(code): tuple(color) for code, color in extras.get("colors", {}).items()}
         kind = kind or guess_kind(name, values)
         attributes[name] = Attribute(name, "point", kind, values, names=words, colors=colors)
     return attributes
