@@ -293,11 +293,9 @@ def parse_table(text: str, name: str, not_comments: Collection[str] = ()) -> Tab
     cells = [cell for row in rows for cell in row.cells if "," in cell or "." in cell]
     has_commas = any(map(_WITH_COMMA.fullmatch, cells)) and not any(map(_WITH_POINT.fullmatch, cells))
     first = next((row.line for row in rows if row.cells), 0)
-    before = [
-        _COMMENT_MARK.sub("", line) for number, line in lines if number < first and _COMMENT_MARK.match(line)
-    ]
+    before = [line for number, line in lines if number < first and _COMMENT_MARK.match(line)]
     width = len(rows[0].cells) if rows else 0
-    last = [(0, line) for line in before[-1:]]
+    last = [(0, _COMMENT_MARK.sub("", line)) for line in before[-1:]]
     headers = (row for mark in (separator, BLANKS) for row in split_rows(last, mark, name, False))
     titles = next((row.cells for row in headers if len(row.cells) == width), [])
     is_comma = has_commas and separator != ","
@@ -311,9 +309,8 @@ def _is_comment(line: str, not_comments: Collection[str]) -> bool:
 def _number_separator(line: str) -> str:
     """Return the comma or blank that separates the numbers of a line; nothing for any other line."""
     gaps = ((",", r"\s*,\s*"), (BLANKS, r"\s+"))
-    return next(
-        (mark for mark, gap in gaps if re.fullmatch(rf"\s*{_DECIMAL}(?:{gap}{_DECIMAL})+\s*", line)), ""
-    )
+    fits = (mark for mark, gap in gaps if re.fullmatch(rf"\s*{_DECIMAL}(?:{gap}{_DECIMAL})+\s*", line))
+    return next(fits, "")
 
 
 def _without_comment(line: str) -> str:
@@ -350,9 +347,8 @@ def split_rows(lines: Iterable[tuple[int, str]], separator: str, name: str, stri
     if separator == BLANKS:
         return [Row(number, _split_words(line), line) for number, line in lines]
     rows, last = list[Row](), 0
-    reader = csv.reader(
-        (f"{line}\n" for _, line in lines), delimiter=separator, skipinitialspace=True, strict=strict
-    )
+    texts = (f"{line}\n" for _, line in lines)
+    reader = csv.reader(texts, delimiter=separator, skipinitialspace=True, strict=strict)
     try:
         for row in reader:
             number, text = lines[last]
@@ -376,9 +372,8 @@ def _find_separator(lines: list[tuple[int, str]], name: str) -> str:
     # a tab after an apostrophe was escaped
     head = [(number, line.replace("'\t", "'")) for number, line in lines if line.strip()]
     head = head[:_MAX_ROWS_EXAMINED]
-    split: dict[str, list[Row]] = {
-        mark: split_rows(head, mark, name, strict=False) for mark in (*_SEPARATORS, BLANKS)
-    }
+    marks: tuple[str, ...] = (*_SEPARATORS, BLANKS)
+    split = {mark: split_rows(head, mark, name, strict=False) for mark in marks}
     fitting = [mark for mark, rows in split.items() if _have_one_length(rows, mark)]
     words = split[BLANKS]
     if BLANKS in fitting and not {";", "\t"} & {*fitting}:
@@ -413,9 +408,8 @@ def _have_one_length(rows: list[Row], separator: str) -> bool:
     is_short = len(rows) > 1 and lengths[0] == width - 1
     if is_short and lengths[0] == 1 and separator in (",", BLANKS):
         is_short = all(row.text.lstrip().startswith('"') for row in rows[1:])
-    return width > 1 and all(
-        len(row.cells) >= width and not any(row.cells[width:]) for row in (rows[1:] if is_short else rows)
-    )
+    full = rows[1:] if is_short else rows
+    return width > 1 and all(len(row.cells) >= width and not any(row.cells[width:]) for row in full)
 
 
 def _may_be_decimals(rows: list[Row], name: str) -> bool:

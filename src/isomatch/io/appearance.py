@@ -45,11 +45,8 @@ def looks_of(asset: Asset) -> Looks | None:
 
 def _split_tiles(asset: Asset, materials: Looks) -> Looks:
     """Split materials with <UDIM> in the names of their pictures into one for each used tile."""
-    tiled = [
-        i
-        for i, look in enumerate(materials.looks)
-        if any(len(obj.tiles_of(p.name)) > 1 for p in look.pictures)
-    ]
+    pictures = [(i, picture.name) for i, look in enumerate(materials.looks) for picture in look.pictures]
+    tiled = dict.fromkeys(i for i, name in pictures if len(obj.tiles_of(name)) > 1)
     uv = next(iter(asset.of_kind("uv")), None)
     if not tiled or uv is None or not isinstance(asset.document, ObjDocument):
         return materials
@@ -238,9 +235,8 @@ def _to_ply(asset: Asset, materials: Looks, stem: str) -> Asset:
     if len(files) == len(layers) == 1 and (materials.of_triangle == 0).all():
         return shown
     number = {name: i for i, name in enumerate(files)}
-    of_look = np.array(
-        [number[names[layer.picture]] if layer.picture in names else -1 for layer in layers] + [-1]
-    )
+    pictures = [layer.picture for layer in layers]
+    of_look = np.array([number[names[p]] if p in names else -1 for p in pictures] + [-1])
     of_polygon = np.full(len(asset.polygons), -1, dtype=np.int32)
     of_polygon[asset.polygons.of_triangle] = of_look[materials.of_triangle]
     return shown.with_attributes(Attribute(TEXTURE_NUMBER, "face", "scalar", of_polygon))

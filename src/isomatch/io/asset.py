@@ -394,11 +394,8 @@ class Asset:
     def _transforms(self) -> list[tuple[slice, FloatArray]]:
         """List the rows of the points of each part with a transform, and its matrix."""
         ends = np.cumsum([part.n_points for part in self.parts])
-        return [
-            (slice(end - part.n_points, end), np.array(part.transform))
-            for part, end in zip(self.parts, ends)
-            if part.transform is not None
-        ]
+        placed = [(part, end) for part, end in zip(self.parts, ends) if part.transform is not None]
+        return [(slice(end - part.n_points, end), np.array(part.transform)) for part, end in placed]
 
     @cached_property
     def placed(self) -> Asset:

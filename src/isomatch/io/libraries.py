@@ -293,11 +293,9 @@ def to_pyvista(asset: Asset) -> Any:
     cells = np.insert(split.polygons.corners, split.polygons.starts, split.polygons.sizes)
     mesh = pyvista.PolyData(split.points, cells if len(cells) else None)
     document = asset.document if isinstance(asset.document, ArrayDocument) else ArrayDocument()
-    for name, values in {
-        **document.fields,
-        **{key: [text] for key, text in _space_of(asset).items()},
-    }.items():
-        _set_array(mesh.field_data, name, np.asarray(values))
+    texts = {key: np.array([text]) for key, text in _space_of(asset).items()}
+    for name, values in {**document.fields, **texts}.items():
+        _set_array(mesh.field_data, name, values)
     taken = {a.name for a in split.attributes if (a.name, a.domain) not in document.names}
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data

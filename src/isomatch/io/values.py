@@ -193,11 +193,11 @@ def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribut
     titles, stem = table.titles, Path(name).stem
     titles = titles or ((stem,) if table.width == 1 else tuple(f"{stem}_{i}" for i in range(table.width)))
     columns = {i: _column(table, i) for i in range(table.width) if index is None or i != index_column}
-    attributes = [
-        Attribute(titles[i] or f"{stem}_{i}", "point", guess_kind(titles[i], column), column)
-        for i, column in columns.items()
-    ]
-    return number_equal_names([attribute.spread(*index) for attribute in attributes] if index else attributes)
+    attributes = list[Attribute]()
+    for i, column in columns.items():
+        attribute = Attribute(titles[i] or f"{stem}_{i}", "point", guess_kind(titles[i], column), column)
+        attributes.append(attribute.spread(*index) if index else attribute)
+    return number_equal_names(attributes)
 
 
 def _index(table: Table, column: int, n_rows: Sequence[int]) -> tuple[IntArray, int] | None:
@@ -212,9 +212,8 @@ def _index(table: Table, column: int, n_rows: Sequence[int]) -> tuple[IntArray, 
     if not what and (bad or twice):
         return None
     if wrong := bad or twice:
-        table.refuse(
-            wrong, f"is not of one {what}: {title!r} has whole numbers from 0, each once; correct the line"
-        )
+        problem = f"is not of one {what}: {title!r} has whole numbers from 0, each once"
+        table.refuse(wrong, f"{problem}; correct the line")
     most, least, count = max(valid), min(valid), len(valid)
     is_counted = [*range(1, count + 1)] == sorted(valid)
     if title.lower() == "id" and not (is_counted or [*range(count)] == sorted(valid)):
@@ -222,16 +221,12 @@ def _index(table: Table, column: int, n_rows: Sequence[int]) -> tuple[IntArray, 
     faces = n_rows[1:] if what != "vertex" and (what or (count not in n_rows[:1] and count in n_rows)) else ()
     n = next(iter(faces or n_rows), count if is_counted else most + 1)
     base = int(least > 0 and (most == n or (is_counted and count == n)))
+    last = rows[valid.index(most)]
     if most - base >= n:
-        table.refuse(
-            rows[valid.index(most)],
-            f"is of {title!r} {most}, and there are {n}; give the values of this surface",
-        )
+        table.refuse(last, f"is of {title!r} {most}, and there are {n}; give the values of this surface")
     if is_counted and not base:
-        row = rows[valid.index(most)]
-        table.refuse(
-            row, f"is the last of {title!r}, which may count from 0 or from 1 as there are {n}; count from 0"
-        )
+        problem = f"is the last of {title!r}, which may count from 0 or from 1 as there are {n}"
+        table.refuse(last, f"{problem}; count from 0")
     logger.warning("%s: column %r is taken to count %s from %d", table.name, title, what or "rows", base)
     return np.array(valid) - base, n
 
@@ -256,9 +251,8 @@ def _column(table: Table, i: int) -> AnyArray:
         whole = [table.integer(cell) if re.fullmatch(r"[+-]?\d+", cell) else None for cell in cells]
         return np.array(numbers, dtype=np.float64) if None in whole else np.array(whole, dtype=np.int64)
     fractions = [number for number in numbers if number is not None and np.isfinite(number) and number % 1]
-    if fractions or all(
-        number is not None or _IN_THOUSANDS.fullmatch(cell) for cell, number in zip(cells, numbers)
-    ):
+    texts = [cell for cell, number in zip(cells, numbers) if number is None]
+    if fractions or all(map(_IN_THOUSANDS.fullmatch, texts)):
         table.numbers(i)  # refuses the text
     return np.array(["" if cell.lower() in NO_TEXT else cell for cell in cells])
 

@@ -46,10 +46,8 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     used = np.unique(surface.sound_faces)
     distances, nearest = cKDTree(surface.vertices[used]).query(positions)
     points = PrecisePoints.at_vertices(used[nearest])
-    order = cKDTree(
-        surface.vertices[surface.sound_faces].mean(axis=1)
-    ).indices  # neighbours follow one another
-    faces = surface.sound_faces[order]
+    centres = surface.vertices[surface.sound_faces].mean(axis=1)
+    faces = surface.sound_faces[cKDTree(centres).indices]  # neighbours follow one another
     boxes, starts = _hierarchy(surface.vertices[faces])
     vertices, queries = map(read_only, (surface.vertices, positions))
 

@@ -77,15 +77,14 @@ def _make_cloud(values: FloatArray, table: Table, notes: list[str], frame: Frame
     titles = [title.lower() for title in table.titles]
     axes_found = [titles.index(axis) for axis in "xyz" if axis in titles]
     if titles and (len(axes_found) < 3 or len(titles) != values.shape[1]):
-        raise unexpected(
-            table.name, "columns x, y, z", ", ".join(table.titles)[:80], "name them so in the first line"
-        )
-    counts = np.arange(len(values))
+        found = ", ".join(table.titles)[:80]
+        raise unexpected(table.name, "columns x, y, z", found, "name them so in the first line")
+    n_rows, n_columns = values.shape
     if (
         not titles
-        and values.shape[1] > 3
-        and len(values) > 2
-        and (values[:, 0] - values[0, 0] == counts).all()
+        and n_columns > 3
+        and n_rows > 2
+        and (values[:, 0] - values[0, 0] == np.arange(n_rows)).all()
     ):
         found = "a first column that counts the rows"
         raise unexpected(table.name, "x, y, z", found, "name the columns in the first line, such as id x y z")
@@ -98,20 +97,15 @@ def _make_cloud(values: FloatArray, table: Table, notes: list[str], frame: Frame
         if {*axes} <= {*lower} and not any(title.name == name for title in attributes):
             chosen = [lower.index(axis) for axis in axes]
             three = values[:, [others[i] for i in chosen]]
-            if (
-                kind == "normal"
-                or _are_bytes(three)
-                or 0 <= three.min(initial=0) <= three.max(initial=1) <= 1
-            ):
+            is_share = 0 <= three.min(initial=0) <= three.max(initial=1) <= 1
+            if kind == "normal" or is_share or _are_bytes(three):
                 three = three.astype(np.uint8) if kind == "colour" and _are_bytes(three) else three
                 attributes.append(Attribute(name, "point", kind, three))
                 others = [x for i, x in enumerate(others) if i not in chosen]
                 names = [x for i, x in enumerate(names) if i not in chosen]
     if axes_found:
-        attributes += [
-            Attribute(title or f"column {i + 1}", "point", "scalar", values[:, i])
-            for i, title in zip(others, names)
-        ]
+        for i, title in zip(others, names):
+            attributes.append(Attribute(title or f"column {i + 1}", "point", "scalar", values[:, i]))
     else:
         attributes += _guess_columns(values[:, 3:])
     named = number_equal_names(attributes)

@@ -189,15 +189,13 @@ def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribu
 
 def _frame(points: Any) -> Frame:
     """Read the frame of points, which FreeSurfer may write as meta data."""
-    texts = {
-        key: [points.meta.get(f"VolGeom{word}") for word in words] for key, words in _VOLUME_KEYS.items()
-    }
-    volume = None
+    meta, volume = points.meta, None
+    texts = {key: [meta.get(f"VolGeom{word}") for word in words] for key, words in _VOLUME_KEYS.items()}
     if all(None not in numbers for numbers in texts.values()):
-        volume = {**NEW_VOLUME, "filename": str(points.meta.get("VolGeomFname", "none"))}
+        volume = {**NEW_VOLUME, "filename": str(meta.get("VolGeomFname", "none"))}
         for key, numbers in texts.items():
             volume[key] = np.array(numbers).astype(int if key == "volume" else float)
-    of_words, system = Frame.of_named(points.meta), points.coordsys
+    of_words, system = Frame.of_named(meta), points.coordsys
     frame = Frame(volume=volume)
     if system is not None:
         spaces = [_SPACES[int(code)] for code in (system.dataspace, system.xformspace)]
@@ -213,11 +211,9 @@ def _describe_frame(frame: Frame | None) -> tuple[Any, dict[str, str]]:
     codes = [f"NIFTI_XFORM_{space.upper()}" for space in (frame.space, frame.to)]
     volume = frame.named if frame.words else {}
     if frame.volume is not None and frame.has_space:
-        volume |= {
-            f"VolGeom{word}": f"{number:g}" if key == "volume" else f"{number:.6f}"
-            for key, words in _VOLUME_KEYS.items()
-            for word, number in zip(words, frame.volume[key])
-        }
+        for key, words in _VOLUME_KEYS.items():
+            for word, number in zip(words, frame.volume[key]):
+                volume[f"VolGeom{word}"] = f"{number:g}" if key == "volume" else f"{number:.6f}"
         volume["VolGeomFname"] = str(frame.volume.get("filename", "none"))
     return _package().GiftiCoordSystem(*codes, frame.matrix), volume
 

@@ -54,9 +54,7 @@ class GltfDocument:
     polygons: Polygons
     uv_names: Mapping[int, str] = field(default_factory=dict)  # by the numbers in materials
     former: object = None  # the previous document of another format
-    coloured: frozenset[tuple[int, str]] = (
-        frozenset()
-    )  # meshes with the keys of their colours, which may be white
+    coloured: frozenset[tuple[int, str]] = frozenset()  # meshes with the keys of their colours, even if white
 
     @property
     def data(self) -> GltfData:
@@ -131,10 +129,8 @@ def _read(gltf: GltfData) -> Asset:
         set_keys(gltf.json, mesh, key_names(meshes[mesh]), {})
     coloured = set[tuple[int, str]]()
     for mesh, i, _ in places:
-        coloured |= {
-            (mesh, key) for key in meshes[mesh]["primitives"][i]["attributes"] if key.startswith("COLOR_")
-        }
         primitive = meshes[mesh]["primitives"][i]
+        coloured |= {(mesh, key) for key in primitive["attributes"] if key.startswith("COLOR_")}
         primitive["attributes"] = {}
         for key in ("indices", "targets", "mode"):
             primitive.pop(key, None)
@@ -416,11 +412,7 @@ def texcoord_numbers(asset: Asset) -> dict[str, int]:
     """Assign numbers to the attributes of texture coordinates, as they are written."""
     number_of = asset.document.uv_names if isinstance(asset.document, GltfDocument) else {}
     number_of_name = {name: number for number, name in number_of.items()}
-    names = [
-        attribute.name
-        for attribute in number_equal_names(asset.attributes, of_all=True)
-        if attribute.kind == "uv"
-    ]
+    names = [a.name for a in number_equal_names(asset.attributes, of_all=True) if a.kind == "uv"]
     numbers: dict[str, int] = {}
     for name in sorted(names, key=lambda name: name not in number_of_name):
         number = number_of_name.get(name, _number(name, "uv"))

@@ -182,9 +182,8 @@ def _faces(asset: Asset, indices: list[IntArray], encoding: str) -> bytes:
         table = np.stack([index[rows] + 1 for index in used], axis=1)
         words[rows] = _text.format_rows(f"{template} ", table).decode().split()
     keyword = np.ones(len(sizes), dtype=np.int64), np.full(len(sizes), "f", object)
-    return _text.interleave_lines(
-        [*map(_label_statements, statements), keyword, (sizes, words)], len(sizes), encoding
-    )
+    columns = [*map(_label_statements, statements), keyword, (sizes, words)]
+    return _text.interleave_lines(columns, len(sizes), encoding)
 
 
 def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines, which: int) -> FloatArray:

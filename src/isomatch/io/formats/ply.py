@@ -170,22 +170,15 @@ def with_names_of(asset: Asset, giver: object) -> Asset:
     document = asset.document
     taken = {name for members in document.names.values() for name in members}
     taken |= {column.name for column in document.of_points}
-    more = {
-        key: members
-        for key, members in giver.names.items()
-        if key not in document.names and taken.isdisjoint(members)
-    }
+    more = {key: members for key, members in giver.names.items() if taken.isdisjoint(members)}
     return replace(asset, document=replace(document, names={**more, **document.names}))
 
 
 def names_without_blanks(asset: Asset) -> list[Attribute]:
     """Return the attributes whose names lose blanks, with names that say so."""
     kept_names = asset.document.names if isinstance(asset.document, PlyDocument) else {}
-    lost = [
-        attribute
-        for attribute in asset.attributes
-        if re.search(r"[\x00-\x20]", attribute.name) and (attribute.name, attribute.domain) not in kept_names
-    ]
+    new = [a for a in asset.attributes if (a.name, a.domain) not in kept_names]
+    lost = [a for a in new if re.search(r"[\x00-\x20]", a.name)]
     return [replace(attribute, name=f"the blanks in the name {attribute.name}") for attribute in lost]
 
 
@@ -251,11 +244,10 @@ def write(asset: Asset, binary: bool | None = None, single: bool = False) -> byt
     elements |= document.elements
     if single:
         for name, element in elements.items():
-            plain = [
-                replace(column, type=np.dtype("f4")) if column.type.str[1:] == "f8" else column
-                for column in element.columns
-            ]
-            elements[name] = Element(tuple(plain), element.n_rows)
+            columns = (
+                replace(c, type=np.dtype("f4")) if c.type.str[1:] == "f8" else c for c in element.columns
+            )
+            elements[name] = Element((*columns,), element.n_rows)
     encoding = next(word for word, order in _BYTE_ORDERS.items() if order == byte_order)
     comments = [comment for comment in document.comments if not _JOINT.fullmatch(_text_of(comment))]
     comments += joints
@@ -321,9 +313,8 @@ def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[st
     # Names are in UTF-8 or another encoding. Only ASCII blanks separate words, and the last word is the
     # rest of the line, because names of groups of Blender have blanks.
     lines, n_bytes = _header_lines(data, name)
-    encoding = encoding_of(
-        b"\n".join(text for text in lines.texts if not text.startswith((b"comment", b"obj_info")))
-    )
+    named = [text for text in lines.texts if not text.startswith((b"comment", b"obj_info"))]
+    encoding = encoding_of(b"\n".join(named))
     words = lines.row(1).split() if len(lines) > 1 else []
     if len(words) != 3 or words[0] != "format" or words[1] not in _BYTE_ORDERS:
         lines.fail(1, f"'format' and one of {', '.join(_BYTE_ORDERS)}")
@@ -491,9 +482,8 @@ def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, Int
             expected = "a list of whole numbers of points in element 'tristrips'"
             raise unexpected(f"{name}:1", expected, "none", "export faces instead")
         corners = lists[0].values.astype(np.int64)
-        ends = np.union1d(
-            np.flatnonzero(corners < 0), np.cumsum(np.append(0, cast(IntArray, lists[0].counts))) - 0.5
-        )
+        starts = np.cumsum(np.append(0, cast(IntArray, lists[0].counts))) - 0.5
+        ends = np.union1d(np.flatnonzero(corners < 0), starts)
         strip = np.searchsorted(ends, np.arange(len(corners)), side="right")
         sizes = np.bincount(strip[corners >= 0], minlength=1)
         triangles, _ = triangles_of_strips(corners[corners >= 0], sizes)
@@ -579,9 +569,8 @@ def _properties(
 ) -> tuple[tuple[Column, ...], list[str]]:
     """Return the columns of an element, with lists for corners, and comments that name joints."""
     taken = {*_INDEX_LISTS, *(attribute.name for attribute in (*first_columns, *lists))}
-    attributes = [
-        a for a in asset.attributes if a.domain == domain or (a.domain, domain) == ("corner", "face")
-    ]
+    domains = ("face", "corner") if domain == "face" else (domain,)
+    attributes = [attribute for attribute in asset.attributes if attribute.domain in domains]
     former = [names.get((attribute.name, attribute.domain), ()) for attribute in attributes]
     for i, (attribute, members) in enumerate(zip(attributes, former)):
         if attribute.domain != "corner" and len(members) != attribute.plain.size // max(len(attribute), 1):
