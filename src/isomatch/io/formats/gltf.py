@@ -501,7 +501,7 @@ def with_key_weights_of(asset: Asset, giver: object) -> Asset:
 
 def with_skeleton(asset: Asset, places: Mapping[str, FloatArray], parents: Mapping[str, str]) -> Asset:
     """Return an asset as a glTF file with joints at places (3,); parents come before their children."""
-    document, gltf = opened_document(asset)
+    document, gltf = open_document(asset)
     nodes, start = gltf.json["nodes"], len(gltf.json["nodes"])
     number = {name: start + i for i, name in enumerate(places)}
     for name, place in places.items():
@@ -522,7 +522,7 @@ def with_skeleton(asset: Asset, places: Mapping[str, FloatArray], parents: Mappi
     for node in nodes[:start]:
         if "mesh" in node:
             node["skin"] = skin
-    return edited(asset, document, gltf)
+    return with_contents(asset, document, gltf)
 
 
 def new_document(asset: Asset) -> GltfDocument:
