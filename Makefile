@@ -15,7 +15,7 @@ WORKERS := -n auto --dist loadfile --no-loadscope-reorder  # a worker for each p
 
 unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start compiles every module again
 
-.PHONY: demo docs extras test test-kernel test-long fuzz coverage lint types benchmark results lock lowest release release-check clean
+.PHONY: demo docs docs-dev extras test test-kernel test-long fuzz coverage lint types benchmark results lock lowest release release-check clean
 
 # with pip if uv fails
 $(BIN)/python: | $(UV)
@@ -45,6 +45,9 @@ $(DOCS)/bin/sphinx-build: pyproject.toml
 
 docs: $(DOCS)/bin/sphinx-build
 	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
+
+docs-dev: $(DOCS)/bin/sphinx-build  # for developers: subpackages, laboratory, decisions, releases
+	$< -n -W --keep-going docs/dev docs/_build/dev
 
 extras:  # zips for Blender and 3D Slicer
 	$(PYTHON) extras/zipped.py dist/extras

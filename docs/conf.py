@@ -1,4 +1,4 @@
-"""The site: ``make docs`` builds it into ``docs/_build/html``, without the network."""
+"""The users' site: ``make docs`` builds it into ``docs/_build/html``, without the network."""
 
 import logging
 import sys
@@ -20,7 +20,6 @@ copyright = author
 version = release = isomatch.__version__
 
 extensions = [
-    "files_of_subpackages",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "numpydoc",
@@ -28,11 +27,10 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "cyclopts.ext.sphinx",
     "mathml",
-    "house",
     "reference",
     "repository_links",
 ]
-exclude_patterns = ["_build", "_extensions", "gallery/**/*.md5", "gallery/**/*.py"]
+exclude_patterns = ["_build", "_extensions", "dev", "gallery/**/*.md5", "gallery/**/*.py"]
 nitpicky = True
 suppress_warnings = ["config.cache"]
 

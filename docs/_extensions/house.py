@@ -1,6 +1,6 @@
 """The picture of the house: which subpackages there are, and which imports which, drawn from the imports.
 
-Run ``python docs/_extensions/house.py`` to draw ``docs/images/house.svg`` again; a build does so, too.
+Run ``python docs/_extensions/house.py`` to draw ``docs/dev/images/house.svg`` again; a build does so, too.
 """
 
 import ast
@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[2] / "src" / "isomatch"
-PICTURE = Path(__file__).parents[1] / "images" / "house.svg"
+PICTURE = Path(__file__).parents[1] / "dev" / "images" / "house.svg"
 WIDTH, HEIGHT, ROW, COLUMN = 176, 56, 104, 200
 MARGIN = 16
 

@@ -63,7 +63,7 @@ class Setting(Settings):
         if self.data is None and not self.quick:
             raise SettingError(
                 "no folder of meshes was given: the paper's shapes are those of TOSCA and SCAPE, which are not shipped; "
-                "pass --data DIR (docs/lab/benchmarks.md describes its layout), or --quick for the shipped creatures"
+                "pass --data DIR (docs/dev/lab/benchmarks.md describes its layout), or --quick for the shipped creatures"
             )
 
     @property

@@ -32,14 +32,13 @@ def write_page(out: Path, names: Iterable[str]) -> None:
     ]
     head = (
         "# Figures and table of *Geodesic Distance Descriptors*, reproduced\n\n"
-        "Written by `isomatch paper`. A picture leads to itself in full size.\n"
+        "Written by `isomatch paper`; `isomatch paper NAME --data DIR -o OUT` makes one of them.\n"
     )
     write_text(out / PAGE, head + "".join(map(_section, records)))
 
 
 def _section(record: dict[str, Any]) -> str:
     name = record["item"]
-    quick = " --quick" if record["quick"] else " --data DIR"
     rows = "".join(
         f"| {verdict['claim']} | {verdict['measured']} | {'yes' if verdict['holds'] else '**no**'} |\n"
         for verdict in record["verdicts"]
@@ -50,8 +49,8 @@ def _section(record: dict[str, Any]) -> str:
         if key not in ELSEWHERE and value not in ({}, [], "")
     )
     return (
-        f"\n## {name}: {record['origin']}\n\n{record['title']}. `isomatch paper {name}{quick} -o OUT`; "
-        f"[numbers]({name}.csv), [pairs and settings]({name}.json).\n\n[![{record['title']}]({name}.png)]({name}.png)\n\n"
+        f"\n## {name}: {record['origin']}\n\n{record['title']}: [numbers]({name}.csv), "
+        f"[pairs and settings]({name}.json).\n\n[![{name}]({name}.png)]({name}.png)\n\n"
         f"| claim | measured | holds |\n|---|---|---|\n{rows}\n{facts[:1].upper()}{facts[1:]}.\n"
     )
 

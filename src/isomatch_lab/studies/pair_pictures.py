@@ -1,8 +1,8 @@
-"""Draw pairs of shapes of the tables in ``docs/lab``: the worst of the benchmarks, and the median one of each contest.
+"""Draw pairs of the tables in ``docs/accuracy``: the worst of the benchmarks, and the median one of each contest.
 
-    python -m isomatch_lab.studies.pair_pictures --data DIR [-o docs/lab] [--count 3]
+    python -m isomatch_lab.studies.pair_pictures --data DIR [-o docs/accuracy] [--count 3]
 
-matches them again and writes ``benchmarks/worst_1.png``, … and ``contests/CONTEST.png`` with the geodesic error on the
+matches them again and writes ``worst_1.png``, … and ``CONTEST.png`` with the geodesic error on the
 source, at truth points and, between them, that of the nearest one in space.
 """
 
@@ -21,7 +21,7 @@ from isomatch.visualization import ValuePanel, draw_map
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.contests import CONTESTS
 
-PAGES = Path(__file__).parents[3] / "docs" / "lab"
+PAGES = Path(__file__).parents[3] / "docs" / "accuracy"
 SHOWN = ("topkids", "cuts", "holes", "species_other", "two_parts")
 
 
@@ -34,12 +34,12 @@ def by_error(table: str) -> list[dict[str, str]]:
 
 def pairs(data: Path, count: int) -> Iterator[tuple[str, str, str | Path | None, str]]:
     """Give the picture of each pair, its set, the folder of the sets, and its name."""
-    for number, row in enumerate(by_error("benchmarks/pairs.csv")[:count], 1):
-        yield f"benchmarks/worst_{number}.png", row["set"], data, row["pair"]
+    for number, row in enumerate(by_error("pairs.csv")[:count], 1):
+        yield f"worst_{number}.png", row["set"], data, row["pair"]
     for contest in SHOWN:
-        rows = [row for row in by_error("contests/contests.csv")[::-1] if row["contest"] == contest]
+        rows = [row for row in by_error("contests.csv")[::-1] if row["contest"] == contest]
         folder = str(data / CONTESTS[contest].of)
-        yield f"contests/{contest}.png", folder, None, rows[len(rows) // 2]["pair"]
+        yield f"{contest}.png", folder, None, rows[len(rows) // 2]["pair"]
 
 
 def draw(path: Path, name: str, folder: str | Path | None, pair_name: str) -> None:

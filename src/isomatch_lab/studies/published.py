@@ -1,6 +1,6 @@
 """Published numbers of the contests, from ``published.csv``, with those of isomatch among them.
 
-`beside` renders a table for each contest of ``docs/results/contests.csv`` on which others published. See ``results.py``.
+`beside` tells the place of each contest of ``docs/results/contests.csv`` on which others published. See ``results.py``.
 """
 
 from __future__ import annotations
@@ -28,45 +28,34 @@ Row = dict[str, str]
 
 
 def beside(results: Path) -> str:
-    """Render the tables; the best comes first, by overlap where all have one, else by error."""
+    """Render where each of our rows stands among the published ones: by overlap where all have one, else by error."""
     with (results / "contests.csv").open(newline="", encoding="utf-8") as file:
         measured = {row["contest"]: row for row in csv.DictReader(file)}
     with PUBLISHED.open(newline="", encoding="utf-8") as file:
         published = list(csv.DictReader(file))
-    tables = []
+    lines = []
     for contest, (title, ours) in OURS.items():
-        rows = [*_of(contest, published), *(_ours(measured[name], what) for name, what in ours.items())]
-        tables.append(f"### {title}\n\n{_table(rows)}")
-    return "\n".join(tables)
+        others = [row for row in published if row["contest"] == contest]
+        overlap = all(row["IoU, %"] for row in others)
+        key = "IoU, %" if overlap else "error"
+        others.sort(key=lambda row: float(row[key]), reverse=overlap)
+        alike = [row for row in others if row["learns"].startswith("nothing")]
+        for name, what in ours.items():
+            our = measured[name][key if overlap else "mean"]
+            better = sum(
+                float(row[key]) > float(our) if overlap else float(row[key]) < float(our) for row in others
+            )
+            best = [_told(rows[0], key) if rows else "" for rows in (others, alike)]
+            place = f"{better + 1} of {len(others) + 1}"
+            lines.append([f"{title}, {measured[name]['pairs']} {what}", key, our, place, *best])
+    return markdown(
+        ["set, pairs of isomatch", "measure", "isomatch", "place", "best", "best without learning"], lines
+    )
 
 
-def _of(contest: str, rows: list[Row]) -> list[Row]:
-    """Give the rows of a contest, each method with its year; what was seen in a summary alone keeps the mark."""
-    shown = ("method", "error", "IoU, %", "learns", "pairs")
-    return [
-        {key: row[key] for key in shown}
-        | {"method": f"{row['method']} {row['year']}{' †' * row['source'].endswith('†')}"}
-        for row in rows
-        if row["contest"] == contest
-    ]
-
-
-def _ours(row: Row, what: str) -> Row:
-    """Give a contest of ours the columns of published.csv."""
-    return {
-        "method": "**isomatch**",
-        "error": row["mean"],
-        "IoU, %": row["IoU, %"],
-        "learns": "nothing",
-        "pairs": f"{row['pairs']} {what}, turned",
-    }
-
-
-def _table(rows: list[Row]) -> str:
-    overlap = all(row["IoU, %"] for row in rows)
-    rows = sorted(rows, key=lambda row: -float(row["IoU, %"]) if overlap else float(row["error"]))
-    shown = [key for key in rows[0] if any(row[key] for row in rows)]
-    return markdown(shown, ([row[key] for key in shown] for row in rows))
+def _told(row: Row, key: str) -> str:
+    """Name a method, its year and its number; what was seen in a summary alone keeps the mark."""
+    return f"{row['method']} {row['year']}{' †' * row['source'].endswith('†')}: {row[key]}"
 
 
 def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:

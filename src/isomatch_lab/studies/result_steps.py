@@ -22,7 +22,7 @@ def study(
     *files: str,
     of: str = "",
     options: str = "",
-    folder: str = "lab/benchmarks",
+    folder: str = "dev/lab/benchmarks",
     **tables: str,
 ) -> Step:
     """Make a step of a script of this folder, or of one of its sets; its table is SCRIPT_table.csv if none is named."""
@@ -39,9 +39,7 @@ FIGURES = (
     *("curves-5pt", "distortion-table", "voronoi", "curves-initialised"),
 )
 STEPS = (
-    study("accuracy", 50, "pairs.csv", "summary.csv", "curves.png"),
-    study("accuracy", 3, of="organs", organs="classes_table.csv"),
-    study("accuracy", 5, of="cross", cross="classes_table.csv"),
+    study("accuracy", 50, "pairs.csv", "summary.csv", "curves.png", folder="accuracy"),
     study(
         *("methods", 35),
         *(
@@ -53,35 +51,38 @@ STEPS = (
         methods="methods_table.csv",
     ),
     study(
-        *("contests", 120, "contests.csv", "curves.csv", "curves.png"),
-        folder="lab/contests",
+        *("contests", 120, "contests.csv", "contest_curves.csv=curves.csv", "contest_curves.png=curves.png"),
+        folder="accuracy",
         contests="contests_table.csv",
     ),
-    study("confidence", 16, "confidence.csv"),
+    study("confidence", 16, "confidence.csv", folder="accuracy"),
     study("vertex_confidence", 4),
     study("ablation", 16, "ablation.csv", "ablation_pairs.csv", ablation="ablation.csv"),
     study("sensitivity", 9, "sensitivity.csv"),
     study("smoothness", 2, "smoothness.csv"),
     study("engines", 1),
     study("distance_bases", 5, "distance_bases.csv", "distance_bases.png", "distance_ratios.csv"),
-    study("robustness", 15, "robustness.csv", "robustness.svg"),
+    Step(
+        "robustness",
+        15,
+        "python -m isomatch_lab.studies.robustness --data {data} -o {out}",
+        {},
+        {f"dev/lab/benchmarks/robustness.{end}": f"robustness.{end}" for end in ("csv", "svg")},
+    ),
     study("real_shapes", 21, parts="real_shapes_table.csv"),
-    study("welds", 10),
     study(
         *("performance", 17, "performance.csv", "performance.svg"),
         options="--pyfm 30000",  # on larger meshes it takes minutes a match
         folder="performance",
         speed="pairs_table.csv",
-        stages="stages_table.csv",
     ),
-    study("paper_deviations", 2, "deviations.csv", folder="lab/paper", deviations="deviations_table.csv"),
-    study("consistency", 40, consistency="consistency_table.csv", cycles="cycles_table.csv"),
+    study("paper_deviations", 2, "deviations.csv", folder="dev/lab/paper", deviations="deviations_table.csv"),
     Step(
         "paper",
         100,
         "python -m isomatch_lab.studies.paper_figures --data {data} -o {out}",
         {"paper": "paper_table.csv"},
-        {f"lab/paper/{name}.{end}": f"{name}.{end}" for name in FIGURES for end in ("png", "csv", "json")}
-        | {"lab/paper/index.md": "index.md"},
+        {f"dev/lab/paper/{name}.{end}": f"{name}.{end}" for name in FIGURES for end in ("png", "csv", "json")}
+        | {"dev/lab/paper/index.md": "index.md"},
     ),
 )

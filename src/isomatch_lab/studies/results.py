@@ -11,7 +11,8 @@ command, the machine, versions of packages, the revision, the date and the secon
 is skipped.
 
 In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result -->`` is ``docs/results/NAME.csv``, in
-``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are.
+``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are,
+``<!-- result: stamp: STEP; STEP -->`` of what those of some steps are, where a page has tables of several revisions.
 ``<!-- result: beside -->`` puts the contests among published numbers.
 """
 
@@ -137,7 +138,7 @@ def filled(text: str, stamps: dict[str, Stamp], results: Path = ROOT / RESULTS) 
     def fill(place: re.Match[str]) -> str:
         name, columns, old = place.groups()
         if name == "stamp":
-            new = told({step: stamps[step] for step in steps_of(text)})
+            new = told({step: stamps[step] for step in (columns.split("; ") if columns else steps_of(text))})
         elif name == "beside":
             new = published.beside(results)
         else:
