@@ -1,4 +1,4 @@
-"""The pictures of ``docs/when_not.md`` and ``docs/how_to/symmetric_shapes.md``: maps that are wrong, with how they ended.
+"""The pictures of ``docs/when_not.md`` and ``docs/priors.md``: maps that are wrong, with how they ended.
 
 Run ``python docs/images/draw_failures.py`` to draw them again; it takes a minute.
 """

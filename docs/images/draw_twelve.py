@@ -1,4 +1,4 @@
-"""The pictures of ``docs/twelve_maps.md``: twelve maps with a known truth, and what came out after following the advice.
+"""The pictures of ``docs/when_not.md``: twelve maps with a known truth, and what came out after following the advice.
 
 Run ``python docs/images/draw_twelve.py`` to draw them again; it takes three minutes, and prints the numbers of the page.
 """

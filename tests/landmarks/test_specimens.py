@@ -250,7 +250,9 @@ def test_the_lines_of_r_on_the_page_run(tmp_path):
     (tmp_path / "carried").mkdir()
     for name in ("landmarks.tps", "landmarks.csv"):
         write_specimens(tmp_path / "carried" / name, specimens)
-    page = (Path(__file__).parents[2] / "docs" / "landmarks.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "wishes" / "landmarks_to_fifty.md").read_text(
+        encoding="utf-8"
+    )
     found = re.findall(r"```r\n(.*?)```", page, re.DOTALL)
     assert found
     for lines in found:
