@@ -62,7 +62,7 @@ class Bent:
     #     g = mean_i |y_i − p_i|                       gap: how far the bent shape stays away from the surface
     # A map that exchanges limbs asks for a large s; where the shape resists, g becomes large instead. The product is in
     # one unit for all maps of a pair, and needs no weight between the two: of the scores compared on elastic maps
-    # (docs/lab/design_notes.md, the choice), it tells wrong maps from right ones by the largest ratio.
+    # (decisions.md, elastic choice), it tells wrong maps from right ones by the largest ratio.
     @property
     def stretch(self) -> float:
         """Mean |log| of the stretch of the edges."""

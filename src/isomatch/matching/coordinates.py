@@ -13,7 +13,7 @@ from isomatch.correspondence import Embedding, nearest_of_few, register_nonrigid
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.surfaces import PrecisePoints, vertex_normals
 
-# of the registration that ends the smooth refinement; docs/lab/benchmarks.md, smoothness
+# of the registration that ends the smooth refinement; lab/benchmarks.md, smoothness
 SMOOTH_REGISTRATION_STEPS = 8
 
 EVERYWHERE = slice(None)
@@ -42,7 +42,7 @@ def refined_images(
     """Refine the images of the refinement vertices in joint coordinates of more and more functions."""
     # Without positions, all but the last images are vertices among n_refine samples of the target. With them, images are
     # points of its triangles. Such points follow the coordinates continuously, where nearest vertices jump: where
-    # coordinates are disturbed by 1e-9, fewer final images move (docs/lab/design_notes.md, rounding).
+    # coordinates are disturbed by 1e-9, fewer final images move (decisions.md, rounding).
     # side: 1 preserves the orientation of the faces, −1 reverses it
     samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]

@@ -37,14 +37,14 @@ class TiesParameters:
     elsewhere_tie: float = 1.05  # score over the winner's
     # a difference of landmark errors up to this counts for nothing; chosen: that of search vertices
     landmark_slack: float = 0.05  # √area
-    # a map that is so much better counts whatever priors say; docs/lab/benchmarks.md, confidence
+    # a map that is so much better counts whatever priors say; lab/benchmarks.md, confidence
     clearly_better: float = 1.15  # ratio of scores
     # energies below are equal, or one of the symmetric maps between two copies of a mesh would seem better; two
-    # triangulations of one surface differ by 0.002 to 0.06; docs/lab/benchmarks.md, symmetry
+    # triangulations of one surface differ by 0.002 to 0.06; lab/benchmarks.md, symmetry
     energy_noise: float = 0.012  # energy
-    # the same of spectral residuals; 0.26 to 0.35; docs/lab/benchmarks.md, symmetry
+    # the same of spectral residuals; 0.26 to 0.35; lab/benchmarks.md, symmetry
     spectral_residual_noise: float = 0.25  # spectral residual
-    score_noise: float = 0.04  # score: the same of scores; 0.04 to 0.09; docs/lab/benchmarks.md, symmetry
+    score_noise: float = 0.04  # score: the same of scores; 0.04 to 0.09; lab/benchmarks.md, symmetry
     # costs below are equal; rotations of a flat ring onto itself cost up to 5e-6, maps between poses from 3e-4
     cost_noise: float = 1e-5  # cost of `verify`
     least_region: float = 0.01  # share of vertices: a region below says nothing; chosen: ten of 1000
@@ -57,11 +57,13 @@ class ScreeningParameters:
     # closest points from priors take so many; most maps change little afterwards; chosen
     prior_steps: int = 8  # iterations
     # so many are kept of round shapes, whose residuals tell little before curvature is compared;
-    # docs/lab/robustness.md, shapes without limbs
+    # lab/robustness.md, shapes without limbs
     most_without_limbs: int = 40  # hypotheses
     # a hypothesis is upsampled by these; steps of 5 as in Melzi et al. 2019
     sizes: tuple[int, ...] = (20, 25, 30, 35, 40, 45, 50)  # functions
-    sure: float = 0.75  # share of the bounds of a poor map: a map below is sure; docs/lab/design_notes.md
+    sure: float = (
+        0.75  # share of the bounds of a poor map: a map below is sure; decisions.md, given up and tried again
+    )
     most_mirrored: int = 3  # maps: so many of the orientation that is not allowed are refined; chosen
     # shapes with so many are round, and no automatic map is told from the others; discs and balls 11 to 40, bodies to
     # 6
@@ -76,7 +78,7 @@ class AnchorsParameters:
     n_anchors: int = 6  # points
     # their images are sought among so many of the target; chosen: as for symmetries
     n_candidates: int = 200  # search vertices
-    # signatures beside distances; docs/lab/robustness.md, shapes without limbs
+    # signatures beside distances; lab/robustness.md, shapes without limbs
     signature_weight: float = 0.25  # weight
     beam: int = 200  # partial assignments: so many are kept; chosen
     # assignments that are farther apart differ; chosen: 0.1 with 80 starts is no better
@@ -84,7 +86,7 @@ class AnchorsParameters:
     n_starts: int = 48  # assignments: the best become first maps; chosen: of the most that extremities give
     # by these signatures move a first map; the first before a candidate is made
     slide_functions: int = 20  # functions
-    # signatures move a first map so often; docs/lab/robustness.md, shapes without limbs
+    # signatures move a first map so often; lab/robustness.md, shapes without limbs
     slide_steps: int = 10  # steps
 
 
@@ -94,7 +96,9 @@ class StrategyParameters:
 
     # flips of the best are tried between capped shapes; of mesh018–mesh014 with holes the error is 30 with 3
     flipped: int = 6  # hypotheses
-    creased: int = 3  # times: a shape is cut along its creases, and matched; docs/lab/design_notes.md
+    creased: int = (
+        3  # times: a shape is cut along its creases, and matched; decisions.md, strategies that pay
+    )
     # a crease is a self-contact if the images of its sides are farther apart; chosen
     torn: float = 0.1  # √area
     # the map of a part with less doubt needs no other strategy; that of a mirror image had 0.94
@@ -121,7 +125,7 @@ class ElasticSearchParameters:
     signature_cost: float = 0.1  # weight: signatures of anchors
     aside_cost: float = 1.0  # weight: distances from mirror images; chosen
     most_aside: float = 1.0  # average distances: such distances count no more; chosen
-    # so many do not compare them, where both shapes have mirror images; docs/lab/robustness.md, other species
+    # so many do not compare them, where both shapes have mirror images; decisions.md, elastic starts
     n_plain_starts: int = 30  # starts
     # at most, of a map of a shape to itself that gives mirror images
     mirror_spectral_residual: float = 0.26  # spectral residual
@@ -129,9 +133,9 @@ class ElasticSearchParameters:
     mirror_starts: int = 24  # starts: first maps of a shape to itself; chosen
     # as elastic.forgiven, for a shape is nearly isometric to its mirror image; chosen
     mirror_forgiven: float = 0.1  # share
-    # of these so many go on after each step; docs/lab/design_notes.md
+    # of these so many go on after each step; decisions.md, elastic choice
     mirror_followed: tuple[int, ...] = (12, 4, 4)  # maps
-    # so many coarse fits go on after each step; the last are bent, with maps from elsewhere; docs/lab/design_notes.md
+    # so many coarse fits go on after each step; the last are bent, with maps from elsewhere; decisions.md, elastic choice
     followed: tuple[int, ...] = (90, 40, 8)  # maps
     asymmetry_unit: float = 0.1  # canonical coordinates: asymmetry below is that of the shapes themselves
     asymmetry_exponent: float = 0.25  # exponent: of asymmetry beside the spectral residual
@@ -143,10 +147,10 @@ class ElasticSearchParameters:
 class ElasticFitParameters:
     """The bending of shapes whose limbs stretch, and what is read off."""
 
-    # those without another source: docs/lab/design_notes.md
+    # those without another source: decisions.md, elastic steps
 
     hopeless: float = 1.5  # score over the least: a map is not bent further from here
-    # normals beside canonical coordinates, in the last step; docs/lab/robustness.md, other species
+    # normals beside canonical coordinates, in the last step; decisions.md, elastic steps
     fine_normal_weight: float = 0.15  # weight
     priored_tie: float = 1.1  # score over the least: a map that agrees with the priors wins up to this
     # the first of elastic.bending, which move large pieces, as the winner was bent by them before
@@ -232,7 +236,7 @@ class PartFitParameters:
 
     function_ratio: float = 1.75  # ratio: a boundary needs more functions than the share of the area says
     extra_functions: int = 3  # functions: and so many more
-    # distances from landmarks are coordinates up to this; docs/lab/robustness.md: parts
+    # distances from landmarks are coordinates up to this; lab/robustness.md, parts
     landmark_reach: float = 0.3  # √area
     least_near: float = 0.08  # √area of the part: shortest distances that measure the unit of a map
     most_near: float = 0.3  # √area of the part: longest of them
@@ -241,8 +245,8 @@ class PartFitParameters:
     n_rough_functions: int = 40  # functions of the whole: tell where normals point in it
     n_fine_functions: int = 60  # functions of the whole: tell where normals point in the end
     n_anchor_functions: int = 200  # functions of the whole: tell the images of the anchors under a fine map
-    n_bent: int = 2  # times: a map is settled; docs/lab/robustness.md: parts
-    # of the stress in the cost of a map; 0.15 to 0.4 choose alike; docs/lab/design_notes.md
+    n_bent: int = 2  # times: a map is settled; lab/robustness.md, parts
+    # of the stress in the cost of a map; 0.15 to 0.4 choose alike; decisions.md, cost of a part
     stress_exponent: float = 0.25  # exponent
     least_orientation: float = 0.1  # cosine, mean: a rough map promises no less below
     n_varied: int = 4  # maps: the best rough ones are composed with maps of the whole onto itself
@@ -376,8 +380,8 @@ class ErrorsParameters:
     main: float = 0.25  # share of a region: what is doubtful there is a reason from here; chosen
     least_known: float = 0.5  # share of a neighbourhood: its descriptor distance is not known below; chosen
     least_area: float = 0.005  # share of the surface: no region is told below; chosen: half a hand
-    # the error where vertices look unlike their images; docs/lab/benchmarks.md, regions of doubt
-    unlike: float = 0.5  # mean error over √(area of the region)
+    # the error where vertices look unlike their images; lab/benchmarks.md, regions of doubt
+    unlike: float = 0.27  # √area, mean
     most_named: int = 5  # landmarks: in a note; chosen
     # of the smoothed surfaces whose normals are compared; chosen with outcome.poor_orientation
     normal_functions: int = 60  # functions
@@ -389,7 +393,7 @@ class ErrorsParameters:
 
 @dataclass(frozen=True)
 class ExchangeParameters:
-    """Maps found from the target, and regions that a map takes from others; docs/lab/design_notes.md, both sides."""
+    """Maps found from the target, and regions that a map takes from others; decisions.md, both sides."""
 
     # so many of the maps that tie when searched from the target contend; chosen
     most_from_target: int = 2  # maps
@@ -411,7 +415,7 @@ class ExchangeParameters:
 
 @dataclass(frozen=True)
 class SymmetricParameters:
-    """Maps composed with near-symmetries, which may fit as well as the winner; docs/lab/design_notes.md, individuals."""
+    """Maps composed with near-symmetries, which may fit as well as the winner; decisions.md, individuals."""
 
     # such a map is refined up to this; one at 1.07 fits as well, those from 1.5 cost twice as much by `verify`
     energy: float = 1.75  # energy over the winner's
@@ -444,7 +448,7 @@ class JudgingParameters:
 class SpectralParameters:
     """The refinements of the paper."""
 
-    # a functional map grows from the best of these; docs/lab/paper.md
+    # a functional map grows from the best of these; lab/paper.md
     first: tuple[int, ...] = (15, 20, 30, 40)  # functions
     choice: int = 50  # functions: at which the best of these is chosen; chosen: as many as the rank
     step: int = 5  # functions: are added in each step; Melzi et al. 2019

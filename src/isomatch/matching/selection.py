@@ -147,7 +147,7 @@ def weighed(
     """Multiply the costs of maps by the descriptor distance of their images where they differ from the best map."""
     # Two maps i, j that differ in a region R (where their images are > SAME_MAP.elsewhere apart) are compared by
     #   c_i / c_j · exp(w (m̄_i − m̄_j)),   m̄ the mean over R of the descriptor distance:
-    # the exponential makes the comparison of j with i the inverse of that of i with j. docs/lab/design_notes.md
+    # the exponential makes the comparison of j with i the inverse of that of i with j. decisions.md, descriptor weight
     n = len(costs)
     lead = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
     for i in range(n):

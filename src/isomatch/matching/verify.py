@@ -28,12 +28,12 @@ from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, label_components
 
-# those without another source: docs/lab/design_notes.md, one verification
+# those without another source: decisions.md, one verification
 LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # in √area, over which a shape resists while it is bent by a map
 # vertices of the shape that is bent; with 1000, 14 of 14 pairs of species and ants get the same map, later
 N_BENT = 500
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0  # 3 to 10 and 1 to 3 choose alike
-# of the turning, over a unit in radians: about the median of right maps; docs/lab/design_notes.md, individuals
+# of the turning, over a unit in radians: about the median of right maps; decisions.md, turning
 TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
 COVERED = 0.05  # √area from an image, up to which a vertex has a counterpart; outcome.coverage_radius
 NEAR, FAR = 0.08, 0.3  # √area of the source: distances that measure the unit of a map

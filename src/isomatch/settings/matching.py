@@ -50,24 +50,24 @@ class SearchSettings(Settings):
     """
 
     rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
-    start_columns: int = setting(20, "docs/lab/benchmarks.md, sensitivity", least=4)
+    start_columns: int = setting(20, "lab/benchmarks.md, sensitivity", least=4)
     near_rigid: float = setting(0.05, "bones of one kind: 0.034 to 0.043; other poses: from 0.047", least=0)
-    off_diagonal: tuple[float, ...] = setting((0.01, 0.001, 0.0001), "docs/lab/paper.md, centaur5", least=0)
-    ridge: float = setting(0.001, "docs/lab/benchmarks.md, sensitivity", least=0)
+    off_diagonal: tuple[float, ...] = setting((0.01, 0.001, 0.0001), "lab/paper.md, centaur5", least=0)
+    ridge: float = setting(0.001, "lab/benchmarks.md, sensitivity", least=0)
     extremity_counts: tuple[int, ...] = setting((4, 5, 6), "ablation: one set of extremities", least=1)
-    n_candidate_extremities: int = setting(7, "docs/lab/benchmarks.md, sensitivity", least=1)
-    assignments: int = setting(8, "docs/lab/benchmarks.md, sensitivity: the right map on 86 of 86", least=1)
-    eccentricity_weight: float = setting(0.3, "docs/lab/benchmarks.md, sensitivity", least=0)
-    start_steps: int = setting(12, "docs/lab/benchmarks.md, sensitivity", least=1)
-    flip_steps: int = setting(4, "docs/lab/benchmarks.md, sensitivity", least=1)
-    unchanged: float = setting(0.99, "docs/lab/benchmarks.md, sensitivity", least=0, most=1)
-    compare_every: int = setting(2, "docs/lab/benchmarks.md, sensitivity", least=1)
+    n_candidate_extremities: int = setting(7, "lab/benchmarks.md, sensitivity", least=1)
+    assignments: int = setting(8, "lab/benchmarks.md, sensitivity: the right map on 86 of 86", least=1)
+    eccentricity_weight: float = setting(0.3, "lab/benchmarks.md, sensitivity", least=0)
+    start_steps: int = setting(12, "lab/benchmarks.md, sensitivity", least=1)
+    flip_steps: int = setting(4, "lab/benchmarks.md, sensitivity", least=1)
+    unchanged: float = setting(0.99, "lab/benchmarks.md, sensitivity", least=0, most=1)
+    compare_every: int = setting(2, "lab/benchmarks.md, sensitivity", least=1)
     same_start: float = setting(0.02, "sensitivity; half the spacing of 400 samples", least=0)
     same_map: float = setting(0.05, "sensitivity; the spacing of 400 samples", least=0)
     n_hypotheses: int = setting(14, "the right map was among the best 12 on 86 of 86 pairs", least=1)
     flipped: int = setting(3, "ablation: no flips", least=0)
     flipped_functions: int = setting(20, "ablation: no flips", least=0)
-    flip_landmarks: bool = setting(True, "docs/lab/paper.md: victoria12–victoria23, 7.9 without, 4.2 with")
+    flip_landmarks: bool = setting(True, "lab/paper.md: victoria12–victoria23, 7.9 without, 4.2 with")
 
 
 @dataclass(frozen=True)
@@ -105,20 +105,18 @@ class SelectionSettings(Settings):
         Largest number of alternatives in the result.
     """
 
-    normal_functions: int = setting(40, "docs/lab/benchmarks.md, sensitivity", least=4)
+    normal_functions: int = setting(40, "lab/benchmarks.md, sensitivity", least=4)
     curvature_exponent: float = setting(2.0, "on 86 pairs 2 and 1 choose right, 2 by a wider margin", least=0)
     orientation_threshold: float = setting(0.3, "50 pairs: right ones above 0.54", least=0, most=1)
     mirrored_energy: float = setting(0.75, "lopsided creatures up to 0.52; bodies from 0.42", least=0)
-    energy_limit: float = setting(3.0, "docs/lab/benchmarks.md, sensitivity", least=1)
-    most_contenders: int = setting(4, "docs/lab/design_notes.md: no other map than by 6", least=1)
-    extension_functions: int = setting(50, "docs/lab/benchmarks.md, sensitivity; as in the search", least=4)
-    spectral_residual_limit: float = setting(
-        1.15, "docs/lab/benchmarks.md, sensitivity; as outcome.tie", least=1
-    )
-    same_map: float = setting(0.02, "docs/lab/benchmarks.md, sensitivity; half of one turned limb", least=0)
+    energy_limit: float = setting(3.0, "lab/benchmarks.md, sensitivity", least=1)
+    most_contenders: int = setting(4, "decisions.md, refinement cost: no other map than by 6", least=1)
+    extension_functions: int = setting(50, "lab/benchmarks.md, sensitivity; as in the search", least=4)
+    spectral_residual_limit: float = setting(1.15, "lab/benchmarks.md, sensitivity; as outcome.tie", least=1)
+    same_map: float = setting(0.02, "lab/benchmarks.md, sensitivity; half of one turned limb", least=0)
     energy_exponent: float = setting(0.25, "ablation: model selection by spectral residual alone", least=0)
     runner_up_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
-    descriptor_weight: float = setting(1.5, "docs/lab/design_notes.md", least=0)
+    descriptor_weight: float = setting(1.5, "decisions.md, descriptor weight", least=0)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
 
 
@@ -153,20 +151,22 @@ class RefinementSettings(Settings):
     """
 
     sizes_without_positions: tuple[int, ...] = setting(
-        (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; docs/lab/design_notes.md", least=4, empty=True
+        (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; decisions.md, refinement steps", least=4, empty=True
     )
     sizes_with_positions: tuple[int, ...] = setting((50, 75, 100), "ablation", least=4, empty=True)
     final_sizes: tuple[int, ...] = setting((125, 150), "ablation", least=4, empty=True)
-    sizes_of_parts: tuple[int, ...] = setting((70, 100, 140), "docs/lab/design_notes.md", least=4, empty=True)
+    sizes_of_parts: tuple[int, ...] = setting(
+        (70, 100, 140), "decisions.md, refinement steps", least=4, empty=True
+    )
     sizes_again: tuple[int, ...] = setting(
-        (20, 30, 50, 80, 130), "docs/lab/design_notes.md", least=4, empty=True
+        (20, 30, 50, 80, 130), "decisions.md, second refinement", least=4, empty=True
     )
     polished_sizes: tuple[int, ...] = setting((100, 150), "docs/performance.md, resolution", least=4)
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
-    normal_weight: float = setting(0.3, "docs/lab/benchmarks.md, sensitivity", least=0)
-    function_weight: float = setting(0.2, "docs/priors.md: functions known on both", least=0)
-    registration_steps: int = setting(3, "docs/lab/design_notes.md", least=0)
-    laplace_steps_at_once: int = setting(0, "docs/lab/paper.md, deviations: at once heals less", least=0)
+    normal_weight: float = setting(0.3, "lab/benchmarks.md, sensitivity", least=0)
+    function_weight: float = setting(0.2, "docs/priors.md, functions known on both", least=0)
+    registration_steps: int = setting(3, "decisions.md, refinement cost", least=0)
+    laplace_steps_at_once: int = setting(0, "lab/paper.md, deviations: at once heals less", least=0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -238,24 +238,24 @@ class PartSettings(Settings):
         Cost of a composed map by `verify`, above which it is not sure.
     """
 
-    hopeless: float = setting(3.0, "docs/lab/robustness.md: parts", least=1)
+    hopeless: float = setting(3.0, "lab/robustness.md, parts", least=1)
     long_boundary: float = setting(0.15, "complete bodies up to 0.08, without a limb from 0.2", least=0)
-    close: bool = setting(True, "docs/lab/robustness.md: holes closed")
-    little_missing: float = setting(0.85, "docs/lab/design_notes.md", least=0)
-    most_there: float = setting(0.6, "docs/lab/design_notes.md", least=0)
-    bending: tuple[float, ...] = setting(BENDING_LENGTHS, "docs/lab/robustness.md: parts", least=1e-3)
-    rim: float = setting(0.04, "docs/lab/robustness.md: parts", least=0)
-    off: float = setting(0.1, "docs/lab/robustness.md: parts", least=0)
-    n_bent_vertices: int = setting(1000, "docs/lab/robustness.md: parts", least=50)
-    n_settled: int = setting(3, "docs/lab/robustness.md: parts", least=0)
-    poor_doubt: float = setting(8.5e-5, "docs/lab/robustness.md: parts, how the bound was set", least=0)
-    little_trusted: float = setting(0.15, "docs/lab/robustness.md: parts", least=0, most=1)
-    clear: float = setting(2.0, "docs/lab/robustness.md: parts", least=1)
-    descriptor_weight: float = setting(6.0, "docs/lab/design_notes.md", least=0)
-    n_common: int = setting(8, "docs/lab/design_notes.md", least=1)
-    sure_common: float = setting(0.5, "docs/lab/design_notes.md", least=0)
+    close: bool = setting(True, "decisions.md, strategies that pay")
+    little_missing: float = setting(0.85, "decisions.md, part first or second", least=0)
+    most_there: float = setting(0.6, "decisions.md, two parts", least=0)
+    bending: tuple[float, ...] = setting(LENGTHS, "lab/robustness.md, parts", least=1e-3)
+    rim: float = setting(0.04, "lab/robustness.md, parts", least=0)
+    off: float = setting(0.1, "lab/robustness.md, parts", least=0)
+    n_bent_vertices: int = setting(1000, "lab/robustness.md, parts", least=50)
+    n_settled: int = setting(3, "lab/robustness.md, parts", least=0)
+    poor_doubt: float = setting(8.5e-5, "lab/robustness.md, parts, how the bound was set", least=0)
+    little_trusted: float = setting(0.15, "lab/robustness.md, parts", least=0, most=1)
+    clear: float = setting(2.0, "lab/robustness.md, parts", least=1)
+    descriptor_weight: float = setting(6.0, "decisions.md, cost of a part", least=0)
+    n_common: int = setting(8, "decisions.md, two parts", least=1)
+    sure_common: float = setting(0.5, "decisions.md, two parts", least=0)
     tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)
-    poor_via: float = setting(0.03, "docs/lab/design_notes.md", least=0)
+    poor_via: float = setting(0.03, "decisions.md, by way of a whole", least=0)
 
 
 @dataclass(frozen=True)
@@ -280,14 +280,16 @@ class ElasticSettings(Settings):
         `RigidRegistration`.
     """
 
-    sought: float = setting(0.54, "docs/lab/design_notes.md: when limbs are taken to stretch", least=0)
+    sought: float = setting(0.54, "decisions.md, elastic outcome: when limbs are taken to stretch", least=0)
     n_coordinates: int = setting(8, "Ezuz et al. 2019", least=3)
     forgiven: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
-    inside: float = setting(0.1, "docs/lab/robustness.md, other species", least=0)
-    n_starts: int = setting(60, "docs/lab/robustness.md, other species", least=1)
-    bending: tuple[float, ...] = setting(BENDING_LENGTHS, "docs/lab/design_notes.md", least=1e-3)
-    n_bent_vertices: int = setting(1000, "docs/lab/design_notes.md", least=100)
-    most_scaled: float = setting(2.0, "docs/lab/design_notes.md: limbs of half and twice the size", least=1)
+    inside: float = setting(0.1, "decisions.md, elastic starts", least=0)
+    n_starts: int = setting(60, "decisions.md, elastic starts", least=1)
+    bending: tuple[float, ...] = setting(LENGTHS, "decisions.md, elastic steps", least=1e-3)
+    n_bent_vertices: int = setting(1000, "decisions.md, elastic steps", least=100)
+    most_scaled: float = setting(
+        2.0, "decisions.md, elastic steps: limbs of half and twice the size", least=1
+    )
 
 
 @dataclass(frozen=True)
@@ -335,27 +337,27 @@ class OutcomeSettings(Settings):
     """
 
     coverage_radius: float = setting(COVERAGE_RADIUS, "the spacing of the search vertices", least=0)
-    tie: float = setting(1.25, "docs/lab/design_notes.md", least=1)
-    look_tie: float = setting(1.15, "docs/lab/design_notes.md", least=1)
-    mirror_tie: float = setting(1.5, "docs/lab/benchmarks.md, confidence: either side", least=1)
+    tie: float = setting(1.25, "decisions.md, descriptor weight", least=1)
+    look_tie: float = setting(1.15, "decisions.md, descriptor bounds", least=1)
+    mirror_tie: float = setting(1.5, "lab/benchmarks.md, confidence: either side", least=1)
     mirror_image: float = setting(0.6, "lopsided creatures up to 0.52; bodies from 0.67", least=0, most=1)
     torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
     poor_spectral_residual: float = setting(
-        0.66, "set on FAUST and creatures; docs/lab/benchmarks.md, confidence", least=0
+        0.66, "set on FAUST and creatures; lab/benchmarks.md, confidence", least=0
     )
-    poor_residual: float = setting(
-        0.38, "set on FAUST and creatures; docs/lab/benchmarks.md, confidence", least=0
-    )
-    poor_stretch: float = setting(1.2, "docs/lab/benchmarks.md, confidence", least=1)
-    poor_bending: float = setting(1.7e-3, "docs/lab/design_notes.md", least=0)
-    poor_far_residual: float = setting(0.45, "docs/lab/design_notes.md", least=0)
-    poor_far_descriptor_distance: float = setting(0.465, "docs/lab/design_notes.md, individuals", least=0)
-    poor_descriptor_distance: float = setting(0.42, "docs/lab/design_notes.md", least=0)
-    doubtful_descriptor_distance: float = setting(0.65, "docs/lab/benchmarks.md, regions of doubt", least=0)
+    poor_residual: float = setting(0.38, "set on FAUST and creatures; lab/benchmarks.md, confidence", least=0)
+    poor_stretch: float = setting(1.2, "lab/benchmarks.md, confidence", least=1)
+    poor_bending: float = setting(1.7e-3, "decisions.md, elastic outcome", least=0)
+    poor_far_residual: float = setting(0.45, "decisions.md, elastic outcome", least=0)
+    poor_far_descriptor_distance: float = setting(0.465, "decisions.md, individuals", least=0)
+    poor_descriptor_distance: float = setting(0.42, "decisions.md, descriptor bounds", least=0)
+    doubtful_descriptor_distance: float = setting(0.65, "lab/benchmarks.md, regions of doubt", least=0)
     doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)
-    torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/lab/benchmarks.md, confidence", least=0)
+    torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: lab/benchmarks.md, confidence", least=0)
     poor_torn_off: float = setting(0.005, "half a hand; right maps have at most 0.2 %", least=0)
     poor_orientation: float = setting(0.65, "chosen, not measured", least=-1, most=1)
-    contradiction: float = setting(0.1, "docs/lab/benchmarks.md, contradicted priors", least=0)
-    out_of_pose: float = setting(0.25, "docs/priors.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)
+    contradiction: float = setting(0.1, "lab/benchmarks.md, contradicted priors", least=0)
+    out_of_pose: float = setting(
+        0.25, "docs/priors.md, the pose: up to 0.22 turned by 40°, from 0.29 by 90°", least=0
+    )
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)

@@ -44,15 +44,17 @@ class PreparationSettings(Settings):
     """
 
     extremity_spacing: float = setting(0.25, "0.15: thumbs displaced heads or feet on 4 of 50 pairs", least=0)
-    n_extremities: int = setting(8, "docs/lab/benchmarks.md, sensitivity: 7 to 12 the same map", least=0)
-    signature_step: int = setting(5, "docs/lab/benchmarks.md, sensitivity; the filters overlap", least=1)
+    n_extremities: int = setting(8, "lab/benchmarks.md, sensitivity: 7 to 12 the same map", least=0)
+    signature_step: int = setting(5, "lab/benchmarks.md, sensitivity; the filters overlap", least=1)
     curvature_functions: tuple[int, ...] = setting((50, 100, 150), "sensitivity; coarse to fine", least=4)
     energy_curvature_functions: int = setting(100, "the middle of curvature_functions", least=4)
-    distance_unit: DistanceUnit = setting("average", "docs/lab/paper.md, deviations: distances in mesh units")
-    block_diagonal: bool = setting(True, "docs/lab/paper.md, deviations: C not block-diagonal")
-    sheet_distance: float = setting(0.1, "docs/lab/robustness.md, touching limbs", least=0)
-    self_contact_concavity: float = setting(0.5, "docs/lab/robustness.md, touching limbs: 0.16…0.36", least=0)
-    most_self_contacts: int = setting(24, "docs/lab/design_notes.md: limbs make up to 9, skulls 157", least=0)
+    distance_unit: DistanceUnit = setting("average", "lab/paper.md, deviations: distances in mesh units")
+    block_diagonal: bool = setting(True, "lab/paper.md, deviations: C not block-diagonal")
+    sheet_distance: float = setting(0.1, "decisions.md, separated sheets", least=0)
+    self_contact_concavity: float = setting(0.5, "decisions.md, self-contacts: 0.16…0.36", least=0)
+    most_self_contacts: int = setting(
+        24, "decisions.md, self-contacts: limbs make up to 9, skulls 157", least=0
+    )
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)
 
 
@@ -99,5 +101,5 @@ class SymmetrySettings(Settings):
         / number of search vertices). The spacing of these vertices alone gives about 2.4.
     """
 
-    most: int = setting(24, "docs/lab/benchmarks.md, symmetry", least=0)
-    largest_residual: float = setting(3.2, "docs/lab/benchmarks.md, symmetry", least=0)
+    most: int = setting(24, "lab/benchmarks.md, symmetry", least=0)
+    largest_residual: float = setting(3.2, "lab/benchmarks.md, symmetry", least=0)

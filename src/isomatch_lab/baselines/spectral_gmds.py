@@ -50,7 +50,7 @@ class SpectralGmdsConfig(Settings):
     icp_steps: int = setting(15, least=1)
     final_sizes: tuple[int, ...] = setting(
         tuple(range(20, 201, 5)),
-        "as `zoomout` from a map; docs/lab/paper.md, Spectral GMDS",
+        "as `zoomout` from a map; docs/dev/lab/paper.md, Spectral GMDS",
         least=3,
         empty=True,
     )

@@ -24,7 +24,7 @@ from isomatch_lab.sets.shape_set import BenchmarkPair, ShapeSet, relabelled
 from isomatch_lab.sets.stored_set import StoredSet
 
 Shapes: TypeAlias = ShapeSet | CrossSpecies | FolderSet | StoredSet
-EXPECTED = "docs/lab/benchmarks.md describes the layout of the folder and where to obtain the sets"
+EXPECTED = "docs/dev/lab/benchmarks.md describes the layout of the folder and where to obtain the sets"
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,7 +73,7 @@ def cross_species(root: str | Path) -> CrossSpecies:
     truth = root / "truth.npz"
     if not truth.exists():
         raise MissingFileError(
-            f"{truth}: no truth between classes; docs/lab/benchmarks.md describes its contents"
+            f"{truth}: no truth between classes; docs/dev/lab/benchmarks.md describes its contents"
         )
     named = {name for key in arrays(truth) for name in key.split("|")}
     classes: dict[str, tuple[ShapeSet, tuple[str, ...]]] = {}

@@ -101,5 +101,5 @@ def _read_mat(path: Path) -> Mesh:
 
 def _refuse(path: Path, problem: str) -> NoReturn:
     raise FormatError(
-        f"{path}: cannot be read ({problem}); docs/lab/benchmarks.md describes the contents of such a file"
+        f"{path}: cannot be read ({problem}); docs/dev/lab/benchmarks.md describes the contents of such a file"
     )

@@ -112,7 +112,7 @@ def stored_set(root: Path, symmetric: bool = False) -> StoredSet:
 
 def _refuse(path: Path, problem: str) -> NoReturn:
     raise FormatError(
-        f"{path}: cannot be read ({problem}); expected arrays as docs/how_to/own_benchmark.md describes them"
+        f"{path}: cannot be read ({problem}); expected arrays as docs/dev/lab/benchmarks.md describes them"
     )
 
 

@@ -36,7 +36,7 @@ def expected_errors(
     # Of an isometry both are the same, and F is orthogonal. A displaced image leaves r = Φ_t(f(i)) − Φ_s(i) F, and to
     # first order r = |∇(Φ_s F)| · δ for an image that has to move by δ:
     #   δ(i) = ‖r‖ / |∇(Φ_s F)|   (a length),   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)   (strain: 0 if F is orthogonal),
-    #   expected error = scale · √(δ |ε|), spread by the heat kernel. docs/lab/benchmarks.md, confidence
+    #   expected error = scale · √(δ |ε|), spread by the heat kernel. lab/benchmarks.md, confidence
     source = pair.source
     k = pair.n_functions
     functions = source.functions[:, :k]  # (n_s, K)

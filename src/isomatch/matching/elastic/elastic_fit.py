@@ -147,7 +147,7 @@ class Step(NamedTuple):
 
 
 # of the coarse fit, after each of which only the best go on: its functions show limbs, but no details, and smoothness was
-# chosen with them; docs/lab/design_notes.md
+# chosen with them; decisions.md, elastic choice
 COARSE_STEPS = Step(20, 0.01, 2, True), Step(20, 0.01, 2, True), Step(30, 0.007, 4, True)
 
 

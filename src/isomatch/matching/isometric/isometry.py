@@ -260,7 +260,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _best_verified(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
         """Of maps that tie take the one that verifies best."""
-        # Not for capped shapes, whose distances cross the caps; docs/lab/design_notes.md, both sides.
+        # Not for capped shapes, whose distances cross the caps; decisions.md, both sides.
         first = ranking.best
         capped = any(shape.original for shape in (self.source, self.target))
         tied = [first] if capped or not self.pair.is_sided else self.tied(ranking)

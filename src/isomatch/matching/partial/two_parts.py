@@ -102,7 +102,7 @@ class RefinedRegion:
         # The worth is a reward, the more the better: Σ area that looks more alike than at random − area that should
         # have an image and has none (`CommonRegions.worth`). Costs of single points would rank a tiny region that fits
         # exactly first, as nothing is asked of what it leaves out. The orientation is 1 − 2t if a share t of the region
-        # is turned inside out. A power of the spectral residual beside these chose no better, docs/lab/design_notes.md.
+        # is turned inside out. A power of the spectral residual beside these chose no better, decisions.md, two parts.
         return -max(self.worth, 0.0) * max(self.fit.orientation, 0.0)
 
     def grown_again(self, most: float) -> CommonRegion:
