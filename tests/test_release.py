@@ -120,10 +120,3 @@ def test_workflows_pin_their_actions_and_only_publishing_may_identify_itself():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert set(re.search(r"^PYTHONS \?= (.*)$", makefile, re.MULTILINE)[1].split()) <= set(matrix["python"])
     assert {name.partition("-")[0] for name in matrix["os"]} == {"ubuntu", "macos", "windows"}
-
-
-def test_the_checklists_name_files_that_are_there():
-    page = (ROOT / "docs" / "dev" / "checklists.md").read_text(encoding="utf-8")
-    named = re.findall(r"`((?:\.github|docs|extras|release|tests|src)/[^`*]+|[A-Z]+(?:\.\w+)?)`", page)
-    assert len(named) > 10
-    assert not [name for name in named if not (ROOT / name).exists()]
