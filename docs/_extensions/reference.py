@@ -77,7 +77,11 @@ def page(subpackage, home):
     plain = [name for name in own if is_plain(getattr(module, name))]
     listed = [name for name in own if name not in plain]
     borrowed = [name for name, place in described_in.items() if place != title]
-    lines = [title, "=" * len(title), "", f".. module:: {title}", "", inspect.getdoc(module) or "", ""]
+    directive = [
+        f".. module:: {title}",
+        *["   :no-index:"] * (subpackage in isomatch.__all__),
+    ]
+    lines = [title, "=" * len(title), "", *directive, "", inspect.getdoc(module) or "", ""]
     if listed:
         lines += [".. autosummary::", "   :toctree: names", "   :nosignatures:", ""]
         lines += [*(f"   {name}" for name in listed), ""]

@@ -29,8 +29,8 @@ def page_of(target, site):
     """Path below a site of the page made from a file of the repository, or None."""
     examples = ROOT / "examples"
     if site == USERS and target.is_relative_to(examples):
-        name = target.relative_to(examples).with_suffix("").as_posix()
-        return "gallery/index.rst" if target == examples else f"gallery/{name}.rst"
+        name = target.relative_to(examples)
+        return "gallery/index.rst" if target == examples else f"gallery/{name.with_suffix('.rst').as_posix()}"
     if target.is_relative_to(site) and not target.is_relative_to(site / "dev"):
         return target.relative_to(site).as_posix()
     if target == ROOT / "README.md":
