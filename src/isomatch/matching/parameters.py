@@ -381,7 +381,7 @@ class ErrorsParameters:
     least_known: float = 0.5  # share of a neighbourhood: its descriptor distance is not known below; chosen
     least_area: float = 0.005  # share of the surface: no region is told below; chosen: half a hand
     # the error where vertices look unlike their images; lab/benchmarks.md, regions of doubt
-    unlike: float = 0.27  # √area, mean
+    unlike: float = 0.5  # mean error over √(area of the region)
     most_named: int = 5  # landmarks: in a note; chosen
     # of the smoothed surfaces whose normals are compared; chosen with outcome.poor_orientation
     normal_functions: int = 60  # functions
