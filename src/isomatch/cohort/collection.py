@@ -199,7 +199,7 @@ class Collection(Plan):
         `UnwritableFileError` if another run does the same shard, or the folder cannot be written.
 
         The executor is "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same
-        files; any executor of ``concurrent.futures``; or the workers of a block, see `workers_of`. So many jobs run at
+        files; any executor of ``concurrent.futures``; or the workers of a block, see ``workers_of``. So many jobs run at
         once, by default one for each processor; after so many seconds, the time limit, nothing new is begun. A shard,
         its index from 0 and their number, is a part of the pairs: several runs, on one machine or on many that see the
         same folder, each do one, and prepare the shapes it needs.

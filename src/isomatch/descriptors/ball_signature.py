@@ -22,10 +22,12 @@ from isomatch.geodesics import (
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud
 
-# in √area, from a wrist to a knee: larger balls reach other limbs where limbs touch; decisions.md, ball signature
+# Radii in √area, from a wrist to a knee; larger balls reach other limbs where limbs touch:
+# decisions.md, ball signature
 RADII = (0.04, 0.06, 0.09)
 
-# of the offset and the extents in a comparison; the greatest extent tells little: decisions.md, ball signature
+# Weights of the offset and the three extents in a comparison; the greatest extent tells little
+# (same page).
 WEIGHTS = (1.0, 0.0, 0.5, 1.0)
 
 MIN_RADIUS_EDGES = (

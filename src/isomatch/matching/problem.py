@@ -286,7 +286,7 @@ def prepare_pair(
 ) -> Problem:
     """Prepare what is not yet prepared, both at once; by default with the settings of what is. Errors as of `match`.
 
-    Nothing is known of the map, and the refinement is joint, whatever the settings name: `dataclasses.replace` sets
+    Nothing is known of the map, and the refinement is joint, whatever the settings name: ``dataclasses.replace`` sets
     priors, refinement (one of `REFINEMENTS`, or your own), starts and relation.
     """
     sides = [("source", source), ("target", target)]

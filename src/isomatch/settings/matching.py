@@ -243,7 +243,7 @@ class PartSettings(Settings):
     close: bool = setting(True, "decisions.md, strategies that pay")
     little_missing: float = setting(0.85, "decisions.md, part first or second", least=0)
     most_there: float = setting(0.6, "decisions.md, two parts", least=0)
-    bending: tuple[float, ...] = setting(LENGTHS, "lab/robustness.md, parts", least=1e-3)
+    bending: tuple[float, ...] = setting(BENDING_LENGTHS, "lab/robustness.md, parts", least=1e-3)
     rim: float = setting(0.04, "lab/robustness.md, parts", least=0)
     off: float = setting(0.1, "lab/robustness.md, parts", least=0)
     n_bent_vertices: int = setting(1000, "lab/robustness.md, parts", least=50)
@@ -285,7 +285,7 @@ class ElasticSettings(Settings):
     forgiven: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
     inside: float = setting(0.1, "decisions.md, elastic starts", least=0)
     n_starts: int = setting(60, "decisions.md, elastic starts", least=1)
-    bending: tuple[float, ...] = setting(LENGTHS, "decisions.md, elastic steps", least=1e-3)
+    bending: tuple[float, ...] = setting(BENDING_LENGTHS, "decisions.md, elastic steps", least=1e-3)
     n_bent_vertices: int = setting(1000, "decisions.md, elastic steps", least=100)
     most_scaled: float = setting(
         2.0, "decisions.md, elastic steps: limbs of half and twice the size", least=1

@@ -28,8 +28,8 @@ from isomatch.correspondence import (
 )
 from isomatch.settings import SymmetrySettings
 
-# those without another source: lab/benchmarks.md, symmetry
-N_SAMPLES = 200  # samples among which symmetries are searched; chosen: spacing 0.08, less than SAME_SYMMETRY
+# Numbers without another source: lab/benchmarks.md, symmetry.
+N_SAMPLES = 200  # samples of the search; chosen: spacing 0.08, less than SAME_SYMMETRY
 N_ANCHORS = 5  # samples far from each other: three determine an isometry of a surface, two more its errors
 BEAM_WIDTH = 60  # partial assignments that are kept
 N_ROUNDS, STEPS_PER_ROUND = 3, 4  # of iterations of closest points from each assignment

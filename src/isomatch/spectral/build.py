@@ -112,11 +112,12 @@ def distance_basis(
 
     Notes
     -----
-    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, section "Computing the basis", which is "nystrom".
-    `match` uses that method, with k = 50 and p = 100 columns by default (see `Config`). The default here is
-    "predicted", because it is nearer to the optimum for a given number of columns: a relative error of 0.0071 in place
-    of 0.0084 on the wolf of ``docs/dev/lab/benchmarks.md``, at k = 50 and p = 100. It takes longer: for a given time,
-    "nystrom" with more columns can be better.
+    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, section "Computing the basis",
+    which is "nystrom". `match` uses it, with k = 50 and p = 100 columns by default (see `Config`).
+    The default here is "predicted", because it is nearer to the optimum for a given number of
+    columns: a relative error of 0.0071 instead of 0.0084 on the wolf of ``docs/dev/lab/benchmarks.md``,
+    at k = 50 and p = 100. It takes longer: in the same time, "nystrom" with more columns can be
+    better.
 
     The columns take O(p n log n) time; "nystrom" adds O(n p k) and 8 n p bytes, "predicted" O(n p
     (p + 12 k)), a factorisation of the Laplacian and 40 n p bytes.

@@ -22,17 +22,20 @@ from isomatch.surfaces import Mesh, Surface
 
 Precision = Literal["double", "single"]
 
-BLOCK = 8  # vectors solved for at once; larger blocks need more vectors to converge, smaller ones more time to solve
-# see `smallest_eigenpairs`; decisions.md, refinement cost
-TOLERANCE: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
-# Vectors for each function, from which convergence is tested. With 2.4, the finest signature of a shape differs from that
-# of its relabelled copy by up to 0.6 standard deviations, with 2.6 by 0.07.
-SPACE = 2.6
-TESTED_EVERY = 48  # vectors, a multiple of the width of either precision; a test costs an eigendecomposition
-DENSE = 1000  # vertices up to which a dense solver computes all eigenpairs
-RELATIVE_SHIFT = 0.1  # in eigenvalues of the last function; makes inverse iteration favour no single function
-SHIFT = 1e-2  # in 1 / area; makes the singular Laplacian definite
-# near the second eigenvalue: with less, rounding of the largest part of the inverse covers others
+# Vectors solved for at once. Larger blocks need more vectors to converge, smaller ones more time to
+# solve.
+BLOCK_VECTORS = 8
+# Largest residuals of converged eigenpairs, see `smallest_eigenpairs`; decisions.md, refinement cost
+MAX_RESIDUAL: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
+# Vectors per function before the first convergence test. With 2.4, the finest signature of a shape
+# and of its relabelled copy differ by up to 0.6 standard deviations, with 2.6 by 0.07.
+MIN_VECTORS_PER_FUNCTION = 2.6
+VECTORS_PER_TEST = 48  # a multiple of the width in either precision; a test costs an eigendecomposition
+MAX_DENSE_VERTICES = 1000  # for up to so large a surface a dense solver computes all eigenpairs
+SHIFT_RATIO = 0.1  # shift relative to the last eigenvalue; makes inverse iteration favour no single function
+# Shifts in 1 / area: the first makes the singular Laplacian definite. In single precision it is
+# near the second eigenvalue: with less, rounding of the largest part of the inverse covers others.
+SHIFT = 1e-2
 SINGLE_SHIFT = 10.0
 
 

@@ -217,7 +217,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         )
 
     def cost(self, fit: PartFit) -> float:
-        """Return the spectral residual × a power of the stress, see `PartFit.cost`."""
+        """Return the spectral residual × a power of the stress, see ``PartFit.cost``."""
         return fit.cost
 
     def image(self, best: PartFit) -> Int[BodyVertices, "n_part"]:
