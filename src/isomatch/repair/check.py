@@ -157,10 +157,11 @@ ZERO_AREA_RATIO = 1e-10
 SLIVER_RATIO = 1e-3
 """A face of positive area is a sliver if its smallest altitude is below this fraction of its longest edge."""
 
-OPENING = 0.1  # √area: six mouse skulls are open by 0.08 to 0.1; decisions.md, double walls
+OPENING_DIAMETER = 0.1  # √area; six mouse skulls have openings of 0.08 to 0.1: decisions.md, double walls
 DOUBLE_WALLED_SHARE = 0.35
-"""A surface is double-walled if another sheet is close behind this share of its area, or more: bodies, animals, organs
-and single bones have up to 0.23, mouse skulls and shells from 0.52; decisions.md, double walls."""
+"""A surface is double-walled if another sheet is close behind at least this share of its area: bodies,
+animals, organs and single bones have up to 0.23, mouse skulls and shells from 0.52:
+decisions.md, double walls."""
 
 # what each field counts, and after the colon why it matters and what to do, in the order of the table
 _FATAL = {

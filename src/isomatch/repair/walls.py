@@ -8,12 +8,12 @@ from scipy.spatial import cKDTree
 from isomatch._core.errors import SettingError
 from isomatch.surfaces import Mesh
 
-WALL = 0.05  # √area: by normals in this unit, nearest points tell sheets apart; decisions.md, double walls
-N_PROBED = 1000  # vertices, evenly over the area: the share is then known to 1.5 %
-MOST_COMPARED = 50_000  # vertices that may be the other sheet, 0.004 √area apart
-DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # of the wall, at which the other sheet is sought
-OPPOSITE = -0.7  # cosine of the normals of two sheets, at most
-STEEP = 2.0  # depth of the other sheet over its distance along the surface, at least
+WALL_THICKNESS = 0.05  # √area; normals times it separate sheets: decisions.md, double walls
+N_PROBED = 1000  # vertices, spread evenly over the area; they measure the share to 1.5 %
+MAX_COMPARED_VERTICES = 50_000  # candidates for the other sheet, 0.004 √area apart
+PROBED_DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # of the wall thickness, at which the other sheet is sought
+MAX_OPPOSITE_COSINE = -0.7  # between the normals of two sheets
+MIN_STEEPNESS = 2.0  # depth of the other sheet over its sideways offset
 
 
 def double_walled_share(surface: Mesh, wall: float = WALL_THICKNESS) -> float:
