@@ -71,7 +71,7 @@ class _Components:
             chosen = zip(*linear_sum_assignment(-joined))
             return [self._matched(i, j) for i, j in chosen if joined[i, j]], False
         unlike = np.array([[self._unlike(i, j) for j in columns] for i in rows])
-        tried = unlike <= unlike.min() + COMPONENTS.same_spectrum
+        tried = unlike <= unlike.min() + COMPONENTS.same_spectrum_difference
         matched: dict[tuple[int, int], ComponentMatch] = {}
         for i, j in np.argwhere(tried).tolist():
             if match := self._tried(i, j):
@@ -85,8 +85,8 @@ class _Components:
         return best, bool(tied and _against(others[0])[2] < limit)
 
     def _runners_up(self, side: tuple[PreparedShape, ...]) -> list[int]:
-        least = COMPONENTS.runner_up_area * side[0].share
-        return [i for i, shape in enumerate(side[: COMPONENTS.most_runners_up]) if shape.share >= least]
+        least = COMPONENTS.min_runner_up_area * side[0].share
+        return [i for i, shape in enumerate(side[: COMPONENTS.max_runners_up]) if shape.share >= least]
 
     def carried_ones(self, matches: list[ComponentMatch]) -> list[ComponentMatch]:
         """Match the components that have a partner near where those matched already carry them."""
@@ -109,15 +109,15 @@ class _Components:
             return -float(joined[i, j]) if joined[i, j] else FAR_APART
         source, target = self.sources[i], self.targets[j]
         place = carrier.offset(centre, target)
-        size = abs(np.log(carrier.length_ratio(source, target))) / np.log(COMPONENTS.most_length_ratio)
-        if place > COMPONENTS.most_apart or size > 1:
+        size = abs(np.log(carrier.length_ratio(source, target))) / np.log(COMPONENTS.max_length_ratio)
+        if place > COMPONENTS.max_carried_distance or size > 1:
             return FAR_APART
-        return float((place / COMPONENTS.most_apart) ** 2 + size**2 + self._unlike(i, j))
+        return float((place / COMPONENTS.max_carried_distance) ** 2 + size**2 + self._unlike(i, j))
 
     def _unlike(self, i: int, j: int) -> float:
         """Mean difference of the logarithms of the first eigenvalues of two bodies, which are of unit area."""
         spectra = [shape.laplace.values[1:] for shape in (self.sources[i], self.targets[j])]
-        n = min(COMPONENTS.spectrum_functions, *map(len, spectra))
+        n = min(COMPONENTS.n_eigenvalues, *map(len, spectra))
         return float(np.abs(np.log(spectra[0][:n] / spectra[1][:n])).mean())
 
     def _tried(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch | None:
@@ -144,7 +144,7 @@ class _Components:
         """Match two components that are carried to each other."""
         # A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
         # decides what symmetry leaves open, if the component is near enough to what carries it.
-        held = carrier.gap(pair.target) <= COMPONENTS.held
+        held = carrier.gap(pair.target) <= COMPONENTS.max_held_distance
         placed = self._placed(pair, carrier)
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
             if held or not pair.target.symmetries:
@@ -172,7 +172,7 @@ class _Components:
         moved, there = carrier.turned(pair.source), cast(Mesh, pair.target.body).vertices
         points = pair.target.index.points(there, moved)
         gap = np.linalg.norm(points.interpolation(len(there)) @ there - moved, axis=1)
-        if gap.mean() > COMPONENTS.same_place:
+        if gap.mean() > COMPONENTS.same_place_distance:
             return None
         quality = measure_quality(pair, points)
         found = pair.source.correspondence(pair.target, points)

@@ -20,10 +20,10 @@ def exchange_regions(
     """Exchange regions of a map of a known cost with other maps while its cost falls; None if it never does."""
     exchange = _Exchange(pair, others)
     best = image
-    for _ in range(EXCHANGE.most_exchanges if np.isfinite(cost) else 0):
+    for _ in range(EXCHANGE.max_exchanges if np.isfinite(cost) else 0):
         tried = [(exchange.verifier(moved).cost, i, moved) for i, moved in enumerate(exchange.moves(best))]
         least, _, moved = min(tried, default=(np.inf, 0, best))
-        if not least <= EXCHANGE.gain * cost:
+        if not least <= EXCHANGE.max_cost_ratio * cost:
             break
         best, cost = moved, least
     return None if best is image else best
@@ -35,7 +35,7 @@ class _Exchange:
     def __init__(self, pair: Problem, others: Sequence[Int[BodyVertices, "n_s"]]) -> None:
         self.pair, self.verifier = pair, verifier_of(pair)
         self.others = [(other, self.verifier.unlikeness(other)) for other in others]
-        self.coarse = Verifier(pair, EXCHANGE.n_coarse)
+        self.coarse = Verifier(pair, EXCHANGE.n_coarse_vertices)
         self.mesh, self.areas = pair.source.mesh_body, pair.source.body.vertex_areas / pair.source.body.area
 
     def moves(self, image: BodyVertices) -> Iterator[BodyVertices]:
@@ -45,7 +45,10 @@ class _Exchange:
             for region in self._regions(image, other):
                 weights = self.areas[region]
                 here, there = (np.nansum(x[region] * weights) for x in (unlike, others_unlike))
-                if weights.sum() <= EXCHANGE.most_area and there <= EXCHANGE.alike * here:
+                if (
+                    weights.sum() <= EXCHANGE.max_region_area
+                    and there <= EXCHANGE.max_unlikeness_ratio * here
+                ):
                     moved = image.copy()
                     moved[region] = other[region]
                     if self.coarse(BodyVertices(moved)).cost <= cost:
@@ -56,8 +59,8 @@ class _Exchange:
         both = (image >= 0) & (other >= 0)
         differs = np.zeros(len(image), dtype=bool)
         differs[both] = self.pair.target.distance(image[both], other[both]) > EXCHANGE.other_place
-        largest = islice(connected_regions(self.mesh.edges, differs, self.areas), EXCHANGE.most_regions)
-        regions = [region for region, share in largest if share >= EXCHANGE.least_area]
+        largest = islice(connected_regions(self.mesh.edges, differs, self.areas), EXCHANGE.max_regions)
+        regions = [region for region, share in largest if share >= EXCHANGE.min_region_area]
         links = [
             (i, j)
             for i, one in enumerate(regions)
@@ -72,8 +75,8 @@ class _Exchange:
 
     def _lies_on(self, images: IntArray, others: IntArray) -> bool:
         """Whether a third of some images lie where others do."""
-        few, among = (x[:: max(1, len(x) // EXCHANGE.n_compared)] for x in (images, others))
+        few, among = (x[:: max(1, len(x) // EXCHANGE.n_compared_vertices)] for x in (images, others))
         apart: FloatArray = self.pair.target.distances.between(few, among) / np.sqrt(
             self.pair.target.body.area
         )
-        return bool((apart.min(axis=1) < EXCHANGE.other_place / 2).mean() > EXCHANGE.lies_on)
+        return bool((apart.min(axis=1) < EXCHANGE.other_place / 2).mean() > EXCHANGE.min_overlap)

@@ -140,15 +140,17 @@ def _weights(shape: PreparedShape, at: Int[IntArray, "m"], gap: float) -> Float[
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     places = _at(shape.detail.transfer.on_coarse, at) if shape.detail else PrecisePoints.at_vertices(at)
     nearest = places.corners[:, 0]
-    width = np.clip(HELD_LANDMARKS.slope * gap, HELD_LANDMARKS.least_width, HELD_LANDMARKS.most_width)
+    width = np.clip(HELD_LANDMARKS.width_per_shift * gap, HELD_LANDMARKS.min_width, HELD_LANDMARKS.max_width)
     if len(at) > 1:
         apart = shape.distances_between(nearest)[~np.eye(len(at), dtype=bool)]
-        width = min(width, max(apart.min(), 0.5 * HELD_LANDMARKS.least_width))
+        width = min(width, max(apart.min(), 0.5 * HELD_LANDMARKS.min_width))
     heat = (phi * np.exp(-0.5 * width**2 * spectrum)) @ places.interpolated(phi).T
     kernel = _carried(shape, heat)
     kernel /= kernel[at].diagonal()
     among = kernel[at]
-    inverse = np.linalg.pinv(among, rcond=HELD_LANDMARKS.least / float(np.linalg.norm(among, 2)))
-    weights: FloatArray = np.maximum(kernel @ inverse - HELD_LANDMARKS.tail, 0.0) / (1 - HELD_LANDMARKS.tail)
+    inverse = np.linalg.pinv(among, rcond=HELD_LANDMARKS.min_singular_value / float(np.linalg.norm(among, 2)))
+    weights: FloatArray = np.maximum(kernel @ inverse - HELD_LANDMARKS.min_weight, 0.0) / (
+        1 - HELD_LANDMARKS.min_weight
+    )
     weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
     return weights

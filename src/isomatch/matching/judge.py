@@ -175,12 +175,12 @@ class _Comparison:
         both = (given >= 0) & (reference >= 0)
         distance[both] = self.pair.target.distance(given[both], reference[both])
         images, cell = np.unique(given, return_inverse=True)
-        is_coarse = len(images) < JUDGING.coarse * len(given)
+        is_coarse = len(images) < JUDGING.coarse_image_share * len(given)
         if is_coarse:  # an image that many vertices share is right for one of them
             nearest = np.full(len(images), np.inf)
             np.fmin.at(nearest, cell, distance)
             distance = np.where(both, nearest[cell], np.nan)
-        differs = (distance > JUDGING.elsewhere) | ((given < 0) & (reference >= 0))
+        differs = (distance > JUDGING.other_place) | ((given < 0) & (reference >= 0))
         areas = source.body.vertex_areas / source.body.area
         elsewhere = float(areas[differs].sum())
         verdict, sentence = self._verdict(elsewhere, result)
@@ -209,10 +209,10 @@ class _Comparison:
         place = f"lies elsewhere on {elsewhere:.1%} of the surface"
         if result and result.outcome.is_doubtful:
             return "doubtful", f"{cost}, which is not sure itself ({result.outcome.value}), and {place}"
-        if elsewhere <= JUDGING.least_area:
-            verdict: Verdict = "right" if self.ratio <= JUDGING.rough else "doubtful"
+        if elsewhere <= JUDGING.min_region_area:
+            verdict: Verdict = "right" if self.ratio <= JUDGING.max_right_ratio else "doubtful"
             return verdict, f"{cost}, and {place}"
-        if self.ratio <= JUDGING.clearly:
+        if self.ratio <= JUDGING.min_wrong_ratio:
             return "doubtful", f"{cost}, but {place}: either map may be right there"
         return "wrong", f"{cost}, and {place}"
 
@@ -222,7 +222,7 @@ class _Comparison:
         """Find the connected regions in which the maps differ, the largest first; their vertices, farthest first."""
         source, (_, other) = self.pair.source, self.images
         found = connected_regions(source.mesh_body.edges, differs, areas)
-        for members, share in islice(found, JUDGING.most_regions):
-            if share >= JUDGING.least_area:
+        for members, share in islice(found, JUDGING.max_regions):
+            if share >= JUDGING.min_region_area:
                 users = source.user_vertex[members[np.argsort(-distance[members], kind="stable")]]
                 yield DoubtfulRegion(users, share, "the reference sends it elsewhere", other[users])

@@ -345,7 +345,7 @@ def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Prob
     # for each search vertex of the target, the row of the source whose image is nearest, by geodesic distance
     between = pair.target.distances.between
     starts = np.array([between(pair.target_vertices, image).argmin(axis=1) for image in images])
-    aligned = iterative_closest_points(*pair_back.search_points, starts, SCREENING.prior_steps)
+    aligned = iterative_closest_points(*pair_back.search_points, starts, SCREENING.n_prior_steps)
     origins = [*(fit.origin for fit in fits), *(candidate.origin for candidate in others)]
     return [Candidate(alignment, origin) for alignment, origin in zip(aligned, origins, strict=True)]
 

@@ -230,7 +230,10 @@ class Problem(SmoothPair):
     def round(self) -> bool:
         """Whether both shapes have so many rotations that those found are a few of a continuous group, as of a ball."""
         both = self.source.symmetries, self.target.symmetries
-        return min(sum(each.orientation >= 0 for each in own) for own in both) >= SCREENING.many_rotations
+        return (
+            min(sum(each.orientation >= 0 for each in own) for own in both)
+            >= SCREENING.min_rotations_of_round
+        )
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -67,7 +67,7 @@ def descriptor_embedding(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> E
 
     points = turned(pair.source_vertices, BodyVertices(pair.target_vertices[target_row]))
     everywhere = BodyVertices(np.arange(len(source.coordinates)))
-    for vertices in (*[pair.refinement_vertices] * SPECTRAL.distance_steps, everywhere, everywhere):
+    for vertices in (*[pair.refinement_vertices] * SPECTRAL.n_distance_steps, everywhere, everywhere):
         images = pair.target.index.vertices(points, source.coordinates[vertices])
         points = turned(vertices, BodyVertices(images))
     return Embedding(source.coordinates, points)
@@ -86,13 +86,13 @@ def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
     if settings.laplace_steps_at_once:
         first = polar(spectra.functional_map(rows, most))[0]
         return spectra.embedding(spectra.orthogonal_icp(first, most, settings.laplace_steps_at_once, weights))
-    middle = min(SPECTRAL.choice, most)
+    middle = min(SPECTRAL.choice_size, most)
 
     def side(target_vertex: BodyVertices) -> float:
         return float(np.sign(orientation_of(pair.source, spectra.source, pair.target, target_vertex, middle)))
 
     def sizes(first: int, last: int) -> tuple[int, ...]:
-        return (*range(first + SPECTRAL.step, last, SPECTRAL.step), last) if last > first else ()
+        return (*range(first + SPECTRAL.size_step, last, SPECTRAL.size_step), last) if last > first else ()
 
     def grown(first: int) -> tuple[bool, float, FloatArray]:
         functional_map = spectra.upsample(spectra.functional_map(rows, first), sizes(first, middle))
@@ -100,7 +100,7 @@ def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
         return side(image) != kept, energy_of(pair, vertices, image), functional_map
 
     kept = side(BodyVertices(rows))
-    trials = parallel_map(grown, sorted({min(first, middle) for first in SPECTRAL.first}))
+    trials = parallel_map(grown, sorted({min(first, middle) for first in SPECTRAL.first_sizes}))
     *_, functional_map = min(trials, key=itemgetter(0, 1))
     functional_map = spectra.upsample(functional_map, sizes(middle, most))
     of_source, of_target = spectra.embedding(functional_map)

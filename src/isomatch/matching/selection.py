@@ -10,7 +10,7 @@ import numpy as np
 
 from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray
 from isomatch.matching.maps import Candidate, Fit
-from isomatch.matching.parameters import SAME_MAP, TIES
+from isomatch.matching.parameters import MAP_DISTANCE, TIES
 from isomatch.settings import Orientation, OutcomeSettings, SelectionSettings
 
 T = TypeVar("T")
@@ -69,7 +69,7 @@ def ranked(
     slack = min((c.landmark_error for c in candidates), default=0.0) + TIES.landmark_slack
     agreeing = sorted((c for c in candidates if c.landmark_error <= slack), key=lambda c: (rank(c), c.energy))
     # landmarks may ask for the other orientation: the wanted one comes first only where its energy is near the least
-    limit = TIES.same_energy * min((c.energy for c in agreeing), default=0.0)
+    limit = TIES.same_energy_ratio * min((c.energy for c in agreeing), default=0.0)
     return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, rank(c, "any"), c.energy))
 
 
@@ -145,7 +145,7 @@ def weighed(
     weight: float,
 ) -> list[float]:
     """Multiply the costs of maps by the descriptor distance of their images where they differ from the best map."""
-    # Two maps i, j that differ in a region R (where their images are > SAME_MAP.elsewhere apart) are compared by
+    # Two maps i, j that differ in a region R (where their images are > MAP_DISTANCE.other_place apart) are compared by
     #   c_i / c_j · exp(w (m̄_i − m̄_j)),   m̄ the mean over R of the descriptor distance:
     # the exponential makes the comparison of j with i the inverse of that of i with j. decisions.md, descriptor weight
     n = len(costs)
@@ -153,8 +153,8 @@ def weighed(
     for i in range(n):
         for j in range(i):
             differences = descriptor_distances[i] - descriptor_distances[j]
-            region = np.isfinite(differences) & (distance(images[i], images[j]) > SAME_MAP.elsewhere)
-            if region.mean() >= TIES.least_region:
+            region = np.isfinite(differences) & (distance(images[i], images[j]) > MAP_DISTANCE.other_place)
+            if region.mean() >= TIES.min_region_share:
                 lead[i, j] = weight * differences[region].mean()
                 lead[j, i] = -lead[i, j]
     # As R differs from pair to pair, three maps may beat each other in a ring. The best is the eligible one that loses
@@ -197,9 +197,9 @@ class Rules:
             runner_up_distance=settings.runner_up_distance,
             landmark_slack=TIES.landmark_slack,
             score_noise=TIES.score_noise,
-            elsewhere_share=TIES.elsewhere_share,
-            elsewhere_tie=TIES.elsewhere_tie,
-            clearly_better=TIES.clearly_better,
+            elsewhere_share=TIES.exchanged_share,
+            elsewhere_tie=TIES.exchanged_ratio,
+            clearly_better=TIES.clearly_better_ratio,
             same_map=settings.same_map,
         )
 

@@ -20,7 +20,7 @@ from isomatch.matching.isometric.candidates import is_sure
 from isomatch.matching.isometric.isometry import IsometricMatch, Isometry, image_of, torn
 from isomatch.matching.maps import Candidate
 from isomatch.matching.model import Match, MatchingModel, origin_of
-from isomatch.matching.parameters import SAME_MAP, SCREENING, STRATEGY
+from isomatch.matching.parameters import MAP_DISTANCE, SCREENING, STRATEGY
 from isomatch.matching.partial.part import Part, PartSide
 from isomatch.matching.partial.two_parts import TwoParts
 from isomatch.matching.pipeline import finish, match_under, search_under
@@ -137,7 +137,7 @@ def _closed(problem: Problem, timer: StageTimer) -> Isometry:
     """Cap the holes of both shapes."""
     timer.start("prepare")
     search = problem.config.search
-    flipped = replace(search, flipped=max(STRATEGY.flipped, search.flipped))
+    flipped = replace(search, flipped=max(STRATEGY.n_flipped, search.flipped))
     source, target = parallel_map(capped_shape, (problem.source, problem.target))
     return _of_variants(problem, source, target, replace(problem.config, search=flipped))
 
@@ -158,7 +158,7 @@ def _creased(problem: Problem, before: IsometricMatch | None, timer: StageTimer)
     # natural folds are creases, too; where both sides of one have near images, it is no self-contact
     surplus, shapes = surplus_of(problem), (problem.source, problem.target)
     side = int(surplus[1] > surplus[0])
-    loose = torn(before, side, STRATEGY.torn) if before else None
+    loose = torn(before, side, STRATEGY.self_contact_distance) if before else None
     timer.start("prepare")
     creased = creased_shape(shapes[side], surplus[side], loose)
     if creased is None:
@@ -210,7 +210,7 @@ def _is_unsure_isometry(problem: Problem, attempts: Attempts) -> bool:
 
 def _is_clear(problem: Problem, solution: Solution) -> bool:
     """Whether the map of a part is far from doubtful."""
-    bound = STRATEGY.little_doubt * problem.config.parts.poor_doubt
+    bound = STRATEGY.final_doubt_fraction * problem.config.parts.poor_doubt
     return solution.outcome is Outcome.PARTIAL and solution.quality.doubt <= bound
 
 
@@ -399,7 +399,7 @@ def _attempt(strategy: Strategy, problem: Problem, attempts: Attempts, timer: St
     if model is None:
         return None
     match = search_under(model, timer)
-    for _ in range(STRATEGY.creased - 1 if strategy.again else 0):
+    for _ in range(STRATEGY.max_crease_cuts - 1 if strategy.again else 0):
         model = strategy.again and strategy.again(problem, match, timer)
         if model is None:
             break
@@ -444,7 +444,8 @@ def _verified_best(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
     def differs(i: int) -> bool:
         both = (images[i] >= 0) & (images[best] >= 0)
         return (
-            not both.any() or target.mean_distance(images[i][both], images[best][both]) > SAME_MAP.other_map
+            not both.any()
+            or target.mean_distance(images[i][both], images[best][both]) > MAP_DISTANCE.other_map
         )
 
     second = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf)
@@ -463,7 +464,7 @@ def _mirror_image_fits(problem: Problem, closed: IsometricMatch, cost: float, ti
     if problem.priors.any:
         return False
     model, side = cast(Isometry, closed.model), cast(PartSide, part_of(problem))
-    turned = model.begun(model.turned(closed.proposals.eligible)[: SCREENING.most_mirrored])
+    turned = model.begun(model.turned(closed.proposals.eligible)[: SCREENING.max_mirrored])
     best = min(model.refine(turned), key=lambda fit: fit.score, default=None)
     if best is None:
         return False

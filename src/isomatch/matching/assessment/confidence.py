@@ -47,8 +47,8 @@ def expected_errors(
     fitted, own = (_gradient_energy(x, source.body.edges, lengths) for x in (fit, functions))
     left_over = np.sqrt(((pulled_back - fit) ** 2).sum(axis=1) / np.maximum(fitted, TINY))
     strain = np.log(np.maximum(fitted, TINY) / np.maximum(unit**2 * own, TINY))
-    local = ERRORS.scale * np.sqrt(left_over * np.abs(strain))
-    return diffused(source, local if doubt is None else local + doubt, ERRORS.radius)
+    local = ERRORS.error_scale * np.sqrt(left_over * np.abs(strain))
+    return diffused(source, local if doubt is None else local + doubt, ERRORS.smoothing_radius)
 
 
 def doubt_of(
@@ -168,10 +168,14 @@ def regions_of_doubt(
     regions = []
     for vertices, area in connected_regions(body.edges, inside, body.vertex_areas):
         share = float(source.share * area / body.vertex_areas.sum())
-        if share <= ERRORS.least_area:
+        if share <= ERRORS.min_region_area:
             break
         vertices = vertices[np.argsort(-most[vertices], kind="stable")]
-        reasons = [reason for reason, doubt in doubts.items() if (doubt[vertices] > 1.0).mean() > ERRORS.main]
+        reasons = [
+            reason
+            for reason, doubt in doubts.items()
+            if (doubt[vertices] > 1.0).mean() > ERRORS.min_reason_share
+        ]
         images = runner_up[vertices] if runner_up is not None and ANOTHER_MAP in reasons else None
         regions.append(DoubtfulRegion(vertices, share, " and ".join(reasons), images))
     return tuple(regions)
@@ -180,9 +184,11 @@ def regions_of_doubt(
 def around(shape: PreparedShape, values: Float[FloatArray, "n"]) -> Float[FloatArray, "n"]:
     """Mean of values in the neighbourhood of each vertex of a body, nan where most are not known."""
     finite = np.isfinite(values)
-    total = diffused(shape, np.where(finite, values, 0.0), ERRORS.radius)
-    weight = diffused(shape, finite.astype(float), ERRORS.radius)
-    return np.where(weight > ERRORS.least_known, total / np.maximum(weight, ERRORS.least_known), np.nan)
+    total = diffused(shape, np.where(finite, values, 0.0), ERRORS.smoothing_radius)
+    weight = diffused(shape, finite.astype(float), ERRORS.smoothing_radius)
+    return np.where(
+        weight > ERRORS.min_known_share, total / np.maximum(weight, ERRORS.min_known_share), np.nan
+    )
 
 
 def lifted(
@@ -208,7 +214,7 @@ def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> Float[FloatA
     doubt = np.zeros(n_vertices)
     for region in regions:
         if UNLIKE_ITS_IMAGE in region.reason:
-            doubt[region.vertices] = ERRORS.unlike * np.sqrt(region.area)
+            doubt[region.vertices] = ERRORS.unlike_error * np.sqrt(region.area)
     return doubt
 
 

@@ -37,7 +37,7 @@ def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] 
     orientation = np.nan
     if pair.oriented:
         basis = pair.spectra.source
-        orientation = orientation_of(source, basis, target, image[vertices], ERRORS.normal_functions)
+        orientation = orientation_of(source, basis, target, image[vertices], ERRORS.n_normal_functions)
     return Quality(
         spectral_residual=ranking.best.spectral_residual if ranking else np.nan,
         runner_up=ranking.runner_up if ranking else np.nan,
@@ -161,7 +161,7 @@ def contradicted_landmarks(pair: Problem, points: PrecisePoints) -> list[str]:
     against = np.flatnonzero(apart > pair.config.outcome.contradiction)
     if not len(against):
         return []
-    worst = against[np.argsort(-apart[against], kind="stable")[: ERRORS.most_named]]
+    worst = against[np.argsort(-apart[against], kind="stable")[: ERRORS.max_named_landmarks]]
     pairs = zip(priors.user_landmarks[worst], apart[worst])
     named = ", ".join(f"{i} → {j} ({distance:.2f} √area off)" for (i, j), distance in pairs)
     more = ", …" if len(against) > len(worst) else ""

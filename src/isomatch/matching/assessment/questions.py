@@ -81,16 +81,16 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
     open_pairs, asked = np.ones(len(pairs), dtype=bool), list[int]()
     away = np.full(len(vertices), np.inf)  # from the questions asked
     for _ in range(most):
-        told = np.minimum(gap, ERRORS.questions_apart)
-        told[gap < ERRORS.places_apart] = 0.0
+        told = np.minimum(gap, ERRORS.question_distance)
+        told[gap < ERRORS.other_place] = 0.0
         # pairs that are still open first, then all pairs, so that later answers confirm the earlier ones
         worth = told[open_pairs].sum(axis=0) + told.mean(axis=0)
-        worth = worth * np.minimum(away / (ERRORS.questions_apart * size[0]), 1.0)
+        worth = worth * np.minimum(away / (ERRORS.question_distance * size[0]), 1.0)
         best = int(worth.argmax())
         if not worth[best] > 0:
             break
         asked.append(best)
-        open_pairs &= gap[:, best] < ERRORS.places_apart
+        open_pairs &= gap[:, best] < ERRORS.other_place
         apart = np.linalg.norm(source.vertices[vertices] - source.vertices[vertices[best]], axis=1)
         away = np.minimum(away, apart)
     return tuple(_question(int(vertices[k]), images[:, k], target, size[1]) for k in asked)
@@ -101,7 +101,7 @@ def _spread(source: Mesh, matched: BoolArray) -> IntArray:
     inside = np.flatnonzero(matched)
     points = source.vertices[inside]
     chosen, away = [0], np.linalg.norm(points - points[0], axis=1)
-    while len(chosen) < min(ERRORS.n_asked, len(inside)):
+    while len(chosen) < min(ERRORS.n_question_vertices, len(inside)):
         chosen.append(int(away.argmax()))
         away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return inside[chosen]
@@ -119,6 +119,6 @@ def _question(vertex: int, images: IntArray, target: Mesh, size: float) -> Quest
     maps = list[int]()
     for k in np.flatnonzero(images != UNMATCHED).tolist():
         apart = np.linalg.norm(target.vertices[images[maps]] - target.vertices[images[k]], axis=1) / size
-        if (apart >= ERRORS.places_apart).all():
+        if (apart >= ERRORS.other_place).all():
             maps.append(k)
     return Question(vertex, tuple(images[maps].tolist()), tuple(maps))

@@ -34,7 +34,7 @@ from isomatch.matching.elastic.elastic_fit import (
 from isomatch.matching.isometric.candidates import is_another
 from isomatch.matching.maps import Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel
-from isomatch.matching.parameters import ELASTIC_FIT, ELASTIC_SEARCH, SAME_MAP, TIES
+from isomatch.matching.parameters import ELASTIC_FIT, ELASTIC_SEARCH, MAP_DISTANCE, TIES
 from isomatch.matching.problem import Problem, search_pairs
 from isomatch.matching.proposals.from_priors import starts_from_priors
 from isomatch.matching.result import Quality
@@ -133,10 +133,14 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         starts = self._starts()
         first = partial(self._drawn, self._coarse, COARSE_STEPS[0])
         kept = [first(start, origin) for start, origin in starts]
-        for step, most in zip(COARSE_STEPS, ELASTIC_SEARCH.followed):  # so many of the best that differ go on
+        for step, most in zip(
+            COARSE_STEPS, ELASTIC_SEARCH.n_maps_kept
+        ):  # so many of the best that differ go on
             taken = parallel_map(partial(self._stepped, step=step), kept)
             order = sorted((fit for fit in taken if fit), key=attrgetter("score"))
-            kept = distinct(order, lambda fit: fit.image, self.target.mean_distances, SAME_MAP.same_map, most)
+            kept = distinct(
+                order, lambda fit: fit.image, self.target.mean_distances, MAP_DISTANCE.same_map, most
+            )
         timer.start("bending")
         if self.ordinary is not None:
             kept.append(self._drawn_ordinary(self.ordinary))
@@ -161,7 +165,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         """Select the map that verifies best."""
         fits = sorted(maps, key=attrgetter("score"))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
-        tie = ELASTIC_FIT.priored_tie if len(self.priors.initial_pairs) else 1.0
+        tie = ELASTIC_FIT.prior_tie_ratio if len(self.priors.initial_pairs) else 1.0
         least = self.pair.config.selection.runner_up_distance
         rules = Rules(runner_up_distance=least, tie=tie, landmark_slack=TIES.landmark_slack)
         costs = parallel_map(self.cost, fits)
@@ -191,11 +195,15 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
             return False
         coordinates, lengths = self.found.coordinates, self.pair.config.elastic.bending
         bent = parallel_map(lambda bending: bending.laid(coordinates, lengths), self._bendings)
-        return max(each.stretch for each in bent) < ELASTIC_FIT.nearly_isometric
+        return max(each.stretch for each in bent) < ELASTIC_FIT.max_isometric_stretch
 
     def keeps_lengths(self, winner: StretchedFit) -> bool:
         """Whether a winner is the ordinary map, and hardly stretches the shapes, so that it is not bent in full."""
-        most = ELASTIC_FIT.fits_isometric if self.ordinary_fits else ELASTIC_FIT.nearly_isometric
+        most = (
+            ELASTIC_FIT.max_isometric_stretch_of_winner
+            if self.ordinary_fits
+            else ELASTIC_FIT.max_isometric_stretch
+        )
         return winner.is_ordinary and winner.stretch < most
 
     def _pairs(self, image: Int[BodyVertices, "r"]) -> Int[BodyVertices, "r 2"]:
@@ -233,7 +241,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
     @cached_property
     def _coarse(self) -> ElasticFit:
-        source, target = (shape.sampled(ELASTIC_SEARCH.n_coarse, False) for shape in self._shapes)
+        source, target = (shape.sampled(ELASTIC_SEARCH.n_coarse_samples, False) for shape in self._shapes)
         return ElasticFit(source, target, self.pair.signatures, self.priors.landmarks)
 
     @cached_property
@@ -260,7 +268,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         if images.orientation < 0:
             return None
         coefficients, images = coarse.run(fit.coefficients, (step,), images)
-        if images.orientation < ELASTIC_SEARCH.least_orientation:
+        if images.orientation < ELASTIC_SEARCH.min_orientation:
             return None
         # spectral residual × (unit + asymmetry)^exponent: of two fits that are as good, the one that exchanges mirror
         # images is right; below the unit, asymmetry is that of the shapes themselves
@@ -293,7 +301,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         """Bend both shapes onto each other by each map, at a low resolution; images are read off there."""
         # those that score much worse than another one halfway are given up, unless the map was known before
         halfway = parallel_map(self._bent_halfway, fits)
-        most = ELASTIC_FIT.hopeless * min((fit.score for fit in halfway), default=0.0)
+        most = ELASTIC_FIT.hopeless_ratio * min((fit.score for fit in halfway), default=0.0)
         kept = [fit for fit in halfway if fit.score <= most or fit.is_ordinary or fit.is_users]
         return parallel_map(self._bent_further, kept)
 
@@ -334,8 +342,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         """
         pair, bent = self.pair, self._in_full(fit)
         lying = Embedding(
-            with_normals(bent.mesh, ELASTIC_FIT.read_unit),
-            with_normals(bent.onto.mesh, ELASTIC_FIT.read_unit),
+            with_normals(bent.mesh, ELASTIC_FIT.normal_weight),
+            with_normals(bent.onto.mesh, ELASTIC_FIT.normal_weight),
         )
         image = self._read(lying)
         before = self._known_before(fit, image)
@@ -346,11 +354,11 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
     def _known_before(self, fit: StretchedFit, image: BodyVertices) -> Int[BodyVertices, "r"] | None:
         """Return images of the initial map, or an ordinary one that fits, if a map is the same in the large."""
-        if len(self.priors.initial_pairs) and fit.prior_error < SAME_MAP.same_map:
+        if len(self.priors.initial_pairs) and fit.prior_error < MAP_DISTANCE.same_map:
             return BodyVertices(np.where(self._users >= 0, self._users, image))
         if self.ordinary is None or not self.ordinary_fits:
             return None
-        alike = self.target.mean_distance(fit.image, self.ordinary.image) < SAME_MAP.same_map
+        alike = self.target.mean_distance(fit.image, self.ordinary.image) < MAP_DISTANCE.same_map
         return self.ordinary.image if alike else None
 
     def _in_full(self, fit: StretchedFit) -> Bent:
@@ -359,7 +367,9 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         pairs = np.concatenate([bending.pairs(bent) for bending, bent in zip(self._bendings, fit.bent)])
         coefficients, _ = self._fine.run(self._fine.from_pairs(BodyVertices(pairs), LAST_STEP), (LAST_STEP,))
         drawn = self._fine.embedding(coefficients)
-        coarse = there.laid(drawn, settings.bending[ELASTIC_FIT.skipped :], most_scaled=settings.most_scaled)
+        coarse = there.laid(
+            drawn, settings.bending[ELASTIC_FIT.n_skipped_lengths :], most_scaled=settings.most_scaled
+        )
         return there.laid_in_full(coarse, ELASTIC_FIT.full_lengths, settings.most_scaled)
 
     def _read(self, embedding: Embedding) -> Int[BodyVertices, "r"]:
@@ -369,7 +379,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     def _beside(self, image: Int[BodyVertices, "r"], lying: Embedding) -> Embedding:
         """Joint coordinates under a map, and coordinates in which bent shapes lie on each other."""
         joint = registered(self.pair, image, 1.0, self.refinement.smooth)
-        return Embedding(*(np.hstack([x, ELASTIC_FIT.lying_weight * y]) for x, y in zip(joint, lying)))
+        return Embedding(*(np.hstack([x, ELASTIC_FIT.position_weight * y]) for x, y in zip(joint, lying)))
 
     def measure(self, match: Match[StretchedFit, Embedding]) -> Measured:
         """Take the nearest points under the map selected, and measure it; an ordinary one was measured before."""

@@ -362,28 +362,32 @@ def anchor_starts(
     candidates = np.unique(np.concatenate([landmarks[:, 1], target.extremities, samples]))
     of_source, of_target = pair.signatures
     unlike = np.abs(of_source[anchors, None] - of_target[candidates]).mean(axis=2)
-    unary = ELASTIC_SEARCH.signature_cost * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
+    unary = ELASTIC_SEARCH.anchor_signature_weight * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
     remote = _remoteness(source)[anchors, None], _remoteness(target)[candidates]
-    unary += ELASTIC_SEARCH.remoteness_cost * np.abs(remote[0] - remote[1])
+    unary += ELASTIC_SEARCH.remoteness_weight * np.abs(remote[0] - remote[1])
     kinds = [(unary, settings.n_starts)]
     if shapes and all(shape.mirrored is not None for shape in shapes):
         aside = [
-            np.minimum(shape.aside / shape.prepared.intrinsic_scale, ELASTIC_SEARCH.most_aside)
+            np.minimum(shape.aside / shape.prepared.intrinsic_scale, ELASTIC_SEARCH.max_mirror_distance)
             for shape in shapes
         ]
         unlike = np.abs(aside[0][anchors, None] - aside[1][candidates])
         kinds = [
-            (unary + ELASTIC_SEARCH.aside_cost * unlike, settings.n_starts),
+            (unary + ELASTIC_SEARCH.mirror_distance_weight * unlike, settings.n_starts),
             (unary, ELASTIC_SEARCH.n_plain_starts),
         ]
 
     among = target.distances_between(candidates) / target.intrinsic_scale
     sides = Intervals(between, between), Intervals(among, among)
-    cost = IntervalCost(settings.forgiven, settings.inside, ELASTIC_SEARCH.most_cost, ELASTIC_SEARCH.soft)
+    cost = IntervalCost(
+        settings.forgiven, settings.inside, ELASTIC_SEARCH.max_distance_cost, ELASTIC_SEARCH.short_distance
+    )
     starts: list[BodyVertices] = []
     for unary, count in kinds:
         pin_first(unary, np.searchsorted(candidates, landmarks[:, 1]))
-        rows, _ = assign_points(*sides, unary, cost, ELASTIC_SEARCH.beam, ELASTIC_SEARCH.apart)
+        rows, _ = assign_points(
+            *sides, unary, cost, ELASTIC_SEARCH.beam_width, ELASTIC_SEARCH.same_assignment_distance
+        )
         starts += [BodyVertices(np.column_stack([anchors, candidates[row]])) for row in rows[:count]]
     return starts
 
@@ -413,7 +417,7 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     # An elastic match of the shape to itself, of side −1, so that the identity does not take part.
     settings = config.elastic
     shape = ElasticShape(prepared, settings)
-    samples = shape.sampled(ELASTIC_SEARCH.n_coarse, False)
+    samples = shape.sampled(ELASTIC_SEARCH.n_coarse_samples, False)
     signatures = Embedding(prepared.signatures, prepared.signatures)
     fit = ElasticFit(samples, samples, signatures, NO_LANDMARKS, side=-1.0)
 
@@ -425,18 +429,18 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     few = replace(
         config,
         elastic=replace(
-            settings, forgiven=ELASTIC_SEARCH.mirror_forgiven, n_starts=ELASTIC_SEARCH.mirror_starts
+            settings, forgiven=ELASTIC_SEARCH.forgiven_of_mirror, n_starts=ELASTIC_SEARCH.n_mirror_starts
         ),
     )
     rows = prepared.sample_vertices[: prepared.config.n_search]
     symmetries = [BodyVertices(np.column_stack([rows, rows[each.image_row]])) for each in prepared.symmetries]
     starts = [*anchor_starts(Problem(prepared, prepared, few), NO_LANDMARKS), *symmetries]
     maps = [each for each in parallel_map(first, starts) if each]
-    for step, most in zip(COARSE_STEPS, ELASTIC_SEARCH.mirror_followed):
+    for step, most in zip(COARSE_STEPS, ELASTIC_SEARCH.n_mirror_maps_kept):
         maps = parallel_map(lambda each: fit.run(each[0], (step,), each[1]), maps)  # noqa: B023
         maps = sorted(maps, key=lambda each: each[1].spectral_residual)[:most]
-    clear = [each for each in maps if each[1].orientation >= ELASTIC_SEARCH.mirror_orientation]
-    if not clear or clear[0][1].spectral_residual > ELASTIC_SEARCH.mirror_spectral_residual:
+    clear = [each for each in maps if each[1].orientation >= ELASTIC_SEARCH.min_mirror_orientation]
+    if not clear or clear[0][1].spectral_residual > ELASTIC_SEARCH.max_mirror_spectral_residual:
         return shape
     coefficients = clear[0][0].source
     return replace(shape, mirrored=prepared.laplace.vectors[:, : len(coefficients)] @ coefficients)

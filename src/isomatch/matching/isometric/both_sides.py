@@ -80,7 +80,7 @@ class BothSides(Isometry):
         maps = turned.refine(turned.propose(StageTimer()).begun)
         tied = turned.tied(turned.selected(maps, [True] * len(maps)))
         found = []
-        for fit in tied[: EXCHANGE.most_from_target]:
+        for fit in tied[: EXCHANGE.max_maps_from_target]:
             known = BodyVertices(np.full(self.target.body.n_vertices, UNMATCHED))
             known[turned.vertices] = fit.image
             image, _ = inverse(self.source, known)

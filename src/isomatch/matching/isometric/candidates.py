@@ -50,7 +50,7 @@ class Screening:
         pair, settings = self._pair, self._pair.config.selection
         spectra = pair.search_spectra
         target_row = SearchRows(
-            spectra.image(spectra.fit_and_upsample(hypothesis.target_row, SCREENING.sizes))
+            spectra.image(spectra.fit_and_upsample(hypothesis.target_row, SCREENING.upsampling_sizes))
         )
         target_vertex = BodyVertices(pair.target_vertices[target_row])
         energy = energy_of(pair, pair.source_vertices, target_vertex, pair.config.search.rank)
@@ -134,10 +134,11 @@ def is_sure(model: RefiningModel[Fit, Embedding], ranking: Ranking[Fit]) -> bool
     areas = model.source.body.vertex_areas[model.vertices]
     return (
         ranking.runner_up > bounds.tie
-        and winner.spectral_residual < SCREENING.sure * bounds.poor_spectral_residual
-        and residual_of(model.pair, model.vertices, winner.image) < SCREENING.sure * bounds.poor_residual
+        and winner.spectral_residual < SCREENING.sure_fraction * bounds.poor_spectral_residual
+        and residual_of(model.pair, model.vertices, winner.image)
+        < SCREENING.sure_fraction * bounds.poor_residual
         and mean_known(model.descriptor_distance(winner), areas)
-        < SCREENING.sure * bounds.poor_descriptor_distance
+        < SCREENING.sure_fraction * bounds.poor_descriptor_distance
     )
 
 

@@ -39,7 +39,7 @@ from isomatch.matching.isometric.candidates import (
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
-from isomatch.matching.parameters import SAME_MAP, SCREENING, SYMMETRIC, TIES
+from isomatch.matching.parameters import MAP_DISTANCE, SCREENING, SYMMETRIC, TIES
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.composed import near_symmetric_variants, symmetric_variants
 from isomatch.matching.proposals.flips import distinct_maps
@@ -304,7 +304,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         hopeful = [c for c in self.turned(candidates) if c.energy < settings.mirrored_energy * kept]
         if not hopeful:
             return ranking
-        fits = [ranking.best, *self.refine(self.begun(hopeful[: SCREENING.most_mirrored]))]
+        fits = [ranking.best, *self.refine(self.begun(hopeful[: SCREENING.max_mirrored]))]
         costs = self.weighed(fits, [fit.score for fit in fits], [fit is ranking.best for fit in fits])
         ratio = max(min(costs[1:]), TIES.score_noise) / max(costs[0], TIES.score_noise)
         return replace(ranking, mirrored=ratio) if ratio < bounds.mirror_image else ranking
@@ -324,7 +324,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _shares_elsewhere(self, fits: list[Fit]) -> Float[FloatArray, "q q"]:
         """Share of vertices that each two refined maps send to places far apart."""
-        far, distance = SAME_MAP.other_limb, self.target.distance
+        far, distance = MAP_DISTANCE.other_limb, self.target.distance
         shares = np.zeros((len(fits),) * 2)
         for i, fit in enumerate(fits):
             for j, other in enumerate(fits[:i]):
@@ -411,24 +411,24 @@ class Isometry(RefiningModel[Fit, Embedding]):
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
         itself = Candidate(Alignment(rows, np.eye(1), 0.0), map_.origin)
         own, *others = Screening(pair)([itself, *variants])
-        limit = SYMMETRIC.energy * max(own.energy, TIES.energy_noise)
+        limit = SYMMETRIC.max_energy_ratio * max(own.energy, TIES.energy_noise)
         turned = [
             c
             for c in sorted(others, key=attrgetter("energy"))
             if c.energy <= limit
             and (config.orientation == "any" or self._wanted_sign * c.orientation > 0)
-            and pair.differs(c.target_row, [rows], SYMMETRIC.turned)
+            and pair.differs(c.target_row, [rows], SYMMETRIC.min_turned_distance)
         ]
         if not turned:
             return []
         # all are refined alike and verified: which way found the map, and how far it was bent, does not count
         first = map_.fit or self.refine(self.begun([own]))[0]
-        fits = self.refine(self.begun(distinct_maps(pair, turned, SYMMETRIC.most)))
+        fits = self.refine(self.begun(distinct_maps(pair, turned, SYMMETRIC.max_maps)))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
         if not fits:
             return []
         cost, *costs = parallel_map(lambda fit: self.verified(fit).cost, [first, *fits])
-        tied = sorted((c, i) for i, c in enumerate(costs) if c <= SYMMETRIC.as_well * cost)
+        tied = sorted((c, i) for i, c in enumerate(costs) if c <= SYMMETRIC.max_cost_ratio * cost)
         return [candidate for _, i in tied if (candidate := fits[i].candidate)]
 
     def _finest(

@@ -21,7 +21,7 @@ def hypotheses_from_priors(pair: Problem) -> list[Candidate]:
     settings = pair.config.search
     from_priors = [
         Candidate(
-            iterative_closest_points(*pair.search_points, start[None], SCREENING.prior_steps)[0], origin
+            iterative_closest_points(*pair.search_points, start[None], SCREENING.n_prior_steps)[0], origin
         )
         for start, origin in starts_from_priors(pair)
     ]
@@ -37,7 +37,7 @@ def search(
 ) -> list[Candidate]:
     """Collect distinct hypotheses from priors and starts, and flips of the best; best residual first."""
     settings, starts = pair.config.search, default_starts if starts is None else starts
-    pool = Pool(pair, SCREENING.most_without_limbs if pair.limbless else settings.n_hypotheses)
+    pool = Pool(pair, SCREENING.max_hypotheses_without_limbs if pair.limbless else settings.n_hypotheses)
     pool.merge(from_priors)
     for start in starts:
         rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]

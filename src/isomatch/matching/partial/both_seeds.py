@@ -15,7 +15,7 @@ from isomatch.correspondence import IntervalCost, Intervals, grow_regions, pin_f
 from isomatch.descriptors import BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.assessment.confidence import nearest_of
-from isomatch.matching.parameters import PART_UNIT, SAME_MAP, SEEDS
+from isomatch.matching.parameters import MAP_DISTANCE, PART_UNIT, SEEDS
 from isomatch.matching.partial.part_pair import areas_of_samples
 from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.selection import distinct
@@ -46,7 +46,7 @@ class BothSide:
     def _missing(self) -> MissingRegion:
         mesh = self.shape.mesh_body
         return MissingRegion.of(
-            mesh, distance_engine(mesh, self.shape.config.engine, weld=False), PART_UNIT.n_posts
+            mesh, distance_engine(mesh, self.shape.config.engine, weld=False), PART_UNIT.n_boundary_vertices
         )
 
     @cached_property
@@ -83,7 +83,7 @@ class BothSide:
         """Logarithms of the areas of balls around the samples, and which of them no boundary cuts."""
         radii, along = np.array(AREA_RADII), self.intervals.upper
         areas = np.stack([(along < radius) @ self.areas for radius in radii], axis=1)
-        whole = radii <= self.to_boundary[self.vertices, None] + SEEDS.overhang
+        whole = radii <= self.to_boundary[self.vertices, None] + SEEDS.max_overhang
         return np.log(np.maximum(areas, self.areas[:, None])), whole
 
     @cached_property
@@ -100,10 +100,10 @@ def two_sides(
 ) -> tuple[BothSide, BothSide]:
     """Both parts in one unit: that of the files, unless these are too unlike or areas are to be the same."""
     lengths = np.array([source.scale, target.scale])
-    if same_area or lengths.max() > SEEDS.most_unlike * lengths.min():
+    if same_area or lengths.max() > SEEDS.max_length_ratio * lengths.min():
         lengths[:] = 1.0
-    units = lengths / (SEEDS.body * np.sqrt((lengths**2).mean()))
-    first = map(BodyVertices, landmarks[: SEEDS.most_landmarks].T)
+    units = lengths / (SEEDS.body_ratio * np.sqrt((lengths**2).mean()))
+    first = map(BodyVertices, landmarks[: SEEDS.max_landmarks].T)
     here, there = (BothSide(*side) for side in zip((source, target), units.tolist(), first))
     return here, there
 
@@ -112,11 +112,11 @@ def signed_triangles(
     source: BothSide, rows: Int[SampleRows, "q"], target: BothSide, images: Int[BodyVertices, "q"]
 ) -> float:
     """Mean sign of the small triangles of samples: 1 if their images are wound alike, −1 if they are mirrored."""
-    if len(rows) <= SEEDS.n_around:
+    if len(rows) <= SEEDS.n_neighbours:
         return 0.0
     apart = source.intervals.upper[np.ix_(rows, rows)]
     np.fill_diagonal(apart, np.inf)
-    near = np.argpartition(apart, SEEDS.n_around - 1, axis=1)[:, : SEEDS.n_around]
+    near = np.argpartition(apart, SEEDS.n_neighbours - 1, axis=1)[:, : SEEDS.n_neighbours]
     signs = []
     for mesh, vertices in ((source.shape.mesh_body, source.vertices[rows]), (target.shape.mesh_body, images)):
         points, normals = mesh.vertices[vertices], mesh.vertex_normals[vertices]
@@ -130,7 +130,7 @@ def signed_triangles(
 def _summed(here: BallSignature, there: BallSignature, deviation: FloatArray) -> tuple[FloatArray, IntArray]:
     """Sum over the radii known at both of the halved descriptor distances of all pairs, and their number."""
     counts = here.known[:, None] & there.known[None]
-    total, most = np.zeros(counts.shape[:2]), SEEDS.most_descriptor_distance
+    total, most = np.zeros(counts.shape[:2]), SEEDS.max_descriptor_distance
     for j in range(counts.shape[2]):
         apart = np.abs(here.values[:, None, j] - there.values[None, :, j]) / deviation[j]
         total += counts[:, :, j] * np.minimum(apart, most).mean(axis=2) / most
@@ -167,7 +167,9 @@ class CommonRegions:
     @cached_property
     def _around(self) -> Float[FloatArray, "s_s s_s"]:
         """How much each sample of the source counts around each."""
-        return np.asarray(np.exp(-((self.source.intervals.upper / SEEDS.around) ** 2)) * self.source.areas)
+        return np.asarray(
+            np.exp(-((self.source.intervals.upper / SEEDS.smoothing_length) ** 2)) * self.source.areas
+        )
 
     def descriptor_distances(
         self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]
@@ -178,20 +180,25 @@ class CommonRegions:
         count = (here.known & there.known).sum(axis=1)
         total = np.nan_to_num(here.descriptor_distance(there, self._deviation)) * count
         around = self._around[np.ix_(rows, rows)]
-        return np.asarray((around @ (total + SEEDS.neutral * SEEDS.prior)) / (around @ (count + SEEDS.prior)))
+        return np.asarray(
+            (around @ (total + SEEDS.neutral_descriptor_distance * SEEDS.neutral_descriptor_weight))
+            / (around @ (count + SEEDS.neutral_descriptor_weight))
+        )
 
     @cached_property
     def _unlike(self) -> Float[FloatArray, "s_s s_t"]:
         """Descriptor distance of each sample of the source and each of the target by themselves."""
         here, there = (side.moments.at(side.vertices) for side in (self.source, self.target))
-        return _drawn_to(*_summed(here, there, self._deviation), SEEDS.usual, SEEDS.prior_radii)
+        return _drawn_to(
+            *_summed(here, there, self._deviation), SEEDS.neutral_moment_distance, SEEDS.neutral_moment_weight
+        )
 
     @cached_property
     def _surprise(self) -> Float[FloatArray, "s_s s_t"]:
         """How unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
         apart = self._unlike
         rank = apart.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
-        return np.asarray(-np.log((rank + SEEDS.n_alike) / apart.shape[1]))
+        return np.asarray(-np.log((rank + SEEDS.rank_offset) / apart.shape[1]))
 
     def evidence(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Sum area × how much better images look than at random, over the samples of a region where that is above 0."""
@@ -205,7 +212,7 @@ class CommonRegions:
         surprise = self._surprise[rows, self.target.nearest_sample[images]]
         around = self._around[np.ix_(rows, rows)]
         mean = around @ surprise / around.sum(axis=1)
-        return float(self.source.areas[rows] @ np.maximum(mean - SEEDS.by_chance, 0.0))
+        return float(self.source.areas[rows] @ np.maximum(mean - SEEDS.chance_surprise, 0.0))
 
     def worth(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Return the evidence for a region, less what speaks against it."""
@@ -218,20 +225,29 @@ class CommonRegions:
             return 0.0
         from_region = source.intervals.upper[:, rows]
         from_images = target.intervals.upper[:, target.nearest_sample[images]]
-        shown = (target.to_boundary[images] - from_region).max(axis=1) > SEEDS.surely
-        showing = (source.to_boundary[source.vertices[rows]] - from_images).max(axis=1) > SEEDS.surely
+        shown = (target.to_boundary[images] - from_region).max(axis=1) > SEEDS.min_visible_margin
+        showing = (source.to_boundary[source.vertices[rows]] - from_images).max(
+            axis=1
+        ) > SEEDS.min_visible_margin
         shown[rows] = False
         left_out = source.areas[shown].sum()
-        left_out += target.areas[showing & (from_images.min(axis=1) > SEEDS.uncovered)].sum()
-        return self.evidence(rows, images) - SEEDS.left_out_cost * float(left_out)
+        left_out += target.areas[showing & (from_images.min(axis=1) > SEEDS.uncovered_distance)].sum()
+        return self.evidence(rows, images) - SEEDS.left_out_weight * float(left_out)
 
     def alike(self, rows: Int[SampleRows, "m"], columns: Int[SampleRows, "c"]) -> Float[FloatArray, "m c"]:
         """Cost of each candidate for each anchor by itself, by moments and areas of balls."""
         (of_source, whole_here), (of_target, whole_there) = self.source.ball_areas, self.target.ball_areas
         both = whole_here[rows][:, None] & whole_there[columns][None]
-        apart = np.minimum(np.abs(of_source[rows][:, None] - of_target[columns][None]), SEEDS.most_area)
-        areas = _drawn_to((apart * both).sum(axis=2), both.sum(axis=2), SEEDS.usual_area, SEEDS.prior_areas)
-        return SEEDS.moments_weight * self._unlike[np.ix_(rows, columns)] + SEEDS.areas_weight * areas
+        apart = np.minimum(
+            np.abs(of_source[rows][:, None] - of_target[columns][None]), SEEDS.max_area_difference
+        )
+        areas = _drawn_to(
+            (apart * both).sum(axis=2),
+            both.sum(axis=2),
+            SEEDS.neutral_area_difference,
+            SEEDS.neutral_area_weight,
+        )
+        return SEEDS.moment_weight * self._unlike[np.ix_(rows, columns)] + SEEDS.area_weight * areas
 
     def grown(self) -> list[Int[SampleRows, "m"]]:
         """Grow regions: for each that differs from those before, the candidates of the anchors, −1 for none."""
@@ -240,17 +256,17 @@ class CommonRegions:
         columns = SampleRows(np.arange(min(SEEDS.n_candidates, len(target.vertices))))
         alone = self.alike(rows, columns)
         roots = np.argsort(-source.to_boundary[source.vertices[rows]], kind="stable")[: SEEDS.n_roots]
-        likely = np.argsort(alone[roots], axis=1, kind="stable")[:, : SEEDS.n_likely]
+        likely = np.argsort(alone[roots], axis=1, kind="stable")[:, : SEEDS.n_root_candidates]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
         here, there = source.intervals.at(rows, rows), target.intervals.at(columns, columns)
         ranked = []
-        for weight in SEEDS.likely_gains:
-            unary = weight * (alone - SEEDS.usual)
+        for weight in SEEDS.descriptor_gains:
+            unary = weight * (alone - SEEDS.neutral_moment_distance)
             if n := len(source.landmarks):
                 pin_first(unary, np.arange(n))
                 seeds = np.column_stack([np.arange(n)] * 2)
-            costs = unary, seeds, COST, SEEDS.near, SEEDS.dearest, SEEDS.dearest
-            regions, gains = grow_regions(here, there, *costs, SEEDS.width, SEEDS.variants_apart)
+            costs = unary, seeds, COST, SEEDS.near_distance, SEEDS.max_distance_cost, SEEDS.max_distance_cost
+            regions, gains = grow_regions(here, there, *costs, SEEDS.beam_width, SEEDS.same_variant_distance)
             ranked.append(regions[np.argsort(-gains, kind="stable")])
         return self._distinct(np.stack(ranked, axis=1).reshape(-1, len(rows)))
 
@@ -262,10 +278,14 @@ class CommonRegions:
             both = (region >= 0) & (others >= 0)
             total = np.where(both, self.target.intervals.upper[region, others], 0.0).sum(axis=1)
             common = both.sum(axis=1)
-            return np.where(common >= SEEDS.fewest_common, total / np.maximum(common, 1), np.inf)
+            return np.where(common >= SEEDS.min_common_anchors, total / np.maximum(common, 1), np.inf)
 
         return distinct(
-            map(SampleRows, regions), lambda region: region, apart, SEEDS.same_region, SEEDS.n_screened
+            map(SampleRows, regions),
+            lambda region: region,
+            apart,
+            SEEDS.same_region_distance,
+            SEEDS.max_screened,
         )
 
     def _extended_from(
@@ -273,12 +293,12 @@ class CommonRegions:
     ) -> CommonRegion | None:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
         source, target, (rows, columns) = self.source, self.target, start
-        most = SEEDS.led_accepted if len(source.landmarks) else SEEDS.accepted
+        most = SEEDS.max_sample_cost_with_landmarks if len(source.landmarks) else SEEDS.max_sample_cost
         for _ in range(rounds):
             placed, accepted = self.placed(rows, columns, n, most)
-            if accepted.sum() < SEEDS.fewest_accepted:
+            if accepted.sum() < SEEDS.min_accepted:
                 return None
-            most_anchors = SEEDS.first_anchors if n < len(source.vertices) else SEEDS.next_anchors
+            most_anchors = SEEDS.n_first_anchors if n < len(source.vertices) else SEEDS.n_next_anchors
             rows = SampleRows(np.flatnonzero(accepted)[:most_anchors])
             columns = SampleRows(placed[rows])
         return self.region(BodyVertices(target.vertices[placed]), accepted)
@@ -291,13 +311,15 @@ class CommonRegions:
         everything, there = np.arange(min(n, len(source.vertices))), np.arange(min(n, len(target.vertices)))
         of_source, of_target = source.intervals.at(rows, everything), target.intervals.at(columns, there)
         # there and back: a sample whose image is not there at all is placed somewhere, but does not return from it
-        placed, costs = trilaterate(of_source, of_target, COST, SEEDS.extension_near)
+        placed, costs = trilaterate(of_source, of_target, COST, SEEDS.trilateration_distance)
         accepted = costs < most
         images, of_image = np.unique(placed[accepted], return_inverse=True)
         back, _ = trilaterate(
-            of_target.map_bounds(lambda bound: bound[:, images]), of_source, COST, SEEDS.extension_near
+            of_target.map_bounds(lambda bound: bound[:, images]), of_source, COST, SEEDS.trilateration_distance
         )
-        accepted[accepted] = source.intervals.upper[everything[accepted], back[of_image]] < SEEDS.round_trip
+        accepted[accepted] = (
+            source.intervals.upper[everything[accepted], back[of_image]] < SEEDS.max_round_trip
+        )
         marks = np.arange(len(source.landmarks))
         placed[marks], accepted[marks] = marks, True
         return SampleRows(placed), accepted
@@ -321,19 +343,19 @@ class CommonRegions:
         if len(marks):
             starts.insert(0, (marks, marks))
         regions: list[CommonRegion] = []
-        for n, rounds, most in (*SEEDS.ranks, (len(self.source.vertices), 2, count)):
+        for n, rounds, most in (*SEEDS.extensions, (len(self.source.vertices), 2, count)):
             extend = partial(self._extended_from, n=n, rounds=rounds)
             ranked = [
                 (region, start)
                 for region, start in zip(parallel_map(extend, starts), starts)
-                if region is not None and region.orientation > SEEDS.oriented
+                if region is not None and region.orientation > SEEDS.min_orientation
             ]
             ranked.sort(key=lambda each: -each[0].worth)
             starts = [start for _, start in ranked[:most]]
             regions = [region for region, _ in ranked]
-        large = [region for region in regions if region.accepted.sum() >= SEEDS.fewest_samples]
+        large = [region for region in regions if region.accepted.sum() >= SEEDS.min_samples]
         if len(marks) and not large:  # all that can be said is where the landmarks lead
-            placed, _ = self.placed(marks, marks, len(self.source.vertices), SEEDS.accepted)
+            placed, _ = self.placed(marks, marks, len(self.source.vertices), SEEDS.max_sample_cost)
             images = BodyVertices(self.target.vertices[placed])
             large = [self.region(images, np.ones(len(placed), dtype=bool))]
         return self._apart(large)[:count]
@@ -345,7 +367,10 @@ class CommonRegions:
             for other in kept:
                 both = region.accepted & other.accepted
                 far = target.unit * target.shape.distance(region.images[both], other.images[both])
-                if both.sum() > SEEDS.same_share * region.accepted.sum() and far.mean() < SAME_MAP.same_map:
+                if (
+                    both.sum() > SEEDS.same_map_overlap * region.accepted.sum()
+                    and far.mean() < MAP_DISTANCE.same_map
+                ):
                     break
             else:
                 kept.append(region)

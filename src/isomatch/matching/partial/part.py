@@ -40,7 +40,7 @@ from isomatch.matching.assessment.quality import (
     prior_errors,
 )
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
-from isomatch.matching.parameters import PART_FIT, SAME_MAP, TIES
+from isomatch.matching.parameters import MAP_DISTANCE, PART_FIT, TIES
 from isomatch.matching.partial.part_pair import PartPair
 from isomatch.matching.partial.part_registration import (
     ALL_FUNCTIONS,
@@ -170,7 +170,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         fits, costs = self._by_cost([*parallel_map(settle, fits[:n_settled]), *fits[n_settled:]])
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(
-            runner_up_distance=SAME_MAP.other_map,
+            runner_up_distance=MAP_DISTANCE.other_map,
             tie=settings.tie,
             mirror_tie=settings.tie,
             landmark_slack=TIES.landmark_slack,
@@ -213,7 +213,7 @@ class Part(RefiningModel[PartFit, BentPart]):
     def coordinates(self, best: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
         return best.bending.laid_in_full(
-            best.bent, self.pair.config.parts.bending[-PART_FIT.n_bent_in_full :]
+            best.bent, self.pair.config.parts.bending[-PART_FIT.n_final_lengths :]
         )
 
     def cost(self, fit: PartFit) -> float:
@@ -225,7 +225,9 @@ class Part(RefiningModel[PartFit, BentPart]):
         return self.fits.bending.images(best.bent, np.arange(self.source.body.n_vertices))
 
     def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
-        return distinct(fits, lambda fit: fit.image, self.target.mean_distances, SAME_MAP.other_map, count)
+        return distinct(
+            fits, lambda fit: fit.image, self.target.mean_distances, MAP_DISTANCE.other_map, count
+        )
 
     def _rough_fits(self, first_maps: list[tuple[PartPair, BodyVertices, str]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
@@ -237,7 +239,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         rough = sorted((fit for fit in fits if fit), key=promise)
         if self.led:
             return rough
-        best = self._distinct(rough, PART_FIT.n_varied)
+        best = self._distinct(rough, PART_FIT.n_composed)
         varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, self._onto_itself)))
         return sorted([*rough, *(fit for fit in varied if fit)], key=promise)
 

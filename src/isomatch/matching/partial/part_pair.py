@@ -50,7 +50,7 @@ class PartPair:
         """Assume that both shapes came in the same units; landmarks are vertices of part and whole."""
         mesh, n = part.mesh_body, PART_UNIT.n_anchors
         engine = distance_engine(mesh, part.config.engine, weld=False)
-        missing = MissingRegion.of(mesh, engine, PART_UNIT.n_posts)
+        missing = MissingRegion.of(mesh, engine, PART_UNIT.n_boundary_vertices)
         anchors = PartVertices(np.concatenate([landmarks[:, 0], part.column_vertices[:n]]))
         # The distance D of two points of the part on the whole is not known, but bounded on both sides. From above, for
         # a path along the part is a path on the whole:
@@ -78,8 +78,10 @@ class PartPair:
         # integrated once, for radii from the least r over the largest unit to the largest r over the least unit, in
         # steps small enough to interpolate between, so that `signature` costs nothing in any unit.
         units = pair.units
-        first, last = RADII[0] / max(*units, PART_UNIT.largest), RADII[-1] / min(units)
-        radii = np.geomspace(first, last, 2 + round(np.log(last / first) / np.log(PART_UNIT.radius_step)))
+        first, last = RADII[0] / max(*units, PART_UNIT.max_unit), RADII[-1] / min(units)
+        radii = np.geomspace(
+            first, last, 2 + round(np.log(last / first) / np.log(PART_UNIT.radius_step_ratio))
+        )
         return replace(pair, radii=tuple(radii.tolist()))
 
     def with_unit(self, unit: float) -> PartPair:
@@ -97,7 +99,9 @@ class PartPair:
         # c(D; l, u) = min(v + inside |D − u|, most) / (soft + u). With l, u, most and soft all multiplied by the unit,
         #     c(t D; t l, t u) = c(D; l, u):
         # a smaller unit is no cheaper only because all lengths are, so costs in different units can be compared.
-        return IntervalCost(most=PART_UNIT.most_cost * self.unit, soft=PART_UNIT.soft * self.unit)
+        return IntervalCost(
+            most=PART_UNIT.max_distance_cost * self.unit, soft=PART_UNIT.short_distance * self.unit
+        )
 
     @property
     def share(self) -> float:
@@ -120,12 +124,12 @@ class PartPair:
     def trusted(self) -> float:
         """Share of the pairs of anchors whose distance on the whole is known."""
         lower, upper = self.anchor_intervals
-        return float((lower >= PART_UNIT.trusted * upper)[~np.eye(len(lower), dtype=bool)].mean())
+        return float((lower >= PART_UNIT.known_ratio * upper)[~np.eye(len(lower), dtype=bool)].mean())
 
     @property
     def is_hardly_known(self) -> bool:
         """Whether so little of the whole is known that no unit is sure, and no map exact."""
-        return self.trusted < PART_UNIT.least_trusted
+        return self.trusted < PART_UNIT.min_known_share
 
     @cached_property
     def to_boundary(self) -> Float[FloatArray, "n_part"]:
@@ -146,7 +150,7 @@ class PartPair:
     @property
     def knows_unit(self) -> bool:
         """Whether the unit of the files is one that a part may have."""
-        least, most = np.sqrt(PART_UNIT.least_share), PART_UNIT.largest_change
+        least, most = np.sqrt(PART_UNIT.min_area_share), PART_UNIT.max_unit_ratio
         return bool(self.config.scale != "free" and least / most <= self.unit <= most)
 
     @cached_property
@@ -163,13 +167,13 @@ class PartPair:
         # With s = area(part) / area(whole) on the true body, the unit is √s: what is cut off changes √area of the part,
         # in which its lengths come. s ≤ 1 for a part. It is at least `least_share` where the files say nothing; otherwise
         # the unit is that of the files up to `largest_change` both ways, for a person grows, and scanners differ.
-        first, last = np.sqrt(PART_UNIT.least_share), 1.0
+        first, last = np.sqrt(PART_UNIT.min_area_share), 1.0
         if self.knows_unit:
-            first = self.unit / PART_UNIT.largest_change
-            last = min(self.unit * PART_UNIT.largest_change, 1.0)
+            first = self.unit / PART_UNIT.max_unit_ratio
+            last = min(self.unit * PART_UNIT.max_unit_ratio, 1.0)
         # In a geometric series of ratio q, any unit is within a factor √q of one that is tried: 1.05 for q = 1.1, which
         # is what the tolerance of `IntervalCost` (0.05) forgives. The unit is then measured by `unit_of`.
-        count = 1 + max(round(np.log(last / first) / np.log(PART_UNIT.step)), 0)
+        count = 1 + max(round(np.log(last / first) / np.log(PART_UNIT.unit_step_ratio)), 0)
         return tuple(float(unit) for unit in np.geomspace(first, last, count))
 
     def unit_of(self, images: Int[BodyVertices, "m"]) -> float:
@@ -177,8 +181,8 @@ class PartPair:
         # Where the interval of a distance is a point, D = d: its ratio to the distance of the images is the error of the
         # unit. The median withstands up to half of the images being wrong. Short distances are mostly noise.
         lower, upper = self.anchor_intervals
-        exact = (lower >= PART_UNIT.trusted * upper) & (upper > PART_UNIT.long * self.unit)
-        if exact.sum() < PART_UNIT.fewest_known:
+        exact = (lower >= PART_UNIT.known_ratio * upper) & (upper > PART_UNIT.min_distance * self.unit)
+        if exact.sum() < PART_UNIT.min_known_distances:
             return self.unit
         distances = self.whole.distances.between(images, images)
         return self.restricted(self.unit * float(np.median(distances[exact] / upper[exact])))
@@ -193,8 +197,8 @@ class PartPair:
         if self.keeps_unit:
             return self.unit
         # on a grid, so that maps which measure nearly the same unit share what was computed in it
-        steps = np.round(np.log(unit / self.unit) / PART_UNIT.grid)
-        return min(self.unit * float(np.exp(PART_UNIT.grid * steps)), PART_UNIT.largest)
+        steps = np.round(np.log(unit / self.unit) / PART_UNIT.unit_spacing)
+        return min(self.unit * float(np.exp(PART_UNIT.unit_spacing * steps)), PART_UNIT.max_unit)
 
 
 @cached_method
@@ -284,7 +288,7 @@ class WholeSignatures:
         signatures = [self._weights[0] * _standardised(of_part, waves)]
         # A function of eigenvalue λ = exp(energy) has wavelength 2π / √λ, and differs from that of the whole up to about
         # so far from the boundary: there its value is given no weight, 1 − exp(−(distance √λ / reach)²).
-        weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / PART_UNIT.reach) ** 2))]
+        weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / PART_UNIT.boundary_reach) ** 2))]
         for column, size in zip(curvatures.T, sizes):
             k = min(size, len(whole_values))
             k_part = int(np.clip(round(k * pair.share), 8, len(part.laplace.values) - 1))
@@ -293,7 +297,10 @@ class WholeSignatures:
             there = _standardised(column, column)
             signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
             weights.append(
-                1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / PART_UNIT.curvature_reach) ** 2))
+                1
+                - np.exp(
+                    -((distance * np.sqrt(whole_values[k - 2]) / PART_UNIT.curvature_boundary_reach) ** 2)
+                )
             )
         functions = pair.functions.source[vertices]
         weights.append(np.ones_like(functions))

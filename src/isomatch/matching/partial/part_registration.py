@@ -73,7 +73,7 @@ class WholeCoordinates:
         lower, upper = (np.minimum(pair.unit * bound[:n].T, PART_FIT.landmark_reach) for bound in bounds)
         return PartSignatures(
             np.hstack([signatures.values, upper / self._settings.position_unit]),
-            np.hstack([signatures.weights, (lower >= PART_UNIT.trusted * upper).astype(np.float64)]),
+            np.hstack([signatures.weights, (lower >= PART_UNIT.known_ratio * upper).astype(np.float64)]),
         )
 
     @cached_method
@@ -108,8 +108,10 @@ class NearPairs:
             : min(config.n_search, config.n_refine, PART_FIT.n_rough_vertices)
         ]
         along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
-        near = (along > PART_FIT.least_near) & (along < PART_FIT.most_near)
-        exact = pair.missing.lower_bound(vertices, vertices, along)[near] >= PART_UNIT.trusted * along[near]
+        near = (along > PART_FIT.min_near_distance) & (along < PART_FIT.max_near_distance)
+        exact = (
+            pair.missing.lower_bound(vertices, vertices, along)[near] >= PART_UNIT.known_ratio * along[near]
+        )
         return near, exact, along[near]
 
 
@@ -167,7 +169,7 @@ class PartRefinement:
         if self._pair.keeps_unit:
             return self._pair.unit
         near, exact, along = self._near.measures
-        if exact.sum() < PART_UNIT.fewest_known:
+        if exact.sum() < PART_UNIT.min_known_distances:
             return self._pair.unit
         images = image[: len(near)]
         there = self._pair.whole.distances.between(images, images)[near]
@@ -319,7 +321,7 @@ class PartFit(Fit):
         #       at right and wrong images is linear in m, exp(w Δm) is the likelihood ratio of two maps. The mean is over
         #       the whole part, as rough maps differ nearly everywhere; fine ones are compared where they do (`weighed`).
         twist, weight = (
-            max(self.orientation, PART_FIT.least_orientation),
+            max(self.orientation, PART_FIT.min_orientation),
             self.pair.config.parts.descriptor_weight,
         )
         return float(self.cost / np.sqrt(twist) * np.exp(weight * self.descriptor_distance))
@@ -351,7 +353,7 @@ class PartFits:
         vertices = PartVertices(refinement.vertices[: self._config.n_search])
         origin = "landmarks" if len(self.pair.landmarks) else "anchors"
         return self.roughly(
-            start.pair, refinement.extended(start.dense(vertices), PART_FIT.n_rough_functions), origin
+            start.pair, refinement.extended(start.dense(vertices), PART_FIT.n_rough_normal_functions), origin
         )
 
     def varied(self, fit: PartFit, image_row: Int[SearchRows, "m_t"]) -> PartFit | None:
@@ -361,12 +363,12 @@ class PartFits:
     def roughly(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str) -> PartFit | None:
         """Refine a map of the vertices of a rough one a little; None for a mirror image."""
         refinement = self._refinement(pair, PART_FIT.n_rough_vertices)
-        if refinement.orientation(image, PART_FIT.n_rough_functions) < 0:
+        if refinement.orientation(image, PART_FIT.n_rough_normal_functions) < 0:
             return None
         image, spectral_residual = refinement.refined(image, PART_FIT.rough_sizes)
         anchors = refinement.extended(image, PART_FIT.rough_sizes[-1], pair.anchors)
         return self._fit(
-            refinement, pair, image, spectral_residual, anchors, PART_FIT.n_rough_functions, origin
+            refinement, pair, image, spectral_residual, anchors, PART_FIT.n_rough_normal_functions, origin
         )
 
     def begun(self, pair: PartPair, image: BodyVertices, origin: str) -> PartFit:
@@ -388,7 +390,7 @@ class PartFits:
 
     def settled(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
         """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
-        for _ in range(PART_FIT.n_bent):
+        for _ in range(PART_FIT.n_bending_rounds):
             image = self.bending.images(fit.bent, fit.refinement.vertices)
             fit = again(replace(fit, image=image, spectral_residual=np.inf))
         return fit
@@ -415,7 +417,7 @@ class PartFits:
         error = 0.0
         if self.given is not None:
             error = pair.whole.mean_distance(image, self.given[refinement.vertices])
-        fit = self._fit(refinement, pair, image, residual, anchors, PART_FIT.n_fine_functions, origin)
+        fit = self._fit(refinement, pair, image, residual, anchors, PART_FIT.n_fine_normal_functions, origin)
         return replace(fit, lengths=lengths, prior_error=error)
 
     def _fit(

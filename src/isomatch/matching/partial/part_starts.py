@@ -23,7 +23,7 @@ from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, Intervals, assign_points, grow_regions, pin_first, trilaterate
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.maps import Candidate
-from isomatch.matching.parameters import PART_SEARCH, SAME_MAP
+from isomatch.matching.parameters import MAP_DISTANCE, PART_SEARCH
 from isomatch.matching.partial.part_pair import PartPair, WholeSignatures, areas_of_samples
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.flips import flips
@@ -92,11 +92,13 @@ class PartStarts:
         self._to_samples = single(whole.distances.between(self._places, whole.sample_vertices))
         areas = areas_of_samples(whole, whole.sample_vertices)
         # areas of the balls around all places, a column for each radius
-        self._balls = np.stack([(self._to_samples < r) @ areas for r in PART_SEARCH.radii], axis=1)
+        self._balls = np.stack([(self._to_samples < r) @ areas for r in PART_SEARCH.ball_radii], axis=1)
         self._areas = areas_of_samples(pair.part, pair.part.sample_vertices)
         self._at = lru_cache(pair.with_unit)
         self._mean_signatures = np.abs(signatures.values).mean(axis=0)
-        self._apart = PART_SEARCH.led_apart if len(pair.landmarks) else SAME_MAP.other_map
+        self._apart = (
+            PART_SEARCH.same_assignment_with_landmarks if len(pair.landmarks) else MAP_DISTANCE.other_map
+        )
 
     def __call__(self) -> list[PartStart]:
         """Return the starts, least cost first; no two alike."""
@@ -112,7 +114,7 @@ class PartStarts:
         ]
         more = parallel_map(lambda each: self._start(*each, 2), mirrored)
         # a wrong side is as likely a start as the right one, so each is tried; later steps tell them apart
-        return [*self._distinct([*kept, *more], PART_SEARCH.n_mirrored), *self._grown()]
+        return [*self._distinct([*kept, *more], PART_SEARCH.n_starts_with_composed), *self._grown()]
 
     def _grown(self) -> list[PartStart]:
         """Grow regions from the anchors deepest inside, each with the candidates that look most like it."""
@@ -121,17 +123,28 @@ class PartStarts:
             return []
         descriptor_distance = self._descriptor_distances(pair, whole.balls)
         roots = np.argsort(-pair.to_boundary[pair.anchors], kind="stable")[: PART_SEARCH.n_roots]
-        likely = np.argsort(descriptor_distance[roots], axis=1, kind="stable")[:, : PART_SEARCH.n_likely]
+        likely = np.argsort(descriptor_distance[roots], axis=1, kind="stable")[
+            :, : PART_SEARCH.n_root_candidates
+        ]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
-        unary = PART_SEARCH.descriptor_gain * (descriptor_distance - PART_SEARCH.neutral)
+        unary = PART_SEARCH.descriptor_gain * (descriptor_distance - PART_SEARCH.neutral_descriptor_distance)
         regions, gains = grow_regions(
-            *self._sides(pair), unary, seeds, pair.cost, PART_SEARCH.near, PART_SEARCH.dearest
+            *self._sides(pair),
+            unary,
+            seeds,
+            pair.cost,
+            PART_SEARCH.near_distance,
+            PART_SEARCH.max_distance_cost,
         )
-        best = regions[np.argsort(-gains, kind="stable")[: PART_SEARCH.most_grown]]
+        best = regions[np.argsort(-gains, kind="stable")[: PART_SEARCH.max_grown_regions]]
         images = BodyVertices(np.where(best >= 0, candidates[best], -1))
         starts = parallel_map(lambda row: self._start(pair, row, 2), images)
         return distinct(
-            starts, lambda start: start.images, whole.mean_distances, self._apart, PART_SEARCH.n_grown
+            starts,
+            lambda start: start.images,
+            whole.mean_distances,
+            self._apart,
+            PART_SEARCH.n_starts_from_regions,
         )
 
     def _sides(self, pair: PartPair) -> tuple[Intervals, Intervals]:
@@ -149,16 +162,17 @@ class PartStarts:
         apart = here.at(a).descriptor_distance(there.at(b), deviation_of(there)).reshape(n_radii.shape)
         total = np.where(n_radii > 0, apart, 0.0) * n_radii
         return np.asarray(
-            (total + PART_SEARCH.neutral * PART_SEARCH.prior_radii) / (n_radii + PART_SEARCH.prior_radii)
+            (total + PART_SEARCH.neutral_descriptor_distance * PART_SEARCH.neutral_weight)
+            / (n_radii + PART_SEARCH.neutral_weight)
         )
 
     def _assigned(self, unit: float) -> list[PartStart]:
         """Assign the first anchors in one unit."""
         pair, candidates = self._at(unit), self._candidates
-        placed = min(PART_SEARCH.n_placed, len(pair.anchors))
+        placed = min(PART_SEARCH.n_assigned_anchors, len(pair.anchors))
         alone = self._unary(pair, np.arange(placed)[:, None], np.searchsorted(self._places, candidates))
         pin_first(alone, np.searchsorted(candidates, pair.landmarks[:placed]))
-        rows, costs = assign_points(*self._sides(pair), alone, pair.cost, PART_SEARCH.beam, self._apart)
+        rows, costs = assign_points(*self._sides(pair), alone, pair.cost, PART_SEARCH.beam_width, self._apart)
         # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
         # the unary costs. `_start` weighs both alike, of however many anchors.
         costs = costs / (placed * (placed - 1) / 2) + self._against(unit)
@@ -173,7 +187,9 @@ class PartStarts:
         unary = self._unary(scaled, np.arange(len(images)), np.searchsorted(self._places, images))
         unary[: len(scaled.landmarks)] = 0.0
         cost = (
-            scaled.stress(images) + unary.mean() * 2 / (PART_SEARCH.n_placed - 1) + self._against(scaled.unit)
+            scaled.stress(images)
+            + unary.mean() * 2 / (PART_SEARCH.n_assigned_anchors - 1)
+            + self._against(scaled.unit)
         )
         return PartStart(scaled, images, float(cost))
 
@@ -181,7 +197,7 @@ class PartStarts:
         """Cost of another unit than that of the files."""
         if not self._pair.knows_unit:
             return 0.0
-        return float(PART_SEARCH.unit_cost * np.log(unit / self._pair.unit) ** 2)
+        return float(PART_SEARCH.unit_change_weight * np.log(unit / self._pair.unit) ** 2)
 
     def _distinct(self, starts: list[PartStart], most: int) -> list[PartStart]:
         order = sorted(starts, key=lambda start: start.cost)
@@ -200,11 +216,11 @@ class PartStarts:
         below = least[anchors] * (1 - PART_SEARCH.ball_tolerance) - self._balls[places]
         above = self._balls[places] - most[anchors] * (1 + PART_SEARCH.ball_tolerance)
         violation = np.maximum(np.maximum(below, above), 0.0) / self._balls.mean(axis=0)
-        cost = np.asarray(np.minimum(violation, PART_SEARCH.most_ball).mean(axis=-1))
+        cost = np.asarray(np.minimum(violation, PART_SEARCH.max_ball_cost).mean(axis=-1))
         of_part, weights = (values[anchors] for values in self._signatures.of_anchors(pair))
         of_whole = self._signatures.values
         apart = weights * np.abs(of_part - of_whole[self._places[places]]) / (2 * self._mean_signatures)
-        cost += PART_SEARCH.signature_cost * np.minimum(apart, 1.0).mean(axis=-1)
+        cost += PART_SEARCH.signature_weight * np.minimum(apart, 1.0).mean(axis=-1)
         return cost
 
     @cached_method
@@ -212,7 +228,7 @@ class PartStarts:
         """Least and greatest areas of the balls of all radii around the anchors."""
         # The ball of radius r around x on the whole has all y with D(x, y) < r. As lower ≤ D ≤ upper,
         #     area{upper < r} ≤ area of the ball ≤ area{lower < r} + what is missing, if the boundary is nearer than r.
-        radii, samples = np.array(PART_SEARCH.radii), PartVertices(pair.part.sample_vertices)
+        radii, samples = np.array(PART_SEARCH.ball_radii), PartVertices(pair.part.sample_vertices)
         areas = self._areas * pair.share
         lower, upper = pair.intervals(samples)
         least = np.stack([(upper < r) @ areas for r in radii], axis=1)

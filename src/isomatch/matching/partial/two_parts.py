@@ -29,7 +29,7 @@ from isomatch.matching.assessment.evidence import CommonDoubt, Solution
 from isomatch.matching.assessment.measured import Measured
 from isomatch.matching.assessment.quality import descriptor_distance_of
 from isomatch.matching.model import Match, MatchingModel, Proposals
-from isomatch.matching.parameters import PART_FIT, SAME_MAP, SEEDS, TWO_PARTS
+from isomatch.matching.parameters import MAP_DISTANCE, PART_FIT, SEEDS, TWO_PARTS
 from isomatch.matching.partial.both_seeds import CommonRegion, CommonRegions, two_sides
 from isomatch.matching.partial.part import Part, contradiction, expected_errors_of_part, filled, measured_part
 from isomatch.matching.partial.part_registration import BentPart, PartFit, WholeCoordinates
@@ -93,7 +93,10 @@ class RefinedRegion:
         source, target = self.regions.source, self.regions.target
         image = self.image[source.landmarks]
         return int(
-            (target.shape.distance(image, target.landmarks)[image != UNMATCHED] < TWO_PARTS.held).sum()
+            (
+                target.shape.distance(image, target.landmarks)[image != UNMATCHED]
+                < TWO_PARTS.landmark_tolerance
+            ).sum()
         )
 
     @property
@@ -110,10 +113,10 @@ class RefinedRegion:
         # samples that look unlike their images lead no others, but join again where others lead there
         source, target = self.regions.source, self.regions.target
         at_samples = np.full(len(source.vertices), UNMATCHED)
-        alike = self.rows[self.descriptor_distances < TWO_PARTS.too_unlike]
+        alike = self.rows[self.descriptor_distances < TWO_PARTS.max_descriptor_distance]
         at_samples[alike] = self.image[source.vertices[alike]]
         at_samples[: len(source.landmarks)] = target.landmarks
-        rows = SampleRows(np.flatnonzero(at_samples != UNMATCHED)[: SEEDS.next_anchors])
+        rows = SampleRows(np.flatnonzero(at_samples != UNMATCHED)[: SEEDS.n_next_anchors])
         columns = SampleRows(target.nearest_sample[at_samples[rows]])
         placed, accepted = self.regions.placed(rows, columns, len(source.vertices), most)
         images = BodyVertices(np.where(at_samples != UNMATCHED, at_samples, target.vertices[placed]))
@@ -186,7 +189,9 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
     def coordinates(self, best: RefinedRegion) -> BentPart:
         """Bend the region in full."""
         fit = best.fit
-        return fit.bending.laid_in_full(fit.bent, self.pair.config.parts.bending[-TWO_PARTS.n_bent_in_full :])
+        return fit.bending.laid_in_full(
+            fit.bent, self.pair.config.parts.bending[-TWO_PARTS.n_final_lengths :]
+        )
 
     def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
         def refined(region: CommonRegion) -> RefinedRegion | str:
@@ -205,7 +210,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         source, target = regions.source, regions.target
         n = source.shape.body.n_vertices
         gap, owner = distance_along_edges_to_nearest(source.shape.body, source.vertices[region.accepted])
-        vertices = largest_piece(source.shape.mesh_body, source.unit * gap <= TWO_PARTS.around)
+        vertices = largest_piece(source.shape.mesh_body, source.unit * gap <= TWO_PARTS.region_margin)
         without_extremities = replace(pair.config.preparation, n_extremities=0)
         config = replace(pair.config, scale="same", preparation=without_extremities)
         if roughly:
@@ -250,7 +255,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
             first_maps.append((BodyVertices(np.column_stack([everything, images])), "pose"))
         for pairs, origin in (*first_maps, *self.first_maps_handed_in()):
             image, gap = filled(self.source, pairs)
-            near = self._regions.source.unit * gap <= TWO_PARTS.around
+            near = self._regions.source.unit * gap <= TWO_PARTS.region_margin
             regions.append(self._regions.around(image, near, origin))
         return [region for region in regions if region.accepted.any()]
 
@@ -275,7 +280,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         both = best.matched & other.matched
         return (
             not both.any()
-            or self.target.mean_distance(best.image[both], other.image[both]) > SAME_MAP.other_map
+            or self.target.mean_distance(best.image[both], other.image[both]) > MAP_DISTANCE.other_map
         )
 
     def measure(self, match: Match[RefinedRegion, BentPart]) -> Measured:
@@ -325,7 +330,10 @@ def overlaps(bent: BentPart) -> Bool[BoolArray, "n"]:
     """Which vertices of a bent part lie on the target, where that is not just its boundary."""
     onto, points = bent.onto.mesh, bent.points
     gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)
-    return np.asarray(gap <= np.where(Boundary(onto).holds(points), TWO_PARTS.rim, TWO_PARTS.off))
+    return np.asarray(
+        gap
+        <= np.where(Boundary(onto).holds(points), TWO_PARTS.boundary_tolerance, TWO_PARTS.surface_tolerance)
+    )
 
 
 def rough(config: Config) -> Config:
@@ -333,7 +341,7 @@ def rough(config: Config) -> Config:
     refining = config.refining
     names = "sizes_without_positions", "sizes_with_positions", "final_sizes", "sizes_of_parts"
     sizes: dict[str, Any] = {
-        name: tuple(k for k in getattr(refining, name) if k <= TWO_PARTS.rough_functions) for name in names
+        name: tuple(k for k in getattr(refining, name) if k <= TWO_PARTS.n_rough_functions) for name in names
     }
     if any(sizes[name] for name in names[:3]):
         refining = replace(refining, **sizes)
@@ -342,7 +350,7 @@ def rough(config: Config) -> Config:
         config,
         n_columns=min(config.n_columns, 40),
         rank=min(config.rank, 20),
-        n_functions=min(config.n_functions, TWO_PARTS.rough_functions),
+        n_functions=min(config.n_functions, TWO_PARTS.n_rough_functions),
         n_refine=min(config.n_refine, 500),
         refining=refining,
         parts=replace(config.parts, bending=bending, n_bent_vertices=n_bent),

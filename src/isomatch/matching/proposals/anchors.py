@@ -31,7 +31,7 @@ def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
     remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
     unary = pair.config.search.eccentricity_weight * remoteness + ANCHORS.signature_weight * unlike
-    assigned, _ = assign_points(*sides, unary, EXACTLY, ANCHORS.beam, ANCHORS.apart)
+    assigned, _ = assign_points(*sides, unary, EXACTLY, ANCHORS.beam_width, ANCHORS.same_assignment_distance)
     starts = [SearchRows(nearest_rows(there[:, x], here[:, anchors])) for x in assigned[: ANCHORS.n_starts]]
     return [search_pairs(pair, start) for start in parallel_map(lambda start: slid(pair, start), starts)]
 
@@ -41,8 +41,8 @@ def slid(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "
     # Of a round shape, many maps keep distances, and iterative closest points stop at any of them. Few functions leave
     # a map free to move along these directions: images are nearest neighbours in (Φ_t Fᵀ / √k, σ_t) of (Φ_s / √k, σ_s).
     spectra, signatures = pair.search_spectra, pair.search_signatures
-    k = min(ANCHORS.slide_functions, pair.n_functions)
-    for _ in range(ANCHORS.slide_steps):
+    k = min(ANCHORS.n_relaxation_functions, pair.n_functions)
+    for _ in range(ANCHORS.n_relaxation_steps):
         carried = spectra.target[:, :k] @ spectra.functional_map(target_row, k).T
         of_target = np.hstack([carried / np.sqrt(k), signatures.target])
         of_source = np.hstack([spectra.source.at_samples[:, :k] / np.sqrt(k), signatures.source])
