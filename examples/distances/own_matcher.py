@@ -61,7 +61,7 @@ problem = replace(prepared, refinement=Upsampling(), starts=[axes_of_inertia, *d
 model = Isometry(problem)
 hypotheses, _ = model.hypotheses()
 candidates, _ = model.candidates(hypotheses)
-fits = model.refine(model.begun(candidates[:3]))
+fits = model.refine(model.begin(candidates[:3]))
 for fit in fits:
     print(f"from {fit.origin}: score {model.cost(fit):.3f}")
 

@@ -46,7 +46,7 @@ def test_the_hook_scores_every_map(animals):
     for relation in (BySpectralResidual, Isometry):
         model = relation(problem)
         candidates, _ = model.candidates(*model.hypotheses())
-        fits = model.refine(model.begun(candidates[:3]))
+        fits = model.refine(model.begin(candidates[:3]))
         assert len(fits) == 3
         assert [fit.score == fit.spectral_residual for fit in fits] == 3 * [relation is BySpectralResidual]
 

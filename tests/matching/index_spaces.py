@@ -3,7 +3,7 @@
 from isomatch._core import arrays
 from isomatch._core.arrays import BodyVertices, SearchRows
 from isomatch.matching import Problem
-from isomatch.matching.isometric.candidates import energy_of, extended
+from isomatch.matching.isometric.candidates import energy_of, extend_map
 from isomatch.matching.partial.both_seeds import CommonRegions
 from isomatch.matching.partial.part_pair import PartPair
 from isomatch.matching.verify import on_bodies
@@ -13,7 +13,7 @@ def refused(pair: Problem, rows: SearchRows, vertices: BodyVertices, users: arra
     """Mix rows, vertices of bodies, and those of the user."""
     energy_of(pair, pair.source_vertices, rows)  # type: ignore[arg-type]
     energy_of(pair, users, vertices)  # type: ignore[arg-type]
-    extended(pair, vertices, vertices)  # type: ignore[arg-type]
+    extend_map(pair, vertices, vertices)  # type: ignore[arg-type]
     on_bodies(pair, vertices)  # type: ignore[arg-type]
     energy_of(pair, vertices, vertices[rows])  # type: ignore[arg-type]  # an index is of no space until it is named
 
@@ -28,8 +28,8 @@ def refused_of_parts(
     """Mix a part with its whole, and samples with vertices."""
     pair.intervals(whole)  # type: ignore[arg-type]
     pair.stress(part)  # type: ignore[arg-type]
-    regions.worth(whole, whole)  # type: ignore[arg-type]
-    regions.worth(rows, rows)  # type: ignore[arg-type]
+    regions.net_evidence(whole, whole)  # type: ignore[arg-type]
+    regions.net_evidence(rows, rows)  # type: ignore[arg-type]
 
 
 def allowed(pair: Problem, rows: SearchRows) -> arrays.IntArray:

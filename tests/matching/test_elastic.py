@@ -108,9 +108,9 @@ def test_a_wrong_initial_map_does_not_win(species, found):
 def test_the_score_is_the_stretch_and_the_gap_of_both_shapes_bent(species):
     """A shape on itself is not stretched; exchanged images are dear."""
     relation = Elastic(prepare_pair(species[0], species[0]))
-    own = relation.measured(Fit(relation.vertices), relation.vertices)
+    own = relation.measure_fit(Fit(relation.vertices), relation.vertices)
     assert own.score < 1e-4
-    moved = relation.measured(own, np.roll(relation.vertices, 1))
+    moved = relation.measure_fit(own, np.roll(relation.vertices, 1))
     assert moved.score > 20 * own.score
     there, back = own.bent
     assert own.score == pytest.approx(np.sqrt(there.spectral_residual * back.spectral_residual))

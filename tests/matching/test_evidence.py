@@ -13,7 +13,7 @@ from isomatch.matching.assessment.evidence import (
     Evidence,
     PartDoubt,
     held_evidence,
-    lowered,
+    lower_outcome,
     outcome_of,
     part_contradicts,
 )
@@ -48,7 +48,7 @@ def test_an_outcome_is_lowered_and_never_raised():
     for outcome in Outcome:
         assert outcome_of([Evidence.of(outcome)]) is outcome
         for other in Outcome:
-            assert lowered(outcome, Evidence.of(other)) is min(outcome, other, key=lambda o: o.sureness)
+            assert lower_outcome(outcome, Evidence.of(other)) is min(outcome, other, key=lambda o: o.sureness)
 
 
 def test_the_doubt_is_the_score_without_a_runner_up_and_boundless_at_a_tie():
@@ -87,8 +87,8 @@ def test_single_landmarks_do_not_contradict_the_map_of_a_part():
 
 
 def test_a_map_of_another_way_that_comes_near_adds_to_the_doubt():
-    assert doubt_of(BOUND / 2, 9.0).against(1.5).doubt == pytest.approx(3 * BOUND / 2)
-    assert doubt_of(BOUND / 2, 1.5).against(9.0) == doubt_of(BOUND / 2, 1.5)
+    assert doubt_of(BOUND / 2, 9.0).with_lead(1.5).doubt == pytest.approx(3 * BOUND / 2)
+    assert doubt_of(BOUND / 2, 1.5).with_lead(9.0) == doubt_of(BOUND / 2, 1.5)
 
 
 def test_a_map_that_had_to_be_bent_to_its_landmarks_is_not_sure():

@@ -68,7 +68,7 @@ def test_a_map_refined_once_more_scores_no_worse(stuck):
         config = Config.from_dict({"refining": {"sizes_again": sizes, **(at_once if stuck else {})}})
         relation = Isometry(prepare_pair(source, target, config))
         candidates, _ = relation.candidates(*relation.hypotheses())
-        scores.append([fit.score for fit in relation.refined(relation.begun(candidates[:3]))])
+        scores.append([fit.score for fit in relation.refine_jointly(relation.begin(candidates[:3]))])
     once, again = scores
     assert len(once) == len(again)
     assert all(np.less_equal(again, once))

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from isomatch import Mesh, Outcome, Verification, match
 from isomatch.correspondence import SurfaceIndex, VertexCells
-from isomatch.matching.bending import Bent, Surroundings
+from isomatch.matching.bending import BentShape, Surroundings
 from isomatch_lab.procedural.implicit import Skin
 from isomatch_lab.procedural.tessellation import tessellate
 from shapes import disguised
@@ -107,7 +107,7 @@ def bent(rest, vertices):
     """A mesh that was bent, onto itself."""
     moved = rest.moved(vertices)
     index = SurfaceIndex(moved.faces, VertexCells.of(np.array([0]), np.zeros(len(vertices), dtype=int)))
-    return Bent(rest, moved, Surroundings(moved, index))
+    return BentShape(rest, moved, Surroundings(moved, index))
 
 
 def strip(n_long=40, n_wide=12, side=0.05):

@@ -26,7 +26,7 @@ def match_part(part, whole, config):
     best = ranking.best
     return SimpleNamespace(
         fits=[best, *ranking.others],
-        score=best.bent_cost,
+        score=best.cost_with_bending,
         pair=best.pair,
         bent=found.coordinates,
         share=best.share,

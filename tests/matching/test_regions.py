@@ -15,7 +15,7 @@ from isomatch.matching.assessment.confidence import (
     ANOTHER_MAP,
     UNLIKE_ITS_IMAGE,
     doubt_in,
-    lifted,
+    lift_regions,
     regions_of_doubt,
 )
 from isomatch.matching.assessment.evidence import region_evidence
@@ -152,7 +152,7 @@ def test_vertices_in_another_order_give_the_same_regions(animal, pair):
     moved = np.zeros(n)
     moved[new_place] = descriptor_distance
     ours, theirs = (
-        lifted(regions_of_doubt(each, each.source.restrict(values)), each.source, each.target)
+        lift_regions(regions_of_doubt(each, each.source.restrict(values)), each.source, each.target)
         for each, values in ((pair, descriptor_distance), (permuted, moved))
     )
     assert len(ours) == len(theirs) == 2

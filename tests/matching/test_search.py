@@ -8,7 +8,7 @@ from isomatch.datasets import ground_truth
 from isomatch.matching import Candidate, default_starts, prepare_pair
 from isomatch.matching.isometric.search import search
 from isomatch.matching.problem import search_pairs
-from isomatch.matching.proposals.flips import flips
+from isomatch.matching.proposals.flips import find_flips
 from isomatch.matching.proposals.from_priors import start_from_pairs
 from isomatch.matching.proposals.pose import starts_from_poses
 from isomatch.matching.proposals.starts import starts_from_extremities
@@ -38,7 +38,7 @@ def known():
 @pytest.mark.long
 def test_flips_of_the_mirror_image_contain_the_true_map(known):
     pair, true, mirrored = known
-    found = flips(pair, mirrored, [mirrored])
+    found = find_flips(pair, mirrored, [mirrored])
     assert min(apart(pair, h, true) for h in found) < 0.03
     assert all(apart(pair, h, mirrored) > 0.05 for h in found)
     assert all(h.alignment is not mirrored.alignment for h in found)
@@ -50,9 +50,9 @@ def test_flips_of_the_mirror_image_contain_the_true_map(known):
 def test_flips_are_new_whatever_is_known(known, origin):
     pair, true, mirrored = known
     winner = Candidate(mirrored.alignment, origin)
-    everything = [winner, true, *flips(pair, winner, [winner, true])]
+    everything = [winner, true, *find_flips(pair, winner, [winner, true])]
     assert len(everything) > 2
-    assert flips(pair, winner, everything) == []
+    assert find_flips(pair, winner, everything) == []
     for i, one in enumerate(everything):
         for other in everything[:i]:
             assert apart(pair, one, other) > 0.05

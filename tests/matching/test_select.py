@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 
 from isomatch.matching import selection
 from isomatch.matching.parameters import TIES
-from isomatch.matching.selection import Rules, contenders, distinct, ranked, survivors, weighed
+from isomatch.matching.selection import (
+    Rules,
+    keep_distinct,
+    rank_candidates,
+    select_contenders,
+    select_survivors,
+    weigh_costs,
+)
 from isomatch.settings import OutcomeSettings, SelectionSettings
 
 SETTINGS, BOUNDS = SelectionSettings(), OutcomeSettings()
@@ -18,7 +25,7 @@ SETTINGS, BOUNDS = SelectionSettings(), OutcomeSettings()
 
 def select(fits, eligible, apart, elsewhere, n_tried):
     rules = Rules.of(SETTINGS, BOUNDS)
-    return selection.select(fits, apart, rules, eligible=eligible, elsewhere=elsewhere, n_tried=n_tried)
+    return selection.select(fits, apart, rules, eligible=eligible, far_shares=elsewhere, n_tried=n_tried)
 
 
 @dataclass(frozen=True)
@@ -73,30 +80,32 @@ def test_the_order_of_the_candidates_does_not_matter(candidates, orientation, ra
     shuffled = candidates[:]
     random.shuffle(shuffled)
     for landmarks in (False, True):
-        one, other = (ranked(each, orientation, SETTINGS, landmarks) for each in (candidates, shuffled))
+        one, other = (
+            rank_candidates(each, orientation, SETTINGS, landmarks) for each in (candidates, shuffled)
+        )
         assert one == other
 
 
 @given(st.lists(found, min_size=1, max_size=8))
 def test_mirroring_everything_and_asking_for_the_mirror_image_changes_nothing(candidates):
     mirrored = [Found(c.energy, -c.orientation, c.landmark_error) for c in candidates]
-    kept = [c.energy for c in ranked(candidates, "preserve", SETTINGS)]
-    assert kept == [c.energy for c in ranked(mirrored, "reverse", SETTINGS)]
+    kept = [c.energy for c in rank_candidates(candidates, "preserve", SETTINGS)]
+    assert kept == [c.energy for c in rank_candidates(mirrored, "reverse", SETTINGS)]
 
 
 @given(st.lists(found, max_size=8))
 def test_without_landmarks_nothing_is_dropped(candidates):
-    assert sorted(ranked(candidates, "preserve", SETTINGS), key=repr) == sorted(candidates, key=repr)
+    assert sorted(rank_candidates(candidates, "preserve", SETTINGS), key=repr) == sorted(candidates, key=repr)
 
 
 def test_where_only_the_other_side_was_found_it_contends():
-    assert contenders([Found(1.0, -0.9)], "preserve", SETTINGS) == [Found(1.0, -0.9)]
-    assert contenders([], "preserve", SETTINGS) == []
+    assert select_contenders([Found(1.0, -0.9)], "preserve", SETTINGS) == [Found(1.0, -0.9)]
+    assert select_contenders([], "preserve", SETTINGS) == []
 
 
 def test_of_fits_that_coincide_one_is_kept_for_the_hypothesis_of_least_residual():
     fits = [Fit(1.0, residual=0.3), Fit(1.05, residual=0.1), Fit(1.1, residual=0.2)]
-    assert survivors(fits, apart(3, (0, 1)), SETTINGS, True, False) == [(0, 1), (2, 2)]
+    assert select_survivors(fits, apart(3, (0, 1)), SETTINGS, True, False) == [(0, 1), (2, 2)]
 
 
 def test_the_eligible_fit_of_least_score_wins():
@@ -175,7 +184,7 @@ def test_maps_that_are_kept_differ_from_each_other_and_every_other_one_is_like_o
     def distances(place, others):
         return np.abs(np.subtract(others, place))
 
-    kept = distinct(places, lambda place: place, distances, 1.5, most, before=[20])
+    kept = keep_distinct(places, lambda place: place, distances, 1.5, most, before=[20])
     assert kept == sorted(kept, key=places.index)
     assert all(abs(a - b) > 1.5 for i, a in enumerate(kept) for b in kept[:i])
     if most is None:
@@ -196,7 +205,7 @@ def test_costs_are_weighed_by_the_descriptor_distance_where_maps_differ():
     """Mismatches where both maps agree do not count, nor do those that are not known."""
     dear = np.where(HERE < 60, 9.0, 0.7)
     dear[90:] = np.nan
-    costs = weighed([1.0, 1.1], [HERE, THERE], [dear, np.full(100, 0.5)], line, [True, True], 2.0)
+    costs = weigh_costs([1.0, 1.1], [HERE, THERE], [dear, np.full(100, 0.5)], line, [True, True], 2.0)
     assert costs == pytest.approx([1.1 * np.exp(2 * 0.2) / 1.1, 1.1])
 
 
@@ -206,8 +215,10 @@ def test_the_weights_of_maps_that_agree_or_of_which_nothing_is_known_are_none():
         ([HERE, HERE], [0 * HERE, 9.0 + HERE]),
         ([HERE, THERE], [unknown, unknown]),
     ):
-        assert weighed([1.0, 1.1], images, descriptor_distances, line, [True, True], 2.0) == [1.0, 1.1]
-    assert weighed([1.0, 1.1], [HERE, THERE], [0.9 + 0 * HERE, 0.1 + 0 * HERE], line, [True] * 2, 0.0) == [
+        assert weigh_costs([1.0, 1.1], images, descriptor_distances, line, [True, True], 2.0) == [1.0, 1.1]
+    assert weigh_costs(
+        [1.0, 1.1], [HERE, THERE], [0.9 + 0 * HERE, 0.1 + 0 * HERE], line, [True] * 2, 0.0
+    ) == [
         1.0,
         1.1,
     ]
@@ -220,7 +231,7 @@ def test_of_maps_that_beat_each_other_in_a_ring_the_one_that_loses_least_wins(or
     images = [HERE, HERE + 5 * early, HERE + 5 * ~early]
     descriptor_distances = [np.where(early, *values) for values in ((0.2, 0.5), (0.5, 0.3), (0.6, 0.3))]
     ordered = ([each[i] for i in order] for each in (images, descriptor_distances))
-    costs = weighed([1.0] * 3, *ordered, line, [True] * 3, 2.0)
+    costs = weigh_costs([1.0] * 3, *ordered, line, [True] * 3, 2.0)
     assert order[int(np.argmin(costs))] == 2
     assert sorted(costs)[:2] == pytest.approx([1.0, 1.0])
     assert max(costs) == pytest.approx(np.exp(2 * 0.2))
@@ -228,6 +239,6 @@ def test_of_maps_that_beat_each_other_in_a_ring_the_one_that_loses_least_wins(or
 
 def test_only_eligible_maps_are_the_standard():
     poor, good = 0.9 + 0 * HERE, 0.1 + 0 * HERE
-    costs = weighed([1.0, 1.1], [HERE, THERE], [poor, good], line, [True, False], 1.0)
+    costs = weigh_costs([1.0, 1.1], [HERE, THERE], [poor, good], line, [True, False], 1.0)
     assert costs == pytest.approx([1.0, 1.1 * np.exp(-0.8)])
-    assert weighed([1.0, 1.1], [HERE, THERE], [poor, good], line, [True, True], 1.0)[1] == 1.1
+    assert weigh_costs([1.0, 1.1], [HERE, THERE], [poor, good], line, [True, True], 1.0)[1] == 1.1

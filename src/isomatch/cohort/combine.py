@@ -35,7 +35,7 @@ from isomatch.cohort.map_file import PairMaps, digest_of
 from isomatch.cohort.plan import tiles_of
 from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.correspondence import UNMATCHED
-from isomatch.matching import Evidence, Outcome, lowered, match_both, outcome_of
+from isomatch.matching import Evidence, Outcome, lower_outcome, match_both, outcome_of
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
@@ -208,7 +208,7 @@ def _write(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
             order=("before", *agreement.order),
         )
         poor = Evidence(poor=value > CONTRADICTED)
-        there, back = (side.with_outcome(lowered(x, poor)) for side, x in zip(row.sides, own))
+        there, back = (side.with_outcome(lower_outcome(x, poor)) for side, x in zip(row.sides, own))
         new = replace(row, agreement=agreement, there=there, back=back)
         if new != row:
             ledger.put(pair, replace(new, time=time.time()))
@@ -340,7 +340,9 @@ class CycleJob:
             f"{over}, refined, and its outcome is at most as sure as theirs"
         )
         least = Evidence.of(Outcome[repair.outcomes[best]])
-        results = [replace(x, outcome=lowered(x.outcome, least), notes=(note, *x.notes)) for x in rematched]
+        results = [
+            replace(x, outcome=lower_outcome(x.outcome, least), notes=(note, *x.notes)) for x in rematched
+        ]
         there, back = (MapSummary.of(result, settings=True) for result in results)
         by = pair[0], over, pair[1]
         record = replace(old.record, there=there, back=back, memory=peak_memory(), replaced_by=by)

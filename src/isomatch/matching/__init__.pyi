@@ -2,10 +2,10 @@ from isomatch.matching.assessment.confidence import DoubtfulRegion, expected_err
 from isomatch.matching.assessment.evidence import (
     Evidence,
     Solution,
-    lowered,
+    lower_outcome,
     measured_evidence,
     outcome_of,
-    verified,
+    result_of,
 )
 from isomatch.matching.assessment.quality import contradicted_landmarks, covered_share, measure_quality
 from isomatch.matching.assessment.questions import Question, questions
@@ -68,7 +68,7 @@ __all__ = [
     "first_map",
     "joint_coordinates",
     "judge",
-    "lowered",
+    "lower_outcome",
     "match",
     "match_both",
     "match_under",
@@ -77,8 +77,8 @@ __all__ = [
     "outcome_of",
     "prepare_pair",
     "questions",
+    "result_of",
     "search_under",
     "select_strategies",
-    "verified",
     "verify",
 ]

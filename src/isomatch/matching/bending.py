@@ -39,7 +39,7 @@ class Surroundings:
 
 
 @dataclass(frozen=True, eq=False)
-class Bent:
+class BentShape:
     """A shape bent until it lies on a surface."""
 
     rest: Mesh  # the shape as it was, in √area of its own, perhaps at a lower resolution
@@ -111,59 +111,59 @@ class Bending:
     # landmark has the weight π ℓ², that of a disc of radius ℓ, in place of a_i: it moves the piece that it is on.
     def __init__(self, shape: Mesh, n_vertices: int) -> None:  # the shape in √area of its own
         self._coarse = Prolongation(shape, decimate(shape, n_vertices))
-        self._coarsely = RigidRegistration(self._coarse.coarse.mesh, keeps=True)
-        self._in_full = RigidRegistration(shape)
+        self._coarse_registration = RigidRegistration(self._coarse.coarse.mesh, keeps=True)
+        self._full_registration = RigidRegistration(shape)
 
     @property
     def vertices(self) -> Int[IntArray, "n_coarse"]:
         """Vertex of the shape at each vertex of the lower resolution."""
         return self._coarse.nearest_members
 
-    def coarsely(
+    def bend_coarsely(
         self,
         onto: Surroundings,
         start: Float[FloatArray, "n_coarse 3"],  # where a map puts the vertices
         lengths: tuple[float, ...],  # ℓ, in √area of the surface
         landmarks: HardLandmarks,
         most_scaled: float = 1.0,  # c
-    ) -> Bent:
+    ) -> BentShape:
         """Bend the shape at the lower resolution."""
         vertices, points = landmarks
         landmarks = self._coarse.coarse.owner[vertices], points
-        return bent_onto(self._coarsely, onto, start, lengths, landmarks, most_scaled)
+        return bend_onto(self._coarse_registration, onto, start, lengths, landmarks, most_scaled)
 
-    def in_full(
-        self, bent: Bent, lengths: tuple[float, ...], landmarks: HardLandmarks, most_scaled: float = 1.0
-    ) -> Bent:
+    def bend_in_full(
+        self, bent: BentShape, lengths: tuple[float, ...], landmarks: HardLandmarks, most_scaled: float = 1.0
+    ) -> BentShape:
         """Bend the shape in full, from where it lies at the lower resolution."""
         start = self._coarse.on_coarse.interpolated(bent.mesh.vertices)
-        return bent_onto(self._in_full, bent.onto, start, lengths, landmarks, most_scaled)
+        return bend_onto(self._full_registration, bent.onto, start, lengths, landmarks, most_scaled)
 
-    def images(self, bent: Bent, vertices: Int[IntArray, "q"]) -> Int[BodyVertices, "q"]:
+    def images(self, bent: BentShape, vertices: Int[IntArray, "q"]) -> Int[BodyVertices, "q"]:
         """Vertices of the surface nearest to some of the shape that is bent at the lower resolution."""
         corners, weights = self._coarse.on_coarse
         places = PrecisePoints(corners[vertices], weights[vertices])
         there, here = with_normals(bent.onto.mesh), places.interpolated(with_normals(bent.mesh))
         return BodyVertices(bent.onto.index.vertices(there, here))
 
-    def spread(self, values: Float[FloatArray, "n_coarse"]) -> Float[FloatArray, "n"]:
+    def interpolate(self, values: Float[FloatArray, "n_coarse"]) -> Float[FloatArray, "n"]:
         """Interpolate values at the lower resolution on the vertices of the shape."""
         return np.asarray(self._coarse.on_coarse.interpolated(values[:, None])[:, 0])
 
 
-def bent_onto(
+def bend_onto(
     registration: RigidRegistration,
     onto: Surroundings,
     start: Float[FloatArray, "n 3"],
     lengths: tuple[float, ...],
     landmarks: HardLandmarks | None = None,
     most_scaled: float = 1.0,
-) -> Bent:
+) -> BentShape:
     """Bend a shape onto a surface, from where a map puts its vertices."""
     moved = registration(
         onto.mesh, onto.index, start, lengths, onto.unit, held=landmarks, most_scaled=most_scaled
     )
-    return Bent(registration.source, registration.source.moved(moved), onto)
+    return BentShape(registration.source, registration.source.moved(moved), onto)
 
 
 class ElasticBending(Bending):
@@ -173,42 +173,45 @@ class ElasticBending(Bending):
     def __init__(
         self, shape: PreparedShape, onto: PreparedShape, n_vertices: int, back: bool, landmarks: BodyVertices
     ) -> None:
-        super().__init__(_of_area_1(shape), n_vertices)
-        self._onto = Surroundings(_of_area_1(onto), onto.index)
+        super().__init__(unit_area_mesh(shape), n_vertices)
+        self._onto = Surroundings(unit_area_mesh(onto), onto.index)
         self._back, self._landmarks = back, landmarks
         self._all_vertices = np.arange(shape.body.n_vertices)
 
-    def laid(
+    def lay(
         self,
         coordinates: Embedding,
         lengths: tuple[float, ...],
         held: Int[BodyVertices, "q 2"] | None = None,
         most_scaled: float = 1.0,
-    ) -> Bent:
+    ) -> BentShape:
         """Bend the shape coarsely, from nearest images in coordinates; ``held`` pairs hold as landmarks do."""
         here, there = coordinates[::-1] if self._back else coordinates
         start = self._onto.mesh.vertices[self._onto.index.vertices(there, here[self.vertices])]
         pairs = self._landmarks if held is None else np.concatenate([self._landmarks, held])
-        return self.coarsely(self._onto, start, lengths, self._hard(pairs), most_scaled)
+        return self.bend_coarsely(self._onto, start, lengths, self._hard_landmarks(pairs), most_scaled)
 
-    def further(self, bent: Bent, lengths: tuple[float, ...]) -> Bent:
+    def bend_further(self, bent: BentShape, lengths: tuple[float, ...]) -> BentShape:
         """Bend the shape at the lower resolution, from where it lies."""
-        return self.coarsely(self._onto, bent.mesh.vertices, lengths, self._hard(self._landmarks))
+        return self.bend_coarsely(
+            self._onto, bent.mesh.vertices, lengths, self._hard_landmarks(self._landmarks)
+        )
 
-    def laid_in_full(self, bent: Bent, lengths: tuple[float, ...], most_scaled: float) -> Bent:
+    def lay_in_full(self, bent: BentShape, lengths: tuple[float, ...], most_scaled: float) -> BentShape:
         """Bend the shape in full, from where it lies at the lower resolution."""
-        return self.in_full(bent, lengths, self._hard(self._landmarks), most_scaled)
+        return self.bend_in_full(bent, lengths, self._hard_landmarks(self._landmarks), most_scaled)
 
-    def pairs(self, bent: Bent) -> Int[BodyVertices, "n 2"]:
+    def pairs(self, bent: BentShape) -> Int[BodyVertices, "n 2"]:
         """All vertices of the bent shape and their images: vertices of source and target."""
         both = np.column_stack([self._all_vertices, self.images(bent, self._all_vertices)])
         return BodyVertices(both[:, ::-1] if self._back else both)
 
-    def _hard(self, pairs: Int[IntArray, "q 2"]) -> HardLandmarks:
+    def _hard_landmarks(self, pairs: Int[IntArray, "q 2"]) -> HardLandmarks:
         own, other = (pairs[:, ::-1] if self._back else pairs).T
         return own, self._onto.mesh.vertices[other]
 
 
-def _of_area_1(shape: PreparedShape) -> Mesh:
+def unit_area_mesh(shape: PreparedShape) -> Mesh:
+    """Body of a shape, scaled to area 1."""
     mesh = shape.mesh_body
     return mesh.moved(mesh.vertices / np.sqrt(mesh.area))

@@ -20,7 +20,7 @@ from isomatch.matching.assessment.evidence import Evidence, Solution, measured_e
 from isomatch.matching.assessment.quality import measure_quality
 from isomatch.matching.parameters import COMPONENTS, TIES
 from isomatch.matching.priors import (
-    FEWEST_POINTS,
+    MIN_POINTS,
     NO_USER_LANDMARKS,
     Priors,
     UserPriors,
@@ -45,11 +45,11 @@ def match_components(pair: Problem, user_priors: UserPriors, timer: StageTimer) 
     parallel_map(components_of, (pair.source, pair.target))
     priors = ComponentPriors(pair, user_priors)
     components = _Components(pair, priors, timer)
-    matches, tied = components.large_ones()
+    matches, tied = components.match_large()
     timer.start("components")
-    matches += components.carried_ones(matches)
+    matches += components.match_carried(matches)
     timer.start("quality")
-    solution = composed(pair, matches, tied, priors)
+    solution = compose_matches(pair, matches, tied, priors)
     return replace(solution, notes=(*solution.notes, *components.failed))
 
 
@@ -61,46 +61,46 @@ class _Components:
         self.sources, self.targets = priors.sides
         self.failed: list[str] = []  # which two components have no map, and why
 
-    def large_ones(self) -> tuple[list[ComponentMatch], bool]:
+    def match_large(self) -> tuple[list[ComponentMatch], bool]:
         """Match the largest components, and similar ones; returns also whether another assignment fits as well."""
         rows, columns = (self._runners_up(side) for side in (self.sources, self.targets))
         joined = self.priors.joined[: len(rows), : len(columns)]
         if len(rows) == len(columns) == 1:
-            return [self._matched(0, 0)], False
+            return [self._match(0, 0)], False
         if joined.any():
             chosen = zip(*linear_sum_assignment(-joined))
-            return [self._matched(i, j) for i, j in chosen if joined[i, j]], False
+            return [self._match(i, j) for i, j in chosen if joined[i, j]], False
         unlike = np.array([[self._unlike(i, j) for j in columns] for i in rows])
         tried = unlike <= unlike.min() + COMPONENTS.same_spectrum_difference
         matched: dict[tuple[int, int], ComponentMatch] = {}
         for i, j in np.argwhere(tried).tolist():
-            if match := self._tried(i, j):
+            if match := self._try_match(i, j):
                 matched[i, j] = match
         if not matched:
-            return [self._matched(0, 0)], False
+            return [self._match(0, 0)], False
         assigned = ([matched[ij] for ij in pairs if ij in matched] for pairs in _assignments(*unlike.shape))
-        best, *others = sorted(filter(None, assigned), key=_against)
-        tied = others and _against(others[0])[:2] == _against(best)[:2]
-        limit = self.pair.config.outcome.tie * _against(best)[2]
-        return best, bool(tied and _against(others[0])[2] < limit)
+        best, *others = sorted(filter(None, assigned), key=_assignment_rank)
+        tied = others and _assignment_rank(others[0])[:2] == _assignment_rank(best)[:2]
+        limit = self.pair.config.outcome.tie * _assignment_rank(best)[2]
+        return best, bool(tied and _assignment_rank(others[0])[2] < limit)
 
     def _runners_up(self, side: tuple[PreparedShape, ...]) -> list[int]:
         least = COMPONENTS.min_runner_up_area * side[0].share
         return [i for i, shape in enumerate(side[: COMPONENTS.max_runners_up]) if shape.share >= least]
 
-    def carried_ones(self, matches: list[ComponentMatch]) -> list[ComponentMatch]:
+    def match_carried(self, matches: list[ComponentMatch]) -> list[ComponentMatch]:
         """Match the components that have a partner near where those matched already carry them."""
         rows = numbers_without(self.sources, [match.pair.source for match in matches])
         columns = numbers_without(self.targets, [match.pair.target for match in matches])
         carrier = Carrier.of([match.solution for match in matches])
         if not (rows and columns and carrier):
             return []
-        centres = {i: carrier.moved(self.sources[i]).mean(axis=0) for i in rows}
+        centres = {i: carrier.move(self.sources[i]).mean(axis=0) for i in rows}
         cost = np.array([[self._cost(carrier, centres[i], i, j) for j in columns] for i in rows])
         partners = [
             (rows[a], columns[b]) for a, b in zip(*linear_sum_assignment(cost)) if cost[a, b] < FAR_APART
         ]
-        return [match for i, j in partners if (match := self._tried(i, j, carrier))]
+        return [match for i, j in partners if (match := self._try_match(i, j, carrier))]
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
         """Return the cost of taking two components for partners: place, size, spectrum; negative if priors join them."""
@@ -120,16 +120,16 @@ class _Components:
         n = min(COMPONENTS.n_eigenvalues, *map(len, spectra))
         return float(np.abs(np.log(spectra[0][:n] / spectra[1][:n])).mean())
 
-    def _tried(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch | None:
-        """Match two components as `_matched` does; None, and a note, if no map is found."""
+    def _try_match(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch | None:
+        """Match two components as `_match` does; None, and a note, if no map is found."""
         try:
-            return self._matched(i, j, carrier)
+            return self._match(i, j, carrier)
         except NotConvergedError as error:
-            source, target = _named(self.sources[i]), _named(self.targets[j])
+            source, target = _name_of_component(self.sources[i]), _name_of_component(self.targets[j])
             self.failed.append(f"{source} was not matched to {target} of the target: {error}")
             return None
 
-    def _matched(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
+    def _match(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
         """Match two components: by themselves, or starting from where they are carried to."""
         pair = replace(self.pair, source=self.sources[i], target=self.targets[j])
         priors = self.priors.on(pair)
@@ -138,14 +138,14 @@ class _Components:
                 solution = solve(replace(pair, priors=priors), self.timer)
                 return ComponentMatch(solution, with_priors=priors.any)
             self.timer.start("quality")
-            return self._carried(pair, carrier)
+            return self._match_near_place(pair, carrier)
 
-    def _carried(self, pair: Problem, carrier: Carrier) -> ComponentMatch:
+    def _match_near_place(self, pair: Problem, carrier: Carrier) -> ComponentMatch:
         """Match two components that are carried to each other."""
         # A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
         # decides what symmetry leaves open, if the component is near enough to what carries it.
         held = carrier.gap(pair.target) <= COMPONENTS.max_held_distance
-        placed = self._placed(pair, carrier)
+        placed = self._place_rigidly(pair, carrier)
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
             if held or not pair.target.symmetries:
                 return ComponentMatch(placed, "it moves along rigidly")
@@ -167,9 +167,9 @@ class _Components:
         by_place = replace(solution, evidence=(decided,), regions=unlike)
         return ComponentMatch(by_place, "symmetric by itself, decided by its place")
 
-    def _placed(self, pair: Problem, carrier: Carrier) -> Solution | None:
+    def _place_rigidly(self, pair: Problem, carrier: Carrier) -> Solution | None:
         """Map a component to the nearest points when it is carried along rigidly; None if it does not fit there."""
-        moved, there = carrier.turned(pair.source), cast(Mesh, pair.target.body).vertices
+        moved, there = carrier.move_rigidly(pair.source), cast(Mesh, pair.target.body).vertices
         points = pair.target.index.points(there, moved)
         gap = np.linalg.norm(points.interpolation(len(there)) @ there - moved, axis=1)
         if gap.mean() > COMPONENTS.same_place_distance:
@@ -181,7 +181,7 @@ class _Components:
         return Solution(pair, found, quality, evidence, errors, origin="place")
 
 
-def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
+def _assignment_rank(matches: list[ComponentMatch]) -> tuple[int, int, float]:
     """Return the sort key of an assignment, least for the best: few pairs cost, then an unsure one, then residuals."""
     residuals = np.nan_to_num([match.solution.quality.spectral_residual for match in matches], nan=np.inf)
     sureness = min(match.solution.outcome.sureness for match in matches)
@@ -219,22 +219,26 @@ class ComponentMatch:
         return max(max(shape.share, _vertex_share(shape)) for shape in (self.pair.source, self.pair.target))
 
 
-def composed(pair: Problem, matches: list[ComponentMatch], tied: bool, priors: ComponentPriors) -> Solution:
+def compose_matches(
+    pair: Problem, matches: list[ComponentMatch], tied: bool, priors: ComponentPriors
+) -> Solution:
     """Sum up the maps of all pairs of components; the first is the main one."""
     main, *others = matches
     bounds = pair.config.outcome
     # the map is no surer than that of any component that is large, or has priors of its own
     large_ones = (m for m in matches if m is main or m.share > bounds.large_component or m.with_priors)
     counted = [match.solution.all_evidence for match in large_ones]
-    unmatched = [_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES]
+    unmatched = [
+        _find_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES
+    ]
     large = max(left_out for left_out, _ in unmatched) > bounds.large_component
     evidence = (*chain(*counted), Evidence(partial=large, ambiguous=tied))
-    notes = [*main.solution.notes, *(_described(match) for match in others)]
+    notes = [*main.solution.notes, *(_describe_match(match) for match in others)]
     if tied:
         notes.append("the largest components may as well be exchanged: nothing tells which are partners")
     if lost := len(priors.landmarks) - sum(len(priors.landmarks_on(match.pair)) for match in matches):
         notes.append(
-            f"{lost} of {len(priors.landmarks)} landmarks do not lie on partners, or fewer than {FEWEST_POINTS} on one, "
+            f"{lost} of {len(priors.landmarks)} landmarks do not lie on partners, or fewer than {MIN_POINTS} on one, "
             "and are left out"
         )
     arrays = {name: getattr(main.solution.map, name).copy() for name in MAP_ARRAYS}
@@ -263,11 +267,11 @@ def composed(pair: Problem, matches: list[ComponentMatch], tied: bool, priors: C
     )
 
 
-def _unpartnered(side: str, matched: list[PreparedShape], pair: Problem) -> tuple[float, list[str]]:
+def _find_unpartnered(side: str, matched: list[PreparedShape], pair: Problem) -> tuple[float, list[str]]:
     """Share of one shape that is unmatched, of the area or of the vertices, and a note on each component of it."""
     components = components_of(getattr(pair, side))
     alone = [components[i] for i in numbers_without(components, matched)]
-    notes = [f"{side}: {_named(shape)} has no partner and is left unmatched" for shape in alone]
+    notes = [f"{side}: {_name_of_component(shape)} has no partner and is left unmatched" for shape in alone]
     tiny = 1 - sum(shape.share for shape in components)
     if tiny > 1e-9:
         notes.append(
@@ -280,14 +284,15 @@ def _vertex_share(shape: PreparedShape) -> float:
     return float((shape.body_vertex >= 0).mean())
 
 
-def _named(shape: PreparedShape) -> str:
+def _name_of_component(shape: PreparedShape) -> str:
     size = f"{(shape.body_vertex >= 0).sum()} vertices, {shape.share:.1%} of the area"
     return f"the component of vertex {shape.user_vertex[0]} ({size})"
 
 
-def _described(match: ComponentMatch) -> str:
+def _describe_match(match: ComponentMatch) -> str:
     outcome = match.solution.outcome.value + (f", {match.remark}" if match.remark else "")
-    return f"{_named(match.pair.source)} is matched to {_named(match.pair.target)} of the target: {outcome}"
+    source, target = _name_of_component(match.pair.source), _name_of_component(match.pair.target)
+    return f"{source} is matched to {target} of the target: {outcome}"
 
 
 def numbers_without(side: tuple[PreparedShape, ...], matched: list[PreparedShape]) -> list[int]:
@@ -312,7 +317,7 @@ class ComponentPriors:
         self.joins = UserVertices(np.concatenate([self.landmarks, pairs]))
         joined = [self._inside(Problem(*sides, pair.config), self.joins) for sides in product(*self.sides)]
         self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
-        if len(self.joins) and self.joined.max() < FEWEST_POINTS:
+        if len(self.joins) and self.joined.max() < MIN_POINTS:
             Priors.of(pair.source, pair.target, landmarks, initial_map)  # refuses them
 
     @property
@@ -337,14 +342,14 @@ class ComponentPriors:
             parts = zip((pair.source, pair.target), functions)
             if not all(np.isfinite(shape.restrict(values)).all() for shape, values in parts):
                 functions = None
-        initial_map = image if len(initial_pairs) >= FEWEST_POINTS else None
+        initial_map = image if len(initial_pairs) >= MIN_POINTS else None
         kept = landmarks if len(landmarks) else None
         return Priors.of(pair.source, pair.target, kept, initial_map, functions)
 
     def landmarks_on(self, pair: Problem) -> Int[UserVertices, "q 2"]:
         """Landmarks on two components, if they are enough to be used."""
         landmarks = self._inside(pair, self.landmarks)
-        return landmarks if len(landmarks) >= FEWEST_POINTS else NO_USER_LANDMARKS
+        return landmarks if len(landmarks) >= MIN_POINTS else NO_USER_LANDMARKS
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,7 +378,7 @@ class Carrier:
         side = -1.0 if maps[0].quality.orientation < 0 else 1.0
         return cls(here, there, units, float(np.median(after / np.maximum(before, TINY))), side)
 
-    def moved(self, source: PreparedShape) -> Float[FloatArray, "q 3"]:
+    def move(self, source: PreparedShape) -> Float[FloatArray, "q 3"]:
         """Carry the samples of a component along."""
         points = _positions(source, self.units[0])
         return carry_along(points, self.here, self.there, scale=self.scale, mirrored=self.side < 0)
@@ -388,9 +393,9 @@ class Carrier:
         apart = centre - _positions(target, self.units[1]).mean(axis=0)
         return float(np.linalg.norm(apart) / ((1 + self.gap(target)) * target.scale / self.units[1]))
 
-    def turned(self, source: PreparedShape) -> Float[FloatArray, "n 3"]:
+    def move_rigidly(self, source: PreparedShape) -> Float[FloatArray, "n 3"]:
         """Carry the body of a component along as one rigid thing, its centre at 0 and its area 1 as before."""
-        body, moved = cast(Mesh, source.body).vertices, self.moved(source)
+        body, moved = cast(Mesh, source.body).vertices, self.move(source)
         covariance = body[source.sample_vertices].T @ (moved - moved.mean(axis=0))
         return np.asarray(body @ nearest_rotation(covariance, self.side < 0))
 
@@ -400,7 +405,7 @@ class Carrier:
 
     def image(self, source: PreparedShape, target: PreparedShape) -> Int[UserVertices, "n_source"]:
         """Map samples of a component to the nearest of its partner when carried there, the other vertices to −1."""
-        moved, there = self.moved(source), _positions(target, self.units[1])
+        moved, there = self.move(source), _positions(target, self.units[1])
         nearest = cKDTree(there - there.mean(axis=0)).query(moved - moved.mean(axis=0))[1]
         image = np.full(source.surface.n_vertices, UNMATCHED)
         rows = source.user_vertex[source.sample_vertices]

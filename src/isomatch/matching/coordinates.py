@@ -1,4 +1,4 @@
-"""Coordinates in which images are nearest points: what a map known at some vertices makes of functions and positions."""
+"""Joint coordinates: functions, signatures and positions under a map, in which images are nearest points."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from isomatch.correspondence import Embedding, nearest_of_few, register_nonrigid
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.surfaces import PrecisePoints, vertex_normals
 
-# of the registration that ends the smooth refinement; lab/benchmarks.md, smoothness
+# steps of the registration that ends the smooth refinement; docs/lab/benchmarks.md, smoothness
 SMOOTH_REGISTRATION_STEPS = 8
 
-EVERYWHERE = slice(None)
+ALL_VERTICES = slice(None)
 S = TypeVar("S")
 M = TypeVar("M")
 
 
-def iterated(
+def iterate_images(
     image: M,
     steps: Iterable[S],
     coordinates: Callable[[M, S], Embedding],
     nearest: Callable[[Embedding, S], tuple[IntArray, M]],
 ) -> tuple[M, float]:
-    """Alternate coordinates and nearest points; returns the images and the mean distance of the nearest vertices."""
+    """Alternate coordinates and nearest points; return the images and the mean distance of nearest vertices."""
     spectral_residual = np.inf
     for step in steps:
         embedding = coordinates(image, step)
@@ -36,22 +36,25 @@ def iterated(
     return image, spectral_residual
 
 
-def refined_images(
+def refine_images(
     pair: SmoothPair, image: Int[BodyVertices, "r"], side: float, sizes: tuple[int, ...], with_positions: bool
 ) -> tuple[Int[BodyVertices, "r"], float]:
-    """Refine the images of the refinement vertices in joint coordinates of more and more functions."""
-    # Without positions, all but the last images are vertices among n_refine samples of the target. With them, images are
-    # points of its triangles. Such points follow the coordinates continuously, where nearest vertices jump: where
-    # coordinates are disturbed by 1e-9, fewer final images move (decisions.md, rounding).
-    # side: 1 preserves the orientation of the faces, −1 reverses it
+    """Refine the images of the refinement vertices in joint coordinates of more and more functions.
+
+    ``side`` is 1 for a map that preserves the orientation of the faces, and −1 for one that reverses it.
+    """
+    # Without positions, images are samples of the target, and vertices in the last step. With them,
+    # images are points of its triangles, which follow the coordinates continuously, while nearest
+    # vertices jump: if coordinates are disturbed by 1e-9, fewer final images move
+    # (docs/lab/design_notes.md, rounding).
     samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]
 
     def coordinates(points: PrecisePoints, step: tuple[int, bool]) -> Embedding:
-        k, everywhere = step
-        onto = EVERYWHERE if everywhere else samples
-        turned = side if with_positions else 0.0
-        return joint_coordinates(pair, points, k, turned, pair.refinement_vertices, onto)
+        k, to_all_vertices = step
+        onto = ALL_VERTICES if to_all_vertices else samples
+        position_side = side if with_positions else 0.0
+        return joint_coordinates(pair, points, k, position_side, pair.refinement_vertices, onto)
 
     def nearest(embedding: Embedding, step: tuple[int, bool]) -> tuple[IntArray, PrecisePoints]:
         if with_positions:
@@ -64,17 +67,17 @@ def refined_images(
             image = samples[row]
         return row, PrecisePoints.at_vertices(image)
 
-    points, spectral_residual = iterated(PrecisePoints.at_vertices(image), steps, coordinates, nearest)
+    points, spectral_residual = iterate_images(PrecisePoints.at_vertices(image), steps, coordinates, nearest)
     return BodyVertices(points.corners[:, 0]), spectral_residual
 
 
-def registered(pair: SmoothPair, image: Int[BodyVertices, "r"], side: float, smooth: bool) -> Embedding:
+def register_map(pair: SmoothPair, image: Int[BodyVertices, "r"], side: float, smooth: bool) -> Embedding:
     """Coordinates of all vertices of both bodies under a map, with all functions, after registration."""
     settings, k = pair.config.refining, pair.n_functions
-    everywhere = np.arange(pair.source.body.n_vertices)
-    embedding = joint_coordinates(pair, PrecisePoints.at_vertices(image), k, side, everywhere)
+    all_vertices = np.arange(pair.source.body.n_vertices)
+    embedding = joint_coordinates(pair, PrecisePoints.at_vertices(image), k, side, all_vertices)
     steps = settings.registration_steps
-    # signatures recognise points; the smooth variant does without: positions, normals and spectrum make a smoother map
+    # signatures match details; without them, positions, normals and spectrum make a smoother map
     if smooth:
         steps = SMOOTH_REGISTRATION_STEPS
         signatures = np.s_[k : k + pair.signatures.source.shape[1]]
@@ -90,22 +93,25 @@ def joint_coordinates(
     k: int,
     side: float,
     source_vertex: Int[IntArray, "q"],
-    onto_vertex: IntArray | slice = EVERYWHERE,
+    onto_vertex: IntArray | slice = ALL_VERTICES,
 ) -> Embedding:
-    """Coordinates of some vertices of both bodies under a map of the refinement vertices; images are nearest.
+    """Joint coordinates of some vertices of both bodies, from a map of the refinement vertices.
 
-    Spectral coordinates of the first k functions, signatures, and unless ``side`` is 0 positions and normals. O(n K²).
+    They are spectral coordinates of the first k functions, signatures, and, unless ``side`` is 0, positions and
+    normals. O(n K²).
     """
-    # With f the map of the refinement vertices R, and Φ the Laplace–Beltrami functions (K columns):
-    #   F = arg min ‖Φ_s[R, :k] F − Φ_t[f, :k]‖   (k, k): the functional map (Ovsjanikov et al. 2012), target → source;
-    #   c = arg min ‖Φ_s[R, :k] c − x_t[f]‖       (k, 3): the target's positions as functions on the source.
-    # The indicator of a vertex has its row of Φ as coefficients and F carries that of f(i) to that of i, so
-    #   Φ_s[i] against Φ_t[f(i)] Fᵀ   is the spectral embedding, grown from k to k + 5 as in ZoomOut (Melzi et al. 2019);
-    # positions and normals are further columns of the same embedding, as in Smooth Shells (Eisenberger et al. 2020):
-    #   Φ_s c against Φ_t Φ_t⁺ x_t, the target drawn on the source against the target, both smoothed to k functions,
-    #   and the normals of both. Both are the target's own, so the pose of neither shape matters; side = −1 turns the
-    #   normals of the copy, which a mirror image turns inside out.
-    # Units: 1/√k makes the mean square of the spectral columns independent of k; signatures have their own weight.
+    # Let f be the map of the refinement vertices R, and Φ the Laplace–Beltrami functions (K columns).
+    #   F = arg min ‖Φ_s[R, :k] F − Φ_t[f, :k]‖   (k, k): functional map (Ovsjanikov et al. 2012)
+    #   c = arg min ‖Φ_s[R, :k] c − x_t[f]‖       (k, 3): target positions as functions on the source
+    # The indicator of a vertex has the row of Φ as coefficients, and F carries the row of f(i) to the
+    # row of i. So the spectral coordinates, for k grown by 5 as in ZoomOut (Melzi et al. 2019), are
+    #   Φ_s[i]  and  Φ_t[f(i)] Fᵀ.
+    # Positions and normals are further columns, as in Smooth Shells (Eisenberger et al. 2020):
+    #   Φ_s c  and  Φ_t Φ_t⁺ x_t,
+    # which is the target drawn on the source, and the target, both smoothed to k functions. Both come
+    # from the target, so the pose of the source does not matter. A mirror image turns the drawn copy
+    # inside out, so side = −1 turns its normals.
+    # The factor 1/√k makes the mean square of the spectral columns independent of k.
     settings, source, target = pair.config.refining, pair.source, pair.target
     basis, onto = pair.spectra.source, target.triangles
     with_positions = side != 0 and source.triangles is not None and onto is not None

@@ -34,13 +34,13 @@ class _Exchange:
 
     def __init__(self, pair: Problem, others: Sequence[Int[BodyVertices, "n_s"]]) -> None:
         self.pair, self.verifier = pair, verifier_of(pair)
-        self.others = [(other, self.verifier.unlikeness(other)) for other in others]
+        self.others = [(other, self.verifier.descriptor_distances(other)) for other in others]
         self.coarse = Verifier(pair, EXCHANGE.n_coarse_vertices)
         self.mesh, self.areas = pair.source.mesh_body, pair.source.body.vertex_areas / pair.source.body.area
 
     def moves(self, image: BodyVertices) -> Iterator[BodyVertices]:
         """Take regions from other maps, unless they are unlike their images or cost more at a low resolution."""
-        cost, unlike = self.coarse(image).cost, self.verifier.unlikeness(image)
+        cost, unlike = self.coarse(image).cost, self.verifier.descriptor_distances(image)
         for other, others_unlike in self.others:
             for region in self._regions(image, other):
                 weights = self.areas[region]

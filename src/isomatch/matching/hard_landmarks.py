@@ -18,17 +18,17 @@ from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 
 
-def pinned(
+def pin_landmarks(
     pair: Problem, solution: Solution, landmarks: Int[UserVertices, "m 2"], tolerance: float
 ) -> Solution:
     """Bend a map so that landmarks of the user hold, but for a tolerance in √area of the target."""
     bent_map, target = solution.map, pair.target
     moved, alone = np.zeros(len(landmarks)), np.ones(len(landmarks), dtype=bool)
     for source_part, target_part in product(components_of(pair.source), components_of(target)):
-        bending = _Bending(source_part, target_part, bent_map)
-        on_both = bending.holds(landmarks)
+        warp = _LandmarkWarp(source_part, target_part, bent_map)
+        on_both = warp.holds(landmarks)
         if on_both.any():
-            bent_map, moved[on_both] = bending.bent(UserVertices(landmarks[on_both]), tolerance)
+            bent_map, moved[on_both] = warp.bend(UserVertices(landmarks[on_both]), tolerance)
             alone &= ~on_both
     rows, images = landmarks[alone].T
     bent_map = _with_images(bent_map, UserVertices(rows), PrecisePoints.at_vertices(images))
@@ -55,7 +55,7 @@ def pinned(
     )
 
 
-class _Bending:
+class _LandmarkWarp:
     """The map between two bodies in full, and how it is bent."""
 
     def __init__(self, source: PreparedShape, target: PreparedShape, map_: Correspondence) -> None:
@@ -69,11 +69,11 @@ class _Bending:
         """Tell which landmarks have an image on the target's body, and should."""
         return np.asarray(self._mapped[landmarks[:, 0]] & (self._target_vertex[landmarks[:, 1]] >= 0))
 
-    def bent(
+    def bend(
         self, landmarks: Int[UserVertices, "m 2"], tolerance: float
     ) -> tuple[Correspondence, Float[FloatArray, "m"]]:
         """Return the map that moves the images of landmarks to their targets, and how far they were, in √area."""
-        body, coordinates = _in_full(self._target), _coordinates(self._target)
+        body, coordinates = _full_body(self._target), _coordinates(self._target)
         axes = slice(None if isinstance(body, Graph) else 3)
         rows, wanted = landmarks[:, 0], self._target_vertex[landmarks[:, 1]]
         shift = coordinates[wanted] - _at(self._images, rows).interpolated(coordinates)
@@ -109,21 +109,23 @@ def _at(points: PrecisePoints, rows: IntArray) -> PrecisePoints:
     return PrecisePoints(points.corners[rows], points.barycentric[rows])
 
 
-def _in_full(shape: PreparedShape) -> Surface:
+def _full_body(shape: PreparedShape) -> Surface:
     """Return the body at the user's resolution."""
     return shape.detail.transfer.fine if shape.detail else shape.body
 
 
-def _carried(shape: PreparedShape, values: Float[FloatArray, "n_body q"]) -> Float[FloatArray, "n_full q"]:
+def _carry_to_full(
+    shape: PreparedShape, values: Float[FloatArray, "n_body q"]
+) -> Float[FloatArray, "n_full q"]:
     """Carry values to the body in full."""
     return shape.detail.transfer.on_coarse.interpolated(values) if shape.detail else values
 
 
 def _coordinates(shape: PreparedShape) -> Float[FloatArray, "n_full q"]:
     """Coordinates of the vertices of the body in full: positions if there are any, and functions of unit gradient."""
-    body = _in_full(shape)
+    body = _full_body(shape)
     n = len(shape.laplace.values) if isinstance(body, Graph) else HELD_LANDMARKS.n_functions
-    smooth = _carried(shape, shape.laplace.vectors[:, 1:n] / np.sqrt(shape.laplace.values[1:n]))
+    smooth = _carry_to_full(shape, shape.laplace.vectors[:, 1:n] / np.sqrt(shape.laplace.values[1:n]))
     return (
         smooth
         if isinstance(body, Graph)
@@ -145,11 +147,13 @@ def _weights(shape: PreparedShape, at: Int[IntArray, "m"], gap: float) -> Float[
         apart = shape.distances_between(nearest)[~np.eye(len(at), dtype=bool)]
         width = min(width, max(apart.min(), 0.5 * HELD_LANDMARKS.min_width))
     heat = (phi * np.exp(-0.5 * width**2 * spectrum)) @ places.interpolated(phi).T
-    kernel = _carried(shape, heat)
+    kernel = _carry_to_full(shape, heat)
     kernel /= kernel[at].diagonal()
     among = kernel[at]
-    inverse = np.linalg.pinv(among, rcond=HELD_LANDMARKS.min_singular_value / float(np.linalg.norm(among, 2)))
-    weights: FloatArray = np.maximum(kernel @ inverse - HELD_LANDMARKS.min_weight, 0.0) / (
+    invert_map = np.linalg.pinv(
+        among, rcond=HELD_LANDMARKS.min_singular_value / float(np.linalg.norm(among, 2))
+    )
+    weights: FloatArray = np.maximum(kernel @ invert_map - HELD_LANDMARKS.min_weight, 0.0) / (
         1 - HELD_LANDMARKS.min_weight
     )
     weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1.0)

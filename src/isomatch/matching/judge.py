@@ -153,7 +153,7 @@ def judge(
 
     def compared() -> Judgement:
         with serial_blas():
-            return _Comparison(pair, given, images_of(other, pair)).judged(result)
+            return _Comparison(pair, given, images_of(other, pair)).judgement(result)
 
     return in_background(compared)
 
@@ -168,7 +168,7 @@ class _Comparison:
         self.given, self.reference = (verifier(image) for image in self.bodies)
         self.ratio = relative_cost(self.given.cost, self.reference.cost)
 
-    def judged(self, result: MatchResult | None) -> Judgement:
+    def judgement(self, result: MatchResult | None) -> Judgement:
         """Judge the first map by the second."""
         source, (given, reference) = self.pair.source, self.bodies
         distance = np.full(len(given), np.nan)

@@ -1,4 +1,4 @@
-"""Maps on the way: candidates, which are first maps, and fits, which a model has refined and measured."""
+"""Maps during a match: candidates, which are first maps, and fits, which a model refines and measures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from isomatch.correspondence import Alignment
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A first map of the search vertices, after iterative closest points; once it is screened, with its measures.
+    """A first map of the search vertices, after iterative closest points, and its measures once it is screened.
 
     Parameters
     ----------
@@ -21,18 +21,19 @@ class Candidate:
         Target row of each source row, rotation and residual.
     origin : str
         "extremities", "poses", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip", "symmetry", or the
-        name of a start.
+        name of a user's start.
     upsampled : (m_s,) array of int, optional
         The map after upsampling; None before it is screened.
     energy : float
-        Descriptor residual × curvature difference², with the descriptor columns of the search.
+        Descriptor residual × curvature difference², from the descriptor columns of the search.
     orientation : float
         Mean cosine between normals: 1 true map, −1 mirror image; 0 without normals.
     landmark_error : float
         Mean distance of images of landmarks from their targets, in √area; 0 without.
     prior_error : float
-        The largest of these, or if larger the mean distance from the images of the initial map; with neither, the mean
-        one from the nearest points in space, if shapes are aligned there; 0 without priors; in √area.
+        The largest distance of an image of a landmark from its target, or the mean distance from the images of the
+        initial map if that is larger. With neither, the mean distance from the nearest points in space, if the shapes
+        are aligned. 0 without priors; in √area.
     """
 
     alignment: Alignment
@@ -51,22 +52,22 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A map of the vertices of a model, and its measures.
+    """A map of the vertices of a model, with its measures.
 
     Parameters
     ----------
     image : (r,) array of int
         Vertex of the target's body for each of ``model.vertices``.
     spectral_residual : float
-        Mean distance of these vertices from their images in the coordinates of the model.
+        Mean distance between these vertices and their images in the coordinates of the model.
     score : float
         The cost of the map; lower is better. nan until the model has measured it.
     orientation : float
         Mean cosine between normals: 1 preserves the orientation of the faces, −1 reverses it.
     prior_error, landmark_error, origin
-        As of a `Candidate`.
+        As in a `Candidate`.
     candidate : Candidate, optional
-        The candidate that it came from.
+        The candidate from which it was refined.
     """
 
     image: Int[BodyVertices, "r"]
@@ -85,10 +86,10 @@ class Fit:
 
     @property
     def residual(self) -> float:
-        """Descriptor residual of the candidate, before any refinement; 0 without one."""
+        """Descriptor residual of the candidate; 0 without one."""
         return self.candidate.alignment.residual if self.candidate else 0.0
 
-    def standing_for(self, other: Self) -> Self:
-        """Return the fit as what the candidate of another one became."""
+    def with_candidate_of(self, other: Self) -> Self:
+        """Return this map as if it had been refined from the candidate of another fit."""
         of_candidate = "candidate", "origin", "orientation", "prior_error", "landmark_error"
         return replace(self, **{name: getattr(other, name) for name in of_candidate})

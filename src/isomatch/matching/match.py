@@ -16,9 +16,9 @@ from isomatch._core.stage_timer import Progress, StageTimer, with_two_arguments
 from isomatch._core.threads import in_background, serial_blas
 from isomatch.correspondence import UNMATCHED, Correspondence, iterative_closest_points
 from isomatch.io import SurfaceLike
-from isomatch.matching.assessment.evidence import Evidence, Solution, verified
+from isomatch.matching.assessment.evidence import Evidence, Solution, result_of
 from isomatch.matching.components import match_components
-from isomatch.matching.hard_landmarks import pinned
+from isomatch.matching.hard_landmarks import pin_landmarks
 from isomatch.matching.isometric.isometry import IsometricMatch
 from isomatch.matching.maps import Candidate
 from isomatch.matching.model import MatchingModel
@@ -34,9 +34,9 @@ from isomatch.matching.problem import Problem, Refinement, Start, name_of, prepa
 from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.strategies import (
-    AS_IT_IS,
     BOTH_SIDES,
     ELASTIC,
+    ISOMETRIC,
     Attempts,
     side_to_turn,
     solve,
@@ -136,11 +136,11 @@ def match(
     """
     timer = StageTimer(progress)
 
-    def matched() -> MatchResult:
+    def run() -> MatchResult:
         with serial_blas():
             timer.start("prepare")
             prepared = prepare_pair(source, target, config, seed, timer)
-            problem = _asked(prepared, functions, refinement, starts, relation)
+            problem = _complete_problem(prepared, functions, refinement, starts, relation)
             require_landmarks_to_hold(problem, landmarks)
             priors = landmarks, initial_map, initial_descriptors
             if via is None:
@@ -152,15 +152,15 @@ def match(
                     )
                 nothing: UserPriors = (None, None, None)
                 solution = solve_via(problem, via, lambda leg: solve_prepared(leg, nothing, timer))
-            handed = _handed_in(problem, refinement)
-            result = verified(replace(solution, notes=(*solution.notes, *handed)), timer, seed)
+            handed = _note_stages(problem, refinement)
+            result = result_of(replace(solution, notes=(*solution.notes, *handed)), timer, seed)
         timer.reach("done", 1.0)
         return result
 
-    return in_background(matched)
+    return in_background(run)
 
 
-def _asked(
+def _complete_problem(
     problem: Problem,
     functions: tuple[ArrayLike, ArrayLike] | None,
     refinement: Refinement | None,
@@ -197,10 +197,10 @@ def solve_prepared(problem: Problem, user_priors: UserPriors, timer: StageTimer)
         return solution
     timer.start("hard landmarks")
     sizes = source.surface.n_vertices, target.surface.n_vertices
-    return pinned(problem, solution, checked_landmarks(landmarks, *sizes), tolerance)
+    return pin_landmarks(problem, solution, checked_landmarks(landmarks, *sizes), tolerance)
 
 
-def _handed_in(problem: Problem, refinement: Refinement | None) -> list[str]:
+def _note_stages(problem: Problem, refinement: Refinement | None) -> list[str]:
     """Record which stages are not those of the settings."""
     starts, relation = problem.starts, problem.relation
     names = {
@@ -212,7 +212,7 @@ def _handed_in(problem: Problem, refinement: Refinement | None) -> list[str]:
     return [f"stages handed in: {stages}"] if stages else []
 
 
-THERE = 0.75  # of the time, with the preparation
+FIRST_DIRECTION_SHARE = 0.75  # of the time, with the preparation
 
 
 class BothDirections(NamedTuple):
@@ -267,27 +267,33 @@ def match_both(
     True
     """
     tell = with_two_arguments(progress) if progress else lambda stage, share: None
-    timer = StageTimer(lambda stage, share: tell(stage, THERE * share))
-    timer_back = StageTimer(lambda stage, share: tell(f"back: {stage}", THERE + (1 - THERE) * share))
+    timer = StageTimer(lambda stage, share: tell(stage, FIRST_DIRECTION_SHARE * share))
+    timer_back = StageTimer(
+        lambda stage, share: tell(
+            f"back: {stage}", FIRST_DIRECTION_SHARE + (1 - FIRST_DIRECTION_SHARE) * share
+        )
+    )
 
-    def matched() -> BothDirections:
+    def run() -> BothDirections:
         with serial_blas():
             timer.start("prepare")
             prepared = prepare_pair(source, target, config, seed, timer)
-            problem = _asked(prepared, functions, refinement, starts, relation)
+            problem = _complete_problem(prepared, functions, refinement, starts, relation)
             require_landmarks_to_hold(problem, landmarks)
-            return _both(problem, (landmarks, initial_map, initial_descriptors), timer, timer_back, seed)
+            return _match_both_ways(
+                problem, (landmarks, initial_map, initial_descriptors), timer, timer_back, seed
+            )
 
-    both = in_background(matched)
+    both = in_background(run)
     tell("done", 1.0)
     return both
 
 
-def _both(
+def _match_both_ways(
     problem: Problem, user_priors: UserPriors, timer: StageTimer, timer_back: StageTimer, seed: int
 ) -> BothDirections:
     source, target = problem.source, problem.target
-    problem_back, priors_back = problem.turned, _turned(problem, user_priors)
+    problem_back, priors_back = problem.turned, _reverse_priors(problem, user_priors)
     attempts = None
     if not (problem.oriented and (source.others or target.others)):
         problem = replace(problem, priors=Priors.of(source, target, *user_priors))
@@ -297,15 +303,19 @@ def _both(
         solution_there = solve_prepared(problem, user_priors, timer)
     else:
         solution_there = try_strategies(problem, attempts, timer)
-    there = verified(solution_there, timer, seed)
+    there = result_of(solution_there, timer, seed)
     timer_back.restart()
-    ways = {AS_IT_IS.name: (AS_IT_IS,), BOTH_SIDES.name: (AS_IT_IS,), ELASTIC.name: (AS_IT_IS, ELASTIC)}
+    ways = {
+        ISOMETRIC.name: (ISOMETRIC,),
+        BOTH_SIDES.name: (ISOMETRIC,),
+        ELASTIC.name: (ISOMETRIC, ELASTIC),
+    }
     if attempts is None or solution_there.way not in ways:
         solution = solve_prepared(problem_back, priors_back, timer_back)
         note = "the shapes were prepared for both directions at once; the map was found by itself"
     else:
-        found = attempts.matches.get(BOTH_SIDES.name, attempts.matches[AS_IT_IS.name])
-        hypotheses = _turned_hypotheses(found, problem, problem_back)
+        found = attempts.matches.get(BOTH_SIDES.name, attempts.matches[ISOMETRIC.name])
+        hypotheses = _reverse_hypotheses(found, problem, problem_back)
         attempts_back = Attempts(hypotheses, only=ways[solution_there.way])
         solution = try_strategies(problem_back, attempts_back, timer_back)
         solution = solution.with_evidence(Evidence.of(solution_there.outcome))
@@ -314,10 +324,10 @@ def _both(
             f"{len(hypotheses) - 1} alternatives to it, turned around, and the outcome is at most as sure as there"
         )
     solution = replace(solution, notes=(note, *solution.notes))
-    return BothDirections(there, verified(solution, timer_back, seed))
+    return BothDirections(there, result_of(solution, timer_back, seed))
 
 
-def _turned(problem: Problem, user_priors: UserPriors) -> UserPriors:
+def _reverse_priors(problem: Problem, user_priors: UserPriors) -> UserPriors:
     """Turn priors around; of several vertices with one image, the last one is its image on the way back."""
     landmarks, initial_map, descriptors = user_priors
     sizes = problem.source.surface.n_vertices, problem.target.surface.n_vertices
@@ -334,7 +344,7 @@ def _turned(problem: Problem, user_priors: UserPriors) -> UserPriors:
     )
 
 
-def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Problem) -> list[Candidate]:
+def _reverse_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Problem) -> list[Candidate]:
     """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
     fits = isometric.ranking.best, *isometric.ranking.others
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
@@ -350,7 +360,7 @@ def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Prob
     return [Candidate(alignment, origin) for alignment, origin in zip(aligned, origins, strict=True)]
 
 
-BEFORE = "the map before, "
+FORMER_PREFIX = "the map before, "
 
 
 def continue_with(
@@ -398,7 +408,7 @@ def continue_with(
     start: Any = chosen.map  # with the hashes of its surfaces
     config = replace(result.config, hypotheses="given", start="auto")
     before = result.map  # and nothing else of the result
-    former = Alternative(lambda: before, nan, nan, BEFORE + result.origin)
+    former = Alternative(lambda: before, nan, nan, FORMER_PREFIX + result.origin)
     result = match(
         source,
         target,
@@ -408,7 +418,7 @@ def continue_with(
         seed=result.seed,
         progress=progress,
     )
-    left = [replace(a, origin=a.origin.removeprefix(BEFORE)) for a in others if a is not chosen]
-    origin = chosen.origin.removeprefix(BEFORE)
+    left = [replace(a, origin=a.origin.removeprefix(FORMER_PREFIX)) for a in others if a is not chosen]
+    origin = chosen.origin.removeprefix(FORMER_PREFIX)
     note = f"alternative {number}, from {origin}, was chosen and refined; the map before is alternative 1"
     return replace(result, alternatives=(former, *left), origin=origin, notes=(note, *result.notes))

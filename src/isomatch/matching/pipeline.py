@@ -1,4 +1,4 @@
-"""A match under any model: propose, refine, rank, measure, sum up."""
+"""A match under one model: propose, refine, rank, measure, sum up."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ C = TypeVar("C")
 
 
 def match_under(model: MatchingModel[M, C], timer: StageTimer) -> Solution:
-    """Find a map under a model, and the evidence for it."""
+    """Find a map under a model, and the evidence about it."""
     return finish(search_under(model, timer), timer)
 
 
 def search_under(model: MatchingModel[M, C], timer: StageTimer | None = None) -> Match[M, C]:
-    """Propose maps, refine those that contend, and rank them."""
+    """Propose maps, refine the contenders, and rank them."""
     timer = timer or StageTimer()
     model.require_suitable()
     proposals = model.propose(timer)
     timer.start("refinement")
-    maps, rivals = model.refine(proposals.begun), model.refine(proposals.rivals)
+    maps, rivals = model.refine(proposals.contenders), model.refine(proposals.rivals)
     return Match(model, proposals, model.rank(maps, rivals, proposals, timer))
 
 
 def finish(match: Match[M, C], timer: StageTimer, is_last: bool = True) -> Solution:
-    """Read precise images off the coordinates, measure the map and sum it up; the last one is completed."""
+    """Compute precise images, measure the map and sum it up; complete it if no other strategy follows."""
     if match.model.last_stage:
         timer.start(match.model.last_stage)
-    _ = match.coordinates  # within this stage
+    _ = match.coordinates  # computed now, so that their time counts for this stage
     timer.start("quality")
     return match.model.sum_up(match, replace(match.measured, is_last=is_last), timer)

@@ -1,4 +1,4 @@
-"""What the user knows of the map: landmarks, another method's map, functions; checked, and brought to the bodies."""
+"""Priors of the user: landmarks, another method's map and functions, checked and carried to the bodies."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 
-# landmarks, initial map and initial descriptors, as they were given to `match`
+# landmarks, initial map and initial descriptors, as given to `match`
 UserPriors = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
 
 _NOTHING = np.zeros((0, 2), dtype=np.int64)
 NO_LANDMARKS, NO_USER_LANDMARKS = BodyVertices(_NOTHING), UserVertices(_NOTHING)
 NO_FUNCTIONS = np.zeros((0, 0)), np.zeros((0, 0))
-FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
+MIN_POINTS = 3  # corresponding points: fewer determine no map
 
 
 @dataclass(frozen=True, eq=False)
 class Priors:
-    """What is known of a map, in vertices of the bodies; empty arrays where nothing is, as by default.
+    """What the user knows of a map, in vertices of the bodies; empty arrays by default.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Priors:
     functions : (n_s, k) and (n_t, k) arrays of float
         Functions on source and target that should correspond.
     notes : tuple of str
-        Which priors were left out.
+        Say which priors were left out.
     user_landmarks : (m, 2) array of int
         The landmarks in the users' vertices.
     """
@@ -80,9 +80,9 @@ class Priors:
         if landmarks is not None:
             pairs = checked_landmarks(landmarks, *sizes)
             user_landmarks, points = _on_bodies(source, target, pairs)
-            if len(points) < FEWEST_POINTS:
+            if len(points) < MIN_POINTS:
                 raise LandmarkError(
-                    f"only {len(points)} landmarks lie on the main component of both shapes; at least {FEWEST_POINTS} "
+                    f"only {len(points)} landmarks lie on the main component of both shapes; at least {MIN_POINTS} "
                     "are needed there"
                 )
             if len(points) < len(pairs):
@@ -91,23 +91,23 @@ class Priors:
                 )
             first = np.sort(np.unique(points, axis=0, return_index=True)[1])
             points, user_landmarks = BodyVertices(points[first]), UserVertices(user_landmarks[first])
-            if len(points) < FEWEST_POINTS:
+            if len(points) < MIN_POINTS:
                 raise LandmarkError(
                     f"the landmarks fall on {len(points)} vertices of the resolution that is matched, at least "
-                    f"{FEWEST_POINTS} are needed; give landmarks farther apart, or set resolution = 'full'"
+                    f"{MIN_POINTS} are needed; give landmarks farther apart, or set resolution = 'full'"
                 )
         if initial_map is not None:
             image = checked_initial_map(initial_map, *sizes)
             pairs = UserVertices(np.column_stack([np.arange(sizes[0]), image])[image != UNMATCHED])
-            # of several vertices merged into one of a coarser body, the one nearest to it, or else the first
-            farther = source.user_vertex[source.body_vertex[pairs[:, 0]]] != pairs[:, 0]
-            order = np.argsort(farther, kind="stable")
+            # where vertices were merged into one of a coarser body, its nearest vertex counts, or the first
+            is_farther = source.user_vertex[source.body_vertex[pairs[:, 0]]] != pairs[:, 0]
+            order = np.argsort(is_farther, kind="stable")
             _, joined = _on_bodies(source, target, UserVertices(pairs[order]))
             initial_pairs = BodyVertices(joined[np.unique(joined[:, 0], return_index=True)[1]])
-            if len(initial_pairs) < FEWEST_POINTS:
+            if len(initial_pairs) < MIN_POINTS:
                 raise MapError(
                     f"the initial map joins only {len(initial_pairs)} vertices of the main components of both shapes; at "
-                    f"least {FEWEST_POINTS} are needed to start anything"
+                    f"least {MIN_POINTS} are needed to start anything"
                 )
         functions: tuple[FloatArray, FloatArray] = np.zeros((sizes[0], 0)), np.zeros((sizes[1], 0))
         if initial_descriptors is not None:
@@ -123,7 +123,7 @@ class Priors:
 
     @property
     def turned(self) -> Self:
-        """The same of the map the other way round."""
+        """The priors of the map in the other direction."""
         return replace(
             self,
             landmarks=BodyVertices(self.landmarks[:, ::-1]),
@@ -139,19 +139,19 @@ class Priors:
 
     @property
     def only_landmarks(self) -> bool:
-        """Whether nothing but landmarks is known, if anything."""
+        """Whether there is neither an initial map nor descriptors."""
         return not len(self.initial_pairs) and not self.has_functions
 
     @property
     def any(self) -> bool:
-        """Whether anything is known."""
+        """Whether there are any priors."""
         return bool(len(self.landmarks)) or not self.only_landmarks
 
 
 def _on_bodies(
     source: PreparedShape, target: PreparedShape, pairs: Int[UserVertices, "_ 2"]
 ) -> tuple[Int[UserVertices, "m 2"], Int[BodyVertices, "m 2"]]:
-    """Keep the pairs that lie on both bodies; returns them, and the same as vertices of the bodies."""
+    """Keep the pairs that lie on both bodies: as vertices of the user, and of the bodies."""
     on_bodies = np.column_stack([source.body_vertex[pairs[:, 0]], target.body_vertex[pairs[:, 1]]])
     kept = (on_bodies >= 0).all(axis=1)
     return UserVertices(pairs[kept]), BodyVertices(on_bodies[kept])
@@ -165,9 +165,9 @@ def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> Int
             f"landmarks have shape {pairs.shape} and type {pairs.dtype}; expected one row "
             "(source vertex, target vertex) of two integers for each landmark"
         )
-    if len(pairs) < FEWEST_POINTS:
+    if len(pairs) < MIN_POINTS:
         raise LandmarkError(
-            f"{len(pairs)} landmarks do not fix an alignment; give at least {FEWEST_POINTS}, better 5 at extremities"
+            f"{len(pairs)} landmarks do not fix an alignment; give at least {MIN_POINTS}, better 5 at extremities"
         )
     for column, (side, n) in enumerate((("source", n_source), ("target", n_target))):
         bad = pairs[(pairs[:, column] < 0) | (pairs[:, column] >= n), column]
@@ -230,7 +230,7 @@ def known_functions(
     functions: tuple[ArrayLike, ArrayLike] | None,
     config: Config,
 ) -> Embedding | None:
-    """Check known functions, see `match`, and weigh them; `DescriptorError` if they do not fit the shapes."""
+    """Check and weigh the functions given to `match`; `DescriptorError` if they do not fit the shapes."""
     if functions is None:
         return None
     sides = (numbers_of(values, "functions", DescriptorError) for values in functions)
@@ -243,22 +243,22 @@ def known_functions(
                 f"functions: values of the {side} are infinite, or one function is known at no vertex; give finite "
                 "numbers, and nan where nothing is known"
             )
-    # both shapes together get mean 0 and variance 1, so that one value means the same on both
+    # both shapes are standardised together, so that one value means the same on both
     both = np.concatenate(values)
     weight = config.refining.function_weight / np.sqrt(both.shape[1])
     mean, deviation = np.nanmean(both, axis=0), np.nanstd(both, axis=0)
     unit = weight / np.where(deviation > 0, deviation, 1.0)
-    return Embedding(*map(_filled, ((x - mean) * unit for x in values), surfaces))
+    return Embedding(*map(_fill_unknown, ((x - mean) * unit for x in values), surfaces))
 
 
-def _filled(values: Float[FloatArray, "n q"], surface: Surface) -> Float[FloatArray, "n q"]:
-    """Take unknown values from the nearest vertices along edges that have one; 0 where none is reached."""
-    filled = values.copy()
-    for column in filled.T:
+def _fill_unknown(values: Float[FloatArray, "n q"], surface: Surface) -> Float[FloatArray, "n q"]:
+    """Copy unknown values from the nearest vertex along edges that has one; 0 if there is none."""
+    fill_images = values.copy()
+    for column in fill_images.T:
         unknown = np.isnan(column)
         if unknown.any():
-            apart, nearest = distance_along_edges_to_nearest(surface, np.flatnonzero(~unknown), weld=True)
-            reached = np.isfinite(apart)
+            distance, nearest = distance_along_edges_to_nearest(surface, np.flatnonzero(~unknown), weld=True)
+            reached = np.isfinite(distance)
             column[unknown & ~reached] = 0.0
             column[unknown & reached] = column[nearest[unknown & reached]]
-    return filled
+    return fill_images

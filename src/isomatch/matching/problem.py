@@ -1,10 +1,10 @@
-"""What is asked of a match: two prepared shapes, what is known of their map, and how maps are proposed and refined."""
+"""The problem of a match: two prepared shapes, priors of their map, and how maps are proposed and refined."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, TypeAlias
 
 import numpy as np
@@ -16,7 +16,7 @@ from isomatch._core.stage_timer import MATCHING_SHARES, Progress, StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.io import SurfaceLike
-from isomatch.matching.coordinates import refined_images
+from isomatch.matching.coordinates import refine_images
 from isomatch.matching.maps import Fit
 from isomatch.matching.parameters import SCREENING
 from isomatch.matching.priors import Priors
@@ -26,14 +26,14 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 
 Start: TypeAlias = "Callable[[Problem], Iterable[IntArray]]"
-"""Makes first maps of a problem: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
+"""Proposes first maps of a problem: arrays (q, 2) of vertices of both bodies that may correspond."""
 
 
 class Refinement(ABC):
-    """Makes a better map of one: subclass it, implement ``__call__``, and hand an instance to `match`.
+    """Improves a map: subclass it, implement ``__call__``, and hand an instance to `match`.
 
-    Several threads call it at once, so it keeps nothing between calls. A refinement takes part under every model, in the
-    model selection and in the map returned. `check_refinement` tells whether it keeps the laws of one.
+    Several threads call it at once, so it must not keep anything between calls. Every model refines its maps with it,
+    before one is selected. `check_refinement` checks that it keeps the laws of a refinement.
 
     Examples
     --------
@@ -47,34 +47,34 @@ class Refinement(ABC):
     """
 
     searches_further: ClassVar[bool] = True
-    """Whether parts are told from wholes, elastic maps sought, and runners-up of priors searched."""
+    """Whether a match also searches maps of parts, elastic maps, and alternatives to maps from priors."""
     polishes: ClassVar[bool] = False
-    """Whether the map of a large mesh is polished by joint coordinates on a finer level, and not only carried there."""
+    """Whether the map of a large mesh is refined by joint coordinates on a finer level, after it is carried there."""
     in_rounds: ClassVar[bool] = False
-    """Whether each model refines in rounds of its own, after each of which hopeless maps are given up."""
+    """Whether each model refines in its own rounds, and drops hopeless maps after each."""
     smooth: ClassVar[bool] = False
-    """Whether a smooth map is preferred to one that recognises every point."""
+    """Whether a smooth map is preferred to one that matches every detail."""
 
     @abstractmethod
     def __call__(self, problem: Problem, fit: Fit) -> Int[IntArray, "r"]:
         """Refine one map, ``fit.image``: vertices of the target's body for ``problem.refinement_vertices``.
 
-        Return the same of the refined map; the model measures it. Of a part, the source of ``problem`` is the part.
+        Return the refined images; the model measures them. In a match of a part, the source of ``problem`` is the part.
         """
 
     def everywhere(self, problem: Problem, fit: Fit, coordinates: Callable[[], Embedding]) -> Embedding:
-        """Coordinates of all vertices of both bodies in which images are nearest points; by default the model's."""
+        """Coordinates of all vertices in which images are nearest points; by default the model decides."""
         return coordinates()
 
 
 class Joint(Refinement):
     """Spectral upsampling joint with signatures, positions and normals, then registration.
 
-    Each model does it in rounds; a call refines one map of complete shapes by all of them.
+    Each model runs it in rounds; a call refines one map of complete shapes by all rounds.
 
     Examples
     --------
-    Twice the same:
+    A refinement that runs it twice:
 
     >>> class Twice(Refinement):
     ...     def __call__(self, problem, fit):
@@ -91,17 +91,17 @@ class Joint(Refinement):
         """Refine one map."""
         image = fit.image
         for sizes, with_positions in problem.config.refining.rounds:
-            image, _ = refined_images(problem, image, fit.side, sizes, with_positions)
+            image, _ = refine_images(problem, image, fit.side, sizes, with_positions)
         return image
 
 
 @dataclass(frozen=True, eq=False)
 class Problem(SmoothPair):
-    """What is asked of a match.
+    """Two shapes to be matched, with priors, settings, refinement and starts.
 
-    A *row* counts the search vertices of a shape, a *vertex* those of its body. In shapes of arrays, ``m_s`` and ``m_t``
-    are the search vertices of source and target, ``n_s`` and ``n_t`` the vertices of their bodies, ``n_source`` and
-    ``n_target`` the user's, and ``r`` those that a refinement maps.
+    A *row* numbers the search vertices of a shape, a *vertex* the vertices of its body. In shapes of arrays,
+    ``m_s`` and ``m_t`` count the search vertices of source and target, ``n_s`` and ``n_t`` the vertices of their bodies,
+    ``n_source`` and ``n_target`` the user's vertices, and ``r`` the vertices that a refinement maps.
 
     Parameters
     ----------
@@ -111,13 +111,13 @@ class Problem(SmoothPair):
     functions : Embedding, optional
         Known functions, of mean 0 and variance 1: values at the user's vertices, (n_source, q) and (n_target, q).
     priors : Priors
-        What is known of the map; by default nothing.
+        What the user knows of the map; by default nothing.
     refinement : Refinement
-        How maps are refined; by default jointly.
+        Refines maps; by default `Joint`.
     starts : sequence of callable, optional
-        Where first maps come from, beside priors; by default `default_starts`.
+        Propose first maps, beside priors; by default `default_starts`.
     relation : callable, optional
-        Makes the model of the shapes, a `MatchingModel`, from the problem; by default each one that fits is tried.
+        Builds the `MatchingModel` of the problem; by default every model that suits the shapes is tried.
 
     Examples
     --------
@@ -154,10 +154,11 @@ class Problem(SmoothPair):
 
     @property
     def turned(self) -> Problem:
-        """The problem the other way round."""
+        """The problem with source and target exchanged."""
         functions = None if self.functions is None else Embedding(*self.functions[::-1])
-        ways = self.refinement, self.starts, self.relation
-        return Problem(self.target, self.source, self.config, functions, self.priors.turned, *ways)
+        return replace(
+            self, source=self.target, target=self.source, functions=functions, priors=self.priors.turned
+        )
 
     @property
     def has_finer(self) -> bool:
@@ -166,7 +167,7 @@ class Problem(SmoothPair):
 
     @cached_property
     def polishable(self) -> SmoothPair:
-        """The shapes at these levels."""
+        """The shapes at the levels on which maps are polished."""
         source, target = parallel_map(lambda shape: shape.polishable, (self.source, self.target))
         return SmoothPair(source, target, self.config, self.functions)
 
@@ -182,7 +183,7 @@ class Problem(SmoothPair):
 
     @cached_property
     def search_points(self) -> tuple[SignedPoints, SignedPoints]:
-        """Leading columns of the descriptors of source and target at the search vertices."""
+        """First columns of the distance descriptors of both shapes at the search vertices."""
         source, target, rank = self.source.points, self.target.points, self.config.search.rank
         return source.at(self.source_vertices, rank), target.at(self.target_vertices, rank)
 
@@ -194,13 +195,13 @@ class Problem(SmoothPair):
 
     @cached_property
     def search_spectra(self) -> SpectralPair:
-        """The Laplace–Beltrami bases, for maps from search vertices to search vertices: rows."""
+        """The Laplace–Beltrami bases of both shapes, for maps between search vertices."""
         source = self.source.sampled_basis(self.source.config.n_search)
         return SpectralPair(source, self.target.laplace.vectors[self.target_vertices], nearest_of_few)
 
     @property
     def is_sided(self) -> bool:
-        """Whether one orientation is wanted, of shapes that have one, and nothing else is known of the map."""
+        """Whether the map must have one orientation, and no priors are known."""
         config = self.config
         wanted = config.orientation != "any" and config.hypotheses == "all"
         return self.oriented and wanted and not self.priors.any
@@ -213,31 +214,29 @@ class Problem(SmoothPair):
 
     @cached_property
     def extremity_assignments(self) -> list[Int[BodyVertices, "q 2"]]:
-        """Extremal points assigned to extremal points, see `extremity_assignments`."""
+        """Assignments of extremal points of the shapes, see `extremity_assignments`."""
         return extremity_assignments(self.source, self.target, self.config.search)
 
     @property
     def limbless(self) -> bool:
-        """Whether a shape has too few extremities to tell a map, or both have a long boundary."""
+        """Whether a shape has too few extremities to determine a map, or both have a long boundary."""
         return self.both_open or not self.extremity_assignments
 
     @property
     def sideless(self) -> bool:
-        """Whether the target has symmetries but no inside, so that rotations cannot be told from mirror images."""
+        """Whether the target has symmetries but no inside, so that rotations look like mirror images."""
         return bool(self.target.symmetries) and self.target.one_sided
 
     @property
     def round(self) -> bool:
-        """Whether both shapes have so many rotations that those found are a few of a continuous group, as of a ball."""
-        both = self.source.symmetries, self.target.symmetries
-        return (
-            min(sum(each.orientation >= 0 for each in own) for own in both)
-            >= SCREENING.min_rotations_of_round
-        )
+        """Whether both shapes have many rotations, as if they had a continuous group of them, like a ball."""
+        symmetries = self.source.symmetries, self.target.symmetries
+        n_rotations = [sum(symmetry.orientation >= 0 for symmetry in group) for group in symmetries]
+        return min(n_rotations) >= SCREENING.min_rotations_of_round
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was repaired or left out of either shape."""
+        """Notes on what was repaired or left out of either shape."""
         return tuple(f"{side}: {note}" for side in ("source", "target") for note in getattr(self, side).notes)
 
     @property
@@ -253,30 +252,30 @@ class Problem(SmoothPair):
     def distances_between_maps(
         self, target_row: Int[SearchRows, "m_s"], others: Sequence[Int[SearchRows, "m_s"]]
     ) -> Float[FloatArray, "q"]:
-        """Mean geodesic distance between the images of a map and of each of others, in √area."""
+        """Mean geodesic distance between the images of a map and the images of each other map, in √area."""
         if not others:
             return np.zeros(0)
         return np.asarray(self._target_row_distances[np.array(others), target_row].mean(axis=1))
 
     def inverted(self, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_t"]:
-        """Invert a map: for each search vertex of the target the row whose image is nearest."""
+        """Invert a map: for each search vertex of the target, find the row whose image is nearest."""
         return SearchRows(self._target_row_distances[:, target_row].argmin(axis=1))
 
     def differs(
         self, target_row: Int[SearchRows, "m_s"], others: Sequence[Int[SearchRows, "m_s"]], least: float
     ) -> bool:
-        """Tell whether a map differs from each of others by more than a mean distance, in √area."""
+        """Whether a map differs from each of others by more than a mean distance, in √area."""
         return bool((self.distances_between_maps(target_row, others) > least).all())
 
 
 def name_of(handed_in: object) -> str:
-    """Name of a start or a relation: that of the function, without "starts_from_", or of the class."""
-    function = getattr(handed_in, "func", handed_in)  # of a `functools.partial`
+    """Name of a start or a relation: the name of its class, or of its function without "starts_from_"."""
+    function = getattr(handed_in, "func", handed_in)  # the function of a `functools.partial`
     return str(getattr(function, "__name__", type(function).__name__)).removeprefix("starts_from_")
 
 
 def search_pairs(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[BodyVertices, "m_s 2"]:
-    """Pair search vertices with their images under a map of them."""
+    """Pair each search vertex of the source with its image under a map."""
     return BodyVertices(np.column_stack([pair.source_vertices, pair.target_vertices[target_row]]))
 
 
@@ -287,34 +286,34 @@ def prepare_pair(
     seed: int = 0,
     timer: StageTimer | None = None,
 ) -> Problem:
-    """Prepare what is not yet prepared, both at once; by default with the settings of what is. Errors as of `match`.
+    """Prepare two shapes in parallel, unless they are prepared, and make a problem of them. Errors as of `match`.
 
-    Nothing is known of the map, and the refinement is joint, whatever the settings name: ``dataclasses.replace`` sets
-    priors, refinement (one of `REFINEMENTS`, or your own), starts and relation.
+    By default, a prepared shape decides the settings. The problem has no priors and refines by `Joint`, whatever the
+    settings name; `dataclasses.replace` sets priors, refinement, starts and relation.
     """
     sides = [("source", source), ("target", target)]
-    ready = [shape.requested for _, shape in sides if isinstance(shape, PreparedShape)]
-    settings = config or next(iter(ready), Config())
+    settings_of_prepared = [shape.requested for _, shape in sides if isinstance(shape, PreparedShape)]
+    settings = config or next(iter(settings_of_prepared), Config())
     shares = [0.0, 0.0]
 
-    def prepared(number: int) -> PreparedShape:
+    def prepare_side(number: int) -> PreparedShape:
         side, shape = sides[number]
 
-        def reach(stage: str, share: float) -> None:
+        def report(stage: str, share: float) -> None:
             shares[number] = share
             if timer:
                 timer.reach(f"prepare: {stage}", MATCHING_SHARES["components"] * sum(shares) / 2)
 
-        return _prepared(side, shape, settings, seed, reach)
+        return _prepare_shape(side, shape, settings, seed, report)
 
-    first, second = parallel_map(prepared, range(2))
+    first, second = parallel_map(prepare_side, range(2))
     for (side, surface), shape in zip(sides, (first, second)):
         if timer and shape is not surface:
             timer.beside(side, {stage: spent for stage, spent in shape.timings.items() if stage != "total"})
     return Problem(first, second, settings)
 
 
-def _prepared(
+def _prepare_shape(
     side: str, shape: SurfaceLike | PreparedShape, config: Config, seed: int, progress: Progress
 ) -> PreparedShape:
     if isinstance(shape, PreparedShape):

@@ -168,7 +168,7 @@ def check_refinement(refinement: Refinement, seed: int = 0) -> None:
     turn = Rotation.random(random_state=random).as_matrix()
     copy = ball.vertices @ turn.T
     trial, renumbered = (_Trial(refinement, source, copy, random.permutation(N_VERTICES)) for _ in range(2))
-    rough = trial.moved(random)
+    rough = trial.draw_rough_map(random)
     with serial_blas():
         _check_repeatable(trial, rough)
         _check_relabelling(trial, renumbered, rough)
@@ -202,14 +202,14 @@ class _Trial:
         self.refinement, self.number, self.target = refinement, number, pair.target
         self.model = Isometry(replace(pair, priors=priors, refinement=refinement))
         candidates, _ = self.model.candidates(*self.model.hypotheses())
-        self._fit = self.model.begun(candidates)[0]
+        self._fit = self.model.begin(candidates)[0]
 
-    def moved(self, random: np.random.Generator) -> Int[BodyVertices, "r"]:
+    def draw_rough_map(self, random: np.random.Generator) -> Int[BodyVertices, "r"]:
         """Draw vertices of the source near those that are mapped, as images of a rough map."""
         apart = self.model.source.distances.row(self.model.vertices)
         return BodyVertices(np.array([random.choice(np.flatnonzero(row <= MOVED)) for row in apart]))
 
-    def refined(self, images: Sequence[Int[BodyVertices, "r"]]) -> list[Fit]:
+    def refine(self, images: Sequence[Int[BodyVertices, "r"]]) -> list[Fit]:
         """Refine maps onto vertices of the source, with their own numbers in the copy."""
         fits = [replace(self._fit, image=BodyVertices(self.number[image])) for image in images]
         return self.model.refine(fits)
@@ -218,7 +218,7 @@ class _Trial:
 def _check_repeatable(trial: _Trial, rough: Int[BodyVertices, "r"]) -> None:
     def refined(threads: int) -> list[BodyVertices]:
         with _threads(threads):
-            return [fit.image for fit in trial.refined([trial.model.vertices, rough])]
+            return [fit.image for fit in trial.refine([trial.model.vertices, rough])]
 
     first = refined(1)
     for what, threads, remedy in (
@@ -232,11 +232,11 @@ def _check_repeatable(trial: _Trial, rough: Int[BodyVertices, "r"]) -> None:
             how = f"{changed} other images of {sum(map(len, first))}"
         else:
             continue
-        raise _broken(trial, "repeatable", f"{what}, it gives {how}", remedy)
+        raise _law_error(trial, "repeatable", f"{what}, it gives {how}", remedy)
 
 
 def _check_relabelling(trial: _Trial, renumbered: _Trial, rough: Int[BodyVertices, "r"]) -> None:
-    first, second = trial.refined([rough])[0], renumbered.refined([rough])[0]
+    first, second = trial.refine([rough])[0], renumbered.refine([rough])[0]
     other = renumbered.number[np.argsort(trial.number)][first.image]
     changed = float((other != second.image).mean())
     if changed > MOST_CHANGED:
@@ -246,11 +246,11 @@ def _check_relabelling(trial: _Trial, renumbered: _Trial, rough: Int[BodyVertice
             f"target have other numbers (at most {MOST_CHANGED:.0%})"
         )
         look_at = "what uses the number of a vertex, or the order of the vertices"
-        raise _broken(trial, "relabelling", how, look_at)
+        raise _law_error(trial, "relabelling", how, look_at)
 
 
 def _check_truth(trial: _Trial) -> None:
-    fit = trial.refined([trial.model.vertices])[0]
+    fit = trial.refine([trial.model.vertices])[0]
     embedding = trial.model.everywhere(fit)
     everywhere = trial.target.index.vertices(embedding.target, embedding.source)
     for image, truth, where in (
@@ -263,10 +263,10 @@ def _check_truth(trial: _Trial) -> None:
             look_at = (
                 "whether rows are those of problem.refinement_vertices and images are vertices of the target"
             )
-            raise _broken(trial, "truth", f"{how} (at most {MOST_ERROR})", f"{where}: {look_at}")
+            raise _law_error(trial, "truth", f"{how} (at most {MOST_ERROR})", f"{where}: {look_at}")
 
 
-def _broken(trial: _Trial, law: str, how: str, look_at: str) -> SettingError:
+def _law_error(trial: _Trial, law: str, how: str, look_at: str) -> SettingError:
     return SettingError(f'{type(trial.refinement).__name__} breaks the law "{law}": {how}; look at {look_at}')
 
 

@@ -22,7 +22,7 @@ from isomatch._core.first_use import Shown, visualization
 from isomatch._core.settings import Settings
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.io import Asset, Attribute, SurfaceLike, mesh_from, to_pyvista
-from isomatch.matching.assessment.confidence import DoubtfulRegion, packed, unpacked
+from isomatch.matching.assessment.confidence import DoubtfulRegion, pack_regions, unpack_regions
 from isomatch.settings import MatchSettings
 from isomatch.surfaces import Mesh
 
@@ -133,18 +133,18 @@ class Alternative:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the map itself, and not the shapes it is made from."""
-        return Alternative, (partial(_itself, self.map), self.energy, self.orientation, self.origin)
+        return Alternative, (partial(_give_map, self.map), self.energy, self.orientation, self.origin)
 
 
-def _itself(map_: Correspondence) -> Correspondence:
+def _give_map(map_: Correspondence) -> Correspondence:
     return map_
 
 
 _PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "way", "evidence", "symmetries")
 
 
-def _restored(summary: dict[str, Any]) -> dict[str, Any]:
-    known = {"way": "", "evidence": (), "target_size": None, **summary}  # which earlier versions did not tell
+def _restore_fields(summary: dict[str, Any]) -> dict[str, Any]:
+    known = {"way": "", "evidence": (), "target_size": None, **summary}  # defaults for earlier versions
     outcome, plain = Outcome[summary["outcome"]], {name: known[name] for name in _PLAIN[:-1]}
     size = math.nan if known["target_size"] is None else known["target_size"]
     tuples = {name: tuple(plain[name]) for name in ("notes", "evidence")}
@@ -312,7 +312,7 @@ class MatchResult(Shown):
             "descriptor_distance": np.zeros(0)
             if self.descriptor_distance is None
             else np.nan_to_num(self.descriptor_distance, nan=UNMATCHED),
-            **packed(self.regions),
+            **pack_regions(self.regions),
             "about": json.dumps(about),
         }
         stored = {name: np.array(arrays[name]) for name in FORMAT.arrays}
@@ -333,10 +333,10 @@ class MatchResult(Shown):
             about = json.loads(arrays.pop("about"))
             of_vertices = map(arrays.pop, ("expected_error", "descriptor_distance"))
             errors, distances = (np.where(values == UNMATCHED, np.nan, values) for values in of_vertices)
-            regions = unpacked(arrays, about.get("regions", []))
+            regions = unpack_regions(arrays, about.get("regions", []))
             main = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
             maps = [replace(main, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
-            restored = _restored(about)
+            restored = _restore_fields(about)
             evidence = zip(maps, about["alternatives"], strict=True)
             return cls(
                 map=main,
@@ -344,7 +344,9 @@ class MatchResult(Shown):
                 expected_error=errors,
                 descriptor_distance=distances if len(distances) else None,
                 regions=regions,
-                alternatives=tuple(Alternative(partial(_itself, map), *numbers) for map, numbers in evidence),
+                alternatives=tuple(
+                    Alternative(partial(_give_map, map), *numbers) for map, numbers in evidence
+                ),
                 symmetries=tuple(about["symmetries"]),
                 config=_settings(about["settings"], about["config"]),
                 **restored,
@@ -366,10 +368,10 @@ class MatchResult(Shown):
             config=config,
             symmetries=(summary["symmetries"]["source"], summary["symmetries"]["target"]),
             regions=tuple(map(DoubtfulRegion.from_dict, summary.get("regions", []))),
-            **_restored(summary),
+            **_restore_fields(summary),
         )
 
-    def _errors_described(self) -> dict[str, float | None]:
+    def _describe_errors(self) -> dict[str, float | None]:
         """Mean and 95th percentile of the expected error; share of vertices whose confidence is below ½."""
         errors = self.expected_error[np.isfinite(self.expected_error)]
         if not len(errors):
@@ -391,7 +393,7 @@ class MatchResult(Shown):
             "advice": self.outcome.advice,
             "target_size": finite(self.target_size),
             "quality": {key: finite(value) for key, value in asdict(self.quality).items()},
-            "expected_error": self._errors_described(),
+            "expected_error": self._describe_errors(),
             "regions": [region.to_dict() for region in self.regions],
             "alternatives": [
                 {"energy": finite(a.energy), "orientation": finite(a.orientation), "origin": a.origin}

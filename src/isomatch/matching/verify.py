@@ -1,4 +1,4 @@
-"""`verify`: how right any map looks on two shapes as they are, by one cost that knows nothing of who found it."""
+"""`verify`: one cost of any map between two shapes, whichever method found the map."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from isomatch.descriptors import RADII, BallSignature, ball_signature, deviation
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.io import SurfaceLike
 from isomatch.matching.assessment.quality import mean_known
-from isomatch.matching.bending import Surroundings, bent_onto
+from isomatch.matching.bending import Surroundings, bend_onto, unit_area_mesh
 from isomatch.matching.parameters import TIES
 from isomatch.matching.priors import checked_initial_map
 from isomatch.matching.problem import Problem, prepare_pair
@@ -28,48 +28,48 @@ from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, label_components
 
-# those without another source: decisions.md, one verification
-LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # in √area, over which a shape resists while it is bent by a map
-# vertices of the shape that is bent; with 1000, 14 of 14 pairs of species and ants get the same map, later
-N_BENT = 500
+# Numbers without another source: docs/lab/design_notes.md, one verification
+BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area: the shape resists bending below these
+# vertices of the bent shape; 1000 select the same map on 14 of 14 pairs of species and ants
+N_BENT_VERTICES = 500
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0  # 3 to 10 and 1 to 3 choose alike
-# of the turning, over a unit in radians: about the median of right maps; decisions.md, turning
+# the unit, in radians, is about the median turning of right maps;
+# docs/lab/design_notes.md, individuals
 TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
-COVERED = 0.05  # √area from an image, up to which a vertex has a counterpart; outcome.coverage_radius
-NEAR, FAR = 0.08, 0.3  # √area of the source: distances that measure the unit of a map
-N_MEASURED, FEWEST_MEASURED = 300, 40  # samples whose distances do, and how many distances are enough
-LARGEST_UNIT_CHANGE = 1.3  # by which a map may measure another unit than that of the files
-# times that one part may be as long as the other in the units of the files; beyond, areas are equal
-MOST_UNLIKE = 4.0
-FEWEST_BENT = 30  # vertices of a piece that can be bent
-LEAST = 1e-9  # of what is divided by
+COVERAGE_DISTANCE = 0.05  # √area: a vertex this close to an image has a counterpart
+MIN_DISTANCE, MAX_DISTANCE = 0.08, 0.3  # √area of the source: distances that measure the unit
+N_SAMPLES, MIN_MEASURED = 300, 40  # samples that measure the unit, fewest distances that do
+MAX_UNIT_RATIO = 1.3  # the measured unit over the unit of the files
+MAX_LENGTH_RATIO = 4.0  # parts that differ more in the units of the files are taken as equal
+MIN_PIECE = 30  # vertices: a smaller piece is not bent
+MIN_DIVISOR = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verification(Shown):
-    """What speaks for a map of two surfaces, measured on them as they are; compare maps of one pair only.
+    """Measures and cost of a map between two surfaces; costs compare maps of one pair only.
 
     Parameters
     ----------
     support : float
-        Share of the area that has a counterpart: of two wholes the smaller share, of a part in a whole that of the part,
-        of two parts the larger share.
+        Share of the area that has a counterpart: the smaller share of two wholes, the share of the part in a whole, the
+        larger share of two parts.
     descriptor_distance : float
-        Mean over the area of how differently the surfaces look around points and their images, both ways, in standard
-        deviations; see `BallSignature`. nan if nothing is known.
+        How differently the surfaces look around points and their images, in standard deviations: mean over the area,
+        both ways; see `BallSignature`. nan if nothing is known.
     bending, bending_back : float
-        Mean ``|log|`` of the stretch of edges × mean distance from the other surface, in √area: of what has images, when
-        it is bent onto the target as rigidly as the map lets it, and of the target bent back.
+        Mean ``|log|`` of the stretch of edges × mean distance from the other surface, in √area: of the source, bent onto
+        the target as rigidly as the map allows, and of the target bent onto the source.
     turning : float
-        Mean angle, in radians, between the rotations of neighbouring vertices of what was bent, there and back.
+        Mean angle, in radians, between the rotations of neighbouring vertices of the bent shapes.
     unit : float
         What √area of the source is worth in √area of the target: 1 between wholes.
     seconds : float
-        Time of this measurement, without that of the preparation.
+        Time of this measurement, without the preparation.
 
     Examples
     --------
-    >>> found = Verification(1.0, 0.3, 4e-4, 9e-4, 0.1, 1.0, 0.2)
+    >>> found = Verification(1.0, 0.3, 4e-4, 9e-4, 0.1, 1.0, seconds=0.2)
     >>> print(f"{found.cost:.4f}")
     0.0036
     """
@@ -104,10 +104,10 @@ def verify(
     config: Config | None = None,
     seed: int = 0,
 ) -> Verification:
-    """Measure, without a ground truth, what speaks for a map between two meshes that any tool has made.
+    """Measure the cost of a map between two meshes, made by any tool, without a ground truth.
 
-    The same map costs the same whichever way found it. Numbering, motion and turning both surfaces over change nothing
-    but what sampling changes, and neither does swapping the surfaces with the inverse map.
+    The cost depends on the map alone, not on the method. Up to effects of sampling, it does not change when vertices
+    are renumbered, surfaces are moved, both are turned inside out, or source and target are swapped.
 
     Parameters
     ----------
@@ -121,8 +121,8 @@ def verify(
     Returns
     -------
     Verification
-        Costs compare maps of one pair. They do not say by themselves whether a map is right: right maps of two species
-        cost what wrong ones of one person do.
+        Costs compare maps of one pair. A single cost does not say whether a map is right: a right map between two
+        species may cost as much as a wrong one between two poses of a person.
 
     Raises
     ------
@@ -133,8 +133,8 @@ def verify(
 
     Notes
     -----
-    Bending is that of Sorkine & Alexa, *As-rigid-as-possible surface modeling*, SGP 2007. About 0.2 s a map after the
-    preparation. Only the largest component of a shape is looked at.
+    Shapes are bent as by Sorkine & Alexa, *As-rigid-as-possible surface modeling*, SGP 2007. A map takes about 0.2 s
+    after the preparation. Only the largest component of each shape counts.
 
     Examples
     --------
@@ -144,18 +144,18 @@ def verify(
     1.0
     """
 
-    def verified() -> Verification:
+    def run() -> Verification:
         with serial_blas():
             pair = prepare_meshes(source, target, config, seed)
             return Verifier(pair)(on_bodies(pair, images_of(map, pair)))
 
-    return in_background(verified)
+    return in_background(run)
 
 
 def prepare_meshes(
     source: SurfaceLike | PreparedShape, target: SurfaceLike | PreparedShape, config: Config | None, seed: int
 ) -> Problem:
-    """Prepare two shapes whose maps are to be verified; `MeshError` if one is no mesh."""
+    """Prepare two shapes to verify their maps; `MeshError` if one is no mesh."""
     pair = prepare_pair(source, target, config, seed)
     for side, shape in (("source", pair.source), ("target", pair.target)):
         if shape.triangles is None:
@@ -166,7 +166,7 @@ def prepare_meshes(
 
 
 def images_of(map: Correspondence | ArrayLike | str | Path, pair: Problem) -> Int[UserVertices, "n_source"]:
-    """Return the target vertex of each source vertex under a map, an array, or a file; `MapError` if it does not fit."""
+    """Target vertex of each source vertex, from a map, an array or a file; `MapError` if it does not fit."""
     sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
     if isinstance(map, (str, Path)):
         map = read_map(map, *sizes[::-1]).map
@@ -177,32 +177,32 @@ def images_of(map: Correspondence | ArrayLike | str | Path, pair: Problem) -> In
 
 
 def on_bodies(pair: Problem, vertices: Int[UserVertices, "n_source"]) -> Int[BodyVertices, "n_s"]:
-    """Turn a map of the users' vertices into one of the bodies: target vertex of each body vertex, or −1."""
+    """Turn a map between the users' vertices into one between the bodies; −1 where there is no image."""
     image = vertices[pair.source.user_vertex]
     return BodyVertices(np.where(image >= 0, pair.target.body_vertex[image], UNMATCHED))
 
 
 @cached_method
 def verifier_of(pair: Problem) -> Verifier:
-    """Return what verifies maps of a pair, one for each pair, and kept with it."""
+    """Return the verifier of a pair, which is kept with the pair."""
     return Verifier(pair)
 
 
 def relative_cost(cost: float, reference: float) -> float:
-    """Return a cost over another one; costs below the noise of copies of a surface are equal."""
+    """Divide a cost by another one; costs below the noise between copies of a surface are equal."""
     return max(cost, TIES.cost_noise) / max(reference, TIES.cost_noise)
 
 
 class Verifier:
-    """Verifies maps of the bodies of one pair of meshes; what it needs of the shapes is computed once."""
+    """Verifies maps between the bodies of two meshes, and keeps what it computes of the shapes."""
 
-    def __init__(self, pair: Problem, n_bent: int = N_BENT) -> None:
+    def __init__(self, pair: Problem, n_bent: int = N_BENT_VERTICES) -> None:
         self.shapes, self.n_bent = (pair.source, pair.target), n_bent
         self.is_whole = [x.longest_boundary <= pair.config.parts.long_boundary for x in self.shapes]
         self.are_whole = pair.config.scale == "area" or all(self.is_whole)
         ratio = pair.source.scale / pair.target.scale
-        told = not self.are_whole and 1 / MOST_UNLIKE <= ratio <= MOST_UNLIKE
-        self.unit = ratio if told else 1.0
+        is_trusted = not self.are_whole and 1 / MAX_LENGTH_RATIO <= ratio <= MAX_LENGTH_RATIO
+        self.unit = ratio if is_trusted else 1.0
 
     def __call__(self, image: Int[BodyVertices, "n_s"]) -> Verification:
         """Verify a map: vertex of the target's body for each of the source's, −1 where it has none."""
@@ -212,60 +212,63 @@ class Verifier:
         if not matched.any():
             seconds = time.perf_counter() - started
             return Verification(0.0, np.nan, np.nan, np.nan, np.nan, self.unit, seconds)
-        back, gap = inverse(target, image)
-        covered = gap <= COVERED
+        back, gap = invert_map(target, image)
+        covered = gap <= COVERAGE_DISTANCE
         back = BodyVertices(np.where(covered, back, UNMATCHED))
         unit = self.unit_of(image)
-        ways = ((0, image, unit), (1, back, 1 / unit))
-        (there, turned), (onto_source, turned_back) = parallel_map(lambda way: self._bent(*way), ways)
+        ways = ((image, unit, 0), (back, 1 / unit, 1))
+        (bending, turning), (bending_back, turning_back) = parallel_map(lambda way: self._bend(*way), ways)
         areas = source.body.vertex_areas, target.body.vertex_areas
-        apart = [mean_known(self._apart(way, to), areas[way]) for way, to, _ in ways]
-        support = self._support(_share(source, matched), _share(target, covered))
-        distance = float(np.nanmean(apart)) if np.isfinite(apart).any() else np.nan
-        turning, seconds = float(np.sqrt(turned * turned_back)), time.perf_counter() - started
-        return Verification(support, distance, there, onto_source, turning, unit, seconds)
+        distances = [mean_known(self.descriptor_distances(to, way), areas[way]) for to, _, way in ways]
+        return Verification(
+            support=self._support(_area_share(source, matched), _area_share(target, covered)),
+            descriptor_distance=float(np.nanmean(distances)) if np.isfinite(distances).any() else np.nan,
+            bending=bending,
+            bending_back=bending_back,
+            turning=float(np.sqrt(turning * turning_back)),
+            unit=unit,
+            seconds=time.perf_counter() - started,
+        )
 
     def _support(self, *shares: float) -> float:
-        """Combine the shares that have a counterpart: of wholes both count, of a part in a whole its own."""
-        # A map that sends two limbs to one leaves the other uncovered; its larger share is 1.
+        """Combine the shares that have a counterpart, see `Verification.support`."""
+        # Both shares of wholes count: a map that sends two limbs to one covers only one of them.
         if all(self.is_whole):
             return min(shares)
         return max(shares) if not any(self.is_whole) else shares[self.is_whole.index(False)]
 
     @cached_property
     def _balls(self) -> tuple[tuple[BallSignature, BallSignature], FloatArray]:
-        """The ball signatures of both bodies, in √area of the larger one, and the unit of their differences."""
+        """The ball signatures of both bodies, in √area of the larger one, and their deviations."""
         lengths = self.unit, 1.0
-        source, target = (_balls(shape, length / max(lengths)) for shape, length in zip(self.shapes, lengths))
+        source, target = (
+            _ball_signature(shape, length / max(lengths)) for shape, length in zip(self.shapes, lengths)
+        )
         return (source, target), deviation_of(source, target)
 
-    def unlikeness(self, image: Int[BodyVertices, "n_s"]) -> Float[FloatArray, "n_s"]:
-        """Descriptor distance of the source's vertices and their images; nan where unknown."""
-        return self._apart(0, image)
-
-    def _apart(self, way: int, image: Int[BodyVertices, "n"]) -> Float[FloatArray, "n"]:
-        """Descriptor distance of the vertices of one shape and their images; nan where unknown."""
+    def descriptor_distances(self, image: Int[BodyVertices, "n"], way: int = 0) -> Float[FloatArray, "n"]:
+        """Descriptor distance of each vertex of one shape and its image; nan where unknown."""
         balls, deviation = self._balls
         distance = balls[way].descriptor_distance(balls[1 - way].at(image), deviation)
         return np.where(image >= 0, distance, np.nan)
 
     def unit_of(self, image: Int[BodyVertices, "n_s"]) -> float:
-        """Measure the unit: the median ratio of distances of images and of near samples."""
+        """Measure the unit: the median ratio of distances between images and between near samples."""
         source, target = self.shapes
         if self.are_whole:
             return self.unit
-        samples = source.sample_vertices[image[source.sample_vertices] >= 0][:N_MEASURED]
-        along = source.distances.between(samples, samples)
-        near = (along > NEAR) & (along < FAR)
-        if near.sum() < FEWEST_MEASURED:
+        samples = source.sample_vertices[image[source.sample_vertices] >= 0][:N_SAMPLES]
+        on_source = source.distances.between(samples, samples)
+        near = (on_source > MIN_DISTANCE) & (on_source < MAX_DISTANCE)
+        if near.sum() < MIN_MEASURED:
             return self.unit
-        there = np.maximum(target.distances.between(image[samples], image[samples]), LEAST)
-        measured = float(np.median(there[near] / along[near]))
-        return float(np.clip(measured, self.unit / LARGEST_UNIT_CHANGE, self.unit * LARGEST_UNIT_CHANGE))
+        on_target = np.maximum(target.distances.between(image[samples], image[samples]), MIN_DIVISOR)
+        measured = float(np.median(on_target[near] / on_source[near]))
+        return float(np.clip(measured, self.unit / MAX_UNIT_RATIO, self.unit * MAX_UNIT_RATIO))
 
     @cached_property
     def _meshes(self) -> list[Mesh]:
-        return [mesh.moved(mesh.vertices / np.sqrt(mesh.area)) for mesh in (x.mesh_body for x in self.shapes)]
+        return [unit_area_mesh(shape) for shape in self.shapes]
 
     @cached_method
     def _coarse(self, way: int) -> Prolongation:
@@ -275,48 +278,48 @@ class Verifier:
     def _registration(self, way: int) -> RigidRegistration:
         return RigidRegistration(self._coarse(way).coarse.mesh, keeps=True)
 
-    def _bent(self, way: int, image: Int[BodyVertices, "n"], unit: float) -> tuple[float, float]:
-        """Bending and turning of the largest piece of one shape that has images; nan if it is too small."""
+    def _bend(self, image: Int[BodyVertices, "n"], unit: float, way: int) -> tuple[float, float]:
+        """Bend the largest piece of one shape that has images: bending and turning; nan if it is too small."""
         coarse, mesh = self._coarse(way), self._coarse(way).coarse.mesh
         onto = Surroundings(self._meshes[1 - way], self.shapes[1 - way].index, unit)
-        at = image[coarse.nearest_members]
-        if (at >= 0).all():
+        images = image[coarse.nearest_members]
+        if (images >= 0).all():
             registration = self._registration(way)
         else:
-            kept = largest_piece(mesh, at >= 0)
-            if len(kept) < FEWEST_BENT:
+            kept = largest_piece(mesh, images >= 0)
+            if len(kept) < MIN_PIECE:
                 return np.nan, np.nan
             inside = np.zeros(mesh.n_vertices, dtype=bool)
             inside[kept] = True
-            registration, at = RigidRegistration(mesh.submesh(inside)[0]), at[kept]
-        bent = bent_onto(registration, onto, onto.mesh.vertices[at], LENGTHS)
+            registration, images = RigidRegistration(mesh.submesh(inside)[0]), images[kept]
+        bent = bend_onto(registration, onto, onto.mesh.vertices[images], BENDING_LENGTHS)
         return bent.spectral_residual, bent.turning
 
 
-def _balls(shape: PreparedShape, length: float) -> BallSignature:
+def _ball_signature(shape: PreparedShape, length: float) -> BallSignature:
     if length == 1.0 and shape.balls is not None:
         return shape.balls
     samples = shape.sample_vertices[:N_BALLS]
     return ball_signature(shape.mesh_body, RADII, unit=1 / length, samples=samples, weld=False)
 
 
-def inverse(
+def invert_map(
     target: PreparedShape, image: Int[BodyVertices, "n_s"]
 ) -> tuple[Int[BodyVertices, "n_t"], Float[FloatArray, "n_t"]]:
-    """Vertex of the source whose image is nearest to each of the target's, and how far that is, in √area."""
+    """Find for each target vertex the source vertex whose image is nearest, and its distance in √area."""
     known = np.flatnonzero(image >= 0)[::-1]
-    of = np.zeros(target.body.n_vertices, dtype=np.int64)
-    of[image[known]] = known
+    source_vertex = np.zeros(target.body.n_vertices, dtype=np.int64)
+    source_vertex[image[known]] = known
     gap, nearest = distance_along_edges_to_nearest(target.body, np.unique(image[known]))
-    return BodyVertices(of[nearest]), gap
+    return BodyVertices(source_vertex[nearest]), gap
 
 
-def _share(shape: PreparedShape, inside: BoolArray) -> float:
+def _area_share(shape: PreparedShape, inside: BoolArray) -> float:
     return float(np.average(inside, weights=shape.body.vertex_areas))
 
 
 def largest_piece(mesh: Mesh, inside: Bool[BoolArray, "n"]) -> Int[BodyVertices, "q"]:
-    """Vertices of the largest connected piece of some of a mesh."""
+    """Find the largest connected piece of the vertices inside a mask."""
     faces = mesh.faces[inside[mesh.faces].all(axis=1)]
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[faces] = True

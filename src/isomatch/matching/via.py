@@ -47,7 +47,7 @@ def solve_via(problem: Problem, via: Via, solved: Callable[[Problem], Solution])
         [each if isinstance(each, PreparedShape) else prepare(each, problem.config) for each in chain]
         for chain in chains_of(via)
     ]
-    ways = [_along(problem, chain, solved) for chain in chains]
+    ways = [_match_along_chain(problem, chain, solved) for chain in chains]
     solution = min(ways, key=lambda way: way[1].cost)[0]
     if len(ways) > 1:
         costs = ", ".join(f"{found.cost:.2g}" for _, found in ways)
@@ -56,7 +56,7 @@ def solve_via(problem: Problem, via: Via, solved: Callable[[Problem], Solution])
     return solution
 
 
-def _along(
+def _match_along_chain(
     problem: Problem, chain: Sequence[PreparedShape], solved: Callable[[Problem], Solution]
 ) -> tuple[Solution, Verification]:
     """Match each shape to the next, and compose the maps; it is as sure as the least sure of them."""
@@ -70,7 +70,7 @@ def _along(
         own = image.pull_back(leg.expected_error)
         errors = np.hypot(unit * errors, np.where(np.isnan(own), at_rim, own))
         image = image.then(leg.map, leg.pair.source.surface, leg.pair.target.surface)
-    found, bounds = _verified(pair, image), problem.config.parts
+    found, bounds = _verify(pair, image), problem.config.parts
     least = min((leg.outcome for leg in legs), key=lambda outcome: outcome.sureness)
     evidence = (
         Evidence.of(least),
@@ -92,7 +92,7 @@ def _along(
     return solution, found
 
 
-def _verified(pair: Problem, image: Correspondence) -> Verification:
+def _verify(pair: Problem, image: Correspondence) -> Verification:
     return verifier_of(pair)(on_bodies(pair, UserVertices(image.vertices)))
 
 

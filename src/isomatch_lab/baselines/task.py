@@ -21,7 +21,7 @@ from isomatch.matching import (
     measure_quality,
     measured_evidence,
     prepare_pair,
-    verified,
+    result_of,
 )
 from isomatch.settings import Config, MatchSettings
 from isomatch.shapes import PreparedShape
@@ -116,4 +116,4 @@ class Task:
             origin=origin,
             config=config,
         )
-        return verified(solution, self.timer, self.seed)
+        return result_of(solution, self.timer, self.seed)

@@ -48,7 +48,7 @@ def expected_errors(
     left_over = np.sqrt(((pulled_back - fit) ** 2).sum(axis=1) / np.maximum(fitted, TINY))
     strain = np.log(np.maximum(fitted, TINY) / np.maximum(unit**2 * own, TINY))
     local = ERRORS.error_scale * np.sqrt(left_over * np.abs(strain))
-    return diffused(source, local if doubt is None else local + doubt, ERRORS.smoothing_radius)
+    return diffuse(source, local if doubt is None else local + doubt, ERRORS.smoothing_radius)
 
 
 def doubt_of(
@@ -89,7 +89,7 @@ def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
             squared[e] += step * step
 
 
-def diffused(shape: SmoothShape, values: Float[FloatArray, "n"], radius: float) -> Float[FloatArray, "n"]:
+def diffuse(shape: SmoothShape, values: Float[FloatArray, "n"], radius: float) -> Float[FloatArray, "n"]:
     """Spread values by heat diffusion over a radius; nowhere less than half the least of them."""
     # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean square distance 4 t
     laplace, time = shape.laplace, radius**2 / 4
@@ -159,7 +159,7 @@ def regions_of_doubt(
     if descriptor_distance is not None and np.isfinite(descriptor_distance[pair.refinement_vertices]).any():
         # two people look more different everywhere than two poses of one
         usual = np.nanmedian(descriptor_distance[pair.refinement_vertices])
-        excess = around(source, descriptor_distance) - usual
+        excess = average_around(source, descriptor_distance) - usual
         doubts[UNLIKE_ITS_IMAGE] = np.nan_to_num(excess / bounds.doubtful_descriptor_distance)
     if not doubts:
         return ()
@@ -181,17 +181,17 @@ def regions_of_doubt(
     return tuple(regions)
 
 
-def around(shape: PreparedShape, values: Float[FloatArray, "n"]) -> Float[FloatArray, "n"]:
+def average_around(shape: PreparedShape, values: Float[FloatArray, "n"]) -> Float[FloatArray, "n"]:
     """Mean of values in the neighbourhood of each vertex of a body, nan where most are not known."""
     finite = np.isfinite(values)
-    total = diffused(shape, np.where(finite, values, 0.0), ERRORS.smoothing_radius)
-    weight = diffused(shape, finite.astype(float), ERRORS.smoothing_radius)
+    total = diffuse(shape, np.where(finite, values, 0.0), ERRORS.smoothing_radius)
+    weight = diffuse(shape, finite.astype(float), ERRORS.smoothing_radius)
     return np.where(
         weight > ERRORS.min_known_share, total / np.maximum(weight, ERRORS.min_known_share), np.nan
     )
 
 
-def lifted(
+def lift_regions(
     regions: Iterable[DoubtfulRegion], source: PreparedShape, target: PreparedShape
 ) -> tuple[DoubtfulRegion, ...]:
     """Carry regions of the bodies to the users' vertices."""
@@ -218,7 +218,7 @@ def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> Float[FloatA
     return doubt
 
 
-def packed(regions: Sequence[DoubtfulRegion]) -> dict[str, IntArray]:
+def pack_regions(regions: Sequence[DoubtfulRegion]) -> dict[str, IntArray]:
     """Arrays for a file: sizes (r,), and vertices and runners-up (d,) of one region after the other; −1 for none."""
     vertices = [region.vertices for region in regions]
     nowhere = (np.full(len(region.vertices), UNMATCHED) for region in regions)
@@ -231,7 +231,7 @@ def packed(regions: Sequence[DoubtfulRegion]) -> dict[str, IntArray]:
     }
 
 
-def unpacked(arrays: dict[str, Any], about: Sequence[tuple[float, str]]) -> tuple[DoubtfulRegion, ...]:
+def unpack_regions(arrays: dict[str, Any], about: Sequence[tuple[float, str]]) -> tuple[DoubtfulRegion, ...]:
     """Take the regions out of what was read from a file; none of a file that was written before there were any."""
     if "region_sizes" not in arrays:
         return ()

@@ -57,7 +57,7 @@ def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
     return next((CALLED_FOR[flag] for flag in flags_of(evidence)), Outcome.CONVERGED)
 
 
-def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
+def lower_outcome(outcome: Outcome, *evidence: Evidence) -> Outcome:
     """Lower the outcome of a map that was verified before, by evidence found since; it never becomes surer."""
     return outcome_of([Evidence.of(outcome), *evidence])
 
@@ -163,7 +163,7 @@ class PartDoubt:
         sure = self.doubt <= settings.poor_doubt and self.is_clear
         return Evidence(ambiguous=tied, poor=not (tied or sure), partial=True)
 
-    def against(self, lead: float) -> Self:
+    def with_lead(self, lead: float) -> Self:
         """Take a map of another way into account, of which the cost is so many times as high."""
         return replace(self, runner_up=min(self.runner_up, lead))
 
@@ -187,9 +187,11 @@ class PartDoubt:
 class CommonDoubt:
     """How sure the map of what two parts have in common is."""
 
-    worth: float  # how much more alike than at random they look there, see `CommonRegions.worth`
+    net_evidence: (
+        float  # how much more alike than at random they look there, see `CommonRegions.net_evidence`
+    )
     runner_up: float  # its score over that of the best map that differs; inf if none does
-    led: bool  # whether landmarks were given and hold, so that nothing else has to speak for it
+    landmarks_hold: bool  # whether landmarks were given and hold, so that nothing else has to speak for it
     settings: PartSettings
 
     @property
@@ -197,14 +199,16 @@ class CommonDoubt:
         """Nothing that compares with the doubt of a part."""
         return np.nan
 
-    def against(self, lead: float) -> Self:
+    def with_lead(self, lead: float) -> Self:
         """Take a map of another way into account, of which the cost is so many times as high."""
         return replace(self, runner_up=min(self.runner_up, lead))
 
     @property
     def evidence(self) -> Evidence:
         """What is in common must be large and look alike, unless all landmarks hold."""
-        return Evidence(poor=not self.led and self.worth < self.settings.sure_common, partial=True)
+        return Evidence(
+            poor=not self.landmarks_hold and self.net_evidence < self.settings.sure_common, partial=True
+        )
 
     def notes(self, with_priors: bool) -> list[str]:
         """Say why a map is not sure, and what to do."""
@@ -212,7 +216,7 @@ class CommonDoubt:
             return []
         return [
             "the map is not sure, for what is in common is small or looks different (evidence "
-            f"{self.worth:.2f}, at least {self.settings.sure_common:.2f} if sure); look at the picture, and give "
+            f"{self.net_evidence:.2f}, at least {self.settings.sure_common:.2f} if sure); look at the picture, and give "
             f"{'more' if with_priors else 'three to five'} landmarks"
         ]
 
@@ -265,21 +269,21 @@ class Solution:
         doubtful = region_evidence(self.regions, self.pair.config.outcome.doubtful_area)
         return *self.all_evidence, doubtful if self.descriptors_count else replace(doubtful, poor=False)
 
-    def doubted(self, doubt: PartDoubt | CommonDoubt) -> Self:
+    def with_doubt(self, doubt: PartDoubt | CommonDoubt) -> Self:
         """Tell how sure the map of a part is."""
         quality = replace(self.quality, runner_up=doubt.runner_up, doubt=doubt.doubt)
         return replace(self, doubt=doubt, quality=quality)
 
-    def led(self, lead: float) -> Self:
+    def with_lead(self, lead: float) -> Self:
         """Take a map of another way into account, of which the cost is so many times as high."""
-        return self if self.doubt is None else self.doubted(self.doubt.against(lead))
+        return self if self.doubt is None else self.with_doubt(self.doubt.with_lead(lead))
 
     def with_evidence(self, *more: Evidence) -> Self:
         """Add evidence."""
         return replace(self, evidence=(*self.evidence, *more))
 
 
-def verified(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
+def result_of(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
     """Make the result of a match."""
     pair = solution.pair
     shared = "map outcome quality expected_error descriptor_distance regions alternatives origin reason way"

@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch._core.arrays import Bool, BoolArray, Float, FloatArray
 from isomatch.correspondence import PrecisePoints
-from isomatch.matching.assessment.confidence import DoubtfulRegion, lifted
+from isomatch.matching.assessment.confidence import DoubtfulRegion, lift_regions
 from isomatch.matching.assessment.evidence import Evidence, Solution, measured_evidence
 from isomatch.matching.assessment.quality import contradicted_landmarks, mean_known
 from isomatch.matching.maps import Fit
@@ -66,5 +66,5 @@ class Measured:
             origin=self.origin,
             reason=self.reason,
             descriptor_distance=known,
-            regions=lifted(regions, source, pair.target),
+            regions=lift_regions(regions, source, pair.target),
         )

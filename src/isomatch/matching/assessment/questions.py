@@ -74,7 +74,7 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
     if len(maps) < 2 or not result.map.matched.any():
         return ()
     size = np.sqrt(source.area), np.sqrt(target.area)
-    vertices = _spread(source, result.map.matched)
+    vertices = _spread_vertices(source, result.map.matched)
     images = np.stack([each.vertices[vertices] for each in maps])  # (maps, candidates)
     pairs = list(combinations(range(len(maps)), 2))
     gap = np.stack([_gaps(target, images[i], images[j]) for i, j in pairs]) / size[1]
@@ -96,7 +96,7 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
     return tuple(_question(int(vertices[k]), images[:, k], target, size[1]) for k in asked)
 
 
-def _spread(source: Mesh, matched: BoolArray) -> IntArray:
+def _spread_vertices(source: Mesh, matched: BoolArray) -> IntArray:
     """Vertices spread over what has an image by the map, farthest points first."""
     inside = np.flatnonzero(matched)
     points = source.vertices[inside]

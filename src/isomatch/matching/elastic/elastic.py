@@ -19,8 +19,8 @@ from isomatch.matching.assessment.confidence import doubt_in, expected_errors, r
 from isomatch.matching.assessment.evidence import Solution, fits_badly, mirror_image_fits
 from isomatch.matching.assessment.measured import Measured
 from isomatch.matching.assessment.quality import descriptor_distance_of, measure_quality
-from isomatch.matching.bending import Bent, ElasticBending
-from isomatch.matching.coordinates import refined_images, registered
+from isomatch.matching.bending import BentShape, ElasticBending
+from isomatch.matching.coordinates import refine_images, register_map
 from isomatch.matching.elastic.elastic_fit import (
     COARSE_STEPS,
     Coefficients,
@@ -29,7 +29,7 @@ from isomatch.matching.elastic.elastic_fit import (
     Images,
     Step,
     anchor_starts,
-    with_mirror,
+    find_mirror_images,
 )
 from isomatch.matching.isometric.candidates import is_another
 from isomatch.matching.maps import Fit
@@ -38,7 +38,7 @@ from isomatch.matching.parameters import ELASTIC_FIT, ELASTIC_SEARCH, MAP_DISTAN
 from isomatch.matching.problem import Problem, search_pairs
 from isomatch.matching.proposals.from_priors import starts_from_priors
 from isomatch.matching.result import Quality
-from isomatch.matching.selection import Ranking, Rules, distances_between, distinct, select
+from isomatch.matching.selection import Ranking, Rules, distances_between, keep_distinct, select
 
 # between two bendings: all functions, half the smoothness for twice as many
 LAST_STEP = Step(200, 0.0005, 2, False)
@@ -60,9 +60,11 @@ class StretchedFit(Fit):
 
     coefficients: Coefficients  # of the smooth maps both ways
     images: Images | None = None  # of the samples of the coarse fit, both ways
-    bent: tuple[Bent, ...] = ()  # the source on the target, and the target on the source; none before
-    is_ordinary: bool = False  # whether it is a map found otherwise
-    is_users: bool = False  # whether it is the user's initial map, which holds while large pieces are bent
+    bent: tuple[BentShape, ...] = ()  # the source on the target, and the target on the source; none before
+    is_isometric: bool = False  # whether it is a map found otherwise
+    is_initial_map: bool = (
+        False  # whether it is the user's initial map, which holds while large pieces are bent
+    )
 
     @property
     def stretch(self) -> float:
@@ -106,16 +108,18 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     def __init__(self, problem: Problem, found: Match[Fit, Embedding] | None = None) -> None:
         super().__init__(problem)
         self.found = found
-        self.ordinary: Fit | None = None  # a map of the vertices of the model, which an elastic one must beat
-        self.ordinary_fits = False  # whether it fits as maps between isometric shapes do
+        self.isometric_map: Fit | None = (
+            None  # a map of the vertices of the model, which an elastic one must beat
+        )
+        self.isometric_map_fits = False  # whether it fits as maps between isometric shapes do
         self._others: list[
             tuple[BodyVertices, str]
         ] = []  # first maps found beside it, and where each came from
         self._rivals: list[Fit] = []  # refined maps found beside it
         if found:
             first, *others = found.ranking.best, *found.ranking.others
-            self.ordinary = first
-            self.ordinary_fits = not fits_badly(found.measured.quality, problem.config.outcome)
+            self.isometric_map = first
+            self.isometric_map_fits = not fits_badly(found.measured.quality, problem.config.outcome)
             self._rivals = [fit for fit in others if fit.side == first.side and is_another(self, fit, first)]
             candidates = (c for c in found.proposals.eligible if c.orientation > 0)
             self._others = [(search_pairs(problem, c.target_row), c.origin) for c in candidates]
@@ -131,29 +135,29 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         _ = self._shapes
         timer.start("search")
         starts = self._starts()
-        first = partial(self._drawn, self._coarse, COARSE_STEPS[0])
+        first = partial(self._draw, self._coarse, COARSE_STEPS[0])
         kept = [first(start, origin) for start, origin in starts]
         for step, most in zip(
             COARSE_STEPS, ELASTIC_SEARCH.n_maps_kept
         ):  # so many of the best that differ go on
-            taken = parallel_map(partial(self._stepped, step=step), kept)
+            taken = parallel_map(partial(self._step, step=step), kept)
             order = sorted((fit for fit in taken if fit), key=attrgetter("score"))
-            kept = distinct(
+            kept = keep_distinct(
                 order, lambda fit: fit.image, self.target.mean_distances, MAP_DISTANCE.same_map, most
             )
         timer.start("bending")
-        if self.ordinary is not None:
-            kept.append(self._drawn_ordinary(self.ordinary))
+        if self.isometric_map is not None:
+            kept.append(self._draw_isometric(self.isometric_map))
         kept += [
-            self._drawn(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin) for fit in self._rivals
+            self._draw(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin) for fit in self._rivals
         ]
         if len(self.priors.initial_pairs):
-            kept.append(replace(first(self.priors.initial_pairs, "initial map"), is_users=True))
+            kept.append(replace(first(self.priors.initial_pairs, "initial map"), is_initial_map=True))
         if not kept:
             raise NotConvergedError(
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
-        return Proposals(parallel_map(self._begun, kept), len(starts))
+        return Proposals(parallel_map(self._begin, kept), len(starts))
 
     def rank(
         self,
@@ -191,28 +195,28 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     @property
     def is_needless(self) -> bool:
         """Whether the ordinary map fits, and hardly stretches the shapes when they are bent by it."""
-        if self.found is None or not self.ordinary_fits:
+        if self.found is None or not self.isometric_map_fits:
             return False
         coordinates, lengths = self.found.coordinates, self.pair.config.elastic.bending
-        bent = parallel_map(lambda bending: bending.laid(coordinates, lengths), self._bendings)
+        bent = parallel_map(lambda bending: bending.lay(coordinates, lengths), self._bendings)
         return max(each.stretch for each in bent) < ELASTIC_FIT.max_isometric_stretch
 
     def keeps_lengths(self, winner: StretchedFit) -> bool:
         """Whether a winner is the ordinary map, and hardly stretches the shapes, so that it is not bent in full."""
         most = (
             ELASTIC_FIT.max_isometric_stretch_of_winner
-            if self.ordinary_fits
+            if self.isometric_map_fits
             else ELASTIC_FIT.max_isometric_stretch
         )
-        return winner.is_ordinary and winner.stretch < most
+        return winner.is_isometric and winner.stretch < most
 
     def _pairs(self, image: Int[BodyVertices, "r"]) -> Int[BodyVertices, "r 2"]:
         """Vertices of source and target."""
         return BodyVertices(np.column_stack([self.vertices, image]))
 
-    def _drawn_ordinary(self, fit: Fit) -> StretchedFit:
+    def _draw_isometric(self, fit: Fit) -> StretchedFit:
         return replace(
-            self._drawn(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin), is_ordinary=True
+            self._draw(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin), is_isometric=True
         )
 
     def _starts(self) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
@@ -226,8 +230,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
             origin = "landmarks" if len(landmarks) else "anchors"
             starts = [*anchor_starts(pair, landmarks, (source, target)), *turned]
             first_maps = [(start, origin) for start in starts]
-        if self.ordinary is not None:
-            first_maps.append((self._pairs(self.ordinary.image), self.ordinary.origin))
+        if self.isometric_map is not None:
+            first_maps.append((self._pairs(self.isometric_map.image), self.isometric_map.origin))
         else:
             from_priors = starts_from_priors(pair)
             first_maps += [(search_pairs(pair, rows), origin) for rows, origin in from_priors]
@@ -236,17 +240,19 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     @cached_property
     def _shapes(self) -> tuple[ElasticShape, ElasticShape]:
         config = self.pair.config
-        source, target = parallel_map(lambda shape: with_mirror(shape, config), (self.source, self.target))
+        source, target = parallel_map(
+            lambda shape: find_mirror_images(shape, config), (self.source, self.target)
+        )
         return source, target
 
     @cached_property
     def _coarse(self) -> ElasticFit:
-        source, target = (shape.sampled(ELASTIC_SEARCH.n_coarse_samples, False) for shape in self._shapes)
+        source, target = (shape.sample(ELASTIC_SEARCH.n_coarse_samples, False) for shape in self._shapes)
         return ElasticFit(source, target, self.pair.signatures, self.priors.landmarks)
 
     @cached_property
     def _fine(self) -> ElasticFit:
-        source, target = (shape.sampled(self.pair.config.n_refine, True) for shape in self._shapes)
+        source, target = (shape.sample(self.pair.config.n_refine, True) for shape in self._shapes)
         return replace(
             self._coarse, source=source, target=target, normal_weight=ELASTIC_FIT.fine_normal_weight
         )
@@ -261,7 +267,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         )
         return there, back
 
-    def _stepped(self, fit: StretchedFit, step: Step) -> StretchedFit | None:
+    def _step(self, fit: StretchedFit, step: Step) -> StretchedFit | None:
         """Take a coarse step; None if the map reverses the orientation before, or is twisted afterwards."""
         coarse = self._coarse
         images = fit.images or coarse.images(fit.coefficients)
@@ -279,59 +285,59 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         moved = replace(fit, image=image, coefficients=coefficients, images=images)
         return replace(moved, spectral_residual=residual, score=residual * penalty)
 
-    def _begun(self, fit: StretchedFit) -> StretchedFit:
+    def _begin(self, fit: StretchedFit) -> StretchedFit:
         """Extend a rough fit to the vertices of the model."""
         source, target = self._fine.embedding(fit.coefficients)
         image = BodyVertices(self.target.index.vertices(target, source[self.vertices]))
         return replace(fit, image=image, spectral_residual=np.inf, score=np.nan)
 
-    def _drawn(self, by: ElasticFit, step: Step, pairs: BodyVertices, origin: str) -> StretchedFit:
+    def _draw(self, by: ElasticFit, step: Step, pairs: BodyVertices, origin: str) -> StretchedFit:
         """Draw a map by the functions of a step."""
         coefficients = by.from_pairs(pairs, step)
         return StretchedFit(BodyVertices(pairs[:0, 0]), origin=origin, coefficients=coefficients)
 
     @cached_property
-    def _users(self) -> Int[BodyVertices, "r"]:
+    def _initial_images(self) -> Int[BodyVertices, "r"]:
         """Images of the vertices of the model under the initial map, −1 where it has none."""
         image = np.full(self.source.body.n_vertices, -1)
         image[self.priors.initial_pairs[:, 0]] = self.priors.initial_pairs[:, 1]
         return BodyVertices(image[self.vertices])
 
-    def refined(self, fits: Sequence[StretchedFit]) -> list[StretchedFit]:
+    def refine_jointly(self, fits: Sequence[StretchedFit]) -> list[StretchedFit]:
         """Bend both shapes onto each other by each map, at a low resolution; images are read off there."""
         # those that score much worse than another one halfway are given up, unless the map was known before
-        halfway = parallel_map(self._bent_halfway, fits)
+        halfway = parallel_map(self._bend_halfway, fits)
         most = ELASTIC_FIT.hopeless_ratio * min((fit.score for fit in halfway), default=0.0)
-        kept = [fit for fit in halfway if fit.score <= most or fit.is_ordinary or fit.is_users]
-        return parallel_map(self._bent_further, kept)
+        kept = [fit for fit in halfway if fit.score <= most or fit.is_isometric or fit.is_initial_map]
+        return parallel_map(self._bend_further, kept)
 
-    def _bent(self, fit: StretchedFit) -> StretchedFit:
-        return self._bent_further(self._bent_halfway(fit))
+    def _bend(self, fit: StretchedFit) -> StretchedFit:
+        return self._bend_further(self._bend_halfway(fit))
 
-    def _bent_halfway(self, fit: StretchedFit) -> StretchedFit:
+    def _bend_halfway(self, fit: StretchedFit) -> StretchedFit:
         """Bend by the first lengths, which move large pieces."""
         drawn, lengths = self._fine.embedding(fit.coefficients), self.pair.config.elastic.bending
-        held = self.priors.initial_pairs if fit.is_users else None
-        bent = tuple(bending.laid(drawn, lengths[: len(lengths) // 2], held) for bending in self._bendings)
+        held = self.priors.initial_pairs if fit.is_initial_map else None
+        bent = tuple(bending.lay(drawn, lengths[: len(lengths) // 2], held) for bending in self._bendings)
         return replace(fit, bent=bent, score=_score(bent))
 
-    def _bent_further(self, fit: StretchedFit) -> StretchedFit:
+    def _bend_further(self, fit: StretchedFit) -> StretchedFit:
         """Bend by the other lengths, and read images off."""
         lengths = self.pair.config.elastic.bending
         bent = tuple(
-            bending.further(each, lengths[len(lengths) // 2 :])
+            bending.bend_further(each, lengths[len(lengths) // 2 :])
             for bending, each in zip(self._bendings, fit.bent)
         )
         image, score = self._bendings[0].images(bent[0], self.vertices), _score(bent)
-        rows = np.flatnonzero(self._users >= 0)
-        error = self.target.mean_distance(image[rows], self._users[rows]) if len(rows) else 0.0
+        rows = np.flatnonzero(self._initial_images >= 0)
+        error = self.target.mean_distance(image[rows], self._initial_images[rows]) if len(rows) else 0.0
         return replace(fit, image=image, spectral_residual=score, score=score, bent=bent, prior_error=error)
 
-    def measured(self, fit: Fit, image: Int[BodyVertices, "r"]) -> StretchedFit:
+    def measure_fit(self, fit: Fit, image: Int[BodyVertices, "r"]) -> StretchedFit:
         """Draw a map by all functions, and bend the shapes by it."""
-        was_ordinary = isinstance(fit, StretchedFit) and fit.is_ordinary
-        drawn = self._drawn(self._fine, LAST_STEP, self._pairs(image), fit.origin)
-        return replace(self._bent(drawn), is_ordinary=was_ordinary)
+        was_ordinary = isinstance(fit, StretchedFit) and fit.is_isometric
+        drawn = self._draw(self._fine, LAST_STEP, self._pairs(image), fit.origin)
+        return replace(self._bend(drawn), is_isometric=was_ordinary)
 
     def embedding(self, fit: StretchedFit) -> Embedding:
         """Joint coordinates, beside positions and normals of the target and of the source bent onto it in full.
@@ -340,45 +346,45 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         similarly as possible, at last in full. From there the joint refinement takes its last step: it knows what details
         look like, and bending where limbs are. What was known before has its say in where that step begins.
         """
-        pair, bent = self.pair, self._in_full(fit)
+        pair, bent = self.pair, self._bend_in_full(fit)
         lying = Embedding(
             with_normals(bent.mesh, ELASTIC_FIT.normal_weight),
             with_normals(bent.onto.mesh, ELASTIC_FIT.normal_weight),
         )
-        image = self._read(lying)
+        image = self._read_images(lying)
         before = self._known_before(fit, image)
         if before is not None:
-            image = self._read(self._beside(before, lying))
-        image, _ = refined_images(pair, image, 1.0, *pair.config.refining.last_step)
-        return self._beside(image, lying)
+            image = self._read_images(self._join(before, lying))
+        image, _ = refine_images(pair, image, 1.0, *pair.config.refining.last_step)
+        return self._join(image, lying)
 
     def _known_before(self, fit: StretchedFit, image: BodyVertices) -> Int[BodyVertices, "r"] | None:
         """Return images of the initial map, or an ordinary one that fits, if a map is the same in the large."""
         if len(self.priors.initial_pairs) and fit.prior_error < MAP_DISTANCE.same_map:
-            return BodyVertices(np.where(self._users >= 0, self._users, image))
-        if self.ordinary is None or not self.ordinary_fits:
+            return BodyVertices(np.where(self._initial_images >= 0, self._initial_images, image))
+        if self.isometric_map is None or not self.isometric_map_fits:
             return None
-        alike = self.target.mean_distance(fit.image, self.ordinary.image) < MAP_DISTANCE.same_map
-        return self.ordinary.image if alike else None
+        alike = self.target.mean_distance(fit.image, self.isometric_map.image) < MAP_DISTANCE.same_map
+        return self.isometric_map.image if alike else None
 
-    def _in_full(self, fit: StretchedFit) -> Bent:
+    def _bend_in_full(self, fit: StretchedFit) -> BentShape:
         """Bend the source onto the target in full, from where the two bent shapes lie at the low resolution."""
         settings, (there, _) = self.pair.config.elastic, self._bendings
         pairs = np.concatenate([bending.pairs(bent) for bending, bent in zip(self._bendings, fit.bent)])
         coefficients, _ = self._fine.run(self._fine.from_pairs(BodyVertices(pairs), LAST_STEP), (LAST_STEP,))
         drawn = self._fine.embedding(coefficients)
-        coarse = there.laid(
+        coarse = there.lay(
             drawn, settings.bending[ELASTIC_FIT.n_skipped_lengths :], most_scaled=settings.most_scaled
         )
-        return there.laid_in_full(coarse, ELASTIC_FIT.full_lengths, settings.most_scaled)
+        return there.lay_in_full(coarse, ELASTIC_FIT.full_lengths, settings.most_scaled)
 
-    def _read(self, embedding: Embedding) -> Int[BodyVertices, "r"]:
+    def _read_images(self, embedding: Embedding) -> Int[BodyVertices, "r"]:
         """Images of the vertices of the model."""
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source[self.vertices]))
 
-    def _beside(self, image: Int[BodyVertices, "r"], lying: Embedding) -> Embedding:
+    def _join(self, image: Int[BodyVertices, "r"], lying: Embedding) -> Embedding:
         """Joint coordinates under a map, and coordinates in which bent shapes lie on each other."""
-        joint = registered(self.pair, image, 1.0, self.refinement.smooth)
+        joint = register_map(self.pair, image, 1.0, self.refinement.smooth)
         return Embedding(*(np.hstack([x, ELASTIC_FIT.position_weight * y]) for x, y in zip(joint, lying)))
 
     def measure(self, match: Match[StretchedFit, Embedding]) -> Measured:
@@ -410,8 +416,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return replace(solution, descriptors_count=False)
 
 
-def _score(bent: tuple[Bent, ...]) -> float:
-    # √(s g · s′ g′), see `Bent`: there and back, as the source bends well onto a target of which a limb is left out
+def _score(bent: tuple[BentShape, ...]) -> float:
+    # √(s g · s′ g′), see `BentShape`: there and back, as the source bends well onto a target of which a limb is left out
     there, back = bent
     return max(float(np.sqrt(there.spectral_residual * back.spectral_residual)), NO_SCORE)
 

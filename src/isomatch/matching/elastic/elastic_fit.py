@@ -71,14 +71,14 @@ class ElasticShape:
         return np.hstack([self.canonical, self.mesh.vertices])
 
     @cached_property
-    def aside(self) -> Float[FloatArray, "n"]:
+    def mirror_distance(self) -> Float[FloatArray, "n"]:
         """Distance of each vertex from its mirror image, in canonical coordinates; 0 without mirror images."""
         if self.mirrored is None:
             return np.zeros(self.mesh.n_vertices)
         d = self.canonical.shape[1]
         return np.asarray(np.linalg.norm(self.canonical - self.mirrored[:, :d], axis=1))
 
-    def sampled(self, count: int, everywhere: bool) -> Samples:
+    def sample(self, count: int, everywhere: bool) -> Samples:
         """Take ``count`` samples; their images are sought among samples, or everywhere."""
         vertices, mesh = BodyVertices(self.prepared.sample_vertices[:count]), self.mesh
         if everywhere:
@@ -180,7 +180,7 @@ class ElasticFit:
     #     + mean_x |X(x) − c(T x)|² + mean_y |Y(y) − c(S y)|²              each is what its images say,
     #     + mean_y |X(S y) − c(y)|² + mean_x |Y(T x) − c(x)|²              and they undo each other
     # ∫ |∇X|² = tr Aᵀ Λ A, as ∫ ∇φ_i · ∇φ_j = λ_i δ_ij, so that few functions need no matrix of the mesh. Given the
-    # images, the best A and B are two linear fits (`_smooth`). Given A and B, the image of x is the y of least
+    # images, the best A and B are two linear fits (`_fit_smooth`). Given A and B, the image of x is the y of least
     #     |X(x) − c(y)|² + |c(x) − Y(y)|²,
     # its nearest point in the coordinates (X, c) of the source and (c, Y) of the target: both terms of x are in it, and
     # one search finds T, another S. So within a step both halves of an iteration decrease the sum. Normals, signatures
@@ -197,8 +197,8 @@ class ElasticFit:
         """Fit smooth maps to pairs of vertices alone."""
         source, target, ones = self.source.shape, self.target.shape, np.ones(len(pairs))
         return Coefficients(
-            _smooth(source, pairs[:, 0], target.values[pairs[:, 1]], ones, step),
-            _smooth(target, pairs[:, 1], source.values[pairs[:, 0]], ones, step),
+            _fit_smooth(source, pairs[:, 0], target.values[pairs[:, 1]], ones, step),
+            _fit_smooth(target, pairs[:, 1], source.values[pairs[:, 0]], ones, step),
         )
 
     def run(
@@ -208,11 +208,11 @@ class ElasticFit:
         coefficients, images = start, images or self.images(start)
         for step in steps:
             for _ in range(step.iterations):
-                coefficients = self._fitted(images, step)
+                coefficients = self._fit(images, step)
                 images = self.images(coefficients)
         return coefficients, images
 
-    def _fitted(self, images: Images, step: Step) -> Coefficients:
+    def _fit(self, images: Images, step: Step) -> Coefficients:
         source, target = self.source, self.target
         symmetric = step.symmetric and source.mirror_row is not None and target.mirror_row is not None
 
@@ -233,7 +233,7 @@ class ElasticFit:
             weights = np.concatenate([np.ones(len(v)) for v in here])
             first = len(here[0]) + len(here[1])
             weights[first : first + len(held)] = ELASTIC_SEARCH.landmark_weight
-            return _smooth(onto.shape, np.concatenate(here), np.vstack(values), weights, step)
+            return _fit_smooth(onto.shape, np.concatenate(here), np.vstack(values), weights, step)
 
         return Coefficients(
             one(source, target, images.forth, images.back, self.landmarks),
@@ -263,7 +263,7 @@ class ElasticFit:
 
     def _copies(self, coefficients: Coefficients) -> tuple[_Copy, _Copy]:
         """Copy the target to the source, and the source to the target."""
-        return _copied(self.source, coefficients.source), _copied(self.target, coefficients.target)
+        return _copy_shape(self.source, coefficients.source), _copy_shape(self.target, coefficients.target)
 
     def _moving(self, copies: tuple[_Copy, _Copy]) -> Embedding:
         """Leave the signatures out, which are the same under all maps."""
@@ -316,7 +316,7 @@ class ElasticFit:
         return float(np.mean(apart))
 
 
-def _copied(onto: Samples, coefficients: FloatArray) -> _Copy:
+def _copy_shape(onto: Samples, coefficients: FloatArray) -> _Copy:
     """Copy the other shape to the vertices sought: canonical coordinates, and the normals of the faces laid in space."""
     k = len(coefficients)
     canonical = onto.functions_sought[:, :k] @ coefficients[:, :-3]
@@ -324,7 +324,7 @@ def _copied(onto: Samples, coefficients: FloatArray) -> _Copy:
     return _Copy(canonical, normals[onto.sought])
 
 
-def _smooth(
+def _fit_smooth(
     shape: ElasticShape,
     vertices: Int[IntArray, "q"],
     values: Float[FloatArray, "q v"],
@@ -368,7 +368,9 @@ def anchor_starts(
     kinds = [(unary, settings.n_starts)]
     if shapes and all(shape.mirrored is not None for shape in shapes):
         aside = [
-            np.minimum(shape.aside / shape.prepared.intrinsic_scale, ELASTIC_SEARCH.max_mirror_distance)
+            np.minimum(
+                shape.mirror_distance / shape.prepared.intrinsic_scale, ELASTIC_SEARCH.max_mirror_distance
+            )
             for shape in shapes
         ]
         unlike = np.abs(aside[0][anchors, None] - aside[1][candidates])
@@ -412,12 +414,12 @@ def _remoteness(shape: PreparedShape) -> Float[FloatArray, "n"]:
     return share
 
 
-def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
+def find_mirror_images(prepared: PreparedShape, config: Config) -> ElasticShape:
     """Find the map of a shape to itself that reverses its orientation and fits best, if any fits well."""
     # An elastic match of the shape to itself, of side −1, so that the identity does not take part.
     settings = config.elastic
     shape = ElasticShape(prepared, settings)
-    samples = shape.sampled(ELASTIC_SEARCH.n_coarse_samples, False)
+    samples = shape.sample(ELASTIC_SEARCH.n_coarse_samples, False)
     signatures = Embedding(prepared.signatures, prepared.signatures)
     fit = ElasticFit(samples, samples, signatures, NO_LANDMARKS, side=-1.0)
 

@@ -18,7 +18,7 @@ from isomatch.matching.maps import Fit
 from isomatch.matching.model import Proposals
 from isomatch.matching.parameters import EXCHANGE
 from isomatch.matching.selection import Ranking
-from isomatch.matching.verify import inverse, relative_cost, verifier_of
+from isomatch.matching.verify import invert_map, relative_cost, verifier_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class BothSides(Isometry):
 
     def propose(self, timer: StageTimer) -> Proposals[Fit]:
         """Give what was found before; nothing is left to refine."""
-        return replace(self.found.proposals, begun=(), rivals=())
+        return replace(self.found.proposals, contenders=(), rivals=())
 
     def rank(
         self, maps: list[Fit], rivals: list[Fit], proposals: Proposals[Fit], timer: StageTimer
@@ -58,7 +58,7 @@ class BothSides(Isometry):
         """Take the map that verifies best, of those that tie, those found from the target, and an exchange of regions."""
         ranking = self.found.ranking
         first = ranking.best
-        tied = [*self.tied(ranking), *self._found_from_target(first.side)]
+        tied = [*self.find_tied(ranking), *self._search_from_target(first.side)]
         verified = [self._verify(fit) for fit in tied]
         best = min(verified, key=attrgetter("cost"))
         exchanged = self._exchange(best, verified)
@@ -74,16 +74,16 @@ class BothSides(Isometry):
         """Coordinates of all vertices in which images are nearest points."""
         return self.found.coordinates if best is self.found.ranking.best else super().coordinates(best)
 
-    def _found_from_target(self, side: float) -> list[Fit]:
+    def _search_from_target(self, side: float) -> list[Fit]:
         """Search from the target to the source; the maps that tie there, inverted and refined locally."""
         turned = Isometry(self.pair.turned)
-        maps = turned.refine(turned.propose(StageTimer()).begun)
-        tied = turned.tied(turned.selected(maps, [True] * len(maps)))
+        maps = turned.refine(turned.propose(StageTimer()).contenders)
+        tied = turned.find_tied(turned.select_fit(maps, [True] * len(maps)))
         found = []
         for fit in tied[: EXCHANGE.max_maps_from_target]:
             known = BodyVertices(np.full(self.target.body.n_vertices, UNMATCHED))
             known[turned.vertices] = fit.image
-            image, _ = inverse(self.source, known)
+            image, _ = invert_map(self.source, known)
             found.append(self._refine_locally(replace(fit, candidate=None), image))
         return [fit for fit in found if fit.side == side]
 
@@ -112,8 +112,8 @@ class BothSides(Isometry):
         """Refine a map of all vertices by the last step alone, which keeps it where it is."""
         moved = replace(fit, image=BodyVertices(image[self.vertices]))
         if self.refinement.polishes:
-            moved = self.stepped(moved, *self.pair.config.refining.last_step)
-        return self.measured(moved, moved.image)
+            moved = self.step(moved, *self.pair.config.refining.last_step)
+        return self.measure_fit(moved, moved.image)
 
     def _verify(self, fit: Fit) -> VerifiedFit:
         image = self.image(fit)

@@ -18,7 +18,7 @@ from isomatch.matching.parameters import SCREENING
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.from_priors import start_from_pairs
 from isomatch.matching.proposals.pose import starts_from_pose
-from isomatch.matching.selection import Ranking, ranked
+from isomatch.matching.selection import Ranking, rank_candidates
 from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
 
@@ -65,7 +65,7 @@ class Screening:
         mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._with_priors_rows), default=0.0)
         if len(landmarks):
             marks = BodyVertices(landmarks[:, 0])
-            apart = pair.target.distance(extended(pair, target_row, marks), landmarks[:, 1])
+            apart = pair.target.distance(extend_map(pair, target_row, marks), landmarks[:, 1])
             mean, worst = float(apart.mean()), max(worst, apart.max())
         return mean, float(worst)
 
@@ -104,7 +104,7 @@ def residual_of(
     return alignment_residual(*points, signed_procrustes(*points))
 
 
-def extended(
+def extend_map(
     pair: Problem, target_row: Int[SearchRows, "m_s"], source_vertex: Int[BodyVertices, "q"]
 ) -> Int[BodyVertices, "q"]:
     """Extend a map of the search vertices, through some functions, to source vertices: target vertices."""
@@ -123,8 +123,8 @@ def first_map(
     """Map source vertices by the best hypothesis, from priors if there are any: target vertices, its origin."""
     hypotheses = hypotheses_from_priors(pair) if pair.priors.any else search(pair, [])
     candidates, led = Screening(pair)(hypotheses), bool(len(pair.priors.landmarks))
-    order = ranked(candidates, orientation, pair.config.selection, led)
-    image = extended(pair, order[0].target_row, BodyVertices(source_vertex))
+    order = rank_candidates(candidates, orientation, pair.config.selection, led)
+    image = extend_map(pair, order[0].target_row, BodyVertices(source_vertex))
     return image, order[0].origin
 
 

@@ -27,11 +27,11 @@ from isomatch.matching.assessment.quality import (
     descriptor_distance_of,
     measure_quality,
 )
-from isomatch.matching.coordinates import joint_coordinates, refined_images, registered
+from isomatch.matching.coordinates import joint_coordinates, refine_images, register_map
 from isomatch.matching.isometric.candidates import (
     Screening,
     energy_of,
-    extended,
+    extend_map,
     is_another,
     is_sure,
     residual_of,
@@ -42,17 +42,17 @@ from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.parameters import MAP_DISTANCE, SCREENING, SYMMETRIC, TIES
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.composed import near_symmetric_variants, symmetric_variants
-from isomatch.matching.proposals.flips import distinct_maps
+from isomatch.matching.proposals.flips import keep_distinct_maps
 from isomatch.matching.result import Alternative, Outcome
 from isomatch.matching.selection import (
     Ranking,
     Rules,
-    contenders,
     distances_between,
     nearest_to_priors,
-    ranked,
+    rank_candidates,
     select,
-    survivors,
+    select_contenders,
+    select_survivors,
 )
 from isomatch.matching.smooth_pair import SmoothPair
 
@@ -74,7 +74,7 @@ def image_of(match: IsometricMatch, side: str) -> BodyVertices:
     return BodyVertices(image if whole.original is None else whole.original_vertex[image])
 
 
-def torn(match: IsometricMatch, side: int, apart: float) -> Bool[BoolArray, "n_original"]:
+def find_torn_vertices(match: IsometricMatch, side: int, apart: float) -> Bool[BoolArray, "n_original"]:
     """Which vertices of a body that was cut have copies whose images are so far apart, in √area."""
     way = 1 if side == 0 else -1
     here, there = (match.model.source, match.model.target)[::way]
@@ -99,7 +99,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     >>> source, target = example_pair()
     >>> model = Isometry(prepare_pair(source.mesh, target.mesh))
     >>> candidates, runners_up = model.candidates(*model.hypotheses())
-    >>> fits = model.refine(model.begun(candidates[:2]))
+    >>> fits = model.refine(model.begin(candidates[:2]))
     >>> model.cost(fits[0]) < 0.5
     True
     """
@@ -116,7 +116,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         may_win, only_runners_up = self.hypotheses() if self._found is None else (list(self._found), [])
         timer.start("selection")
         screened = self.candidates(may_win, only_runners_up)
-        contend = [self.begun(contenders(order, config.orientation, config.selection)) for order in screened]
+        contend = [
+            self.begin(select_contenders(order, config.orientation, config.selection)) for order in screened
+        ]
         eligible, runners_up = map(tuple, screened)
         return Proposals(contend[0], len(eligible) + len(runners_up), contend[1], eligible, runners_up)
 
@@ -125,7 +127,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     ) -> Ranking[Fit]:
         """Select by score and descriptors; those that tie by what they cost on the shapes as they are."""
         may_win = [True] * len(maps) + [False] * len(rivals)
-        ranking = self.selected([*maps, *rivals], may_win, proposals.n_tried)
+        ranking = self.select_fit([*maps, *rivals], may_win, proposals.n_tried)
         if self._found is None and self.problem.starts is None:
             ranking = self._with_those_given_up(ranking, proposals.eligible)
         return self._against_mirror_image(self._best_verified(ranking), proposals.eligible)
@@ -157,18 +159,18 @@ class Isometry(RefiningModel[Fit, Embedding]):
                 "the starts gave no first map, and there are no priors; add *default_starts to them"
             )
         pair, screen = self.pair, Screening(self.pair)
-        eligible = self._ranked(screen(list(may_win)), with_priors=True)
+        eligible = self._rank_candidates(screen(list(may_win)), with_priors=True)
         searched = pair.config.hypotheses == "all" or self.searches_runners_up
         variants = screen(symmetric_variants(pair, eligible[0].target_row)) if searched else []
         if pair.config.hypotheses == "all":
-            return self._ranked([*eligible, *variants], with_priors=True), []
-        return eligible, self._ranked([*screen(list(only_runners_up)), *variants])
+            return self._rank_candidates([*eligible, *variants], with_priors=True), []
+        return eligible, self._rank_candidates([*screen(list(only_runners_up)), *variants])
 
-    def begun(self, candidates: Sequence[Candidate]) -> list[Fit]:
+    def begin(self, candidates: Sequence[Candidate]) -> list[Fit]:
         """Extend candidates to the refinement vertices."""
         return [
             Fit(
-                extended(self.pair, c.target_row, self.vertices),
+                extend_map(self.pair, c.target_row, self.vertices),
                 orientation=c.orientation,
                 prior_error=c.prior_error,
                 landmark_error=c.landmark_error,
@@ -178,23 +180,23 @@ class Isometry(RefiningModel[Fit, Embedding]):
             for c in candidates
         ]
 
-    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
+    def refine_jointly(self, fits: Sequence[Fit]) -> list[Fit]:
         """Upsample spectrally, joint with signatures, positions and normals, see `joint_coordinates`.
 
         After each of three stages, of which the first is without positions and normals, those are given up that arrived
-        at the same map as another, or fit much worse; see ``survivors``. The best are refined once more, from few
+        at the same map as another, or fit much worse; see ``select_survivors``. The best are refined once more, from few
         functions, and the better map stays. O(n_refine √n (K + q)) a step.
         """
         pair, settings = self.pair, self.pair.config.refining
         refined, both_sides = list(fits), pair.config.orientation == "any"
         for sizes, with_positions in settings.rounds if fits else ():
-            refined = parallel_map(lambda fit: self.stepped(fit, sizes, with_positions), refined)  # noqa: B023
-            apart = self._apart(refined)
-            kept = survivors(refined, apart, pair.config.selection, with_positions, both_sides)
-            refined = [refined[i].standing_for(refined[j]) for i, j in kept]
-        return self._refined_again([replace(fit, score=self.cost(fit)) for fit in refined])
+            refined = parallel_map(lambda fit: self.step(fit, sizes, with_positions), refined)  # noqa: B023
+            apart = self._map_distances(refined)
+            kept = select_survivors(refined, apart, pair.config.selection, with_positions, both_sides)
+            refined = [refined[i].with_candidate_of(refined[j]) for i, j in kept]
+        return self._refine_ties_again([replace(fit, score=self.cost(fit)) for fit in refined])
 
-    def _refined_again(self, fits: Sequence[Fit]) -> list[Fit]:
+    def _refine_ties_again(self, fits: Sequence[Fit]) -> list[Fit]:
         """Refine those that tie with the best once more, from few functions; of each two maps the better stays."""
         # through few functions a limb that is turned in its place comes loose
         settings = self.pair.config.refining
@@ -204,20 +206,20 @@ class Isometry(RefiningModel[Fit, Embedding]):
         def better(fit: Fit) -> Fit:
             if not settings.sizes_again or fit.score > limit:
                 return fit
-            again = self.stepped(fit, (*settings.sizes_again, *last), with_positions)
+            again = self.step(fit, (*settings.sizes_again, *last), with_positions)
             return min(fit, replace(again, score=self.cost(again)), key=attrgetter("score"))
 
         return parallel_map(better, fits)
 
-    def stepped(self, fit: Fit, sizes: tuple[int, ...], with_positions: bool) -> Fit:
+    def step(self, fit: Fit, sizes: tuple[int, ...], with_positions: bool) -> Fit:
         """Refine a map by a few steps."""
-        image, spectral_residual = refined_images(self.pair, fit.image, fit.side, sizes, with_positions)
+        image, spectral_residual = refine_images(self.pair, fit.image, fit.side, sizes, with_positions)
         return replace(fit, image=image, spectral_residual=spectral_residual)
 
-    def measured(self, fit: Fit, image: Int[BodyVertices, "r"]) -> Fit:
+    def measure_fit(self, fit: Fit, image: Int[BodyVertices, "r"]) -> Fit:
         """Measure a map: the spectral residual is that after the last step of the joint refinement, from there."""
         step = self.pair.config.refining.last_step
-        _, spectral_residual = refined_images(self.pair, image, fit.side, *step)
+        _, spectral_residual = refine_images(self.pair, image, fit.side, *step)
         fit = replace(fit, image=image, spectral_residual=spectral_residual)
         return replace(fit, score=self.cost(fit))
 
@@ -231,17 +233,17 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def embedding(self, fit: Fit) -> Embedding:
         """Joint coordinates of all vertices, with all functions, after registration."""
-        return registered(self.pair, fit.image, fit.side, self.refinement.smooth)
+        return register_map(self.pair, fit.image, fit.side, self.refinement.smooth)
 
-    def selected(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Ranking[Fit]:
+    def select_fit(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Ranking[Fit]:
         """Select among refined maps, also by what they look like where they differ."""
         return select(
             fits,
-            self._apart(fits),
+            self._map_distances(fits),
             Rules.of(self.pair.config.selection, self.pair.config.outcome),
-            scores=self.weighed(fits, [fit.score for fit in fits], may_win),
+            scores=self.weigh(fits, [fit.score for fit in fits], may_win),
             eligible=may_win,
-            elsewhere=self._shares_elsewhere(fits),
+            far_shares=self._shares_elsewhere(fits),
             n_tried=n_tried,
         )
 
@@ -253,17 +255,17 @@ class Isometry(RefiningModel[Fit, Embedding]):
             return ranking
         known = [first, *ranking.others]
         ended = [fit.candidate.target_row for fit in known if fit.candidate]
-        others = contenders(candidates, config.orientation, config.selection)
-        fits = self.refine(self.begun(distinct_maps(self.pair, others, before=ended)))
+        others = select_contenders(candidates, config.orientation, config.selection)
+        fits = self.refine(self.begin(keep_distinct_maps(self.pair, others, before=ended)))
         known += [fit for fit in fits if is_another(self, fit, first)]
-        return self.selected(known, [True] * len(known))
+        return self.select_fit(known, [True] * len(known))
 
     def _best_verified(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
         """Of maps that tie take the one that verifies best."""
         # Not for capped shapes, whose distances cross the caps; decisions.md, both sides.
         first = ranking.best
         capped = any(shape.original for shape in (self.source, self.target))
-        tied = [first] if capped or not self.pair.is_sided else self.tied(ranking)
+        tied = [first] if capped or not self.pair.is_sided else self.find_tied(ranking)
         best = min(tied, key=lambda fit: self.verified(fit).cost) if len(tied) > 1 else first
         if best is first:
             return ranking
@@ -273,7 +275,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
             return replace(ranking, runner_up=1.0, against=first)
         return ranking
 
-    def tied(self, ranking: Ranking[Fit]) -> list[Fit]:
+    def find_tied(self, ranking: Ranking[Fit]) -> list[Fit]:
         """Return maps of the winner's orientation that tie with it; their scores do not tell which is right."""
         first, tie = ranking.best, self.pair.config.outcome.tie
         if self.source.handles or self.target.handles:  # which shorten distances
@@ -301,15 +303,17 @@ class Isometry(RefiningModel[Fit, Embedding]):
         config = self.pair.config
         settings, bounds, wanted = config.selection, config.outcome, self._wanted_sign
         kept = min((c.energy for c in candidates if wanted * c.orientation > 0), default=np.inf)
-        hopeful = [c for c in self.turned(candidates) if c.energy < settings.mirrored_energy * kept]
+        hopeful = [
+            c for c in self.mirrored_candidates(candidates) if c.energy < settings.mirrored_energy * kept
+        ]
         if not hopeful:
             return ranking
-        fits = [ranking.best, *self.refine(self.begun(hopeful[: SCREENING.max_mirrored]))]
-        costs = self.weighed(fits, [fit.score for fit in fits], [fit is ranking.best for fit in fits])
+        fits = [ranking.best, *self.refine(self.begin(hopeful[: SCREENING.max_mirrored]))]
+        costs = self.weigh(fits, [fit.score for fit in fits], [fit is ranking.best for fit in fits])
         ratio = max(min(costs[1:]), TIES.score_noise) / max(costs[0], TIES.score_noise)
         return replace(ranking, mirrored=ratio) if ratio < bounds.mirror_image else ranking
 
-    def turned(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+    def mirrored_candidates(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return the candidates that clearly have the orientation that is not allowed, least energy first."""
         least = self.pair.config.selection.orientation_threshold
         turned = [c for c in candidates if self._wanted_sign * c.orientation < -least]
@@ -319,7 +323,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _wanted_sign(self) -> int:
         return 1 if self.pair.config.orientation == "preserve" else -1
 
-    def _apart(self, fits: list[Fit]) -> FloatArray:
+    def _map_distances(self, fits: list[Fit]) -> FloatArray:
         return distances_between([fit.image for fit in fits], self.target.mean_distances)
 
     def _shares_elsewhere(self, fits: list[Fit]) -> Float[FloatArray, "q q"]:
@@ -331,10 +335,12 @@ class Isometry(RefiningModel[Fit, Embedding]):
                 shares[i, j] = shares[j, i] = (distance(fit.image, other.image) > far).mean()
         return shares
 
-    def _ranked(self, candidates: Sequence[Candidate], with_priors: bool = False) -> list[Candidate]:
+    def _rank_candidates(self, candidates: Sequence[Candidate], with_priors: bool = False) -> list[Candidate]:
         """Rank candidates; those that may win must not contradict landmarks."""
         landmarks = with_priors and len(self.priors.landmarks) > 0
-        return ranked(candidates, self.pair.config.orientation, self.pair.config.selection, landmarks)
+        return rank_candidates(
+            candidates, self.pair.config.orientation, self.pair.config.selection, landmarks
+        )
 
     def measure(self, match: IsometricMatch) -> Measured:
         """Take the nearest points, and measure the map."""
@@ -365,7 +371,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         if runners_up:
             doubt += doubt_of(pair, *runners_up, ranking.runner_up)
         errors = expected_errors(pair, map_.points, doubt)
-        level, points, polished = self._finest(map_, timer) if map_.is_last else (pair, map_.points, ())
+        level, points, polished = (
+            self._polish_points(map_, timer) if map_.is_last else (pair, map_.points, ())
+        )
         if self.source.detail or self.target.detail:
             timer.start("carry")
         evidence = [map_.evidence(pair, far)]
@@ -383,22 +391,22 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return self._with_rivals(match, map_, solution)
 
     def complete(self, match: IsometricMatch, solution: Solution, timer: StageTimer) -> Solution:
-        """Polish a map, and look for maps of symmetric shapes that fit as well."""
-        level, points, notes = self._finest(match.measured, timer)
+        """Polish a map, and look for symmetric maps that fit as well."""
+        level, points, notes = self._polish_points(match.measured, timer)
         if level is not self.pair:
             found = level.source.correspondence(level.target, points)
             solution = replace(solution, map=found, notes=(*solution.notes, *notes))
         return self._with_rivals(match, match.measured, solution)
 
     def _with_rivals(self, match: IsometricMatch, map_: Measured, solution: Solution) -> Solution:
-        """Add the alternatives; a sure map is ambiguous if one composed with a near-symmetry fits as well."""
-        rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED else []
+        """Add alternatives; a sure map is ambiguous if its composition with a near-symmetry fits as well."""
+        rivals = self._find_symmetric_rivals(map_) if solution.outcome is Outcome.CONVERGED else []
         if rivals:
             solution = solution.with_evidence(Evidence(ambiguous=True))
             solution = replace(solution, notes=(*solution.notes, AMBIGUOUS))
         return replace(solution, alternatives=self._alternatives(match, rivals))
 
-    def _symmetric(self, map_: Measured) -> list[Candidate]:
+    def _find_symmetric_rivals(self, map_: Measured) -> list[Candidate]:
         """Compose the map with symmetries that distort hardly more than it does; those that fit about as well."""
         pair, config = self.pair, self.pair.config
         # a map that was given is no surer than the one that it was made of, which was compared with its rivals
@@ -422,8 +430,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
         if not turned:
             return []
         # all are refined alike and verified: which way found the map, and how far it was bent, does not count
-        first = map_.fit or self.refine(self.begun([own]))[0]
-        fits = self.refine(self.begun(distinct_maps(pair, turned, SYMMETRIC.max_maps)))
+        first = map_.fit or self.refine(self.begin([own]))[0]
+        fits = self.refine(self.begin(keep_distinct_maps(pair, turned, SYMMETRIC.max_maps)))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
         if not fits:
             return []
@@ -431,7 +439,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         tied = sorted((c, i) for i, c in enumerate(costs) if c <= SYMMETRIC.max_cost_ratio * cost)
         return [candidate for _, i in tied if (candidate := fits[i].candidate)]
 
-    def _finest(
+    def _polish_points(
         self, measured: Measured, timer: StageTimer
     ) -> tuple[SmoothPair, PrecisePoints, tuple[str, ...]]:
         """Image of each source vertex at the finest level of the shapes, that level, and a note on it."""
@@ -441,8 +449,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
         timer.start("polish")
         finer, between = pair.polishable, self.target.refining
         image = fit.image if between is None else BodyVertices(between.nearest_members[fit.image])
-        image, _ = refined_images(finer, image, fit.side, pair.config.refining.polished_sizes, True)
-        embedding = registered(finer, image, fit.side, self.refinement.smooth)
+        image, _ = refine_images(finer, image, fit.side, pair.config.refining.polished_sizes, True)
+        embedding = register_map(finer, image, fit.side, self.refinement.smooth)
         points = finer.target.index.points(embedding.target, embedding.source)
         sizes = finer.source.body.n_vertices, finer.target.body.n_vertices
         return finer, points, ("polished on {} and {} vertices".format(*sizes),)
@@ -467,16 +475,16 @@ class Isometry(RefiningModel[Fit, Embedding]):
         pair, settings, ranking = self.pair, self.pair.config.selection, match.ranking
         refined = [fit.candidate for fit in (ranking.best, *ranking.others) if fit.candidate]
         order = [*refined[:1], *rivals, *refined[1:], *match.proposals.eligible, *match.proposals.runners_up]
-        kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
-        maps = (partial(_extended_map, pair, candidate.target_row) for candidate in kept[1:])
+        kept = keep_distinct_maps(pair, order, 1 + settings.most_alternatives)
+        maps = (partial(_extend_to_all, pair, candidate.target_row) for candidate in kept[1:])
         return tuple(
             Alternative(extend, candidate.energy, candidate.orientation, candidate.origin)
             for extend, candidate in zip(maps, kept[1:])
         )
 
 
-def _extended_map(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Correspondence:
+def _extend_to_all(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Correspondence:
     """Extend a map of the search vertices to all."""
     with serial_blas():
-        image = extended(pair, target_row, BodyVertices(np.arange(pair.source.body.n_vertices)))
+        image = extend_map(pair, target_row, BodyVertices(np.arange(pair.source.body.n_vertices)))
         return pair.source.correspondence(pair.target, image)

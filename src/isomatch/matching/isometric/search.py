@@ -9,7 +9,7 @@ from isomatch.matching.maps import Candidate
 from isomatch.matching.parameters import SCREENING
 from isomatch.matching.problem import Problem, Start, name_of
 from isomatch.matching.proposals.anchors import starts_from_anchors
-from isomatch.matching.proposals.flips import Pool, flips
+from isomatch.matching.proposals.flips import Pool, find_flips
 from isomatch.matching.proposals.from_priors import start_from_pairs, starts_from_priors
 from isomatch.matching.proposals.starts import default_starts, first_maps_of
 
@@ -29,7 +29,7 @@ def hypotheses_from_priors(pair: Problem) -> list[Candidate]:
     if not from_landmarks or not settings.flip_landmarks or pair.config.hypotheses == "all":
         return from_priors
     best = min(from_landmarks, key=lambda start: start.alignment.residual)
-    return [*from_priors, *flips(pair, best, from_priors)]
+    return [*from_priors, *find_flips(pair, best, from_priors)]
 
 
 def search(
@@ -41,7 +41,7 @@ def search(
     pool.merge(from_priors)
     for start in starts:
         rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
-        # closest points of a round shape stop anywhere, so `slid` has moved the maps from anchors
+        # closest points of a round shape stop anywhere, so `relax_spectrally` has moved the maps from anchors
         pool.add(rows, 0 if start is starts_from_anchors else settings.start_steps, name_of(start))
     if any(start in default_starts for start in starts):  # starts of a user stand alone
         pool.flip(pool.hypotheses[: settings.flipped], "flip")

@@ -18,7 +18,7 @@ from isomatch.matching.assessment.confidence import nearest_of
 from isomatch.matching.parameters import MAP_DISTANCE, PART_UNIT, SEEDS
 from isomatch.matching.partial.part_pair import areas_of_samples
 from isomatch.matching.priors import NO_LANDMARKS
-from isomatch.matching.selection import distinct
+from isomatch.matching.selection import keep_distinct
 from isomatch.shapes import PreparedShape
 
 AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # of the balls whose areas are compared
@@ -127,7 +127,9 @@ def signed_triangles(
     return float((np.sign(signs[0] * signs[1]) * weights).sum() / max(weights.sum(), 1e-12))
 
 
-def _summed(here: BallSignature, there: BallSignature, deviation: FloatArray) -> tuple[FloatArray, IntArray]:
+def _sum_over_radii(
+    here: BallSignature, there: BallSignature, deviation: FloatArray
+) -> tuple[FloatArray, IntArray]:
     """Sum over the radii known at both of the halved descriptor distances of all pairs, and their number."""
     counts = here.known[:, None] & there.known[None]
     total, most = np.zeros(counts.shape[:2]), SEEDS.max_descriptor_distance
@@ -137,7 +139,7 @@ def _summed(here: BallSignature, there: BallSignature, deviation: FloatArray) ->
     return total, counts.sum(axis=2)
 
 
-def _drawn_to(total: FloatArray, count: IntArray, neutral: float, prior: float) -> FloatArray:
+def _shrink_to_neutral(total: FloatArray, count: IntArray, neutral: float, prior: float) -> FloatArray:
     # a mean of so many known values, and of as many neutral ones as `prior` says
     return np.asarray((total + neutral * prior) / (count + prior))
 
@@ -148,8 +150,8 @@ class CommonRegion:
 
     images: Int[BodyVertices, "s"]  # vertex of the target for each sample
     accepted: Bool[BoolArray, "s"]  # which samples are in the region
-    # see `CommonRegions.worth`; while only some samples are placed, without what counts against it
-    worth: float
+    # see `CommonRegions.net_evidence`; while only some samples are placed, without what counts against it
+    net_evidence: float
     orientation: float  # mean sign of its small triangles
     origin: str  # where it came from
 
@@ -186,17 +188,19 @@ class CommonRegions:
         )
 
     @cached_property
-    def _unlike(self) -> Float[FloatArray, "s_s s_t"]:
+    def _pair_distances(self) -> Float[FloatArray, "s_s s_t"]:
         """Descriptor distance of each sample of the source and each of the target by themselves."""
         here, there = (side.moments.at(side.vertices) for side in (self.source, self.target))
-        return _drawn_to(
-            *_summed(here, there, self._deviation), SEEDS.neutral_moment_distance, SEEDS.neutral_moment_weight
+        return _shrink_to_neutral(
+            *_sum_over_radii(here, there, self._deviation),
+            SEEDS.neutral_moment_distance,
+            SEEDS.neutral_moment_weight,
         )
 
     @cached_property
     def _surprise(self) -> Float[FloatArray, "s_s s_t"]:
         """How unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
-        apart = self._unlike
+        apart = self._pair_distances
         rank = apart.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
         return np.asarray(-np.log((rank + SEEDS.rank_offset) / apart.shape[1]))
 
@@ -214,7 +218,7 @@ class CommonRegions:
         mean = around @ surprise / around.sum(axis=1)
         return float(self.source.areas[rows] @ np.maximum(mean - SEEDS.chance_surprise, 0.0))
 
-    def worth(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
+    def net_evidence(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Return the evidence for a region, less what speaks against it."""
         # Two parts of one body show the same wherever both reach. Let x be in the region, with image T(x) at the distance
         # b(T x) from the boundary of the target. The target shows the ball of that radius around T(x) whole; so a sample
@@ -234,32 +238,34 @@ class CommonRegions:
         left_out += target.areas[showing & (from_images.min(axis=1) > SEEDS.uncovered_distance)].sum()
         return self.evidence(rows, images) - SEEDS.left_out_weight * float(left_out)
 
-    def alike(self, rows: Int[SampleRows, "m"], columns: Int[SampleRows, "c"]) -> Float[FloatArray, "m c"]:
+    def candidate_costs(
+        self, rows: Int[SampleRows, "m"], columns: Int[SampleRows, "c"]
+    ) -> Float[FloatArray, "m c"]:
         """Cost of each candidate for each anchor by itself, by moments and areas of balls."""
         (of_source, whole_here), (of_target, whole_there) = self.source.ball_areas, self.target.ball_areas
         both = whole_here[rows][:, None] & whole_there[columns][None]
         apart = np.minimum(
             np.abs(of_source[rows][:, None] - of_target[columns][None]), SEEDS.max_area_difference
         )
-        areas = _drawn_to(
+        areas = _shrink_to_neutral(
             (apart * both).sum(axis=2),
             both.sum(axis=2),
             SEEDS.neutral_area_difference,
             SEEDS.neutral_area_weight,
         )
-        return SEEDS.moment_weight * self._unlike[np.ix_(rows, columns)] + SEEDS.area_weight * areas
+        return SEEDS.moment_weight * self._pair_distances[np.ix_(rows, columns)] + SEEDS.area_weight * areas
 
-    def grown(self) -> list[Int[SampleRows, "m"]]:
+    def grow(self) -> list[Int[SampleRows, "m"]]:
         """Grow regions: for each that differs from those before, the candidates of the anchors, −1 for none."""
         source, target = self.source, self.target
         rows = SampleRows(np.arange(min(SEEDS.n_anchors, len(source.vertices))))
         columns = SampleRows(np.arange(min(SEEDS.n_candidates, len(target.vertices))))
-        alone = self.alike(rows, columns)
+        alone = self.candidate_costs(rows, columns)
         roots = np.argsort(-source.to_boundary[source.vertices[rows]], kind="stable")[: SEEDS.n_roots]
         likely = np.argsort(alone[roots], axis=1, kind="stable")[:, : SEEDS.n_root_candidates]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
         here, there = source.intervals.at(rows, rows), target.intervals.at(columns, columns)
-        ranked = []
+        rank_candidates = []
         for weight in SEEDS.descriptor_gains:
             unary = weight * (alone - SEEDS.neutral_moment_distance)
             if n := len(source.landmarks):
@@ -267,10 +273,10 @@ class CommonRegions:
                 seeds = np.column_stack([np.arange(n)] * 2)
             costs = unary, seeds, COST, SEEDS.near_distance, SEEDS.max_distance_cost, SEEDS.max_distance_cost
             regions, gains = grow_regions(here, there, *costs, SEEDS.beam_width, SEEDS.same_variant_distance)
-            ranked.append(regions[np.argsort(-gains, kind="stable")])
-        return self._distinct(np.stack(ranked, axis=1).reshape(-1, len(rows)))
+            rank_candidates.append(regions[np.argsort(-gains, kind="stable")])
+        return self._keep_distinct(np.stack(rank_candidates, axis=1).reshape(-1, len(rows)))
 
-    def _distinct(self, regions: Int[IntArray, "h m"]) -> list[Int[SampleRows, "m"]]:
+    def _keep_distinct(self, regions: Int[IntArray, "h m"]) -> list[Int[SampleRows, "m"]]:
         """Keep the first regions that differ."""
 
         def apart(region: SampleRows, kept: Sequence[SampleRows]) -> FloatArray:
@@ -280,7 +286,7 @@ class CommonRegions:
             common = both.sum(axis=1)
             return np.where(common >= SEEDS.min_common_anchors, total / np.maximum(common, 1), np.inf)
 
-        return distinct(
+        return keep_distinct(
             map(SampleRows, regions),
             lambda region: region,
             apart,
@@ -288,14 +294,12 @@ class CommonRegions:
             SEEDS.max_screened,
         )
 
-    def _extended_from(
-        self, start: tuple[SampleRows, SampleRows], n: int, rounds: int
-    ) -> CommonRegion | None:
+    def _extend_from(self, start: tuple[SampleRows, SampleRows], n: int, rounds: int) -> CommonRegion | None:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
         source, target, (rows, columns) = self.source, self.target, start
         most = SEEDS.max_sample_cost_with_landmarks if len(source.landmarks) else SEEDS.max_sample_cost
         for _ in range(rounds):
-            placed, accepted = self.placed(rows, columns, n, most)
+            placed, accepted = self.place(rows, columns, n, most)
             if accepted.sum() < SEEDS.min_accepted:
                 return None
             most_anchors = SEEDS.n_first_anchors if n < len(source.vertices) else SEEDS.n_next_anchors
@@ -303,7 +307,7 @@ class CommonRegions:
             columns = SampleRows(placed[rows])
         return self.region(BodyVertices(target.vertices[placed]), accepted)
 
-    def placed(
+    def place(
         self, rows: Int[SampleRows, "q"], columns: Int[SampleRows, "q"], n: int, most: float
     ) -> tuple[Int[SampleRows, "n"], Bool[BoolArray, "n"]]:
         """Trilaterate the first n samples from some: samples of the target, and which of these agree and return."""
@@ -328,39 +332,39 @@ class CommonRegions:
         """Measure a region of the first samples, by the images of all of them."""
         inside = SampleRows(np.flatnonzero(accepted))
         at, everywhere = BodyVertices(images[inside]), len(accepted) == len(self.source.vertices)
-        worth = (self.worth if everywhere else self.evidence)(inside, at)
+        worth = (self.net_evidence if everywhere else self.evidence)(inside, at)
         orientation = signed_triangles(self.source, inside, self.target, at)
         origin = "landmarks" if len(self.source.landmarks) else "anchors"
         return CommonRegion(images, accepted, worth, orientation, origin)
 
-    def best(self, count: int) -> list[CommonRegion]:
+    def find_best(self, count: int) -> list[CommonRegion]:
         """Return the regions that are worth most, extended to all samples: a few samples tell which may be."""
         starts = [
             (rows := SampleRows(np.flatnonzero(region >= 0)), SampleRows(region[rows]))
-            for region in self.grown()
+            for region in self.grow()
         ]
         marks = SampleRows(np.arange(len(self.source.landmarks)))
         if len(marks):
             starts.insert(0, (marks, marks))
         regions: list[CommonRegion] = []
         for n, rounds, most in (*SEEDS.extensions, (len(self.source.vertices), 2, count)):
-            extend = partial(self._extended_from, n=n, rounds=rounds)
-            ranked = [
+            extend = partial(self._extend_from, n=n, rounds=rounds)
+            rank_candidates = [
                 (region, start)
                 for region, start in zip(parallel_map(extend, starts), starts)
                 if region is not None and region.orientation > SEEDS.min_orientation
             ]
-            ranked.sort(key=lambda each: -each[0].worth)
-            starts = [start for _, start in ranked[:most]]
-            regions = [region for region, _ in ranked]
+            rank_candidates.sort(key=lambda each: -each[0].net_evidence)
+            starts = [start for _, start in rank_candidates[:most]]
+            regions = [region for region, _ in rank_candidates]
         large = [region for region in regions if region.accepted.sum() >= SEEDS.min_samples]
         if len(marks) and not large:  # all that can be said is where the landmarks lead
-            placed, _ = self.placed(marks, marks, len(self.source.vertices), SEEDS.max_sample_cost)
+            placed, _ = self.place(marks, marks, len(self.source.vertices), SEEDS.max_sample_cost)
             images = BodyVertices(self.target.vertices[placed])
             large = [self.region(images, np.ones(len(placed), dtype=bool))]
-        return self._apart(large)[:count]
+        return self._keep_different(large)[:count]
 
-    def _apart(self, regions: list[CommonRegion]) -> list[CommonRegion]:
+    def _keep_different(self, regions: list[CommonRegion]) -> list[CommonRegion]:
         """Keep the first regions whose images differ."""
         target, kept = self.target, list[CommonRegion]()
         for region in regions:
@@ -376,7 +380,7 @@ class CommonRegions:
                 kept.append(region)
         return kept
 
-    def around(
+    def region_around(
         self, image: Int[BodyVertices, "n_s"], near: Bool[BoolArray, "n_s"], origin: str
     ) -> CommonRegion:
         """Take the region of some vertices of the source, by the images of all."""

@@ -49,11 +49,18 @@ from isomatch.matching.partial.part_registration import (
     PartFits,
     WholeCoordinates,
 )
-from isomatch.matching.partial.part_starts import PartStarts, self_maps
+from isomatch.matching.partial.part_starts import PartStarts, find_self_maps
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import nearest_in_pose
 from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.selection import Ranking, Rules, distances_between, distinct, nearest_to_priors, select
+from isomatch.matching.selection import (
+    Ranking,
+    Rules,
+    distances_between,
+    keep_distinct,
+    nearest_to_priors,
+    select,
+)
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.shapes import PreparedShape
 
@@ -68,7 +75,7 @@ class Part(RefiningModel[PartFit, BentPart]):
     problem : Problem
     side : {"source", "target"}
         The shape that is a part.
-    led : tuple, optional
+    known_map : tuple, optional
         A map found otherwise, which is refined without a search: image of each vertex of the part, where it came from,
         and the ratio by which the other search preferred it to others.
     coordinates : WholeCoordinates, optional
@@ -98,27 +105,27 @@ class Part(RefiningModel[PartFit, BentPart]):
         self,
         problem: Problem,
         side: PartSide = "source",
-        led: tuple[BodyVertices, str, float] | None = None,
+        known_map: tuple[BodyVertices, str, float] | None = None,
         coordinates: WholeCoordinates | None = None,
     ) -> None:
         if side not in ("source", "target"):
             raise SettingError(f"side = {side!r}; the part is the 'source' or the 'target'")
         super().__init__(problem)
-        self.side, self.led = side, led
+        self.side, self.known_map = side, known_map
         self.pair = problem if side == "source" else problem.turned
         self._coordinates = coordinates
 
-    def refined(self, fits: Sequence[PartFit]) -> list[PartFit]:
+    def refine_jointly(self, fits: Sequence[PartFit]) -> list[PartFit]:
         """Refine maps of a part by functions of the whole that are pulled back to it."""
-        return parallel_map(self.fits.refined, fits)
+        return parallel_map(self.fits.refine, fits)
 
-    def refined_again(self, fit: PartFit) -> PartFit:
+    def refine_jointly_again(self, fit: PartFit) -> PartFit:
         """Take the last steps of the refinement again."""
-        return self.fits.refined_again(fit)
+        return self.fits.refine_again(fit)
 
-    def measured(self, fit: PartFit, image: Int[BodyVertices, "r"]) -> PartFit:
+    def measure_fit(self, fit: PartFit, image: Int[BodyVertices, "r"]) -> PartFit:
         """Measure a map: where it is verified, the part is bent by it, too."""
-        return self.fits.measured(fit.pair, image, fit.origin)
+        return self.fits.measure(fit.pair, image, fit.origin)
 
     def embedding(self, fit: PartFit) -> Embedding:
         """Coordinates of all vertices of part and whole, with all functions."""
@@ -129,7 +136,7 @@ class Part(RefiningModel[PartFit, BentPart]):
     def little_is_missing(self) -> bool:
         """Whether little is missing by the units of the files, or somewhat more where few distances are known."""
         pair, settings = self.fits.pair, self.pair.config.parts
-        trusted = pair.trusted >= settings.little_trusted
+        trusted = pair.known_share >= settings.little_trusted
         least = settings.little_missing if trusted else settings.most_there
         return bool(pair.knows_unit and pair.share >= least)
 
@@ -146,16 +153,16 @@ class Part(RefiningModel[PartFit, BentPart]):
         first_maps = self._first_maps()
         only_given = config.hypotheses == "given" and not self.searches_by_anchors
         rough = [] if only_given else self._rough_fits(first_maps)
-        kept = self._distinct(rough, PART_FIT.n_contenders)
-        hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
+        kept = self._keep_distinct(rough, PART_FIT.n_contenders)
+        hopeful = [fit for fit in kept if fit.rough_cost <= settings.hopeless * kept[0].rough_cost]
         hopeful = kept[: max(len(hopeful), 2)]  # the best, and a runner-up
-        contenders = [*((fit.pair, fit.image, fit.origin) for fit in hopeful), *first_maps]
-        if not contenders:
+        select_contenders = [*((fit.pair, fit.image, fit.origin) for fit in hopeful), *first_maps]
+        if not select_contenders:
             raise NotConvergedError(
                 "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' "
                 "if the shapes are roughly aligned in space"
             )
-        begun = parallel_map(lambda contender: self.fits.begun(*contender), contenders)
+        begun = parallel_map(lambda contender: self.fits.begin(*contender), select_contenders)
         return Proposals(begun, len(rough) + len(first_maps))
 
     def rank(
@@ -166,7 +173,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         fits, costs = self._by_cost(maps)
         timer.start("settling")
         n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
-        settle = partial(self.fits.settled, again=self.refine_again)
+        settle = partial(self.fits.refine_from_bending, again=self.refine_again)
         fits, costs = self._by_cost([*parallel_map(settle, fits[:n_settled]), *fits[n_settled:]])
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(
@@ -176,13 +183,16 @@ class Part(RefiningModel[PartFit, BentPart]):
             landmark_slack=TIES.landmark_slack,
         )
         ranking = select(fits, apart, rules, scores=costs)
-        if self.led:  # by a match that has looked for others
-            ranking = replace(ranking, runner_up=min(ranking.runner_up, self.led[2]))
-        return self._verified_if_in_doubt(ranking)
+        if self.known_map:  # by a match that has looked for others
+            ranking = replace(ranking, runner_up=min(ranking.runner_up, self.known_map[2]))
+        return self._verify_if_in_doubt(ranking)
 
-    def _verified_if_in_doubt(self, ranking: Ranking[PartFit]) -> Ranking[PartFit]:
+    def _verify_if_in_doubt(self, ranking: Ranking[PartFit]) -> Ranking[PartFit]:
         best = ranking.best
-        fits, doubt = self._distinct([best, *ranking.others], PART_FIT.n_contenders), self._doubt(ranking)
+        fits, doubt = (
+            self._keep_distinct([best, *ranking.others], PART_FIT.n_contenders),
+            self._doubt_of(ranking),
+        )
         if doubt.evidence.poor or doubt.evidence.ambiguous:
             fits = self._by_verification(fits)
         ranking = replace(ranking, distinct=tuple(fits[1:]))
@@ -191,9 +201,11 @@ class Part(RefiningModel[PartFit, BentPart]):
         ratio = min(best.cost / fits[0].cost, 1.0)  # its own cost speaks for another
         return replace(ranking, best=fits[0], runner_up=ratio)
 
-    def _doubt(self, ranking: Ranking[PartFit]) -> PartDoubt:
+    def _doubt_of(self, ranking: Ranking[PartFit]) -> PartDoubt:
         best = ranking.best
-        return PartDoubt(best.bent_cost, ranking.runner_up, best.pair.trusted, self.pair.config.parts)
+        return PartDoubt(
+            best.cost_with_bending, ranking.runner_up, best.pair.known_share, self.pair.config.parts
+        )
 
     def descriptor_distance(self, fit: PartFit) -> Float[FloatArray, "r"]:
         """Descriptor distance of the vertices and their images, by balls."""
@@ -206,13 +218,13 @@ class Part(RefiningModel[PartFit, BentPart]):
 
     def _by_cost(self, fits: list[PartFit]) -> tuple[list[PartFit], list[float]]:
         """Order maps by their weighed cost; returns also the costs."""
-        costs = self.weighed(fits, list(map(self.cost, fits)), [True] * len(fits))
+        costs = self.weigh(fits, list(map(self.cost, fits)), [True] * len(fits))
         order = sorted(range(len(fits)), key=lambda i: costs[i])
         return [fits[i] for i in order], [costs[i] for i in order]
 
     def coordinates(self, best: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
-        return best.bending.laid_in_full(
+        return best.bending.lay_in_full(
             best.bent, self.pair.config.parts.bending[-PART_FIT.n_final_lengths :]
         )
 
@@ -224,8 +236,8 @@ class Part(RefiningModel[PartFit, BentPart]):
         """Vertex of the whole for each of the part, bent at the lower resolution."""
         return self.fits.bending.images(best.bent, np.arange(self.source.body.n_vertices))
 
-    def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
-        return distinct(
+    def _keep_distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
+        return keep_distinct(
             fits, lambda fit: fit.image, self.target.mean_distances, MAP_DISTANCE.other_map, count
         )
 
@@ -233,41 +245,41 @@ class Part(RefiningModel[PartFit, BentPart]):
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
         promise, fits_of = attrgetter("promise"), self.fits
         fits = [
-            *(self._anchored if self.led is None else []),
-            *parallel_map(lambda x: fits_of.roughly(*x), first_maps),
+            *(self._refined_starts if self.known_map is None else []),
+            *parallel_map(lambda x: fits_of.refine_roughly(*x), first_maps),
         ]
         rough = sorted((fit for fit in fits if fit), key=promise)
-        if self.led:
+        if self.known_map:
             return rough
-        best = self._distinct(rough, PART_FIT.n_composed)
-        varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, self._onto_itself)))
+        best = self._keep_distinct(rough, PART_FIT.n_composed)
+        varied = parallel_map(lambda x: fits_of.compose(*x), list(product(best, self._self_maps)))
         return sorted([*rough, *(fit for fit in varied if fit)], key=promise)
 
     @cached_property
-    def _onto_itself(self) -> list[Int[SearchRows, "m_t"]]:
+    def _self_maps(self) -> list[Int[SearchRows, "m_t"]]:
         """Maps of the whole nearly onto itself; none with landmarks, which tell the sides."""
         pair = self.fits.pair
-        return [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
+        return [] if len(pair.landmarks) else find_self_maps(pair.whole, pair.config)
 
     @cached_property
-    def _anchored(self) -> list[PartFit | None]:
+    def _refined_starts(self) -> list[PartFit | None]:
         """The starts of the part's own search, refined roughly; None for mirror images."""
         if not self.searches_by_anchors:
             return []
         signatures = self.fits.coordinates.signatures
-        return parallel_map(self.fits.rough, PartStarts(self.fits.pair, signatures, self._onto_itself)())
+        return parallel_map(self.fits.refine_start, PartStarts(self.fits.pair, signatures, self._self_maps)())
 
     def _first_maps(self) -> list[tuple[PartPair, BodyVertices, str]]:
         """Map the rough vertices, each time in its unit: by a map found otherwise, priors and starts; with origins."""
         images: list[tuple[BodyVertices, str]] = []
-        if self.led:
-            images.append(self.led[:2])
+        if self.known_map:
+            images.append(self.known_map[:2])
         if self.fits.given is not None:
             origin = "initial map" if len(self.priors.initial_pairs) else "pose"
             images.append((self.fits.given, origin))
         handed_in = self.first_maps_handed_in()
         images += [
-            (filled(self.source, towards_whole(pairs, self.side))[0], name) for pairs, name in handed_in
+            (fill_images(self.source, pairs_to_whole(pairs, self.side))[0], name) for pairs, name in handed_in
         ]
         rough = self.source.sample_vertices[: PART_FIT.n_rough_vertices]
         pair = self.fits.pair
@@ -281,7 +293,7 @@ class Part(RefiningModel[PartFit, BentPart]):
     def _by_verification(self, fits: list[PartFit]) -> list[PartFit]:
         """Order maps of which none is sure by what they cost on the shapes as they are, see `verify`."""
         fits = nearest_to_priors(fits, TIES.landmark_slack)
-        if self.led or len(fits) < 2:
+        if self.known_map or len(fits) < 2:
             return fits
         costs = [self.verified(fit).cost for fit in fits]
         return [fits[i] for i in np.argsort(costs, kind="stable")]
@@ -289,11 +301,11 @@ class Part(RefiningModel[PartFit, BentPart]):
     def _alternatives(self, fits: Sequence[PartFit]) -> tuple[Alternative, ...]:
         """Give other maps that were refined to the end; the part is bent by one when it is asked for."""
         return tuple(
-            Alternative(partial(self._bent_by, fit), fit.cost, fit.orientation, origin_of(self.problem, fit))
+            Alternative(partial(self._map_of, fit), fit.cost, fit.orientation, origin_of(self.problem, fit))
             for fit in fits[: self.pair.config.selection.most_alternatives]
         )
 
-    def _bent_by(self, fit: PartFit) -> Correspondence:
+    def _map_of(self, fit: PartFit) -> Correspondence:
         with serial_blas():
             points, matched, _ = self._directed(fit, self.coordinates(fit))
             return self.problem.source.correspondence(self.problem.target, points, matched)
@@ -312,7 +324,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         here, there = balls if self.side == "source" else balls[::-1]
         descriptor_distance = descriptor_distance_of(here, there, points.corners[:, 0], matched)
         reason = f"fits best of {1 + len(match.ranking.others)} maps of a part refined to the end"
-        return measured_part(self.problem, best, bent, unit, points, matched, descriptor_distance, reason)
+        return measure_part(self.problem, best, bent, unit, points, matched, descriptor_distance, reason)
 
     def sum_up(self, match: Match[PartFit, BentPart], measured: Measured, timer: StageTimer) -> Solution:
         """Sum up the map in the direction asked for."""
@@ -327,9 +339,9 @@ class Part(RefiningModel[PartFit, BentPart]):
             f"the {self.side} was matched as a part: it has {best.share:.0%} of the area of the other shape and covers "
             f"{area:.0%}"
         ]
-        evidence = (contradiction(self.problem, measured),)
-        solution = measured.solution(self.problem, errors, evidence, notes).doubted(
-            self._doubt(match.ranking)
+        evidence = (contradiction_evidence(self.problem, measured),)
+        solution = measured.solution(self.problem, errors, evidence, notes).with_doubt(
+            self._doubt_of(match.ranking)
         )
         return replace(solution, alternatives=self._alternatives(match.ranking.distinct))
 
@@ -343,17 +355,17 @@ def fits_of(problem: Problem, side: PartSide, coordinates: WholeCoordinates | No
         vertices = BodyVertices(np.arange(problem.source.body.n_vertices))
         images = nearest_in_pose(problem.source, problem.target, vertices)
         pairs = BodyVertices(np.column_stack([vertices, images]))
-    given = filled(pair.source, towards_whole(pairs, side))[0] if len(pairs) else None
+    given = fill_images(pair.source, pairs_to_whole(pairs, side))[0] if len(pairs) else None
     known = pair.priors.landmarks, pair.known
     return PartFits(PartPair.of(pair.source, pair.target, pair.config, *known), given, coordinates)
 
 
-def towards_whole(pairs: Int[BodyVertices, "q 2"], side: PartSide) -> Int[IntArray, "q 2"]:
+def pairs_to_whole(pairs: Int[BodyVertices, "q 2"], side: PartSide) -> Int[IntArray, "q 2"]:
     """Turn pairs of vertices of source and target into such of part and whole."""
     return pairs if side == "source" else pairs[:, ::-1]
 
 
-def measured_part(
+def measure_part(
     problem: Problem,
     fit: PartFit,
     bent: BentPart,
@@ -388,7 +400,7 @@ def measured_part(
     return Measured(points, quality, descriptor_distance, reason, origin_of(problem, fit), matched)
 
 
-def contradiction(problem: Problem, measured: Measured) -> Evidence:
+def contradiction_evidence(problem: Problem, measured: Measured) -> Evidence:
     """Compare the map of a part with its priors."""
     image = BodyVertices(measured.points.corners[:, 0])
     errors = distances_to_priors(problem, image, problem.priors.landmarks)
@@ -396,7 +408,7 @@ def contradiction(problem: Problem, measured: Measured) -> Evidence:
     return Evidence(contradicted=part_contradicts(errors, measured.quality.initial_map_error, bound))
 
 
-def filled(
+def fill_images(
     part: PreparedShape, pairs: Int[IntArray, "q 2"]
 ) -> tuple[Int[BodyVertices, "n_part"], Float[FloatArray, "n_part"]]:
     """Image of each vertex under a map of some, or of the nearest of these, and how far it is."""

@@ -121,7 +121,7 @@ class PartPair:
         return np.minimum(lower, lower.T), 0.5 * (upper + upper.T)
 
     @cached_property
-    def trusted(self) -> float:
+    def known_share(self) -> float:
         """Share of the pairs of anchors whose distance on the whole is known."""
         lower, upper = self.anchor_intervals
         return float((lower >= PART_UNIT.known_ratio * upper)[~np.eye(len(lower), dtype=bool)].mean())
@@ -129,7 +129,7 @@ class PartPair:
     @property
     def is_hardly_known(self) -> bool:
         """Whether so little of the whole is known that no unit is sure, and no map exact."""
-        return self.trusted < PART_UNIT.min_known_share
+        return self.known_share < PART_UNIT.min_known_share
 
     @cached_property
     def to_boundary(self) -> Float[FloatArray, "n_part"]:
@@ -139,7 +139,7 @@ class PartPair:
     @cached_property
     def signature(self) -> BallSignature:
         """The ball signature of the part, in units of the whole."""
-        return _balls(self.part, self.radii).scaled(self.unit, RADII)
+        return _ball_signature_of(self.part, self.radii).scaled(self.unit, RADII)
 
     def stress(self, images: Int[BodyVertices, "m"]) -> float:
         """Mean cost of the images of the anchors."""
@@ -185,14 +185,14 @@ class PartPair:
         if exact.sum() < PART_UNIT.min_known_distances:
             return self.unit
         distances = self.whole.distances.between(images, images)
-        return self.restricted(self.unit * float(np.median(distances[exact] / upper[exact])))
+        return self.nearest_allowed_unit(self.unit * float(np.median(distances[exact] / upper[exact])))
 
     def in_unit_of(self, image: Int[BodyVertices, "n_part"]) -> PartPair:
         """Return the pair in the unit that a map measures, within those to search in."""
         units, unit = self.units, self.unit_of(BodyVertices(image[self.anchors]))
         return self.with_unit(float(np.clip(unit, units[0], units[-1])))
 
-    def restricted(self, unit: float) -> float:
+    def nearest_allowed_unit(self, unit: float) -> float:
         """Return the nearest unit that is allowed: one on a grid around that of the pair, and not much above 1."""
         if self.keeps_unit:
             return self.unit
@@ -202,7 +202,7 @@ class PartPair:
 
 
 @cached_method
-def _balls(part: PreparedShape, radii: tuple[float, ...]) -> BallSignature:
+def _ball_signature_of(part: PreparedShape, radii: tuple[float, ...]) -> BallSignature:
     """Compute the ball signature of a part, in its own units."""
     return ball_signature(part.mesh_body, radii, unit=1.0, samples=part.sample_vertices[:N_BALLS], weld=False)
 
@@ -260,7 +260,7 @@ class WholeSignatures:
     @cached_property
     def values(self) -> Float[FloatArray, "n_whole k"]:
         """Signatures, of which the last are the known functions."""
-        weighted = [weight * _standardised(raw, raw) for weight, raw in zip(self._weights, self._raw)]
+        weighted = [weight * _standardise(raw, raw) for weight, raw in zip(self._weights, self._raw)]
         return np.hstack([*weighted, self.functions])
 
     @cached_method
@@ -285,7 +285,7 @@ class WholeSignatures:
         # The part times u: ∫ φ² = 1 over u² times the area asks for φ / u; λ is an inverse area, and curvature an inverse
         # length. By Weyl's law, λ_k ≈ 4πk / area, the part has about u² k functions where the whole has k.
         of_part = self._waves(vectors / pair.unit, values / pair.share)
-        signatures = [self._weights[0] * _standardised(of_part, waves)]
+        signatures = [self._weights[0] * _standardise(of_part, waves)]
         # A function of eigenvalue λ = exp(energy) has wavelength 2π / √λ, and differs from that of the whole up to about
         # so far from the boundary: there its value is given no weight, 1 − exp(−(distance √λ / reach)²).
         weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / PART_UNIT.boundary_reach) ** 2))]
@@ -293,8 +293,8 @@ class WholeSignatures:
             k = min(size, len(whole_values))
             k_part = int(np.clip(round(k * pair.share), 8, len(part.laplace.values) - 1))
             curvature = self._curvature_of_part(part, k_part)[vertices]
-            here = _standardised(curvature / pair.unit, column)
-            there = _standardised(column, column)
+            here = _standardise(curvature / pair.unit, column)
+            there = _standardise(column, column)
             signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
             weights.append(
                 1
@@ -307,6 +307,6 @@ class WholeSignatures:
         return PartSignatures(np.hstack([*signatures, functions]), np.hstack(weights))
 
 
-def _standardised(values: FloatArray, reference: FloatArray) -> FloatArray:
+def _standardise(values: FloatArray, reference: FloatArray) -> FloatArray:
     """Subtract the mean of a reference and divide by its deviation; of a sphere, nothing deviates."""
     return np.asarray((values - reference.mean(axis=0)) / np.maximum(reference.std(axis=0), 1e-9))

@@ -21,12 +21,12 @@ from isomatch._core.arrays import (
 from isomatch._core.cached import cached_method, cached_property
 from isomatch.correspondence import Boundary, Embedding, PrecisePoints, nearest_with_normals
 from isomatch.descriptors import deviation_of
-from isomatch.matching.bending import Bending, Bent, HardLandmarks, Surroundings
-from isomatch.matching.coordinates import iterated
+from isomatch.matching.bending import Bending, BentShape, HardLandmarks, Surroundings
+from isomatch.matching.coordinates import iterate_images
 from isomatch.matching.maps import Fit
 from isomatch.matching.parameters import PART_FIT, PART_UNIT
 from isomatch.matching.partial.part_pair import PartPair, PartSignatures, WholeSignatures
-from isomatch.matching.partial.part_starts import PartStart, completed, composed
+from isomatch.matching.partial.part_starts import PartStart, complete_anchors, compose_with_self_map
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
@@ -46,7 +46,7 @@ class WholeCoordinates:
     """Coordinates of a whole in which images are sought: the same under all maps."""
 
     # It keeps coordinates for each number of functions in the settings, and features for each unit of a part: at most one
-    # for each start, fewer as units lie on a grid (`PartPair.restricted`). They go when the relation goes.
+    # for each start, fewer as units lie on a grid (`PartPair.nearest_allowed_unit`). They go when the relation goes.
     def __init__(
         self,
         whole: PreparedShape,
@@ -141,7 +141,7 @@ class PartRefinement:
             np.clip(np.searchsorted(part.values / self._pair.share, top) + PART_FIT.extra_functions, 6, most)
         )
 
-    def refined(
+    def refine(
         self, image: Int[BodyVertices, "r"], sizes: Iterable[int], with_positions: bool = True
     ) -> tuple[Int[BodyVertices, "r"], float]:
         """Refine the images of the vertices; returns them, and their mean distance in the last coordinates."""
@@ -153,9 +153,9 @@ class PartRefinement:
         def embedded(image: BodyVertices, size: int) -> Embedding:
             return self.embedding(image, size, self.vertices, with_positions)
 
-        return iterated(image, sizes, embedded, nearest)
+        return iterate_images(image, sizes, embedded, nearest)
 
-    def extended(self, image: BodyVertices, k: int, vertices: PartVertices | None = None) -> BodyVertices:
+    def extend(self, image: BodyVertices, k: int, vertices: PartVertices | None = None) -> BodyVertices:
         """Map vertices, by default those of this refinement, by a map of the first samples, through k functions."""
         vertices = self.vertices if vertices is None else vertices
         basis = self._pair.part.sampled_basis(len(image))
@@ -173,7 +173,7 @@ class PartRefinement:
             return self._pair.unit
         images = image[: len(near)]
         there = self._pair.whole.distances.between(images, images)[near]
-        return self._pair.restricted(float(np.median((np.maximum(there, 1e-3) / along)[exact])))
+        return self._pair.nearest_allowed_unit(float(np.median((np.maximum(there, 1e-3) / along)[exact])))
 
     def orientation(self, image: Int[BodyVertices, "r"], k: int) -> float:
         """Mean cosine of the normals of the whole and of its copy pulled back to the part."""
@@ -214,7 +214,7 @@ class PartRefinement:
 
 
 @dataclass(frozen=True, eq=False)
-class BentPart(Bent):
+class BentPart(BentShape):
     """A part bent until it lies on the surface of a whole."""
 
     pair: PartPair  # the shapes, in the unit of the map
@@ -237,19 +237,19 @@ class PartBending(Bending):
     # The energy is that of `Bending`, with lengths of the part times the unit. A part keeps its own spacing up to its
     # boundary, where a map by functions crowds its images: functions of the part are free there (Neumann), and those of
     # the whole are not. This is what makes the bent part a better place to read images from than the map that bent it.
-    def laid(
+    def lay(
         self, pair: PartPair, refinement: PartRefinement, image: BodyVertices, lengths: tuple[float, ...]
     ) -> BentPart:
         """Lay the part on the whole by a map of the vertices of a refinement, and bend it coarsely."""
         onto = Surroundings(pair.meshes[1], pair.whole.index, pair.unit)
         of_part, of_whole = refinement.embedding(image, ALL_FUNCTIONS, PartVertices(self.vertices))
         start = onto.index.points(of_whole, of_part).interpolated(onto.mesh.vertices)
-        bent = self.coarsely(onto, start, lengths, _hard_landmarks(pair))
+        bent = self.bend_coarsely(onto, start, lengths, _hard_landmarks(pair))
         return BentPart(bent.rest, bent.mesh, onto, pair)
 
-    def laid_in_full(self, bent: BentPart, lengths: tuple[float, ...]) -> BentPart:
+    def lay_in_full(self, bent: BentPart, lengths: tuple[float, ...]) -> BentPart:
         """Bend the part in full, from where it lies at the lower resolution."""
-        full = self.in_full(bent, lengths, _hard_landmarks(bent.pair))
+        full = self.bend_in_full(bent, lengths, _hard_landmarks(bent.pair))
         return BentPart(full.rest, full.mesh, full.onto, bent.pair)
 
 
@@ -286,7 +286,7 @@ class PartFit(Fit):
     @cached_property
     def bent(self) -> BentPart:
         """The part bent onto the whole by the map, at a lower resolution."""
-        return self.bending.laid(self.pair, self.refinement, self.image, self.lengths)
+        return self.bending.lay(self.pair, self.refinement, self.image, self.lengths)
 
     @property
     def share(self) -> float:
@@ -303,14 +303,14 @@ class PartFit(Fit):
         return max(float(self.spectral_residual * self.stress**PART_FIT.stress_exponent), LEAST_SCORE)
 
     @property
-    def bent_cost(self) -> float:
+    def cost_with_bending(self) -> float:
         """What the map costs by itself, where no other is compared: the part is bent by it, too."""
         # r σ^¼ × (stretch × gap). Costs of one pair can be compared without the last factor, which no map was chosen by;
         # so it is independent evidence for the doubt of the best one.
         return max(self.cost * self.bent.spectral_residual, LEAST_SCORE)
 
     @property
-    def promise(self) -> float:
+    def rough_cost(self) -> float:
         """The cost of a map that is refined roughly: one twisted in places may still become the right one."""
         # cost / √o × exp(w m), with
         #   o   mean cosine of the normals. A map that is turned inside out over a share t of the part has o ≈ 1 − 2t. The
@@ -347,73 +347,75 @@ class PartFits:
     def _refinement(self, pair: PartPair, n_rows: int) -> PartRefinement:
         return PartRefinement(pair, self.coordinates, self._near, n_rows)
 
-    def rough(self, start: PartStart) -> PartFit | None:
+    def refine_start(self, start: PartStart) -> PartFit | None:
         """Refine some vertices a little; None for a mirror image."""
         refinement = self._refinement(start.pair, PART_FIT.n_rough_vertices)
         vertices = PartVertices(refinement.vertices[: self._config.n_search])
         origin = "landmarks" if len(self.pair.landmarks) else "anchors"
-        return self.roughly(
-            start.pair, refinement.extended(start.dense(vertices), PART_FIT.n_rough_normal_functions), origin
+        return self.refine_roughly(
+            start.pair, refinement.extend(start.extend(vertices), PART_FIT.n_rough_normal_functions), origin
         )
 
-    def varied(self, fit: PartFit, image_row: Int[SearchRows, "m_t"]) -> PartFit | None:
+    def compose(self, fit: PartFit, image_row: Int[SearchRows, "m_t"]) -> PartFit | None:
         """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
-        return self.roughly(fit.pair, composed(fit.pair.whole, fit.image, image_row), fit.origin)
+        return self.refine_roughly(
+            fit.pair, compose_with_self_map(fit.pair.whole, fit.image, image_row), fit.origin
+        )
 
-    def roughly(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str) -> PartFit | None:
+    def refine_roughly(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str) -> PartFit | None:
         """Refine a map of the vertices of a rough one a little; None for a mirror image."""
         refinement = self._refinement(pair, PART_FIT.n_rough_vertices)
         if refinement.orientation(image, PART_FIT.n_rough_normal_functions) < 0:
             return None
-        image, spectral_residual = refinement.refined(image, PART_FIT.rough_sizes)
-        anchors = refinement.extended(image, PART_FIT.rough_sizes[-1], pair.anchors)
+        image, spectral_residual = refinement.refine(image, PART_FIT.rough_sizes)
+        anchors = refinement.extend(image, PART_FIT.rough_sizes[-1], pair.anchors)
         return self._fit(
             refinement, pair, image, spectral_residual, anchors, PART_FIT.n_rough_normal_functions, origin
         )
 
-    def begun(self, pair: PartPair, image: BodyVertices, origin: str) -> PartFit:
+    def begin(self, pair: PartPair, image: BodyVertices, origin: str) -> PartFit:
         """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
         pair = pair.with_unit(self._refinement(pair, PART_FIT.n_rough_vertices).local_unit(image))
         refinement = self._refinement(pair, self._config.n_refine)
-        image = refinement.extended(image, PART_FIT.rough_sizes[-1])
+        image = refinement.extend(image, PART_FIT.rough_sizes[-1])
         return PartFit(image, origin=origin, pair=pair, refinement=refinement, bending=self.bending)
 
-    def refined(self, fit: PartFit) -> PartFit:
+    def refine(self, fit: PartFit) -> PartFit:
         """Refine a map to the end."""
         settings = self._config.refining
         sizes = (*settings.sizes_without_positions, *settings.sizes_of_parts)
-        image, spectral_residual = fit.refinement.refined(fit.image, sizes, False)
+        image, spectral_residual = fit.refinement.refine(fit.image, sizes, False)
         if sizes := (*settings.sizes_with_positions, *settings.final_sizes):
-            image, spectral_residual = fit.refinement.refined(image, sizes)
+            image, spectral_residual = fit.refinement.refine(image, sizes)
         lengths = self._config.parts.bending[::2]
-        return self._finely(fit.pair, image, spectral_residual, lengths, fit.origin)
+        return self._fit_finely(fit.pair, image, spectral_residual, lengths, fit.origin)
 
-    def settled(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
+    def refine_from_bending(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
         """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
         for _ in range(PART_FIT.n_bending_rounds):
             image = self.bending.images(fit.bent, fit.refinement.vertices)
             fit = again(replace(fit, image=image, spectral_residual=np.inf))
         return fit
 
-    def refined_again(self, fit: PartFit) -> PartFit:
+    def refine_again(self, fit: PartFit) -> PartFit:
         """Take the last steps of the refinement."""
         settings = self._config.refining
         steps = (settings.final_sizes, True) if settings.final_sizes else settings.last_step
-        image, spectral_residual = fit.refinement.refined(fit.image, *steps)
-        return self._finely(fit.pair, image, spectral_residual, self._config.parts.bending, fit.origin)
+        image, spectral_residual = fit.refinement.refine(fit.image, *steps)
+        return self._fit_finely(fit.pair, image, spectral_residual, self._config.parts.bending, fit.origin)
 
-    def measured(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str = "") -> PartFit:
+    def measure(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str = "") -> PartFit:
         """Measure a map of the vertices of a fine one that was found otherwise, as if it were refined."""
         refinement = self._refinement(pair, self._config.n_refine)
-        _, spectral_residual = refinement.refined(image, *self._config.refining.last_step)
-        return self._finely(pair, image, spectral_residual, self._config.parts.bending, origin)
+        _, spectral_residual = refinement.refine(image, *self._config.refining.last_step)
+        return self._fit_finely(pair, image, spectral_residual, self._config.parts.bending, origin)
 
-    def _finely(
+    def _fit_finely(
         self, pair: PartPair, image: BodyVertices, residual: float, lengths: tuple[float, ...], origin: str
     ) -> PartFit:
         refinement = self._refinement(pair, self._config.n_refine)
         k = min(PART_FIT.n_anchor_functions, len(pair.whole.laplace.values))
-        anchors = completed(pair, refinement.extended(image, k, pair.anchors), 2)
+        anchors = complete_anchors(pair, refinement.extend(image, k, pair.anchors), 2)
         error = 0.0
         if self.given is not None:
             error = pair.whole.mean_distance(image, self.given[refinement.vertices])

@@ -26,8 +26,8 @@ from isomatch.matching.maps import Candidate
 from isomatch.matching.parameters import MAP_DISTANCE, PART_SEARCH
 from isomatch.matching.partial.part_pair import PartPair, WholeSignatures, areas_of_samples
 from isomatch.matching.problem import Problem
-from isomatch.matching.proposals.flips import flips
-from isomatch.matching.selection import distinct
+from isomatch.matching.proposals.flips import find_flips
+from isomatch.matching.selection import keep_distinct
 from isomatch.settings import Config
 from isomatch.shapes import SAME_SYMMETRY, PreparedShape
 
@@ -40,21 +40,21 @@ class PartStart:
     images: Int[BodyVertices, "m"]
     cost: float  # of distances, areas of balls and signatures
 
-    def dense(self, vertices: Int[PartVertices, "q"]) -> Int[BodyVertices, "q"]:
+    def extend(self, vertices: Int[PartVertices, "q"]) -> Int[BodyVertices, "q"]:
         """Trilaterate vertices of the part from the images of all anchors: vertices of the whole."""
         whole = self.pair.whole
         to_samples = whole.distances.between(self.images, whole.sample_vertices)
-        return _placed(self.pair, Intervals(*self.pair.intervals(vertices)), to_samples)
+        return _trilaterate_points(self.pair, Intervals(*self.pair.intervals(vertices)), to_samples)
 
 
-def _placed(pair: PartPair, points: Intervals, to_samples: FloatArray) -> BodyVertices:
+def _trilaterate_points(pair: PartPair, points: Intervals, to_samples: FloatArray) -> BodyVertices:
     """Trilaterate points from anchors whose images are so far from the samples: vertices of the whole."""
     there = np.maximum(to_samples, 0.0)
     rows, _ = trilaterate(points, Intervals(there, there), pair.cost)
     return BodyVertices(pair.whole.sample_vertices[rows])
 
 
-def completed(
+def complete_anchors(
     pair: PartPair,
     images: Int[BodyVertices, "q"],
     rounds: int,
@@ -65,12 +65,12 @@ def completed(
     for _ in range(rounds):
         rows = np.flatnonzero(images >= 0)
         points = Intervals(*pair.anchor_intervals).at(rows, np.arange(len(pair.anchors)))
-        images = _placed(pair, points, to_samples(BodyVertices(images[rows])))
+        images = _trilaterate_points(pair, points, to_samples(BodyVertices(images[rows])))
         images[: len(pair.landmarks)] = pair.landmarks
     return images
 
 
-def composed(
+def compose_with_self_map(
     whole: PreparedShape, images: Int[BodyVertices, "q"], image_row: Int[SearchRows, "m_t"]
 ) -> Int[BodyVertices, "q"]:
     """Compose images with a map of the whole nearly onto itself, which exchanges its sides, or front and back."""
@@ -82,8 +82,8 @@ def composed(
 class PartStarts:
     """The search of images of the anchors in several units, also composed with maps of the whole onto itself."""
 
-    def __init__(self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[SearchRows]) -> None:
-        self._pair, self._signatures, self._onto_itself = pair, signatures, onto_itself
+    def __init__(self, pair: PartPair, signatures: WholeSignatures, self_maps: list[SearchRows]) -> None:
+        self._pair, self._signatures, self._self_maps = pair, signatures, self_maps
         whole = pair.whole
         samples = whole.sample_vertices[: PART_SEARCH.n_candidates]
         points = samples, whole.extremities, whole.column_vertices, pair.landmarks
@@ -96,27 +96,32 @@ class PartStarts:
         self._areas = areas_of_samples(pair.part, pair.part.sample_vertices)
         self._at = lru_cache(pair.with_unit)
         self._mean_signatures = np.abs(signatures.values).mean(axis=0)
-        self._apart = (
+        self._same_distance = (
             PART_SEARCH.same_assignment_with_landmarks if len(pair.landmarks) else MAP_DISTANCE.other_map
         )
 
     def __call__(self) -> list[PartStart]:
         """Return the starts, least cost first; no two alike."""
-        assigned = [start for group in parallel_map(self._assigned, self._pair.units) for start in group]
+        assigned = [
+            start for group in parallel_map(self._assign_anchors, self._pair.units) for start in group
+        ]
         assigned.sort(key=lambda start: start.cost)
         best = assigned[: PART_SEARCH.n_trilaterated]
-        starts = parallel_map(lambda start: self._start(start.pair, start.images, 3), best)
-        kept = self._distinct(starts, PART_SEARCH.n_starts)
+        starts = parallel_map(lambda start: self._complete_start(start.pair, start.images, 3), best)
+        kept = self._keep_distinct(starts, PART_SEARCH.n_starts)
         mirrored = [
-            (start.pair, composed(start.pair.whole, start.images, image_row))
+            (start.pair, compose_with_self_map(start.pair.whole, start.images, image_row))
             for start in kept
-            for image_row in self._onto_itself
+            for image_row in self._self_maps
         ]
-        more = parallel_map(lambda each: self._start(*each, 2), mirrored)
+        more = parallel_map(lambda each: self._complete_start(*each, 2), mirrored)
         # a wrong side is as likely a start as the right one, so each is tried; later steps tell them apart
-        return [*self._distinct([*kept, *more], PART_SEARCH.n_starts_with_composed), *self._grown()]
+        return [
+            *self._keep_distinct([*kept, *more], PART_SEARCH.n_starts_with_composed),
+            *self._grow_starts(),
+        ]
 
-    def _grown(self) -> list[PartStart]:
+    def _grow_starts(self) -> list[PartStart]:
         """Grow regions from the anchors deepest inside, each with the candidates that look most like it."""
         pair, candidates, whole = self._at(min(self._pair.unit, 1.0)), self._candidates, self._pair.whole
         if whole.balls is None or len(pair.landmarks):
@@ -138,12 +143,12 @@ class PartStarts:
         )
         best = regions[np.argsort(-gains, kind="stable")[: PART_SEARCH.max_grown_regions]]
         images = BodyVertices(np.where(best >= 0, candidates[best], -1))
-        starts = parallel_map(lambda row: self._start(pair, row, 2), images)
-        return distinct(
+        starts = parallel_map(lambda row: self._complete_start(pair, row, 2), images)
+        return keep_distinct(
             starts,
             lambda start: start.images,
             whole.mean_distances,
-            self._apart,
+            self._same_distance,
             PART_SEARCH.n_starts_from_regions,
         )
 
@@ -166,43 +171,47 @@ class PartStarts:
             / (n_radii + PART_SEARCH.neutral_weight)
         )
 
-    def _assigned(self, unit: float) -> list[PartStart]:
+    def _assign_anchors(self, unit: float) -> list[PartStart]:
         """Assign the first anchors in one unit."""
         pair, candidates = self._at(unit), self._candidates
         placed = min(PART_SEARCH.n_assigned_anchors, len(pair.anchors))
         alone = self._unary(pair, np.arange(placed)[:, None], np.searchsorted(self._places, candidates))
         pin_first(alone, np.searchsorted(candidates, pair.landmarks[:placed]))
-        rows, costs = assign_points(*self._sides(pair), alone, pair.cost, PART_SEARCH.beam_width, self._apart)
+        rows, costs = assign_points(
+            *self._sides(pair), alone, pair.cost, PART_SEARCH.beam_width, self._same_distance
+        )
         # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
-        # the unary costs. `_start` weighs both alike, of however many anchors.
-        costs = costs / (placed * (placed - 1) / 2) + self._against(unit)
+        # the unary costs. `_complete_start` weighs both alike, of however many anchors.
+        costs = costs / (placed * (placed - 1) / 2) + self._unit_cost(unit)
         return [PartStart(pair, BodyVertices(candidates[row]), float(cost)) for row, cost in zip(rows, costs)]
 
-    def _start(self, pair: PartPair, images: BodyVertices, rounds: int) -> PartStart:
+    def _complete_start(self, pair: PartPair, images: BodyVertices, rounds: int) -> PartStart:
         """Complete images of the first anchors, −1 for none, and again in the unit that they ask for."""
-        images = completed(pair, images, rounds, self._distances_to_samples)
+        images = complete_anchors(pair, images, rounds, self._distances_to_samples)
         scaled = self._at(pair.unit_of(images))
         if scaled.unit != pair.unit:
-            images = completed(scaled, images, 1, self._distances_to_samples)
+            images = complete_anchors(scaled, images, 1, self._distances_to_samples)
         unary = self._unary(scaled, np.arange(len(images)), np.searchsorted(self._places, images))
         unary[: len(scaled.landmarks)] = 0.0
         cost = (
             scaled.stress(images)
             + unary.mean() * 2 / (PART_SEARCH.n_assigned_anchors - 1)
-            + self._against(scaled.unit)
+            + self._unit_cost(scaled.unit)
         )
         return PartStart(scaled, images, float(cost))
 
-    def _against(self, unit: float) -> float:
+    def _unit_cost(self, unit: float) -> float:
         """Cost of another unit than that of the files."""
         if not self._pair.knows_unit:
             return 0.0
         return float(PART_SEARCH.unit_change_weight * np.log(unit / self._pair.unit) ** 2)
 
-    def _distinct(self, starts: list[PartStart], most: int) -> list[PartStart]:
+    def _keep_distinct(self, starts: list[PartStart], most: int) -> list[PartStart]:
         order = sorted(starts, key=lambda start: start.cost)
         whole = self._pair.whole
-        return distinct(order, lambda start: start.images, whole.mean_distances, self._apart, most)
+        return keep_distinct(
+            order, lambda start: start.images, whole.mean_distances, self._same_distance, most
+        )
 
     def _distances_to_samples(self, places: Int[BodyVertices, "q"]) -> Float[FloatArray, "q samples"]:
         """Distances of places, which are vertices, to the samples of the whole."""
@@ -237,11 +246,11 @@ class PartStarts:
         return least, most
 
 
-def self_maps(whole: PreparedShape, config: Config) -> list[Int[SearchRows, "m_t"]]:
+def find_self_maps(whole: PreparedShape, config: Config) -> list[Int[SearchRows, "m_t"]]:
     """Symmetries of the whole and flips of its identity: where its search vertices go."""
     pair = Problem(whole, whole, config)
     rows = np.arange(len(pair.source_vertices))
     identity = Candidate(Alignment(rows, np.eye(1), 0.0), "identity")
     image_rows = [SearchRows(symmetry.image_row) for symmetry in whole.symmetries]
-    image_rows += [flip.target_row for flip in flips(pair, identity, [identity])]
-    return distinct(image_rows, lambda image_row: image_row, pair.distances_between_maps, SAME_SYMMETRY)
+    image_rows += [flip.target_row for flip in find_flips(pair, identity, [identity])]
+    return keep_distinct(image_rows, lambda image_row: image_row, pair.distances_between_maps, SAME_SYMMETRY)

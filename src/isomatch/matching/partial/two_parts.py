@@ -31,7 +31,13 @@ from isomatch.matching.assessment.quality import descriptor_distance_of
 from isomatch.matching.model import Match, MatchingModel, Proposals
 from isomatch.matching.parameters import MAP_DISTANCE, PART_FIT, SEEDS, TWO_PARTS
 from isomatch.matching.partial.both_seeds import CommonRegion, CommonRegions, two_sides
-from isomatch.matching.partial.part import Part, contradiction, expected_errors_of_part, filled, measured_part
+from isomatch.matching.partial.part import (
+    Part,
+    contradiction_evidence,
+    expected_errors_of_part,
+    fill_images,
+    measure_part,
+)
 from isomatch.matching.partial.part_registration import BentPart, PartFit, WholeCoordinates
 from isomatch.matching.priors import Priors
 from isomatch.matching.problem import Problem
@@ -63,7 +69,7 @@ class RefinedRegion:
     def matched(self) -> Bool[BoolArray, "n_s"]:
         """Which vertices of the source lie near the target, bent at the lower resolution."""
         # beyond the boundary of the target a region keeps its lengths when it is bent, and so lies off it
-        near = self.fit.bending.spread(overlaps(self.fit.bent).astype(np.float64)) > 0.5
+        near = self.fit.bending.interpolate(lies_on_target(self.fit.bent).astype(np.float64)) > 0.5
         matched = np.zeros(len(self.image), dtype=bool)
         matched[self.vertices] = near
         return matched
@@ -83,12 +89,12 @@ class RefinedRegion:
         return BodyVertices(self.image[self.regions.source.vertices[self.rows]])
 
     @cached_property
-    def worth(self) -> float:
-        """What the region is worth, see `CommonRegions.worth`."""
-        return self.regions.worth(self.rows, self._images)
+    def net_evidence(self) -> float:
+        """What the region is worth, see `CommonRegions.net_evidence`."""
+        return self.regions.net_evidence(self.rows, self._images)
 
     @cached_property
-    def held(self) -> int:
+    def n_landmarks_held(self) -> int:
         """Number of landmarks that the map sends near to where they are known to go."""
         source, target = self.regions.source, self.regions.target
         image = self.image[source.landmarks]
@@ -101,14 +107,14 @@ class RefinedRegion:
 
     @property
     def cost(self) -> float:
-        """What the map costs among others: −worth × orientation; 0 if it is worth nothing or mirrored."""
-        # The worth is a reward, the more the better: Σ area that looks more alike than at random − area that should
-        # have an image and has none (`CommonRegions.worth`). Costs of single points would rank a tiny region that fits
-        # exactly first, as nothing is asked of what it leaves out. The orientation is 1 − 2t if a share t of the region
-        # is turned inside out. A power of the spectral residual beside these chose no better, decisions.md, two parts.
-        return -max(self.worth, 0.0) * max(self.fit.orientation, 0.0)
+        """Cost among other maps: −net evidence × orientation; 0 if the region has neither."""
+        # A mean per-point cost would favour tiny, perfectly fitting regions, because unmatched area is
+        # not penalised; net evidence is an area. The orientation is 1 − 2t if a share t of the region
+        # is turned inside out. A power of the spectral residual as a further factor selected no better
+        # maps, docs/lab/design_notes.md.
+        return -max(self.net_evidence, 0.0) * max(self.fit.orientation, 0.0)
 
-    def grown_again(self, most: float) -> CommonRegion:
+    def grow_again(self, most: float) -> CommonRegion:
         """Extend the region from where its samples lie, to those that cost at most so much."""
         # samples that look unlike their images lead no others, but join again where others lead there
         source, target = self.regions.source, self.regions.target
@@ -118,7 +124,7 @@ class RefinedRegion:
         at_samples[: len(source.landmarks)] = target.landmarks
         rows = SampleRows(np.flatnonzero(at_samples != UNMATCHED)[: SEEDS.n_next_anchors])
         columns = SampleRows(target.nearest_sample[at_samples[rows]])
-        placed, accepted = self.regions.placed(rows, columns, len(source.vertices), most)
+        placed, accepted = self.regions.place(rows, columns, len(source.vertices), most)
         images = BodyVertices(np.where(at_samples != UNMATCHED, at_samples, target.vertices[placed]))
         return replace(self.regions.region(images, accepted), origin=self.fit.origin)
 
@@ -149,7 +155,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         """Search regions in common, and refine them roughly."""
         timer.start("search")
         first = self._first_regions()
-        regions = self._refined(first, roughly=True)
+        regions = self._refine_regions(first, roughly=True)
         if not regions:
             raise NotConvergedError(
                 "no region was found that both shapes show; give three to five landmarks on both"
@@ -160,10 +166,10 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         """Grow the best regions again, and refine them; first come those refined to the end."""
         regions, others = list(maps), list[RefinedRegion]()
         for count, cost, roughly in TWO_PARTS.rounds if regions else ():
-            grown = [region.grown_again(cost) for region in regions[:count]]
-            again = self._refined([region for region in grown if region.accepted.any()], roughly)
+            grown = [region.grow_again(cost) for region in regions[:count]]
+            again = self._refine_regions([region for region in grown if region.accepted.any()], roughly)
             regions, others = again or regions, [*regions, *others]
-        return [*regions, *_ranked(others)]
+        return [*regions, *_rank_regions(others)]
 
     def rank(
         self,
@@ -174,7 +180,11 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
     ) -> Ranking[RefinedRegion]:
         """Take the first region, and compare it with the next that differs and holds as many landmarks."""
         best, *rest = maps
-        others = tuple(each for each in rest if each.held >= best.held and self._differs(best, each))
+        others = tuple(
+            each
+            for each in rest
+            if each.n_landmarks_held >= best.n_landmarks_held and self._differs(best, each)
+        )
         lead = best.cost / others[0].cost if others and others[0].cost else np.inf
         return Ranking(best, tuple(rest), lead, np.inf, others[0] if others else None, distinct=others)
 
@@ -189,22 +199,20 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
     def coordinates(self, best: RefinedRegion) -> BentPart:
         """Bend the region in full."""
         fit = best.fit
-        return fit.bending.laid_in_full(
-            fit.bent, self.pair.config.parts.bending[-TWO_PARTS.n_final_lengths :]
-        )
+        return fit.bending.lay_in_full(fit.bent, self.pair.config.parts.bending[-TWO_PARTS.n_final_lengths :])
 
-    def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
+    def _refine_regions(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
         def refined(region: CommonRegion) -> RefinedRegion | str:
             try:
-                return self._refined_region(region, roughly)
+                return self._refine_region(region, roughly)
             except MeshError as error:  # as of one that is too small to be prepared
                 return str(error)
 
         tried = parallel_map(refined, regions)
         self.left_out += [region for region in tried if isinstance(region, str)]
-        return _ranked([region for region in tried if not isinstance(region, str)])
+        return _rank_regions([region for region in tried if not isinstance(region, str)])
 
-    def _refined_region(self, region: CommonRegion, roughly: bool) -> RefinedRegion:
+    def _refine_region(self, region: CommonRegion, roughly: bool) -> RefinedRegion:
         """Refine the samples of a region, and what lies around them, as a part of the target."""
         pair, regions, landmarks = self.pair, self._regions, self.priors.landmarks
         source, target = regions.source, regions.target
@@ -214,7 +222,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         without_extremities = replace(pair.config.preparation, n_extremities=0)
         config = replace(pair.config, scale="same", preparation=without_extremities)
         if roughly:
-            config = rough(config)
+            config = rough_config(config)
         part = region_of(source.shape, vertices, config)
         # what a length is worth on the target, as if both came in the unit of both parts
         length = part.scale / source.shape.scale * source.unit / target.unit
@@ -229,7 +237,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         )
         model = Part(problem, coordinates=self._coordinates(tuple(landmarks[:, 1].tolist())))
         first = images[owner[vertices[part.sample_vertices[: PART_FIT.n_rough_vertices]]]]
-        begun = model.fits.begun(model.fits.pair, BodyVertices(first), region.origin)
+        begun = model.fits.begin(model.fits.pair, BodyVertices(first), region.origin)
         return RefinedRegion(regions, vertices, model.refine([begun])[0])
 
     @cached_method
@@ -247,16 +255,16 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
     def _first_regions(self) -> list[CommonRegion]:
         """Regions grown from seeds, those of given maps, and those of starts handed in."""
         pairs, count = self.priors.initial_pairs, self.pair.config.parts.n_common
-        regions = self._regions.best(count) if self.searches_by_anchors else []
+        regions = self._regions.find_best(count) if self.searches_by_anchors else []
         first_maps = [(pairs, "initial map")] if len(pairs) else []
         if self.pair.config.start == "pose":
             everything = BodyVertices(np.arange(self.source.body.n_vertices))
             images = nearest_in_pose(self.pair.source, self.pair.target, everything)
             first_maps.append((BodyVertices(np.column_stack([everything, images])), "pose"))
         for pairs, origin in (*first_maps, *self.first_maps_handed_in()):
-            image, gap = filled(self.source, pairs)
+            image, gap = fill_images(self.source, pairs)
             near = self._regions.source.unit * gap <= TWO_PARTS.region_margin
-            regions.append(self._regions.around(image, near, origin))
+            regions.append(self._regions.region_around(image, near, origin))
         return [region for region in regions if region.accepted.any()]
 
     def _alternatives(self, regions: Sequence[RefinedRegion]) -> tuple[Alternative, ...]:
@@ -289,7 +297,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         n = pair.source.body.n_vertices
         points, matched = PrecisePoints.at_vertices(np.zeros(n, dtype=np.int64)), np.zeros(n, dtype=bool)
         points.corners[best.vertices], points.barycentric[best.vertices] = bent.points
-        matched[best.vertices] = overlaps(bent)
+        matched[best.vertices] = lies_on_target(bent)
         descriptor_distance = descriptor_distance_of(
             pair.source.balls, pair.target.balls, points.corners[:, 0], matched
         )
@@ -297,7 +305,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
             self._regions.source.unit / self._regions.target.unit,
             "largest region in common that looks alike",
         )
-        return measured_part(pair, best.fit, bent, unit, points, matched, descriptor_distance, reason)
+        return measure_part(pair, best.fit, bent, unit, points, matched, descriptor_distance, reason)
 
     def sum_up(
         self, match: Match[RefinedRegion, BentPart], measured: Measured, timer: StageTimer
@@ -306,8 +314,8 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         pair, ranking, best = self.pair, match.ranking, match.ranking.best
         errors = np.full(pair.source.body.n_vertices, np.nan)
         errors[best.vertices] = expected_errors_of_part(best.fit.pair, match.coordinates.points)
-        led = 0 < len(self._regions.source.landmarks) == best.held
-        doubt = CommonDoubt(best.worth, ranking.runner_up, led, pair.config.parts)
+        led = 0 < len(self._regions.source.landmarks) == best.n_landmarks_held
+        doubt = CommonDoubt(best.net_evidence, ranking.runner_up, led, pair.config.parts)
         areas = pair.source.body.vertex_areas
         share = areas[measured.matched].sum() / areas.sum()
         notes = [
@@ -316,17 +324,17 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         ]
         if self.left_out:
             notes.append(f"{len(self.left_out)} regions in common were left out: {self.left_out[0]}")
-        evidence = (contradiction(pair, measured),)
-        solution = measured.solution(pair, errors, evidence, notes).doubted(doubt)
+        evidence = (contradiction_evidence(pair, measured),)
+        solution = measured.solution(pair, errors, evidence, notes).with_doubt(doubt)
         return replace(solution, alternatives=self._alternatives(ranking.distinct))
 
 
-def _ranked(regions: list[RefinedRegion]) -> list[RefinedRegion]:
+def _rank_regions(regions: list[RefinedRegion]) -> list[RefinedRegion]:
     """Put those first that hold most landmarks, and of these those of the least cost."""
-    return sorted(regions, key=lambda region: (-region.held, region.cost))
+    return sorted(regions, key=lambda region: (-region.n_landmarks_held, region.cost))
 
 
-def overlaps(bent: BentPart) -> Bool[BoolArray, "n"]:
+def lies_on_target(bent: BentPart) -> Bool[BoolArray, "n"]:
     """Which vertices of a bent part lie on the target, where that is not just its boundary."""
     onto, points = bent.onto.mesh, bent.points
     gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)
@@ -336,7 +344,7 @@ def overlaps(bent: BentPart) -> Bool[BoolArray, "n"]:
     )
 
 
-def rough(config: Config) -> Config:
+def rough_config(config: Config) -> Config:
     """Change settings so that a refinement takes less time, for regions that may be wrong."""
     refining = config.refining
     names = "sizes_without_positions", "sizes_with_positions", "final_sizes", "sizes_of_parts"

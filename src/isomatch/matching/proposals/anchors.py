@@ -33,10 +33,13 @@ def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
     unary = pair.config.search.eccentricity_weight * remoteness + ANCHORS.signature_weight * unlike
     assigned, _ = assign_points(*sides, unary, EXACTLY, ANCHORS.beam_width, ANCHORS.same_assignment_distance)
     starts = [SearchRows(nearest_rows(there[:, x], here[:, anchors])) for x in assigned[: ANCHORS.n_starts]]
-    return [search_pairs(pair, start) for start in parallel_map(lambda start: slid(pair, start), starts)]
+    return [
+        search_pairs(pair, start)
+        for start in parallel_map(lambda start: relax_spectrally(pair, start), starts)
+    ]
 
 
-def slid(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_s"]:
+def relax_spectrally(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_s"]:
     """Let the signatures move a map of the search vertices."""
     # Of a round shape, many maps keep distances, and iterative closest points stop at any of them. Few functions leave
     # a map free to move along these directions: images are nearest neighbours in (Φ_t Fᵀ / √k, σ_t) of (Φ_s / √k, σ_s).

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, SearchRows
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import alignment_from_functions, alignments_from_points, nearest_under_rotation
-from isomatch.matching.priors import FEWEST_POINTS
+from isomatch.matching.priors import MIN_POINTS
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import starts_from_pose
 
@@ -42,7 +42,7 @@ def start_from_pairs(pair: Problem, pairs: Int[BodyVertices, "_ 2"]) -> Int[Sear
     held = np.flatnonzero(target_vertex >= 0)
     if len(held) == len(target_vertex) and (row[target_vertex] >= 0).all():
         return SearchRows(row[target_vertex])
-    if len(held) < FEWEST_POINTS:  # the nearest known vertices stand in
+    if len(held) < MIN_POINTS:  # the nearest known vertices stand in
         held = np.arange(len(target_vertex))
         points = pair.source.points.at(pairs[:, 0], len(source.signs)).coordinates
         target_vertex = pairs[cKDTree(points).query(source.coordinates)[1], 1]
