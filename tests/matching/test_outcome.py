@@ -126,6 +126,6 @@ def test_a_way_that_finds_no_map_is_told(prepared_example, monkeypatch):
     def broken(problem, attempts, timer):
         raise NotConvergedError("nothing turned up")
 
-    strategies = solving.Strategy("broken", "whole", "always", broken), solving.AS_IT_IS
+    strategies = solving.Strategy("broken", "whole", "always", broken), solving.ISOMETRIC
     monkeypatch.setattr(solving, "strategies_of", lambda problem: strategies)
     assert "the way 'broken' found no map: nothing turned up" in match(*prepared_example).notes
