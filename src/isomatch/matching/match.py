@@ -1,4 +1,4 @@
-"""`match`, `match_both`, `continue_with`: prepare both shapes, and match them; those of several components one by one."""
+"""`match`, `match_both`, `continue_with`: prepare two shapes, and match them or their components."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ def match(
     Parameters
     ----------
     source, target : Mesh, PointCloud, Graph, PreparedShape, path_like, tuple or object
-        The shapes; `prepare` one that is matched more than once. Also the path of a mesh file, a tuple (vertices, faces)
-        or a mesh of trimesh, PyVista, meshio or Open3D; see ``isomatch.io``.
+        The shapes; `prepare` a shape that is matched more than once. Also the path of a mesh file, a tuple (vertices,
+        faces) or a mesh of trimesh, PyVista, meshio or Open3D; see ``isomatch.io``.
     landmarks : (m, 2) array_like of int, optional
         Rows (source vertex, target vertex), m ≥ 3; see `read_landmarks`. With ``Config.pin`` they hold.
     initial_map : (n_source,) array_like of int, optional
-        Target vertex of each source vertex from another method; −1 where unknown. It wins where no other map fits better.
+        Target vertex of each source vertex from another method; −1 where unknown. It wins unless another map fits better.
     initial_descriptors : two array_likes, optional
         (n_source, q) and (n_target, q) values of functions that should correspond.
     config : Config, optional
@@ -81,27 +81,28 @@ def match(
     seed : int
         Seeds sampling and eigensolver of shapes not yet prepared.
     progress : callable, optional
-        Called as ``progress(stage, share)`` when a stage starts, on the calling thread; the share of the work that is
-        done rises from 0 to 1. A function of the stage alone is called with that. `show_progress` is one. What it raises
-        ends the match.
+        Called as ``progress(stage, share)`` when a stage starts, on the calling thread; the share of the work done rises
+        from 0 to 1. It may also take the stage alone, as `show_progress` does. An exception that it raises ends the
+        match.
     refinement : Refinement, optional
-        Takes the place of ``config.refinement``: your own subclass of `Refinement`.
+        Your own subclass of `Refinement`, instead of ``config.refinement``.
     starts : sequence of callable, optional
-        Where first maps come from, beside priors: functions of the problem that return arrays (q, 2) of vertices of both
-        bodies; ``[yours, *default_starts]`` adds to those of isomatch. In every relation, landmarks and an initial map
-        contend with them; with ``Config(hypotheses="given")`` no start may win.
+        Propose first maps, beside priors: functions of the problem that return arrays (q, 2) of vertices of both
+        bodies; ``[yours, *default_starts]`` adds one to the defaults. Landmarks and an initial map always contend, too;
+        with ``Config(hypotheses="given")`` no start may win.
     relation : callable, optional
-        What is claimed of the shapes, or of each two components: makes a `MatchingModel` of their `Problem`, as the
-        classes `Isometry`, `Part`, `TwoParts` and `Elastic` do; by default each one that fits, see `select_strategies`.
-        `Part` and `Elastic` want meshes and the orientation "preserve", and `Part` no descriptors.
+        Claims how the shapes, or two components, are related: it makes a `MatchingModel` of their `Problem`, as the
+        classes `Isometry`, `Part`, `TwoParts` and `Elastic` do. By default every model that suits them is tried, see
+        `select_strategies`. `Part` and `Elastic` need meshes and the orientation "preserve", and `Part` takes no
+        descriptors.
     functions : two array_likes, optional
         (n_source, q) and (n_target, q), or (n_source,) and (n_target,), values that mean the same on both shapes, such as
         thickness, sulcal depth or colour; nan where unknown. Unlike ``initial_descriptors``, which only start the search,
         they are coordinates of every stage, with the weight ``Config.refining.function_weight``.
     via : surface, tuple of surfaces or list of either, optional
-        Match by way of a whole of the kind of both shapes, such as two fragments show parts of; or of a whole of the
-        source's kind and one of the target's, ``via=(whole, other)``. The maps from each to the next are composed. Of a
-        list of such ways, the map that verifies best is taken. `prepare` wholes that are used more than once.
+        Match through a complete shape, if source and target are fragments; or through two, one like the source and one
+        like the target, ``via=(whole, other)``. The maps from each shape to the next are composed. If a list of such
+        chains is given, the map that verifies best is returned. `prepare` wholes that are used more than once.
 
     Returns
     -------
@@ -115,16 +116,16 @@ def match(
     LandmarkError, MapError, DescriptorError
         If landmarks, initial map or descriptors do not fit the shapes.
     SettingError
-        If shapes were prepared with other settings, priors are asked for and none was given, a refinement, start or
-        relation handed in gives something else than it should, or a relation does not suit the shapes or the settings.
+        If shapes were prepared with other settings, priors are required and none was given, a refinement, start or
+        relation returns something invalid, or a relation does not suit the shapes or the settings.
     NotConvergedError
         If no map of a part keeps the orientation.
 
     Notes
     -----
-    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, with automatic starts and a joint refinement beyond it.
-    About 2 s for two shapes of 5 000 vertices on two cores. Large meshes are matched on fewer vertices, see
-    ``Config.resolution``.
+    The method is from Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, with automatic starts and a joint
+    refinement. Two shapes of 5 000 vertices take about 2 s on two cores. Large meshes are matched on fewer vertices,
+    see ``Config.resolution``.
 
     Examples
     --------
@@ -150,10 +151,10 @@ def match(
                     raise SettingError(
                         "via takes no priors: what is known of both shapes says nothing of those between"
                     )
-                nothing: UserPriors = (None, None, None)
-                solution = solve_via(problem, via, lambda leg: solve_prepared(leg, nothing, timer))
-            handed = _note_stages(problem, refinement)
-            result = result_of(replace(solution, notes=(*solution.notes, *handed)), timer, seed)
+                no_priors: UserPriors = (None, None, None)
+                solution = solve_via(problem, via, lambda leg: solve_prepared(leg, no_priors, timer))
+            notes = *solution.notes, *_note_stages(problem, refinement)
+            result = result_of(replace(solution, notes=notes), timer, seed)
         timer.reach("done", 1.0)
         return result
 
@@ -167,7 +168,7 @@ def _complete_problem(
     starts: Sequence[Start] | None,
     relation: Callable[[Problem], MatchingModel[Any, Any]] | None,
 ) -> Problem:
-    """Add what is handed in to a problem, and where there is no refinement that of the settings."""
+    """Add functions, refinement, starts and relation to a problem; the settings name the default refinement."""
     return replace(
         problem,
         functions=known_functions(problem.source, problem.target, functions, problem.config),
@@ -178,7 +179,7 @@ def _complete_problem(
 
 
 def require_landmarks_to_hold(problem: Problem, landmarks: ArrayLike | None) -> None:
-    """Raise `SettingError` if landmarks are to be held and none were given."""
+    """Raise `SettingError` if landmarks must hold and none were given."""
     if problem.config.pin is not None and landmarks is None:
         raise SettingError(f"pin = {problem.config.pin}, but no landmarks were given that could be held")
 
@@ -201,7 +202,7 @@ def solve_prepared(problem: Problem, user_priors: UserPriors, timer: StageTimer)
 
 
 def _note_stages(problem: Problem, refinement: Refinement | None) -> list[str]:
-    """Record which stages are not those of the settings."""
+    """Note which stages the user handed in."""
     starts, relation = problem.starts, problem.relation
     names = {
         "refinement": refinement and type(refinement).__name__,
@@ -212,7 +213,7 @@ def _note_stages(problem: Problem, refinement: Refinement | None) -> list[str]:
     return [f"stages handed in: {stages}"] if stages else []
 
 
-FIRST_DIRECTION_SHARE = 0.75  # of the time, with the preparation
+FIRST_DIRECTION_SHARE = 0.75  # share of the time: preparation and the map from source to target
 
 
 class BothDirections(NamedTuple):
@@ -242,21 +243,22 @@ def match_both(
 ) -> BothDirections:
     """Match two surfaces in both directions; the shapes are prepared once.
 
-    Of complete shapes that are matched automatically, and none of which alone seems to be inside out, the map back is
-    not searched again: the map there and its alternatives, turned around, are the hypotheses. Otherwise the way back is
-    matched like the way there. The first note of ``back`` says which.
+    For complete shapes without priors, the map back is not searched again: the inverse of the first map and of its
+    alternatives are its hypotheses. Otherwise, or if one shape alone seems to be inside out, the map back is searched
+    like the first one. The first note of ``back`` says which was done.
 
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, config, seed, progress
-        As for `match`, whose errors are raised; priors are turned around for the way back.
+        As for `match`, whose errors are raised; priors are inverted for the map back.
     refinement, starts, relation, functions
-        As for `match`; of both directions.
+        As for `match`; used in both directions.
 
     Returns
     -------
     BothDirections
-        ``there`` is what `match` returns, in about 1.3 times its time. The timings of ``back`` leave out the preparation.
+        ``there`` is the result of `match`. Both take about 1.3 times as long as `match`; the timings of ``back`` do not
+        include the preparation.
 
     Examples
     --------
@@ -266,13 +268,10 @@ def match_both(
     >>> there.map.shape == back.map.shape[::-1]
     True
     """
-    tell = with_two_arguments(progress) if progress else lambda stage, share: None
-    timer = StageTimer(lambda stage, share: tell(stage, FIRST_DIRECTION_SHARE * share))
-    timer_back = StageTimer(
-        lambda stage, share: tell(
-            f"back: {stage}", FIRST_DIRECTION_SHARE + (1 - FIRST_DIRECTION_SHARE) * share
-        )
-    )
+    report = with_two_arguments(progress) if progress else lambda stage, share: None
+    first = FIRST_DIRECTION_SHARE
+    timer = StageTimer(lambda stage, share: report(stage, first * share))
+    timer_back = StageTimer(lambda stage, share: report(f"back: {stage}", first + (1 - first) * share))
 
     def run() -> BothDirections:
         with serial_blas():
@@ -285,7 +284,7 @@ def match_both(
             )
 
     both = in_background(run)
-    tell("done", 1.0)
+    report("done", 1.0)
     return both
 
 
@@ -303,7 +302,7 @@ def _match_both_ways(
         solution_there = solve_prepared(problem, user_priors, timer)
     else:
         solution_there = try_strategies(problem, attempts, timer)
-    there = result_of(solution_there, timer, seed)
+    result = result_of(solution_there, timer, seed)
     timer_back.restart()
     ways = {
         ISOMETRIC.name: (ISOMETRIC,),
@@ -324,11 +323,11 @@ def _match_both_ways(
             f"{len(hypotheses) - 1} alternatives to it, turned around, and the outcome is at most as sure as there"
         )
     solution = replace(solution, notes=(note, *solution.notes))
-    return BothDirections(there, result_of(solution, timer_back, seed))
+    return BothDirections(result, result_of(solution, timer_back, seed))
 
 
 def _reverse_priors(problem: Problem, user_priors: UserPriors) -> UserPriors:
-    """Turn priors around; of several vertices with one image, the last one is its image on the way back."""
+    """Invert priors; where several source vertices have one image, the last of them is kept."""
     landmarks, initial_map, descriptors = user_priors
     sizes = problem.source.surface.n_vertices, problem.target.surface.n_vertices
     image_back = None
@@ -345,14 +344,14 @@ def _reverse_priors(problem: Problem, user_priors: UserPriors) -> UserPriors:
 
 
 def _reverse_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Problem) -> list[Candidate]:
-    """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
+    """Invert the refined maps, best first, and the best candidates, as maps of the target's search vertices."""
     fits = isometric.ranking.best, *isometric.ranking.others
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
     tried = [fit.candidate.alignment for fit in fits if fit.candidate]
     others = [c for c in isometric.proposals.eligible if all(c.alignment is not other for other in tried)]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
-    # for each search vertex of the target, the row of the source whose image is nearest, by geodesic distance
+    # inverse: for each search vertex of the target, the source row with the nearest image
     between = pair.target.distances.between
     starts = np.array([between(pair.target_vertices, image).argmin(axis=1) for image in images])
     aligned = iterative_closest_points(*pair_back.search_points, starts, SCREENING.n_prior_steps)
@@ -360,7 +359,7 @@ def _reverse_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Pro
     return [Candidate(alignment, origin) for alignment, origin in zip(aligned, origins, strict=True)]
 
 
-FORMER_PREFIX = "the map before, "
+FORMER_PREFIX = "the map before, "  # of the origin of a map that was replaced
 
 
 def continue_with(
@@ -371,7 +370,7 @@ def continue_with(
     landmarks: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> MatchResult:
-    """Refine an alternative of a result and measure it; the former map becomes the first alternative.
+    """Refine an alternative of a result and measure it; the previous map becomes the first alternative.
 
     Parameters
     ----------
@@ -382,13 +381,13 @@ def continue_with(
     source, target, progress
         As for `match`.
     landmarks : (m, 2) array_like of int, optional
-        Landmarks that hold if ``result.config.pin`` is set; otherwise they are not used.
+        Landmarks that must hold if ``result.config.pin`` is set; otherwise they are not used.
 
     Returns
     -------
     MatchResult
-        Quality and outcome are those of the new map. Its settings are those of the result with ``hypotheses="given"``
-        and ``start="auto"``, and a note names what was chosen.
+        The result of the new map, with the settings of ``result`` except ``hypotheses="given"`` and ``start="auto"``. A
+        note names the alternative that was chosen.
 
     Raises
     ------
@@ -405,10 +404,10 @@ def continue_with(
     if not isinstance(result.config, Config):
         raise SettingError(f"the result is of {type(result.config).__name__}; only maps of match are refined")
     chosen = others[number - 1]
-    start: Any = chosen.map  # with the hashes of its surfaces
+    start: Any = chosen.map  # a `Correspondence`, so that its surfaces are checked
     config = replace(result.config, hypotheses="given", start="auto")
-    before = result.map  # and nothing else of the result
-    former = Alternative(lambda: before, nan, nan, FORMER_PREFIX + result.origin)
+    former_map = result.map  # the closure must not keep the whole result
+    former = Alternative(lambda: former_map, nan, nan, FORMER_PREFIX + result.origin)
     result = match(
         source,
         target,
@@ -418,7 +417,7 @@ def continue_with(
         seed=result.seed,
         progress=progress,
     )
-    left = [replace(a, origin=a.origin.removeprefix(FORMER_PREFIX)) for a in others if a is not chosen]
+    remaining = [replace(a, origin=a.origin.removeprefix(FORMER_PREFIX)) for a in others if a is not chosen]
     origin = chosen.origin.removeprefix(FORMER_PREFIX)
     note = f"alternative {number}, from {origin}, was chosen and refined; the map before is alternative 1"
-    return replace(result, alternatives=(former, *left), origin=origin, notes=(note, *result.notes))
+    return replace(result, alternatives=(former, *remaining), origin=origin, notes=(note, *result.notes))

@@ -1,4 +1,4 @@
-"""The refinements that come with isomatch, and the laws that every refinement must keep."""
+"""The refinements of isomatch, and the laws that every refinement must keep."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ from isomatch.surfaces import Mesh
 
 
 class Smooth(Joint):
-    """The joint refinement with more steps of registration, for a map that is smooth and nearly one to one."""
+    """The joint refinement with more steps of registration: its maps are smooth and nearly one to one."""
 
     smooth: ClassVar[bool] = True
 
 
 class Descriptors(Joint):
-    """The paper's plain method: nothing after the alignment of the distance descriptors of the map selected."""
+    """The plain method of the paper: align distance descriptors, and refine no further."""
 
     searches_further: ClassVar[bool] = False
     polishes: ClassVar[bool] = False
 
     def everywhere(self, problem: Problem, fit: Fit, coordinates: Callable[[], Embedding]) -> Embedding:
-        """Align distance descriptors, from the first map that it came from."""
+        """Align distance descriptors, starting from the first map of the fit."""
         if fit.candidate is None:
             return coordinates()
         return descriptor_embedding(problem, SearchRows(fit.candidate.alignment.target_row))
 
 
 class LaplaceIcp(Descriptors):
-    """Post-processing like the paper's: iterative closest points in the Laplace–Beltrami basis."""
+    """Post-processing as in the paper: iterative closest points in the Laplace–Beltrami basis."""
 
     def everywhere(self, problem: Problem, fit: Fit, coordinates: Callable[[], Embedding]) -> Embedding:
         """Post-process the alignment of distance descriptors."""
@@ -57,28 +57,29 @@ class LaplaceIcp(Descriptors):
 
 
 def descriptor_embedding(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Embedding:
-    """Align distance descriptors on the refinement vertices, then twice on all: the paper's plain method."""
-    # Shamai & Kimmel 2017: min over P, C of ‖X_s − P X_t C‖, C orthogonal within blocks of equal sign, by iterative
-    # closest points; target_row is a map of the search vertices
+    """Align distance descriptors by iterative closest points, from a map of the search vertices."""
+    # Shamai & Kimmel 2017: min over P, C of ‖X_s − P X_t C‖, C orthogonal within blocks of equal
+    # sign; first on the refinement vertices, then twice on all vertices
     source, target = pair.source.points, pair.target.points
 
-    def turned(source_vertex: BodyVertices, target_vertex: BodyVertices) -> FloatArray:
+    def align(source_vertex: BodyVertices, target_vertex: BodyVertices) -> FloatArray:
         return target.coordinates @ signed_procrustes(source.at(source_vertex), target.at(target_vertex))
 
-    points = turned(pair.source_vertices, BodyVertices(pair.target_vertices[target_row]))
-    everywhere = BodyVertices(np.arange(len(source.coordinates)))
-    for vertices in (*[pair.refinement_vertices] * SPECTRAL.n_distance_steps, everywhere, everywhere):
+    points = align(pair.source_vertices, BodyVertices(pair.target_vertices[target_row]))
+    all_vertices = BodyVertices(np.arange(len(source.coordinates)))
+    for vertices in (*[pair.refinement_vertices] * SPECTRAL.n_distance_steps, all_vertices, all_vertices):
         images = pair.target.index.vertices(points, source.coordinates[vertices])
-        points = turned(vertices, BodyVertices(images))
+        points = align(vertices, BodyVertices(images))
     return Embedding(source.coordinates, points)
 
 
 def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
     """Post-process a map by iterative closest points in the Laplace–Beltrami basis."""
-    # Shamai & Kimmel 2017, post-processing, where F is orthogonal and has its size from the start; here it is fitted by
-    # least squares, for where shapes stretch it is not orthogonal, and grows as in Melzi et al. 2019. Few functions at
-    # first heal large errors of the start, more keep limbs apart: of those that keep its orientation, that of least
-    # energy grows on.
+    # In the post-processing of Shamai & Kimmel 2017, the functional map F is orthogonal and has its
+    # final size from the start. Here F is fitted by least squares, because it is not orthogonal where
+    # shapes stretch, and grows as in Melzi et al. 2019. Small first sizes repair large errors of the
+    # start, larger ones keep limbs separate. Several are tried up to a middle size; the map of least
+    # energy that keeps the orientation of the start grows on.
     settings, spectra, vertices = pair.config.refining, pair.spectra, pair.refinement_vertices
     weights = pair.source.laplace.weights
     rows = spectra.nearest(start.target, start.source[vertices])
@@ -94,18 +95,18 @@ def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
     def sizes(first: int, last: int) -> tuple[int, ...]:
         return (*range(first + SPECTRAL.size_step, last, SPECTRAL.size_step), last) if last > first else ()
 
-    def grown(first: int) -> tuple[bool, float, FloatArray]:
+    def grow(first: int) -> tuple[bool, float, FloatArray]:
         functional_map = spectra.upsample(spectra.functional_map(rows, first), sizes(first, middle))
         image = BodyVertices(spectra.image(functional_map))
-        return side(image) != kept, energy_of(pair, vertices, image), functional_map
+        return side(image) != start_side, energy_of(pair, vertices, image), functional_map
 
-    kept = side(BodyVertices(rows))
-    trials = parallel_map(grown, sorted({min(first, middle) for first in SPECTRAL.first_sizes}))
+    start_side = side(BodyVertices(rows))
+    trials = parallel_map(grow, sorted({min(first, middle) for first in SPECTRAL.first_sizes}))
     *_, functional_map = min(trials, key=itemgetter(0, 1))
     functional_map = spectra.upsample(functional_map, sizes(middle, most))
     of_source, of_target = spectra.embedding(functional_map)
-    everywhere = spectra.nearest(of_target, of_source)
-    on_target = pair.target.laplace.vectors[everywhere, :most]
+    images = spectra.nearest(of_target, of_source)
+    on_target = pair.target.laplace.vectors[images, :most]
     return spectra.embedding(pair.source.laplace.coefficients(on_target, most))
 
 
@@ -118,37 +119,37 @@ REFINEMENTS: dict[RefinementName, Refinement] = {
 """The refinements that settings can name."""
 
 
+# Numbers of `check_refinement`
 N_VERTICES = 500
-MOST_ERROR = 0.02  # mean, in √area; half an edge of the shape is 0.025
-MOST_CHANGED = 0.01  # share of images, where two points are equally near
-MOVED = 0.1  # in √area: how far images of a rough map may be from the true ones
+MAX_ERROR = 0.02  # √area, mean; half an edge of the shape is 0.025
+MAX_CHANGED_SHARE = 0.01  # share of images that may change, where two points are equally near
+MAX_ROUGH_ERROR = 0.1  # √area: images of a rough map are no farther from the true ones
 
 
 def check_refinement(refinement: Refinement, seed: int = 0) -> None:
-    """Check that a refinement keeps the laws of one, as a dot test checks an adjoint.
+    """Check that a refinement keeps three laws, as a dot test checks an adjoint.
 
-    A bumpy ball is matched to a copy that is turned and whose vertices are drawn in another order:
+    A bumpy ball is matched to a copy that is turned and whose vertices are permuted:
 
-    - repeatable: the same maps are refined to the same ones, to the last bit, when it is called again, and by several
-      threads;
-    - relabelling: when the target's vertices are numbered in another way, so are the images;
-    - truth: the true map stays the true map, where it is refined and everywhere.
+    - repeatable: called again, and by several threads, it gives the same maps to the last bit;
+    - relabelling: if the target's vertices are renumbered, so are the images;
+    - truth: the true map remains the true map, at the refinement vertices and everywhere.
 
     Parameters
     ----------
     refinement : Refinement
-        What would be handed to `match`.
+        A refinement for `match`.
     seed : int
         Seeds the turn, the orders of the vertices and the rough map.
 
     Raises
     ------
     SettingError
-        If a law is broken: which one, by how much, and what to look at.
+        If a law is broken: which one, by how much, and where to look.
 
     Notes
     -----
-    About a second. The laws are necessary, not sufficient: match shapes whose true map is known, too.
+    Takes about a second. The laws are necessary, not sufficient: also match shapes whose true map is known.
 
     Examples
     --------
@@ -176,7 +177,7 @@ def check_refinement(refinement: Refinement, seed: int = 0) -> None:
 
 
 def bumpy_ball(n_vertices: int) -> Mesh:
-    """Make a ball with bumps and without symmetries, of vertices that are spread evenly."""
+    """Make a ball with bumps and without symmetries, with evenly spread vertices."""
     number = np.arange(n_vertices)
     height, angle = 1 - (2 * number + 1) / n_vertices, np.pi * (1 + 5**0.5) * number
     ring = np.sqrt(1 - height**2)
@@ -191,7 +192,7 @@ def bumpy_ball(n_vertices: int) -> Mesh:
 
 
 class _Trial:
-    """A refinement, a shape and a copy of it whose vertices have other numbers."""
+    """A refinement, a shape, and a copy of it with renumbered vertices."""
 
     def __init__(
         self, refinement: Refinement, source: PreparedShape, positions: FloatArray, number: IntArray
@@ -205,12 +206,13 @@ class _Trial:
         self._fit = self.model.begin(candidates)[0]
 
     def draw_rough_map(self, random: np.random.Generator) -> Int[BodyVertices, "r"]:
-        """Draw vertices of the source near those that are mapped, as images of a rough map."""
-        apart = self.model.source.distances.row(self.model.vertices)
-        return BodyVertices(np.array([random.choice(np.flatnonzero(row <= MOVED)) for row in apart]))
+        """Draw random images near the true ones, as vertices of the source."""
+        distances = self.model.source.distances.row(self.model.vertices)
+        near = (np.flatnonzero(row <= MAX_ROUGH_ERROR) for row in distances)
+        return BodyVertices(np.array([random.choice(vertices) for vertices in near]))
 
     def refine(self, images: Sequence[Int[BodyVertices, "r"]]) -> list[Fit]:
-        """Refine maps onto vertices of the source, with their own numbers in the copy."""
+        """Refine maps whose images are given as vertices of the source."""
         fits = [replace(self._fit, image=BodyVertices(self.number[image])) for image in images]
         return self.model.refine(fits)
 
@@ -239,11 +241,11 @@ def _check_relabelling(trial: _Trial, renumbered: _Trial, rough: Int[BodyVertice
     first, second = trial.refine([rough])[0], renumbered.refine([rough])[0]
     other = renumbered.number[np.argsort(trial.number)][first.image]
     changed = float((other != second.image).mean())
-    if changed > MOST_CHANGED:
-        apart = renumbered.target.mean_distance(other, second.image)
+    if changed > MAX_CHANGED_SHARE:
+        distance = renumbered.target.mean_distance(other, second.image)
         how = (
-            f"{changed:.0%} of the images are other points, {apart:.3f} √area apart on average, when the vertices of the "
-            f"target have other numbers (at most {MOST_CHANGED:.0%})"
+            f"{changed:.0%} of the images are other points, {distance:.3f} √area apart on average, when the vertices of "
+            f"the target have other numbers (at most {MAX_CHANGED_SHARE:.0%})"
         )
         look_at = "what uses the number of a vertex, or the order of the vertices"
         raise _law_error(trial, "relabelling", how, look_at)
@@ -258,12 +260,12 @@ def _check_truth(trial: _Trial) -> None:
         (everywhere, trial.number, "everywhere"),
     ):
         error = trial.target.mean_distance(image, truth)
-        if not error <= MOST_ERROR:
+        if not error <= MAX_ERROR:
             how = f"of the true map of a turned copy it makes one with a mean error of {error:.3f} √area"
             look_at = (
                 "whether rows are those of problem.refinement_vertices and images are vertices of the target"
             )
-            raise _law_error(trial, "truth", f"{how} (at most {MOST_ERROR})", f"{where}: {look_at}")
+            raise _law_error(trial, "truth", f"{how} (at most {MAX_ERROR})", f"{where}: {look_at}")
 
 
 def _law_error(trial: _Trial, law: str, how: str, look_at: str) -> SettingError:
@@ -272,7 +274,7 @@ def _law_error(trial: _Trial, law: str, how: str, look_at: str) -> SettingError:
 
 @contextmanager
 def _threads(number: int) -> Iterator[None]:
-    """Let `parallel_map` use so many threads."""
+    """Let `parallel_map` use a given number of threads."""
     name = "ISOMATCH_NUM_THREADS"
     before = os.environ.get(name)
     os.environ[name] = str(number)

@@ -1,4 +1,4 @@
-"""Two bodies with their smooth functions."""
+"""Two bodies with their smooth functions, on which the joint refinement works."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from isomatch.shapes import SmoothShape
 
 @dataclass(frozen=True, eq=False)
 class SmoothPair:
-    """Two bodies with their smooth functions: what the joint refinement needs."""
+    """Two bodies with their smooth functions."""
 
     source: SmoothShape
     target: SmoothShape
@@ -24,20 +24,21 @@ class SmoothPair:
 
     @cached_property
     def refinement_vertices(self) -> Int[BodyVertices, "r"]:
-        """Source vertices on which refinements iterate."""
+        """Source vertices whose images refinements compute."""
         return BodyVertices(self.source.sample_vertices[: self.source.config.n_refine])
 
     @cached_property
     def signatures(self) -> Embedding:
         """Point signatures that both shapes have, and known functions."""
-        of_source, of_target = self.source.signatures, self.target.signatures
-        common = min(of_source.shape[1], of_target.shape[1])
-        sides = zip((of_source, of_target), self.known)
-        return Embedding(*(single(np.hstack([own[:, :common], functions])) for own, functions in sides))
+        both = self.source.signatures, self.target.signatures
+        n_common = min(signatures.shape[1] for signatures in both)
+        return Embedding(
+            *(single(np.hstack([x[:, :n_common], functions])) for x, functions in zip(both, self.known))
+        )
 
     @cached_property
     def known(self) -> Embedding:
-        """The known functions on the bodies, without columns if none is."""
+        """The known functions on the bodies, without columns if there are none."""
         if self.functions is None:
             return Embedding(*(np.zeros((shape.body.n_vertices, 0)) for shape in (self.source, self.target)))
         source, target = self.functions
@@ -45,7 +46,7 @@ class SmoothPair:
 
     @cached_property
     def spectra(self) -> SpectralPair:
-        """The Laplace–Beltrami bases, for maps from the refinement vertices to all vertices of the target."""
+        """The Laplace–Beltrami bases of both shapes, for maps from refinement vertices to target vertices."""
         return SpectralPair(
             self.source.sampled_basis(self.source.config.n_refine),
             self.target.laplace.vectors,
