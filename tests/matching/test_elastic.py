@@ -9,7 +9,7 @@ from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import ground_truth
 from isomatch.matching import Elastic, Fit, prepare_pair
 from isomatch.matching.assessment.evidence import bends_badly
-from isomatch.matching.isometric.isometry import AMBIGUOUS
+from isomatch.matching.isometric.isometry import AMBIGUITY_NOTE
 from isomatch.settings import ElasticSettings
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import relabelled
@@ -58,7 +58,7 @@ def test_a_map_between_species_is_judged_by_how_much_the_shapes_are_bent(found):
     bounds, quality = Config().outcome, found.quality
     sure = quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
     sure &= quality.descriptor_distance <= bounds.poor_far_descriptor_distance
-    sure &= quality.runner_up >= bounds.look_tie and AMBIGUOUS not in found.notes
+    sure &= quality.runner_up >= bounds.look_tie and AMBIGUITY_NOTE not in found.notes
     assert (found.outcome is Outcome.CONVERGED) == sure
     assert quality.runner_up >= 1
     strict = replace(bounds, poor_bending=0.5 * quality.bending_cost)

@@ -34,11 +34,11 @@ MAP_ARRAYS = {
     "faces": Stored("integer", ("n", 3)),
     "barycentric": Stored("float", ("n", 3)),
 }
-HALF_TRUSTED = 0.05  # expected error, in √area, of a confidence of one half
+HALF_CONFIDENCE_ERROR = 0.05  # √area: an expected error with a confidence of ½
 FORMAT = ArrayFormat(
     what="a match result",
     writer="MatchResult.save",
-    version=1,  # raise it when earlier versions of isomatch could not read the files
+    version=1,  # raise it if earlier versions of isomatch cannot read the files
     arrays={
         **MAP_ARRAYS,
         "n_target": Stored("integer"),
@@ -57,45 +57,49 @@ FORMAT = ArrayFormat(
 
 @dataclass(frozen=True)
 class Quality(Shown):
-    """Measures of a map that need no ground truth; the report says what each means and which values are usual.
+    """Measures of a map that need no ground truth; the report explains each, with its usual values.
 
-    Of large meshes, they are those of the level on which they are matched, before polishing. Of shapes of several
-    components, ``coverage`` and ``matched`` count all, and the others are those of the largest. nan is unknown.
+    Large meshes are measured at the resolution at which they are matched. If shapes have several components,
+    ``coverage`` and ``matched`` count all, and the other measures describe the largest. nan is unknown.
 
     Parameters
     ----------
     spectral_residual : float
-        Mean distance from the images in the joint coordinates after the joint refinement (spectrum has unit 1).
+        Mean distance from the images in the joint coordinates after the joint refinement; spectral coordinates have
+        unit 1.
     runner_up : float
-        Score of the best map that differs over that of the map: 1 is a tie, below 1 the other, which was not eligible,
-        fits better; ``inf`` if no other came near. For a part it is the ratio of their costs; for two parts, whose costs
-        are negative, that of the map over that of the other.
+        Score of the best different map over the score of this one: 1 is a tie; below 1 the other fits better, but was
+        not eligible; ``inf`` if no other map is close. For a part, costs are compared; for two parts, whose costs are
+        negative, the ratio is inverted.
     mirrored : float
-        The same ratio for the best map of the other orientation; if that is not allowed, ``inf`` unless below 0.6.
+        The same ratio for the best map of the other orientation; if it is not allowed, ``inf`` unless below 0.6.
     residual : float
         Residual of the distance descriptors after the best rotation, in √(average distance); nan for a part.
     stretch : float
-        Squared lengths of the images of edges over those of the edges, each at most four times: 1 for an isometry.
+        Sum of squared lengths of the images of edges, each counted at most fourfold, over the sum for the edges
+        themselves: 1 for an isometry.
     orientation : float
         Mean cosine between the normals of the smooth target and of its copy drawn on the source, −1 to 1.
     distortion_mean, distortion_p95 : float
-        Of ``|d_source(i, j) − d_target(f(i), f(j))|``, each distance in √area of its surface; nan for a part.
+        Mean and 95th percentile of ``|d_source(i, j) − d_target(f(i), f(j))|``, each distance in √area of its surface;
+        nan for a part.
     coverage : float
         Share of the target's area within 0.05 √area, along edges, of an image (``Config.outcome.coverage_radius``).
     matched : float
         Share of the source's vertices that have an image.
     landmark_error, initial_map_error : float
-        Mean and median distance from the images that landmarks and the initial map ask for, in √area of the target.
+        Mean distance of images of landmarks from their targets, and median distance from the images of the initial map,
+        in √area of the target.
     descriptor_distance : float
         Mean of ``MatchResult.descriptor_distance`` over the area, in standard deviations.
     torn_off : float
         Share of the source's area in the largest piece that the map tears from the rest; nan for a part.
     stress : float
-        For a part, how far distances between images leave the intervals of those on the whole, relative to them.
+        For a part, how far distances between images lie outside the known bounds of distances, relative to these.
     bending_cost : float
         For shapes that are bent, mean ``|log|`` of the stretch of edges × mean distance from the other, in √area.
     doubt : float
-        For a part, cost × ``bending_cost`` over the lead of the map, 1 − cost / cost of the best map that differs.
+        For a part, cost × ``bending_cost`` / lead, where the lead is 1 − cost / cost of the best different map.
     """
 
     spectral_residual: float
@@ -119,9 +123,9 @@ class Quality(Shown):
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """Another map that was considered, with the energy, orientation and origin of its candidate."""
+    """Another map that may be right, with the energy, orientation and origin of its candidate."""
 
-    extend: Callable[[], Correspondence] = field(repr=False)  # makes the map when it is first asked for
+    extend: Callable[[], Correspondence] = field(repr=False)  # computes the map at first use
     energy: float  # lower is better
     orientation: float
     origin: str
@@ -132,7 +136,7 @@ class Alternative:
         return self.extend()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the map itself, and not the shapes it is made from."""
+        """Pickle the map itself, and not the shapes from which it is computed."""
         return Alternative, (partial(_give_map, self.map), self.energy, self.orientation, self.origin)
 
 
@@ -152,7 +156,7 @@ def _restore_fields(summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
-    """Make the settings of `match`, or of a baseline that is loaded; nothing that a file names is imported."""
+    """Make the settings of `match`, or of a baseline that was imported; no module named in a file is imported."""
     kinds = [Settings]
     for kind in kinds:
         kinds.extend(kind.__subclasses__())
@@ -172,7 +176,7 @@ class MatchResult(Shown):
     map : Correspondence
         Source → target.
     outcome : Outcome
-        How it ended.
+        How sure the map is, and what to do.
     quality : Quality
         Measures without ground truth.
     expected_error : (n_source,) array of float
@@ -181,29 +185,29 @@ class MatchResult(Shown):
     alternatives : tuple of Alternative
         Distinct other maps, best first.
     timings : dict of str to float
-        Wall seconds of each stage, in order, and their sum as ``"total"``. Those of a way that was tried are named after
-        it, as ``"component 2: part: search"``. Stages of the shapes, as ``"source: distances"``, run at the same time
-        within ``"prepare"`` and do not count towards the total.
+        Wall seconds of each stage, in order, and their sum as ``"total"``. Stages of a strategy are named after it, as
+        ``"component 2: part: search"``. Stages of the shapes, as ``"source: distances"``, run in parallel within
+        ``"prepare"`` and do not count towards the total.
     notes : tuple of str
         What was repaired, left out or replaced on the way.
     engine : str
         Geodesic engine of the source.
     origin, reason : str
-        Where the winning hypothesis came from, and why it won; a baseline has no reason.
+        Origin of the map, and why it was selected; a baseline has no reason.
     config : Config or the settings of a baseline
     seed : int
     way : str
-        What was claimed of the shapes when the map was found: a row of the table of `isomatch.matching.STRATEGIES`, such
-        as "isometry", "part" or "elastic"; empty of a baseline, and where a relation was handed in.
+        Strategy that found the map, a name in `isomatch.matching.STRATEGIES` such as "isometry", "part" or "elastic";
+        empty for a baseline.
     symmetries : tuple of str
-        Maps of the source, and of the target, onto themselves, in words; empty where none was found.
+        Maps of the source, and of the target, onto themselves, in words; empty if none was found.
     descriptor_distance : (n_source,) array of float, optional
         How differently the surfaces look in space around each vertex and its image, in standard deviations up to 2, see
-        `BallSignature`; nan where unmatched or too near a boundary, None of points, graphs, baselines and bent maps.
+        `BallSignature`; nan where unmatched or too close to a boundary; None for points, graphs, baselines and bent maps.
     regions : tuple of DoubtfulRegion
-        Where on the source the map may be wrong, and why, the largest first; none of parts and baselines.
+        Where on the source the map may be wrong, and why, the largest first; none for parts and baselines.
     evidence : tuple of str
-        What speaks against a map that is right and complete, and decides the outcome, the least sure first:
+        What speaks against the map being right and complete, and decides the outcome, the least sure first:
         "contradicted", "mirrored", "poor", "ambiguous", "partial", see `Evidence`; empty if the map has converged.
     target_size : float
         √area of the target, in its units; nan if it is not known.
@@ -229,7 +233,7 @@ class MatchResult(Shown):
     target_size: float = math.nan
 
     def __str__(self) -> str:
-        """Say what came out, how sure it is and what to do, see `isomatch.visualization.summary_of`."""
+        """Say what was found, how sure it is and what to do, see `isomatch.visualization.summary_of`."""
         return str(visualization().summary_of(self))
 
     def __repr__(self) -> str:
@@ -237,16 +241,16 @@ class MatchResult(Shown):
 
     @property
     def confidence(self) -> FloatArray:
-        """(n_source,) trust in each image: 1 for no expected error, ½ for one of 0.05 √area; nan where unmatched."""
-        return 1 / (1 + self.expected_error / HALF_TRUSTED)
+        """(n_source,) confidence in each image: 1 for no expected error, ½ for 0.05 √area; nan where unmatched."""
+        return 1 / (1 + self.expected_error / HALF_CONFIDENCE_ERROR)
 
     @property
     def overlap(self) -> tuple[float, float]:
-        """Shares of both shapes that the map says they have in common: ``quality.matched`` and ``quality.coverage``."""
+        """Shares of source and target that correspond: ``quality.matched`` and ``quality.coverage``."""
         return self.quality.matched, self.quality.coverage
 
     def plot(self, source: SurfaceLike = None, target: SurfaceLike = None, **options: Any) -> Figure:
-        """Draw both surfaces side by side, in the same colour what corresponds: `Correspondence.plot` of the map."""
+        """Draw both surfaces side by side, with the same colour at corresponding points, see `Correspondence.plot`."""
         return self.map.plot(source, target, **options)
 
     def show(
@@ -257,12 +261,12 @@ class MatchResult(Shown):
         landmarks: ArrayLike | None = None,
         height: int = 720,
     ) -> Any:
-        """Show the view of the report in a notebook: both shapes in 3D, layers of colour, landmarks to be clicked.
+        """Show both shapes in 3D in a notebook, with layers of colour and landmarks to click, as in the report.
 
         Parameters
         ----------
         source, target : Mesh, PointCloud, or what `surface_from` takes, optional
-            By default those that were matched, as long as a variable holds them; `MapError` if they are others.
+            By default the surfaces that were matched, if they still exist; `MapError` for other surfaces.
         landmarks : (q, 2) array_like of int, optional
             Pairs (source vertex, target vertex) with which the list of landmarks begins.
         height : int
@@ -271,7 +275,7 @@ class MatchResult(Shown):
         Returns
         -------
         ResultView
-            With the extra ``notebook``, its ``landmarks`` are those clicked so far, which `match` takes.
+            With the extra ``notebook``, its ``landmarks`` are the pairs clicked so far, which `match` takes.
         """
         surfaces = self.map.surfaces(source, target)
         return visualization().show_result(self, *surfaces, landmarks=landmarks, height=height)
@@ -281,7 +285,7 @@ class MatchResult(Shown):
         return wrap(self.map, source, target).mesh
 
     def to_pyvista(self, source: SurfaceLike = None, target: SurfaceLike = None) -> Any:
-        """Make a ``pyvista.PolyData`` of the source, a mesh, with its images and expected errors as point data."""
+        """Make a ``pyvista.PolyData`` of the source mesh, with images and expected errors as point data."""
         values = {"image": self.map.vertices, "expected error": self.expected_error}
         mesh = mesh_from(self.map.surfaces(source, target)[0])
         return to_pyvista(
@@ -289,12 +293,12 @@ class MatchResult(Shown):
         )
 
     def save(self, path: str | Path) -> None:
-        """Write all, with the maps of the alternatives, to an ``.npz`` file; `Correspondence.load` reads its map."""
+        """Write the result, with its alternatives, to an ``.npz`` file; `Correspondence.load` reads its map."""
         stacked = {}
         for name in MAP_ARRAYS:
-            own = getattr(self.map, name)
+            array = getattr(self.map, name)
             others = [getattr(other.map, name) for other in self.alternatives]
-            stacked[f"alternative_{name}"] = np.array(others, dtype=own.dtype).reshape(-1, *own.shape)
+            stacked[f"alternative_{name}"] = np.array(others, dtype=array.dtype).reshape(-1, *array.shape)
         about = {
             **{name: getattr(self, name) for name in _PLAIN},
             "outcome": self.outcome.name,
@@ -358,7 +362,7 @@ class MatchResult(Shown):
 
     @classmethod
     def from_dict(cls, summary: dict[str, Any], found: Correspondence, config: MatchSettings) -> MatchResult:
-        """Restore what `to_dict` told of a map, without alternatives and the expected errors of the vertices."""
+        """Restore a result from ``to_dict``, without alternatives and the expected errors of vertices."""
         quality = {name: math.nan if value is None else value for name, value in summary["quality"].items()}
         return cls(
             map=found,
@@ -376,11 +380,11 @@ class MatchResult(Shown):
         errors = self.expected_error[np.isfinite(self.expected_error)]
         if not len(errors):
             return {"mean": None, "p95": None, "below_half": None}
-        p95, below_half = float(np.quantile(errors, 0.95)), float((errors > HALF_TRUSTED).mean())
+        p95, below_half = float(np.quantile(errors, 0.95)), float((errors > HALF_CONFIDENCE_ERROR).mean())
         return {"mean": float(errors.mean()), "p95": p95, "below_half": below_half}
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything but the maps, as plain values for JSON; nan and inf become None."""
+        """Return everything except the maps as plain values for JSON; nan and inf become None."""
 
         def finite(value: float) -> float | None:
             return value if math.isfinite(value) else None
@@ -413,7 +417,7 @@ class MatchResult(Shown):
 
 
 class Outcome(Shown, Enum):
-    """How a match ended; ``advice`` says what it means and what to do. Where several hold, the first one is given."""
+    """How a match ended; ``advice`` says what it means and what to do. If several apply, it is the first of them."""
 
     PRIORS_CONTRADICTED = "priors contradicted"
     MIRROR_IMAGE = "mirror image"

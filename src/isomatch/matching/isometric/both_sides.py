@@ -1,4 +1,4 @@
-"""Both sides: where no isometry is sure, maps are searched from the target, too, and regions exchanged between maps."""
+"""Both sides: if no isometry is sure, search also from the target, and exchange regions between maps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from isomatch.matching.verify import invert_map, relative_cost, verifier_of
 
 @dataclass(frozen=True, eq=False)
 class VerifiedFit:
-    """A refined map, its images of all vertices, and its cost by `verify`."""
+    """A refined map, the images of all vertices, and its cost by `verify`."""
 
     fit: Fit
     image: Int[BodyVertices, "n_s"]
@@ -31,17 +31,17 @@ class VerifiedFit:
 
 
 class BothSides(Isometry):
-    """An isometry that is not sure, with maps that were found from the target, and with regions of other maps.
+    """An isometry that is not sure, improved by maps found from the target and by regions of other maps.
 
     Parameters
     ----------
     found : Match
-        What was found under an `Isometry`.
+        The match under an `Isometry`.
 
     Notes
     -----
-    The maps that tie, and those of a search from the target, are verified. The best takes regions from the others while
-    its cost falls. The map is as sure as its lead over the others by this cost.
+    The maps that tie, and the maps of a search from the target, are verified. The best takes regions from the others
+    while its cost falls. Its lead in this cost over other maps decides how sure it is.
     """
 
     def __init__(self, found: IsometricMatch) -> None:
@@ -49,13 +49,13 @@ class BothSides(Isometry):
         self.found = found
 
     def propose(self, timer: StageTimer) -> Proposals[Fit]:
-        """Give what was found before; nothing is left to refine."""
+        """Return the proposals of the match before; nothing is left to refine."""
         return replace(self.found.proposals, contenders=(), rivals=())
 
     def rank(
         self, maps: list[Fit], rivals: list[Fit], proposals: Proposals[Fit], timer: StageTimer
     ) -> Ranking[Fit]:
-        """Take the map that verifies best, of those that tie, those found from the target, and an exchange of regions."""
+        """Select the best verified map among ties, maps found from the target, and an exchange of regions."""
         ranking = self.found.ranking
         first = ranking.best
         tied = [*self.find_tied(ranking), *self._search_from_target(first.side)]
@@ -65,7 +65,7 @@ class BothSides(Isometry):
         if exchanged:
             verified.append(exchanged)
             best = min(best, exchanged, key=attrgetter("cost"))
-        fits = dict.fromkeys([first, *ranking.others, *(each.fit for each in verified)])
+        fits = dict.fromkeys([first, *ranking.others, *(other.fit for other in verified)])
         others = tuple(fit for fit in fits if fit is not best.fit)
         ratio, against = self._compare(ranking, best, verified)
         return replace(ranking, best=best.fit, others=others, runner_up=ratio, against=against)
@@ -75,41 +75,41 @@ class BothSides(Isometry):
         return self.found.coordinates if best is self.found.ranking.best else super().coordinates(best)
 
     def _search_from_target(self, side: float) -> list[Fit]:
-        """Search from the target to the source; the maps that tie there, inverted and refined locally."""
-        turned = Isometry(self.pair.turned)
-        maps = turned.refine(turned.propose(StageTimer()).contenders)
-        tied = turned.find_tied(turned.select_fit(maps, [True] * len(maps)))
+        """Search maps from the target to the source, invert those that tie, and refine them locally."""
+        model = Isometry(self.pair.turned)
+        maps = model.refine(model.propose(StageTimer()).contenders)
+        tied = model.find_tied(model.select_fit(maps, [True] * len(maps)))
         found = []
         for fit in tied[: EXCHANGE.max_maps_from_target]:
             known = BodyVertices(np.full(self.target.body.n_vertices, UNMATCHED))
-            known[turned.vertices] = fit.image
+            known[model.vertices] = fit.image
             image, _ = invert_map(self.source, known)
             found.append(self._refine_locally(replace(fit, candidate=None), image))
         return [fit for fit in found if fit.side == side]
 
     def _exchange(self, best: VerifiedFit, verified: Sequence[VerifiedFit]) -> VerifiedFit | None:
         """Exchange regions of the best map with the others."""
-        others = [each.image for each in verified if each is not best]
+        others = [other.image for other in verified if other is not best]
         image = exchange_regions(self.pair, best.image, best.cost, others)
         return None if image is None else self._verify(self._refine_locally(best.fit, image))
 
     def _compare(
         self, ranking: Ranking[Fit], best: VerifiedFit, verified: Sequence[VerifiedFit]
     ) -> tuple[float, Fit | None]:
-        """Compare the best with another map: by scores, or where it was found otherwise by what both cost."""
+        """Compare the best with another map: by scores, and by costs if these tie more closely."""
         first, ratio, against = ranking.best, ranking.runner_up, ranking.against
         if best.fit is not first:
             against = first if against in (None, best.fit) else against
             if is_another(self, best.fit, first):
                 ratio = np.inf
-        for each in verified:
-            over = relative_cost(each.cost, best.cost)
-            if over < ratio and is_another(self, each.fit, best.fit):
-                ratio, against = over, each.fit
+        for other in verified:
+            cost_ratio = relative_cost(other.cost, best.cost)
+            if cost_ratio < ratio and is_another(self, other.fit, best.fit):
+                ratio, against = cost_ratio, other.fit
         return ratio, against
 
     def _refine_locally(self, fit: Fit, image: BodyVertices) -> Fit:
-        """Refine a map of all vertices by the last step alone, which keeps it where it is."""
+        """Refine a map of all vertices by the last step alone, which changes only details."""
         moved = replace(fit, image=BodyVertices(image[self.vertices]))
         if self.refinement.polishes:
             moved = self.step(moved, *self.pair.config.refining.last_step)

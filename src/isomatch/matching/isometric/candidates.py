@@ -1,4 +1,4 @@
-"""Candidates: hypotheses with energy, orientation and agreement with priors."""
+"""Candidates: hypotheses with their energy, orientation and agreement with priors."""
 
 from __future__ import annotations
 
@@ -24,20 +24,19 @@ from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
 
 
 class Screening:
-    """Makes candidates of hypotheses; those of equal maps share the evidence, which is computed once."""
+    """Makes candidates of hypotheses; the measures of equal maps are computed once."""
 
     def __init__(self, pair: Problem) -> None:
         self._pair, priors = pair, pair.priors
-        self._landmarks = priors.landmarks
-        self._with_priors_rows: list[SearchRows] = []
+        self._known_maps: list[SearchRows] = []
         if len(priors.initial_pairs):
-            self._with_priors_rows = [start_from_pairs(pair, priors.initial_pairs)]
+            self._known_maps = [start_from_pairs(pair, priors.initial_pairs)]
         elif pair.config.start == "pose" and not len(priors.landmarks):
-            self._with_priors_rows = starts_from_pose(pair)
+            self._known_maps = starts_from_pose(pair)
         self._screened: dict[bytes, Candidate] = {}
 
     def __call__(self, hypotheses: list[Candidate]) -> list[Candidate]:
-        """Return the candidate that each hypothesis makes; the order is kept."""
+        """Make a candidate of each hypothesis, in order."""
         keys = [hypothesis.alignment.target_row.tobytes() for hypothesis in hypotheses]
         new = {key: h for key, h in zip(keys, hypotheses) if key not in self._screened}
         self._screened |= zip(new, parallel_map(self._candidate, new.values()))
@@ -60,13 +59,13 @@ class Screening:
         return Candidate(hypothesis.alignment, hypothesis.origin, *measures)
 
     def _errors(self, target_row: Int[SearchRows, "m_s"]) -> tuple[float, float]:
-        """Mean error at the landmarks, and ``prior_error``."""
-        pair, landmarks = self._pair, self._landmarks
-        mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._with_priors_rows), default=0.0)
+        """Return ``landmark_error`` and ``prior_error`` of a map, see `Candidate`."""
+        pair, landmarks = self._pair, self._pair.priors.landmarks
+        mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._known_maps), default=0.0)
         if len(landmarks):
-            marks = BodyVertices(landmarks[:, 0])
-            apart = pair.target.distance(extend_map(pair, target_row, marks), landmarks[:, 1])
-            mean, worst = float(apart.mean()), max(worst, apart.max())
+            image = extend_map(pair, target_row, BodyVertices(landmarks[:, 0]))
+            errors = pair.target.distance(image, landmarks[:, 1])
+            mean, worst = float(errors.mean()), max(worst, errors.max())
         return mean, float(worst)
 
 
@@ -77,20 +76,19 @@ def energy_of(
     rank: int | None = None,
 ) -> float:
     """Energy of a map of body vertices: descriptor residual × curvature difference²."""
-    # E = R · M²: the residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors sees all but near-symmetries, of
-    # which distances are the same (Shamai & Kimmel 2017, eq. of the alignment); these are seen by
+    # E = R · M². The residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors (Shamai & Kimmel
+    # 2017) finds every error except near-symmetries, which keep distances. These are found by
     #   M = mean |H_t(f(i)) − H_s(i)| + mean ‖known_t(f(i)) − known_s(i)‖₁ / weight,
-    # H the standardised signed mean curvature: a mirror image or a twist puts hollows on bumps. M = 1 without curvature.
+    # H the standardised signed mean curvature, because a mirror image or a twist puts hollows on
+    # bumps. Without curvature, the first term is 1. The weight is the one of the joint refinement.
     source, target = pair.source, pair.target
     residual = residual_of(pair, source_vertex, target_vertex, rank)
-    curvature_difference = 1.0
+    difference = 1.0
     if pair.oriented:
-        apart = target.curvature[target_vertex] - source.curvature[source_vertex]
-        curvature_difference = np.abs(apart).mean()
-    apart = pair.known.target[target_vertex] - pair.known.source[source_vertex]
-    # as much, against curvature, as in the refinement
-    curvature_difference += np.abs(apart).sum(axis=1).mean() / CURVATURE_WEIGHT
-    return float(residual * curvature_difference**pair.config.selection.curvature_exponent)
+        difference = np.abs(target.curvature[target_vertex] - source.curvature[source_vertex]).mean()
+    known = pair.known.target[target_vertex] - pair.known.source[source_vertex]
+    difference += np.abs(known).sum(axis=1).mean() / CURVATURE_WEIGHT
+    return float(residual * difference**pair.config.selection.curvature_exponent)
 
 
 def residual_of(
@@ -99,7 +97,7 @@ def residual_of(
     target_vertex: Int[BodyVertices, "q"],
     rank: int | None = None,
 ) -> float:
-    """Descriptor residual of a map of body vertices: how well it keeps distances."""
+    """Descriptor residual of a map of body vertices; small if the map keeps distances."""
     points = pair.source.points.at(source_vertex, rank), pair.target.points.at(target_vertex, rank)
     return alignment_residual(*points, signed_procrustes(*points))
 
@@ -107,8 +105,8 @@ def residual_of(
 def extend_map(
     pair: Problem, target_row: Int[SearchRows, "m_s"], source_vertex: Int[BodyVertices, "q"]
 ) -> Int[BodyVertices, "q"]:
-    """Extend a map of the search vertices, through some functions, to source vertices: target vertices."""
-    # F = Φ_s⁺ Φ_t(f) (k, k) from the search vertices; the image of i is the nearest row of Φ_t Fᵀ to Φ_s(i)
+    """Extend a map of the search vertices to given source vertices, through a few functions."""
+    # F = Φ_s⁺ Φ_t(f) (k, k) on the search vertices; the image of i is the row of Φ_t Fᵀ nearest to Φ_s(i)
     k = min(pair.config.selection.extension_functions, pair.n_functions)
     functional_map = pair.search_spectra.functional_map(target_row, k)
     of_source, of_target = spectral_embedding(
@@ -120,16 +118,16 @@ def extend_map(
 def first_map(
     pair: Problem, source_vertex: Int[IntArray, "q"], orientation: Orientation
 ) -> tuple[Int[BodyVertices, "q"], str]:
-    """Map source vertices by the best hypothesis, from priors if there are any: target vertices, its origin."""
+    """Map source vertices by the best hypothesis, and return its origin; only priors count if there are any."""
     hypotheses = hypotheses_from_priors(pair) if pair.priors.any else search(pair, [])
-    candidates, led = Screening(pair)(hypotheses), bool(len(pair.priors.landmarks))
-    order = rank_candidates(candidates, orientation, pair.config.selection, led)
+    candidates, with_landmarks = Screening(pair)(hypotheses), bool(len(pair.priors.landmarks))
+    order = rank_candidates(candidates, orientation, pair.config.selection, with_landmarks)
     image = extend_map(pair, order[0].target_row, BodyVertices(source_vertex))
     return image, order[0].origin
 
 
 def is_sure(model: RefiningModel[Fit, Embedding], ranking: Ranking[Fit]) -> bool:
-    """Whether no other map ties with the winner and it is far from poor by every measure, so that no other would win."""
+    """Whether no map ties with the winner, and every measure of the winner is far from poor."""
     winner, bounds = ranking.best, model.pair.config.outcome
     areas = model.source.body.vertex_areas[model.vertices]
     return (
@@ -143,6 +141,6 @@ def is_sure(model: RefiningModel[Fit, Embedding], ranking: Ranking[Fit]) -> bool
 
 
 def is_another(model: MatchingModel[Any, Any], fit: Fit, other: Fit) -> bool:
-    """Whether a map is another one, and no variant."""
-    apart = model.target.mean_distance(fit.image, other.image)
-    return apart > model.pair.config.selection.runner_up_distance
+    """Whether two maps differ by more than variants of one map."""
+    distance = model.target.mean_distance(fit.image, other.image)
+    return distance > model.pair.config.selection.runner_up_distance

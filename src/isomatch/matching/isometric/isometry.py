@@ -56,7 +56,7 @@ from isomatch.matching.selection import (
 )
 from isomatch.matching.smooth_pair import SmoothPair
 
-AMBIGUOUS = (
+AMBIGUITY_NOTE = (
     "a shape has a symmetry about as near to exact as the shapes are alike, and the map composed with it fits about as "
     "well: look at the first of the alternatives, and give three to five landmarks if it is right"
 )
@@ -66,7 +66,7 @@ IsometricMatch: TypeAlias = Match[Fit, Embedding]
 
 
 def image_of(match: IsometricMatch, side: str) -> BodyVertices:
-    """Vertex of the other shape for each of one, the source or the target; of variants, between their originals."""
+    """Vertex of the other shape for each vertex of one ``side``; for variants, between their originals."""
     sides = zip((match.model.source, match.model.target), match.coordinates)
     (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
     n = (part.original or part).body.n_vertices
@@ -74,23 +74,23 @@ def image_of(match: IsometricMatch, side: str) -> BodyVertices:
     return BodyVertices(image if whole.original is None else whole.original_vertex[image])
 
 
-def find_torn_vertices(match: IsometricMatch, side: int, apart: float) -> Bool[BoolArray, "n_original"]:
-    """Which vertices of a body that was cut have copies whose images are so far apart, in √area."""
-    way = 1 if side == 0 else -1
-    here, there = (match.model.source, match.model.target)[::way]
-    at, to = match.coordinates[::way]
-    image = there.index.vertices(to, at)
-    torn = np.zeros(len(here.original_vertex), dtype=bool)
-    copies = np.flatnonzero(here.to_original == 0)
-    far = there.distance(image[copies], image[here.original_vertex[copies]]) > apart
-    torn[here.original_vertex[copies[far]]] = True  # a vertex may have several copies
+def find_torn_vertices(match: IsometricMatch, side: int, distance: float) -> Bool[BoolArray, "n_original"]:
+    """Find vertices of a body that was cut whose copies have images farther apart than a distance, in √area."""
+    order = 1 if side == 0 else -1
+    shape, other = (match.model.source, match.model.target)[::order]
+    of_shape, of_other = match.coordinates[::order]
+    image = other.index.vertices(of_other, of_shape)
+    torn = np.zeros(len(shape.original_vertex), dtype=bool)
+    copies = np.flatnonzero(shape.to_original == 0)
+    is_far = other.distance(image[copies], image[shape.original_vertex[copies]]) > distance
+    torn[shape.original_vertex[copies[is_far]]] = True  # a vertex may have several copies
     return torn
 
 
 class Isometry(RefiningModel[Fit, Embedding]):
     """Both shapes are complete, and distances along them agree.
 
-    Maps are searched on few vertices, as hypotheses and candidates; the best are refined jointly and contend.
+    Maps are searched on few vertices, as hypotheses and candidates; the best are refined jointly, and one is selected.
 
     Examples
     --------
@@ -109,7 +109,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         self._found = hypotheses
 
     def propose(self, timer: StageTimer) -> Proposals[Fit]:
-        """Search hypotheses, screen them, and begin the contenders."""
+        """Search hypotheses, screen them, and prepare the contenders for refinement."""
         both, config = (self.source, self.target), self.pair.config
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         timer.start("search")
@@ -125,19 +125,19 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def rank(
         self, maps: list[Fit], rivals: list[Fit], proposals: Proposals[Fit], timer: StageTimer
     ) -> Ranking[Fit]:
-        """Select by score and descriptors; those that tie by what they cost on the shapes as they are."""
+        """Select a map by score and descriptors; among maps that tie, by the cost of `verify`."""
         may_win = [True] * len(maps) + [False] * len(rivals)
         ranking = self.select_fit([*maps, *rivals], may_win, proposals.n_tried)
         if self._found is None and self.problem.starts is None:
-            ranking = self._with_those_given_up(ranking, proposals.eligible)
-        return self._against_mirror_image(self._best_verified(ranking), proposals.eligible)
+            ranking = self._reconsider_dropped(ranking, proposals.eligible)
+        return self._compare_with_mirror_image(self._verify_tied(ranking), proposals.eligible)
 
     def coordinates(self, best: Fit) -> Embedding:
         """Coordinates of all vertices in which images are nearest points."""
         return self.everywhere(best)
 
     def hypotheses(self) -> tuple[list[Candidate], list[Candidate]]:
-        """Hypotheses that may win, and those that are searched as runners-up only."""
+        """Hypotheses that may win, and hypotheses that are searched only as runners-up."""
         pair, config, starts = self.pair, self.pair.config, self.problem.starts
         from_priors = hypotheses_from_priors(pair)
         if config.hypotheses == "all":
@@ -146,14 +146,14 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     @property
     def searches_runners_up(self) -> bool:
-        """Whether automatic hypotheses are searched as runners-up of those given."""
-        asked = self.pair.config.search_runners_up
-        return self.refinement.searches_further if asked is None else asked
+        """Whether automatic hypotheses are searched as runners-up of given ones."""
+        wanted = self.pair.config.search_runners_up
+        return self.refinement.searches_further if wanted is None else wanted
 
     def candidates(
         self, may_win: Sequence[Candidate], only_runners_up: Sequence[Candidate] = ()
     ) -> tuple[list[Candidate], list[Candidate]]:
-        """Screen hypotheses, and the symmetric variants of the best: what may win, and runners-up, best first."""
+        """Screen hypotheses and symmetric variants of the best; return what may win, and runners-up, best first."""
         if not may_win:
             raise SettingError(
                 "the starts gave no first map, and there are no priors; add *default_starts to them"
@@ -183,33 +183,33 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def refine_jointly(self, fits: Sequence[Fit]) -> list[Fit]:
         """Upsample spectrally, joint with signatures, positions and normals, see `joint_coordinates`.
 
-        After each of three stages, of which the first is without positions and normals, those are given up that arrived
-        at the same map as another, or fit much worse; see ``select_survivors``. The best are refined once more, from few
-        functions, and the better map stays. O(n_refine √n (K + q)) a step.
+        There are three rounds, the first without positions and normals. After each, a map is dropped if it coincides
+        with a better one or fits much worse, see ``select_survivors``. The best are then refined again from few
+        functions, and the better of both maps is kept. O(n_refine √n (K + q)) a step.
         """
         pair, settings = self.pair, self.pair.config.refining
         refined, both_sides = list(fits), pair.config.orientation == "any"
         for sizes, with_positions in settings.rounds if fits else ():
             refined = parallel_map(lambda fit: self.step(fit, sizes, with_positions), refined)  # noqa: B023
-            apart = self._map_distances(refined)
-            kept = select_survivors(refined, apart, pair.config.selection, with_positions, both_sides)
+            distances = self._map_distances(refined)
+            kept = select_survivors(refined, distances, pair.config.selection, with_positions, both_sides)
             refined = [refined[i].with_candidate_of(refined[j]) for i, j in kept]
         return self._refine_ties_again([replace(fit, score=self.cost(fit)) for fit in refined])
 
     def _refine_ties_again(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Refine those that tie with the best once more, from few functions; of each two maps the better stays."""
-        # through few functions a limb that is turned in its place comes loose
+        """Refine maps that tie with the best again, from few functions; keep the better of both maps."""
+        # a limb that is twisted in its place can turn back when few functions are used
         settings = self.pair.config.refining
         last, with_positions = settings.last_step
         limit = self.pair.config.outcome.tie * min((fit.score for fit in fits), default=0.0)
 
-        def better(fit: Fit) -> Fit:
+        def improve(fit: Fit) -> Fit:
             if not settings.sizes_again or fit.score > limit:
                 return fit
             again = self.step(fit, (*settings.sizes_again, *last), with_positions)
             return min(fit, replace(again, score=self.cost(again)), key=attrgetter("score"))
 
-        return parallel_map(better, fits)
+        return parallel_map(improve, fits)
 
     def step(self, fit: Fit, sizes: tuple[int, ...], with_positions: bool) -> Fit:
         """Refine a map by a few steps."""
@@ -217,7 +217,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return replace(fit, image=image, spectral_residual=spectral_residual)
 
     def measure_fit(self, fit: Fit, image: Int[BodyVertices, "r"]) -> Fit:
-        """Measure a map: the spectral residual is that after the last step of the joint refinement, from there."""
+        """Measure a map; its spectral residual is measured after one more last step of the joint refinement."""
         step = self.pair.config.refining.last_step
         _, spectral_residual = refine_images(self.pair, image, fit.side, *step)
         fit = replace(fit, image=image, spectral_residual=spectral_residual)
@@ -226,7 +226,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def cost(self, fit: Fit) -> float:
         """Return the cost of a refined map: spectral residual × a power of its energy.
 
-        The spectral residual sees detail, after a fit that may have smoothed over what distances and curvature still see.
+        The spectral residual measures detail after a smooth fit; the energy measures distances and curvature.
         """
         energy = energy_of(self.pair, self.vertices, fit.image)
         return float(fit.spectral_residual * energy**self.pair.config.selection.energy_exponent)
@@ -236,33 +236,33 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return register_map(self.pair, fit.image, fit.side, self.refinement.smooth)
 
     def select_fit(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Ranking[Fit]:
-        """Select among refined maps, also by what they look like where they differ."""
+        """Select among refined maps by score, weighed by descriptor distances where maps differ."""
         return select(
             fits,
             self._map_distances(fits),
             Rules.of(self.pair.config.selection, self.pair.config.outcome),
             scores=self.weigh(fits, [fit.score for fit in fits], may_win),
             eligible=may_win,
-            far_shares=self._shares_elsewhere(fits),
+            far_shares=self._far_shares(fits),
             n_tried=n_tried,
         )
 
-    def _with_those_given_up(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
-        """Refine to the end what was given up on the way to a winner that is not sure, if it differs as a whole."""
-        # a half turn of an ant is given up at 1.15 times the spectral residual, and ties by the score
+    def _reconsider_dropped(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
+        """If the winner is not sure, refine the candidates that were dropped, and add those that differ."""
+        # a half turn of an ant is dropped at 1.15 times the spectral residual, but ties by its score
         first, config = ranking.best, self.pair.config
         if not self.pair.is_sided or first.candidate is None or is_sure(self, ranking):
             return ranking
-        known = [first, *ranking.others]
-        ended = [fit.candidate.target_row for fit in known if fit.candidate]
+        fits = [first, *ranking.others]
+        refined = [fit.candidate.target_row for fit in fits if fit.candidate]
         others = select_contenders(candidates, config.orientation, config.selection)
-        fits = self.refine(self.begin(keep_distinct_maps(self.pair, others, before=ended)))
-        known += [fit for fit in fits if is_another(self, fit, first)]
-        return self.select_fit(known, [True] * len(known))
+        more = self.refine(self.begin(keep_distinct_maps(self.pair, others, before=refined)))
+        fits += [fit for fit in more if is_another(self, fit, first)]
+        return self.select_fit(fits, [True] * len(fits))
 
-    def _best_verified(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
-        """Of maps that tie take the one that verifies best."""
-        # Not for capped shapes, whose distances cross the caps; decisions.md, both sides.
+    def _verify_tied(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
+        """Select the best verified map among ties."""
+        # capped shapes are not verified: their distances cross the caps; docs/lab/design_notes.md, both sides
         first = ranking.best
         capped = any(shape.original for shape in (self.source, self.target))
         tied = [first] if capped or not self.pair.is_sided else self.find_tied(ranking)
@@ -276,48 +276,45 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return ranking
 
     def find_tied(self, ranking: Ranking[Fit]) -> list[Fit]:
-        """Return maps of the winner's orientation that tie with it; their scores do not tell which is right."""
+        """Return the winner and the maps of its orientation whose scores tie with it."""
         first, tie = ranking.best, self.pair.config.outcome.tie
-        if self.source.handles or self.target.handles:  # which shorten distances
+        if self.source.handles or self.target.handles:  # handles shorten distances
             return [first]
         fits = (first, *ranking.others)
         tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
-        return nearest_to_priors(
-            tied, TIES.landmark_slack
-        )  # where shapes lie in space, if that was said to count
+        # with start = "pose", the prior error is the distance in space
+        return nearest_to_priors(tied, TIES.landmark_slack)
 
     def image(self, best: Fit) -> Int[BodyVertices, "n_s"]:
-        """Vertex of the target's body for each of the source's."""
-        if not self.refinement.in_rounds:
-            embedding = self.everywhere(best)
-        else:  # without the registration, which takes two thirds of the time of a verification
-            everywhere = np.arange(self.source.body.n_vertices)
-            points = PrecisePoints.at_vertices(best.image)
-            embedding = joint_coordinates(self.pair, points, self.pair.n_functions, best.side, everywhere)
+        """Vertex of the target's body for each vertex of the source's."""
+        all_vertices = np.arange(self.source.body.n_vertices)
+        points = PrecisePoints.at_vertices(best.image)
+        embedding = joint_coordinates(self.pair, points, self.pair.n_functions, best.side, all_vertices)
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source))
 
-    def _against_mirror_image(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
-        """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
+    def _compare_with_mirror_image(
+        self, ranking: Ranking[Fit], candidates: Sequence[Candidate]
+    ) -> Ranking[Fit]:
+        """Compare the winner with the best map of the other orientation, if that seems to fit better."""
         if not self.pair.is_sided:
             return ranking
         config = self.pair.config
         settings, bounds, wanted = config.selection, config.outcome, self._wanted_sign
-        kept = min((c.energy for c in candidates if wanted * c.orientation > 0), default=np.inf)
-        hopeful = [
-            c for c in self.mirrored_candidates(candidates) if c.energy < settings.mirrored_energy * kept
-        ]
-        if not hopeful:
+        least = min((c.energy for c in candidates if wanted * c.orientation > 0), default=np.inf)
+        limit = settings.mirrored_energy * least
+        mirrored = [c for c in self.mirrored_candidates(candidates) if c.energy < limit]
+        if not mirrored:
             return ranking
-        fits = [ranking.best, *self.refine(self.begin(hopeful[: SCREENING.max_mirrored]))]
+        fits = [ranking.best, *self.refine(self.begin(mirrored[: SCREENING.max_mirrored]))]
         costs = self.weigh(fits, [fit.score for fit in fits], [fit is ranking.best for fit in fits])
         ratio = max(min(costs[1:]), TIES.score_noise) / max(costs[0], TIES.score_noise)
         return replace(ranking, mirrored=ratio) if ratio < bounds.mirror_image else ranking
 
     def mirrored_candidates(self, candidates: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates that clearly have the orientation that is not allowed, least energy first."""
-        least = self.pair.config.selection.orientation_threshold
-        turned = [c for c in candidates if self._wanted_sign * c.orientation < -least]
-        return sorted(turned, key=attrgetter("energy"))
+        """Return the candidates that clearly have the other orientation, least energy first."""
+        threshold = self.pair.config.selection.orientation_threshold
+        mirrored = [c for c in candidates if self._wanted_sign * c.orientation < -threshold]
+        return sorted(mirrored, key=attrgetter("energy"))
 
     @property
     def _wanted_sign(self) -> int:
@@ -326,7 +323,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _map_distances(self, fits: list[Fit]) -> FloatArray:
         return distances_between([fit.image for fit in fits], self.target.mean_distances)
 
-    def _shares_elsewhere(self, fits: list[Fit]) -> Float[FloatArray, "q q"]:
+    def _far_shares(self, fits: list[Fit]) -> Float[FloatArray, "q q"]:
         """Share of vertices that each two refined maps send to places far apart."""
         far, distance = MAP_DISTANCE.other_limb, self.target.distance
         shares = np.zeros((len(fits),) * 2)
@@ -336,14 +333,14 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return shares
 
     def _rank_candidates(self, candidates: Sequence[Candidate], with_priors: bool = False) -> list[Candidate]:
-        """Rank candidates; those that may win must not contradict landmarks."""
+        """Rank candidates; with priors, drop candidates that contradict landmarks."""
         landmarks = with_priors and len(self.priors.landmarks) > 0
         return rank_candidates(
             candidates, self.pair.config.orientation, self.pair.config.selection, landmarks
         )
 
     def measure(self, match: IsometricMatch) -> Measured:
-        """Take the nearest points, and measure the map."""
+        """Map vertices to the nearest points, and measure the map."""
         pair, ranking = self.pair, match.ranking
         points = self.target.index.points(match.coordinates.target, match.coordinates.source)
         quality = measure_quality(pair, points, ranking)
@@ -361,7 +358,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return Measured(points, quality, distance, reason, origin_of(pair, winner), fit=winner)
 
     def sum_up(self, match: IsometricMatch, measured: Measured, timer: StageTimer) -> Solution:
-        """Polish, carry and sum up a map; one between shapes far from isometric comes with a note."""
+        """Sum up a map with its evidence, and polish it if it is the last one."""
         pair, map_, far = self.pair, measured, bool(measured.note)
         ranking, runners_up = match.ranking, None
         if ranking.against and ranking.runner_up < pair.config.outcome.tie and not far:
@@ -403,13 +400,13 @@ class Isometry(RefiningModel[Fit, Embedding]):
         rivals = self._find_symmetric_rivals(map_) if solution.outcome is Outcome.CONVERGED else []
         if rivals:
             solution = solution.with_evidence(Evidence(ambiguous=True))
-            solution = replace(solution, notes=(*solution.notes, AMBIGUOUS))
+            solution = replace(solution, notes=(*solution.notes, AMBIGUITY_NOTE))
         return replace(solution, alternatives=self._alternatives(match, rivals))
 
     def _find_symmetric_rivals(self, map_: Measured) -> list[Candidate]:
-        """Compose the map with symmetries that distort hardly more than it does; those that fit about as well."""
+        """Compose the map with near-symmetries of the shapes, and return maps that fit about as well."""
         pair, config = self.pair, self.pair.config
-        # a map that was given is no surer than the one that it was made of, which was compared with its rivals
+        # given hypotheses come from a map that was already compared with its symmetric rivals
         searches = self.refinement.searches_further and self.problem.starts is None and self._found is None
         if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
             return []
@@ -417,9 +414,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         rows = SearchRows(self.target.distances.between(pair.target_vertices, image).argmin(axis=0))
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
-        itself = Candidate(Alignment(rows, np.eye(1), 0.0), map_.origin)
-        own, *others = Screening(pair)([itself, *variants])
-        limit = SYMMETRIC.max_energy_ratio * max(own.energy, TIES.energy_noise)
+        hypothesis = Candidate(Alignment(rows, np.eye(1), 0.0), map_.origin)
+        winner, *others = Screening(pair)([hypothesis, *variants])
+        limit = SYMMETRIC.max_energy_ratio * max(winner.energy, TIES.energy_noise)
         turned = [
             c
             for c in sorted(others, key=attrgetter("energy"))
@@ -429,8 +426,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
         ]
         if not turned:
             return []
-        # all are refined alike and verified: which way found the map, and how far it was bent, does not count
-        first = map_.fit or self.refine(self.begin([own]))[0]
+        # the winner and its rivals are compared after the same refinement, even if the winner was bent
+        first = map_.fit or self.refine(self.begin([winner]))[0]
         fits = self.refine(self.begin(keep_distinct_maps(pair, turned, SYMMETRIC.max_maps)))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
         if not fits:
@@ -442,7 +439,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _polish_points(
         self, measured: Measured, timer: StageTimer
     ) -> tuple[SmoothPair, PrecisePoints, tuple[str, ...]]:
-        """Image of each source vertex at the finest level of the shapes, that level, and a note on it."""
+        """Polish the images at the finest level of the shapes; return the level, the images and a note."""
         pair, fit = self.pair, measured.fit
         if not (pair.has_finer and fit and self.refinement.polishes):
             return pair, measured.points, ()
@@ -456,22 +453,22 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return finer, points, ("polished on {} and {} vertices".format(*sizes),)
 
     def _notes(self, ranking: Ranking[Fit]) -> list[str]:
-        """Tell what could not be done as it was asked for."""
+        """Note which settings had no effect, and what was not searched."""
         pair, notes = self.pair, []
         if not pair.oriented and pair.config.orientation == "reverse":
             notes.append("orientation = 'reverse' has no effect: points and graphs have no normals")
         if np.isnan(ranking.runner_up):
             notes.append("no other map was tried: symmetric maps go unnoticed")
-        off = ranking.best.prior_error
-        if pair.config.start == "pose" and not self.priors.any and off > pair.config.outcome.out_of_pose:
+        distance = ranking.best.prior_error
+        if pair.config.start == "pose" and not self.priors.any and distance > pair.config.outcome.out_of_pose:
             notes.append(
-                f"images are {off:.2f} √area from the nearest points in space: the shapes do not seem to be aligned, so "
-                "start = 'pose' says little about the map; align them within about 30°, or leave start at 'auto'"
+                f"images are {distance:.2f} √area from the nearest points in space: the shapes do not seem to be aligned, "
+                "so start = 'pose' says little about the map; align them within about 30°, or leave start at 'auto'"
             )
         return notes
 
     def _alternatives(self, match: IsometricMatch, rivals: list[Candidate]) -> tuple[Alternative, ...]:
-        """Rivals, and runners-up that differ from the winner, which comes first, and from each other; not refined."""
+        """Rivals and runners-up that differ from the winner and from each other, not refined."""
         pair, settings, ranking = self.pair, self.pair.config.selection, match.ranking
         refined = [fit.candidate for fit in (ranking.best, *ranking.others) if fit.candidate]
         order = [*refined[:1], *rivals, *refined[1:], *match.proposals.eligible, *match.proposals.runners_up]
@@ -484,7 +481,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
 
 def _extend_to_all(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Correspondence:
-    """Extend a map of the search vertices to all."""
+    """Extend a map of the search vertices to all vertices."""
     with serial_blas():
         image = extend_map(pair, target_row, BodyVertices(np.arange(pair.source.body.n_vertices)))
         return pair.source.correspondence(pair.target, image)

@@ -13,22 +13,23 @@ from isomatch.shapes import EXACTLY, farthest_rows
 
 
 def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
-    """First maps of a pair of which a shape has no limbs: from points far from each other."""
-    # Assign anchors a_1 … a_6, one after the other, to points b_1 … b_6 of the target by a beam search. The cost is that
-    # of violated distances d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each point p
-    #   w_e |ē(a_p) − ē(b_p)| + w_σ ‖σ(a_p) − σ(b_p)‖,   ē the mean of d (eccentricity), σ the signatures,
-    # d over the average distance. All other vertices go where their distances to the anchors fit best; then it is slid.
+    """First maps from points far from each other, if a shape has no limbs."""
+    # A beam search assigns anchors a_1 … a_6 to points b_1 … b_6 of the target, one after the other.
+    # Its cost is the error of d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each point p
+    #   w_e |ē(a_p) − ē(b_p)| + w_σ ‖σ(a_p) − σ(b_p)‖,
+    # d in units of the average distance, ē the mean of d (eccentricity), σ the signatures. Each other
+    # vertex goes where its distances to the anchors fit best; the map is then relaxed.
     if not pair.limbless:
         return []
     source, target = pair.source, pair.target
-    here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
-    there = target.distances_between(pair.target_vertices) / target.intrinsic_scale
+    on_source = source.distances_between(pair.source_vertices) / source.intrinsic_scale
+    on_target = target.distances_between(pair.target_vertices) / target.intrinsic_scale
     signatures = pair.search_signatures
     n = ANCHORS.n_candidates
-    anchors = farthest_rows(here[:n, :n], ANCHORS.n_anchors)
-    exact, among = here[np.ix_(anchors, anchors)], there[:n, :n]
-    sides = Intervals(exact, exact), Intervals(among, among)
-    remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
+    anchors = farthest_rows(on_source[:n, :n], ANCHORS.n_anchors)
+    of_anchors, of_candidates = on_source[np.ix_(anchors, anchors)], on_target[:n, :n]
+    sides = Intervals(of_anchors, of_anchors), Intervals(of_candidates, of_candidates)
+    remoteness = np.abs(on_target.mean(axis=1)[:n] - on_source.mean(axis=1)[anchors, None])
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
     unary = pair.config.search.eccentricity_weight * remoteness + ANCHORS.signature_weight * unlike
     assigned, _ = assign_points(*sides, unary, EXACTLY, ANCHORS.beam_width, ANCHORS.same_assignment_distance)
@@ -40,9 +41,10 @@ def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
 
 
 def relax_spectrally(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_s"]:
-    """Let the signatures move a map of the search vertices."""
-    # Of a round shape, many maps keep distances, and iterative closest points stop at any of them. Few functions leave
-    # a map free to move along these directions: images are nearest neighbours in (Φ_t Fᵀ / √k, σ_t) of (Φ_s / √k, σ_s).
+    """Improve a map of the search vertices by signatures and a few functions."""
+    # Many maps between round shapes keep distances, and iterative closest points stop at any of them.
+    # A few functions leave a map free to move towards agreeing signatures: the image of i is the
+    # nearest row of (Φ_t Fᵀ / √k, σ_t) to row i of (Φ_s / √k, σ_s).
     spectra, signatures = pair.search_spectra, pair.search_signatures
     k = min(ANCHORS.n_relaxation_functions, pair.n_functions)
     for _ in range(ANCHORS.n_relaxation_steps):

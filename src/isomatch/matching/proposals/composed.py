@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from isomatch._core.arrays import Int, SearchRows
@@ -14,41 +16,29 @@ from isomatch.shapes import Symmetry
 
 def symmetric_variants(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> list[Candidate]:
     """Compose a map of the search vertices with the symmetries of the target."""
-    # σ ∘ f keeps distances as f does, if σ is a self-isometry; mirror images only if either orientation is allowed
-    starts = [
-        _compose_with_symmetry(each, target_row) for each in pair.target.symmetries if _allowed(pair, each)
-    ]
-    return _move_by_closest_points(pair, starts, "symmetry")
+    # σ ∘ f keeps distances as well as f does if σ is a self-isometry
+    return _compose(pair, target_row, pair.target.symmetries)
 
 
 def near_symmetric_variants(pair: Problem, target_row: SearchRows, most: float) -> list[Candidate]:
-    """Compose a map with near-symmetries of either shape, of residuals up to the ``most``."""
-
-    # σ ∘ f distorts distances at most as f and σ do together: so may the truth, if σ distorts less than f. Closest
-    # points repair σ better on the side of the target, so symmetries of the source are composed with the inverse.
-    def move_with_symmetries(between: Problem, rows: SearchRows) -> list[Candidate]:
-        near = [s for s in between.target.near_symmetries(most) if _allowed(pair, s)]
-        return _move_by_closest_points(between, [_compose_with_symmetry(s, rows) for s in near], "symmetry")
-
-    turned = pair.turned
-    back = [
-        turned.inverted(each.target_row) for each in move_with_symmetries(turned, pair.inverted(target_row))
-    ]
-    still = [Candidate(Alignment(rows, np.eye(1), 0.0), "symmetry") for rows in back]
-    return keep_distinct_maps(pair, [*move_with_symmetries(pair, target_row), *still])
+    """Compose a map with near-symmetries of either shape whose residuals are at most ``most``."""
+    # σ ∘ f distorts distances at most as much as f and σ together, so it may be the true map if σ
+    # distorts less than f. Closest points repair errors of σ better on the target, so symmetries of
+    # the source are composed with the inverse of f.
+    back = pair.turned
+    composed = _compose(back, pair.inverted(target_row), back.target.near_symmetries(most))
+    rows = [back.inverted(candidate.target_row) for candidate in composed]
+    inverses = [Candidate(Alignment(row, np.eye(1), 0.0), "symmetry") for row in rows]
+    variants = _compose(pair, target_row, pair.target.near_symmetries(most))
+    return keep_distinct_maps(pair, [*variants, *inverses])
 
 
-def _allowed(pair: Problem, symmetry: Symmetry) -> bool:
-    return symmetry.orientation >= 0 or pair.config.orientation == "any"
-
-
-def _compose_with_symmetry(symmetry: Symmetry, target_row: SearchRows) -> SearchRows:
-    return SearchRows(symmetry.image_row[target_row])
-
-
-def _move_by_closest_points(pair: Problem, starts: list[SearchRows], origin: str) -> list[Candidate]:
-    """Let closest points move maps of the search vertices that are nearly right."""
-    settings = pair.config.search
+def _compose(pair: Problem, target_row: SearchRows, symmetries: Sequence[Symmetry]) -> list[Candidate]:
+    """Compose a map with symmetries of the target that may be used, and run iterative closest points."""
+    settings, any_side = pair.config.search, pair.config.orientation == "any"
+    starts = [s.image_row[target_row] for s in symmetries if any_side or s.orientation >= 0]
+    if not starts:
+        return []
     steps = settings.flip_steps, settings.unchanged
-    moved = iterative_closest_points(*pair.search_points, np.array(starts), *steps) if starts else []
-    return [Candidate(alignment, origin) for alignment in moved]
+    moved = iterative_closest_points(*pair.search_points, np.array(starts), *steps)
+    return [Candidate(alignment, "symmetry") for alignment in moved]

@@ -16,8 +16,8 @@ from isomatch.shapes import PreparedShape
 def extremity_assignments(
     source: PreparedShape, target: PreparedShape, settings: SearchSettings
 ) -> list[Int[BodyVertices, "q 2"]]:
-    """Assign extremal points of the source to those of the target so that their distances agree, the best first."""
-    # the best of every count of points and both directions, repetitions removed
+    """Assign extremal points of the source to extremal points of the target so that distances agree, best first."""
+    # for each number of points and both directions, without repetitions
     assignments: dict[tuple[tuple[int, int], ...], None] = {}
     for count in settings.extremity_counts:
         for forward in (True, False):
@@ -31,20 +31,20 @@ def extremity_assignments(
 def _consistent_assignments(
     a: PreparedShape, b: PreparedShape, count: int, settings: SearchSettings
 ) -> Iterable[tuple[Int[IntArray, "count"], Int[IntArray, "count"]]]:
-    """Extremities of a, the most remote first, and those of b that they are assigned to."""
+    """Assign the most remote extremities of ``a`` to extremities of ``b``, best first."""
     few, among = a.extremities[:count], b.extremities[: settings.n_candidate_extremities]
     if len(few) < count or len(among) < count:
         return []
-    # All injective σ from the m points a_i of one shape to the n points b of the other, of which the least
-    #   Σ_{i≠j} |d_a(a_i, a_j) − d_b(b_σi, b_σj)| / m² + w Σ_i |ē_a(a_i) − ē_b(b_σi)| / m
-    # are kept: d over the average distance, ē the average distance of a point over that of all.
+    # All injective assignments σ of m points a_i to n points b are compared by
+    #   Σ_{i≠j} |d_a(a_i, a_j) − d_b(b_σi, b_σj)| / m² + w Σ_i |ē_a(a_i) − ē_b(b_σi)| / m,
+    # d in units of the average distance, ē the mean of d from a point. The least are kept.
     choices = _choices(len(among), count)
     d_few = a.extremity_columns[:count][:, few] / a.intrinsic_scale
     d_among = b.extremity_columns[: len(among)][:, among] / b.intrinsic_scale
     remote_few = a.average_distance[few] / a.intrinsic_scale
     remote_among = b.average_distance[among] / b.intrinsic_scale
     remoteness = np.abs(remote_few[:, None] - remote_among)
-    cost = settings.eccentricity_weight / count * sum(each[c] for each, c in zip(remoteness, choices))
+    cost = settings.eccentricity_weight / count * sum(row[chosen] for row, chosen in zip(remoteness, choices))
     for i, j in permutations(range(count), 2):
         cost += np.abs(d_few[i, j] - d_among)[choices[i], choices[j]] / count**2
     best = np.argsort(cost, kind="stable")[: settings.assignments]
@@ -53,5 +53,5 @@ def _consistent_assignments(
 
 @lru_cache
 def _choices(n: int, count: int) -> Int[IntArray, "count c"]:
-    """Every choice of some of n in order."""
+    """All ordered choices of ``count`` out of n numbers."""
     return np.array(list(permutations(range(n), count))).T.copy()

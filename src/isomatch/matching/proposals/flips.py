@@ -1,4 +1,4 @@
-"""Distinct hypotheses, and the flips of Laplace–Beltrami functions that make others of them."""
+"""Distinct hypotheses, and more of them by flipping Laplace–Beltrami functions."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from isomatch.matching.selection import keep_distinct
 
 T = TypeVar("T")
 M = TypeVar("M", Alignment, Candidate)
-AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
+GROUP_SIZE = 4  # maps that a thread handles together; fixed, so that threads do not change results
 
 
 def find_flips(pair: Problem, hypothesis: Candidate, others: list[Candidate]) -> list[Candidate]:
-    """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those there are."""
+    """Flip one Laplace–Beltrami function at a time in a hypothesis; return maps that differ from ``others``."""
     pool = Pool(pair, pair.config.search.n_hypotheses)
     pool.merge([hypothesis])
     pool.flip([hypothesis], hypothesis.origin)
@@ -34,13 +34,12 @@ def keep_distinct_maps(
     pair: Problem, maps: Iterable[M], most: int | None = None, before: Sequence[SearchRows] = ()
 ) -> list[M]:
     """Keep the first maps of the search vertices that differ, see `keep_distinct`."""
-    least = pair.config.search.same_map
-    apart = pair.distances_between_maps
-    return keep_distinct(maps, lambda map_: SearchRows(map_.target_row), apart, least, most, before)
+    distances, least = pair.distances_between_maps, pair.config.search.same_map
+    return keep_distinct(maps, lambda map_: SearchRows(map_.target_row), distances, least, most, before)
 
 
 class Pool:
-    """The best distinct hypotheses so far, at most so many."""
+    """The best distinct hypotheses so far, at most ``most``."""
 
     def __init__(self, pair: Problem, most: int) -> None:
         self.pair = pair
@@ -49,54 +48,56 @@ class Pool:
         self.hypotheses: list[Candidate] = []
 
     def merge(self, new: list[Candidate]) -> None:
-        """Take in hypotheses; of maps that nearly coincide the one of smallest residual is kept."""
+        """Add hypotheses; if maps nearly coincide, keep the one of least residual."""
         order = sorted([*self.hypotheses, *new], key=attrgetter("alignment.residual"))
         self.hypotheses = keep_distinct_maps(self.pair, order, self._most)
 
     def add(self, starts: list[Int[SearchRows, "m_s"]], steps: int, origin: str) -> None:
-        """Run iterative closest points from first maps and merge what comes of them."""
+        """Run iterative closest points from first maps, and merge the results."""
         self.merge([Candidate(alignment, origin) for alignment in self.converge(starts, steps)])
 
     def flip(self, parents: list[Candidate], origin: str) -> None:
-        """Add what comes of turning the sign of one of the first Laplace–Beltrami functions in each of some maps."""
-        # Φ_j is defined but for its sign, and a symmetric shape has even and odd functions: D F with D = diag(1, …, −1 at
-        # j, …, 1) is near the functional map of the mirror image, or of the map that exchanges front and back
+        """Turn the sign of one of the first Laplace–Beltrami functions in each map, and add the results."""
+        # The sign of Φ_j is arbitrary, and a symmetric shape has even and odd functions. So D F, with
+        # D = diag(1, …, −1 at j, …, 1), is close to the functional map of a mirror image, or of the map
+        # that exchanges front and back.
         pair = self.pair
         n = min(self._settings.flipped_functions, pair.n_functions)
         grown = [pair.search_spectra.fit_and_upsample(parent.target_row, (n,) * 4) for parent in parents if n]
-        # the first function is constant; leaving out the second is chosen, not measured
+        # the first function is constant; omitting the second is chosen, not measured
         flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
         starts = parallel_map(lambda flip: _flip_function(pair, *flip), flips)
         self.add(starts, self._settings.flip_steps, origin)
 
     def converge(self, starts: list[Int[SearchRows, "m_s"]], steps: int) -> list[Alignment]:
-        """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped."""
+        """Run iterative closest points from many first maps; drop maps that meet another or a known one."""
         settings, points = self._settings, self.pair.search_points
-        before, settled = [h.target_row for h in self.hypotheses], list[SearchRows]()
-        # most starts lead to few maps: comparing them every other iteration saves most of the work, as does leaving
-        # those that have settled
+        known, converged = [h.target_row for h in self.hypotheses], list[SearchRows]()
+        # most starts converge to few maps, so comparing them often, and moving converged maps no
+        # further, saves most of the work
         for _ in range(0, steps, settings.compare_every):
-            met, apart = [*before, *settled], self.pair.distances_between_maps
-            starts = keep_distinct(starts, lambda rows: rows, apart, settings.same_start, before=met)
+            before, distances = [*known, *converged], self.pair.distances_between_maps
+            starts = keep_distinct(starts, lambda rows: rows, distances, settings.same_start, before=before)
             images = _map_in_groups(
                 lambda maps: closest_point_images(*points, maps, settings.compare_every, settings.unchanged),
                 starts,
             )
             moving = [(rows == start).mean() < settings.unchanged for rows, start in zip(images, starts)]
-            settled += [rows for rows, moves in zip(images, moving) if not moves]
+            converged += [rows for rows, moves in zip(images, moving) if not moves]
             starts = [rows for rows, moves in zip(images, moving) if moves]
-        return _map_in_groups(lambda maps: iterative_closest_points(*points, maps, 0), [*settled, *starts])
+        return _map_in_groups(lambda maps: iterative_closest_points(*points, maps, 0), [*converged, *starts])
 
 
 def _map_in_groups(move: Callable[[Int[IntArray, "h m_s"]], Iterable[T]], maps: list[SearchRows]) -> list[T]:
-    """Apply a function of several maps to many, on all threads."""
-    groups = [np.array(maps[i : i + AT_ONCE]) for i in range(0, len(maps), AT_ONCE)]
-    return [each for group in parallel_map(move, groups) for each in group]
+    """Apply a function of several maps to many maps, on all threads."""
+    groups = [np.array(maps[i : i + GROUP_SIZE]) for i in range(0, len(maps), GROUP_SIZE)]
+    return [moved for group in parallel_map(move, groups) for moved in group]
 
 
 def _flip_function(pair: Problem, functional_map: FloatArray, function: int) -> Int[SearchRows, "m_s"]:
-    """Turn one function of the leading block, and grow the map again to the size it had, two functions at a time."""
-    # spectral upsampling: the j × j block of F, its map to points, and from these the (j + 2) × (j + 2) block (ZoomOut)
+    """Turn the sign of one function in the leading block, and upsample the map to its previous size."""
+    # upsampling as in ZoomOut, two functions at a time: the j × j block of F gives a map of points,
+    # from which the (j + 2) × (j + 2) block is fitted
     size, spectra = max(function + 1, 4), pair.search_spectra
     flipped = functional_map[:size, :size].copy()
     flipped[function] *= -1

@@ -1,4 +1,4 @@
-"""First maps of the search vertices from what the user knows."""
+"""First maps of the search vertices from priors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from isomatch.matching.proposals.pose import starts_from_pose
 
 
 def starts_from_priors(pair: Problem) -> Iterator[tuple[Int[SearchRows, "m_s"], str]]:
-    """First maps of the search vertices from what the user knows, and where each comes from."""
+    """First maps of the search vertices from priors, each with its origin."""
     settings, priors = pair.config.search, pair.priors
     if len(priors.landmarks):
         for penalty in settings.off_diagonal:
@@ -32,17 +32,17 @@ def starts_from_priors(pair: Problem) -> Iterator[tuple[Int[SearchRows, "m_s"], 
 
 def start_from_pairs(pair: Problem, pairs: Int[BodyVertices, "_ 2"]) -> Int[SearchRows, "m_s"]:
     """First map of the search vertices from a map that is known at some vertices."""
-    # search vertices without an image take that of the one that has an image and is nearest in descriptors; and an
-    # image between the target's search vertices goes to the nearest of them
+    # A search vertex without an image takes the image of the vertex that is nearest in descriptors. An
+    # image that is no search vertex of the target is replaced by the nearest one.
     source, target = pair.search_points
     image, row = np.full(pair.source.body.n_vertices, -1), np.full(pair.target.body.n_vertices, -1)
-    image[pairs[::-1, 0]] = pairs[::-1, 1]  # of vertices that were welded, the first counts
+    image[pairs[::-1, 0]] = pairs[::-1, 1]  # the first of welded vertices counts
     row[pair.target_vertices] = np.arange(len(pair.target_vertices))
     target_vertex = image[pair.source_vertices]
     held = np.flatnonzero(target_vertex >= 0)
     if len(held) == len(target_vertex) and (row[target_vertex] >= 0).all():
         return SearchRows(row[target_vertex])
-    if len(held) < MIN_POINTS:  # the nearest known vertices stand in
+    if len(held) < MIN_POINTS:  # too few search vertices have images: use the nearest given vertices
         held = np.arange(len(target_vertex))
         points = pair.source.points.at(pairs[:, 0], len(source.signs)).coordinates
         target_vertex = pairs[cKDTree(points).query(source.coordinates)[1], 1]

@@ -16,20 +16,18 @@ from isomatch.surfaces import Graph, Surface
 
 def starts_from_pose(pair: Problem) -> list[Int[SearchRows, "m_s"]]:
     """First maps to the nearest point in space; `SettingError` if a shape is a graph."""
-    # of the bodies, which are centred and of unit area, and of the shapes as they are
-    source, target = pair.source, pair.target
-    here, there = pair.source_vertices, pair.target_vertices
-    bodies = _places(source.body)[here], _places(target.body)[there]
-    shapes = (
-        _places(source.surface)[source.user_vertex[here]],
-        _places(target.surface)[target.user_vertex[there]],
-    )
-    rows = (np.asarray(cKDTree(onto).query(points)[1], dtype=np.int64) for points, onto in (bodies, shapes))
-    return list(map(SearchRows, rows))
+    sides = (pair.source, pair.source_vertices), (pair.target, pair.target_vertices)
+    # bodies are centred and of unit area; the user's surfaces are not
+    bodies = [_positions(shape.body)[vertices] for shape, vertices in sides]
+    surfaces = [_positions(shape.surface)[shape.user_vertex[vertices]] for shape, vertices in sides]
+    return [
+        SearchRows(np.asarray(cKDTree(onto).query(points)[1], dtype=np.int64))
+        for points, onto in (bodies, surfaces)
+    ]
 
 
 def starts_from_poses(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
-    """First maps to the nearest points of meshes that are alike in space, however they lie."""
+    """First maps to the nearest points after a rigid motion, if meshes are then close in space."""
     limit, orientation = pair.config.search.near_rigid, pair.config.orientation
     if not (limit and pair.oriented):
         return []
@@ -45,12 +43,12 @@ def starts_from_poses(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
 def nearest_in_pose(
     source: PreparedShape, target: PreparedShape, source_vertex: Int[BodyVertices, "q"]
 ) -> Int[BodyVertices, "q"]:
-    """Target vertex nearest in space to each of some source vertices, the shapes as they are."""
-    here, there = (_places(shape.surface)[shape.user_vertex] for shape in (source, target))
-    return BodyVertices(np.asarray(cKDTree(there).query(here[source_vertex])[1], dtype=np.int64))
+    """Target vertex nearest in space to each of some source vertices, without moving the shapes."""
+    points, onto = (_positions(shape.surface)[shape.user_vertex] for shape in (source, target))
+    return BodyVertices(np.asarray(cKDTree(onto).query(points[source_vertex])[1], dtype=np.int64))
 
 
-def _places(surface: Surface) -> Float[FloatArray, "n 3"]:
+def _positions(surface: Surface) -> Float[FloatArray, "n 3"]:
     """Positions of the vertices."""
     if isinstance(surface, Graph):
         raise SettingError("start = 'pose', but a graph has no positions in space; leave it at 'auto'")

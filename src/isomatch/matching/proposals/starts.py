@@ -1,4 +1,4 @@
-"""Starts: functions of a pair that propose first maps."""
+"""Starts: functions of a problem that propose first maps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from isomatch.matching.proposals.pose import starts_from_poses
 
 
 def starts_from_extremities(pair: Problem) -> Iterator[Int[BodyVertices, "m_s 2"]]:
-    """First maps from every assignment of extremal points."""
+    """First maps from all assignments of extremal points."""
     settings = pair.config.search
     for count in settings.extremity_counts:
         group = [points for points in pair.extremity_assignments if len(points) == count]
@@ -25,7 +25,7 @@ def starts_from_extremities(pair: Problem) -> Iterator[Int[BodyVertices, "m_s 2"
 
 
 default_starts: tuple[Start, ...] = (starts_from_extremities, starts_from_poses, starts_from_anchors)
-"""The starts of a match to which none are handed; priors of the user come before them."""
+"""The starts of a match by default; priors come before them."""
 
 
 def first_maps_of(starts: Iterable[Start], pair: Problem) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
