@@ -113,7 +113,7 @@ def test_the_score_is_the_stretch_and_the_gap_of_both_shapes_bent(species):
     moved = relation.measure_fit(own, np.roll(relation.vertices, 1))
     assert moved.score > 20 * own.score
     there, back = own.bent
-    assert own.score == pytest.approx(np.sqrt(there.spectral_residual * back.spectral_residual))
+    assert own.score == pytest.approx(np.sqrt(there.bending_cost * back.bending_cost))
     assert there.stretch < 0.02
 
 

@@ -27,8 +27,8 @@ evidence = st.builds(Evidence, *(st.booleans() for _ in fields(Evidence)))
 scores, shares = st.floats(1e-7, 1e-3), st.floats(0, 1)
 
 
-def doubt_of(score, runner_up=np.inf, trusted=1.0):
-    return PartDoubt(score, runner_up, trusted, SETTINGS)
+def doubt_of(score, runner_up=np.inf, known_share=1.0):
+    return PartDoubt(score, runner_up, known_share, SETTINGS)
 
 
 @given(evidence, st.sampled_from([each.name for each in fields(Evidence)]))
@@ -59,9 +59,11 @@ def test_the_doubt_is_the_score_without_a_runner_up_and_boundless_at_a_tie():
 
 
 @given(scores, st.floats(1, 10), st.floats(1, 10), shares, shares)
-def test_a_part_is_no_less_sure_if_it_is_clearer_and_more_is_known(score, runner_up, clearer, trusted, more):
-    worse = doubt_of(score, min(runner_up, clearer), min(trusted, more)).evidence
-    better = doubt_of(score, max(runner_up, clearer), max(trusted, more)).evidence
+def test_a_part_is_no_less_sure_if_it_is_clearer_and_more_is_known(
+    score, runner_up, clearer, known_share, more
+):
+    worse = doubt_of(score, min(runner_up, clearer), min(known_share, more)).evidence
+    better = doubt_of(score, max(runner_up, clearer), max(known_share, more)).evidence
     if not worse.ambiguous:  # a tie is told as such, whatever is known
         assert outcome_of([better]).sureness >= outcome_of([worse]).sureness
 

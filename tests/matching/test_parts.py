@@ -125,7 +125,7 @@ def test_wrong_maps_bend_badly(found):
     _, best = found
     wrong = [fit for fit in best.fits if best.pair.whole.mean_distance(fit.image, best.fits[0].image) > 0.12]
     assert wrong
-    assert min(fit.bent.spectral_residual for fit in wrong) > 1.5 * best.bent.spectral_residual
+    assert min(fit.bent.bending_cost for fit in wrong) > 1.5 * best.bent.bending_cost
 
 
 @pytest.mark.long

@@ -74,7 +74,7 @@ def unlike_in(pair, *parts, value=2.0):
 @pytest.mark.long
 def test_a_runner_up_that_exchanges_two_limbs_gives_these(animal, pair, exchanged):
     own, runner_up = exchanged
-    regions = regions_of_doubt(pair, runners_up=exchanged)
+    regions = regions_of_doubt(pair, tied_images=exchanged)
     assert [region.reason for region in regions] == [ANOTHER_MAP] * 2
     apart = pair.target.distance(own, runner_up) > pair.config.selection.runner_up_distance
     inside = np.concatenate([region.vertices for region in regions])
@@ -132,7 +132,7 @@ def test_what_is_not_known_does_not_count(pair):
 
 
 def test_two_reasons_for_one_region(animal, pair, exchanged):
-    region = regions_of_doubt(pair, runners_up=exchanged)[0]
+    region = regions_of_doubt(pair, tied_images=exchanged)[0]
     both = regions_of_doubt(pair, unlike_in(pair, region.vertices), exchanged)
     assert sorted(each.reason for each in both) == sorted(
         [ANOTHER_MAP, f"{ANOTHER_MAP} and {UNLIKE_ITS_IMAGE}"]

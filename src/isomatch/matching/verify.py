@@ -293,7 +293,7 @@ class Verifier:
             inside[kept] = True
             registration, images = RigidRegistration(mesh.submesh(inside)[0]), images[kept]
         bent = bend_onto(registration, onto, onto.mesh.vertices[images], BENDING_LENGTHS)
-        return bent.spectral_residual, bent.turning
+        return bent.bending_cost, bent.turning
 
 
 def _ball_signature(shape: PreparedShape, length: float) -> BallSignature:

@@ -1,4 +1,4 @@
-"""How far the image of each vertex may be from the right one, and the regions where the map is doubtful."""
+"""Expected errors of the images of vertices, and regions where a map is doubtful."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import connected_regions
 
-TINY = 1e-12
+MIN_LENGTH = 1e-12  # lengths and squared slopes below are not divided by
 
 
 def expected_errors(
@@ -28,26 +28,28 @@ def expected_errors(
 ) -> Float[FloatArray, "n_s"]:
     """Estimate the geodesic error of a map of bodies at each vertex, in √area of the source. O(n K²).
 
-    To it comes ``doubt``, the error to be expected because another map may be right. ``unit`` is what √area of the source
-    is worth in √area of the target: 1 but for parts. Of a map that is wrong as a whole, such as one that exchanges left
-    and right, the estimate sees only what does not fit.
+    ``doubt`` is added to it: the error expected because another map may be right. ``unit`` is what √area of the source
+    is worth in √area of the target, 1 except for parts. If a map is wrong as a whole, for example exchanges left and
+    right, the estimate covers only what does not fit.
     """
-    # Φ_t ∘ f maps the source into the space of the K functions, and its fit Φ_s F is the part that is smooth there.
-    # Of an isometry both are the same, and F is orthogonal. A displaced image leaves r = Φ_t(f(i)) − Φ_s(i) F, and to
-    # first order r = |∇(Φ_s F)| · δ for an image that has to move by δ:
-    #   δ(i) = ‖r‖ / |∇(Φ_s F)|   (a length),   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)   (strain: 0 if F is orthogonal),
-    #   expected error = scale · √(δ |ε|), spread by the heat kernel. lab/benchmarks.md, confidence
+    # Φ_t ∘ f maps the source into the space of the K functions; its smooth part is the fit Φ_s F. For
+    # an isometry both are equal, and F is orthogonal. If an image is displaced by δ, the residual
+    # r = Φ_t(f(i)) − Φ_s(i) F has to first order the size |∇(Φ_s F)| · δ. So
+    #   δ(i) = ‖r‖ / |∇(Φ_s F)|                  is a length,
+    #   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)        is a strain, 0 if F is orthogonal,
+    # and the expected error is scale · √(δ |ε|), smoothed by the heat kernel.
+    # docs/lab/benchmarks.md, confidence
     source = pair.source
     k = pair.n_functions
     functions = source.functions[:, :k]  # (n_s, K)
     pulled_back = single(points.interpolated(pair.target.functions[:, :k]))  # (n_s, n_t) @ (n_t, K)
     coefficients = pair.spectra.source.fit(pulled_back[pair.refinement_vertices].astype(np.float64), k)
     fit = row_product(functions, coefficients)
-    lengths = np.maximum(source.body.edge_lengths, TINY)
-    fitted, own = (_gradient_energy(x, source.body.edges, lengths) for x in (fit, functions))
-    left_over = np.sqrt(((pulled_back - fit) ** 2).sum(axis=1) / np.maximum(fitted, TINY))
-    strain = np.log(np.maximum(fitted, TINY) / np.maximum(unit**2 * own, TINY))
-    local = ERRORS.error_scale * np.sqrt(left_over * np.abs(strain))
+    lengths = np.maximum(source.body.edge_lengths, MIN_LENGTH)
+    slopes_fit, slopes = (_squared_slopes(x, source.body.edges, lengths) for x in (fit, functions))
+    slopes_fit, slopes = np.maximum(slopes_fit, MIN_LENGTH), np.maximum(unit**2 * slopes, MIN_LENGTH)
+    displacement = np.sqrt(((pulled_back - fit) ** 2).sum(axis=1) / slopes_fit)
+    local = ERRORS.error_scale * np.sqrt(displacement * np.abs(np.log(slopes_fit / slopes)))
     return diffuse(source, local if doubt is None else local + doubt, ERRORS.smoothing_radius)
 
 
@@ -55,33 +57,33 @@ def doubt_of(
     pair: Problem, image: Int[BodyVertices, "r"], runner_up: Int[BodyVertices, "r"], ratio: float
 ) -> Float[FloatArray, "n_s"]:
     """Distance between two maps that tie, times the chance that the other is right, in √area."""
-    # with P(map) ∝ score^−10, the other has chance 1 / (1 + (its score / score)^10); ½ at a tie
+    # if P(map) ∝ score^−10, the other map has chance 1 / (1 + ratio^10), which is ½ at a tie
     chance = 1 / (1 + ratio**ERRORS.runner_up_exponent)
     rows = nearest_of(pair.source, pair.refinement_vertices)
     return np.asarray(chance * pair.target.distance(image, runner_up)[rows])
 
 
 def nearest_of(shape: SmoothShape, vertices: Int[IntArray, "m"]) -> Int[SampleRows, "n_body"]:
-    """Find which of some vertices of a body is nearest to each, along edges: its number among them."""
+    """Find for each vertex of a body the nearest of given vertices along edges: its number among these."""
     number = np.zeros(shape.body.n_vertices, dtype=np.int64)
     number[vertices] = np.arange(len(vertices))
     return SampleRows(number[distance_along_edges_to_nearest(shape.body, vertices)[1]])
 
 
-def _gradient_energy(
+def _squared_slopes(
     x: Float[FloatArray, "n k"], edges: Int[IntArray, "e 2"], lengths: Float[FloatArray, "e"]
 ) -> Float[FloatArray, "n"]:
-    """Squared slopes of all functions along an edge, averaged over the edges at each vertex."""
+    """Sum of the squared slopes of all functions along edges, averaged over the edges at each vertex."""
     squared = np.zeros(len(edges))
     _fill_squared(x, edges, squared)
-    at = edges.ravel()
-    total = np.bincount(at, np.repeat(squared / np.maximum(lengths, np.finfo(float).tiny) ** 2, 2), len(x))
-    return np.asarray(total / np.maximum(np.bincount(at, minlength=len(x)), 1))
+    ends = edges.ravel()
+    total = np.bincount(ends, np.repeat(squared / lengths**2, 2), len(x))
+    return np.asarray(total / np.maximum(np.bincount(ends, minlength=len(x)), 1))
 
 
 @compiled()
 def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
-    """Compute the squared differences of all functions between the ends of each edge, without a copy of the functions."""
+    """Sum the squared differences of all functions between the ends of each edge, without copying the functions."""
     for e in range(len(edges)):
         i, j = edges[e, 0], edges[e, 1]
         for c in range(x.shape[1]):
@@ -90,7 +92,7 @@ def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
 
 
 def diffuse(shape: SmoothShape, values: Float[FloatArray, "n"], radius: float) -> Float[FloatArray, "n"]:
-    """Spread values by heat diffusion over a radius; nowhere less than half the least of them."""
+    """Smooth values by heat diffusion over a radius; no result is less than half the least value."""
     # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean square distance 4 t
     laplace, time = shape.laplace, radius**2 / 4
     coefficients = np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
@@ -113,7 +115,7 @@ class DoubtfulRegion:
         Share of the source's area.
     reason : str
     runner_up : (m,) array of int, optional
-        Target vertices to which another map sends them, if one is the reason.
+        Target vertices to which another map sends them, if that map is the reason.
     """
 
     vertices: Int[IntArray, "m"]
@@ -128,7 +130,7 @@ class DoubtfulRegion:
         return f"{self.area:.1%} of the area around vertex {self.vertices[0]}: {self.reason}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return its area, its size, its most doubtful vertex with the image under the other map, and the reason."""
+        """Return area, size, reason, and the most doubtful vertex with its image under the other map."""
         return {
             "area": self.area,
             "n_vertices": len(self.vertices),
@@ -139,7 +141,7 @@ class DoubtfulRegion:
 
     @classmethod
     def from_dict(cls, summary: Mapping[str, Any]) -> DoubtfulRegion:
-        """Restore what `to_dict` told of a region: of its vertices the most doubtful one."""
+        """Restore a region from ``to_dict``, with its most doubtful vertex only."""
         vertex, other = summary["vertex"], summary["runner_up"]
         runner_up = None if other is None else np.array([other])
         return cls(np.array([vertex]), summary["area"], summary["reason"], runner_up)
@@ -148,29 +150,28 @@ class DoubtfulRegion:
 def regions_of_doubt(
     pair: Problem,
     descriptor_distance: Float[FloatArray, "n_s"] | None = None,  # of each vertex and its image
-    runners_up: tuple[Int[BodyVertices, "r"], Int[BodyVertices, "r"]] | None = None,  # images under both maps
+    tied_images: tuple[Int[BodyVertices, "r"], Int[BodyVertices, "r"]] | None = None,  # under two maps
 ) -> tuple[DoubtfulRegion, ...]:
     """Find the connected regions of the source's body where a map is doubtful, the largest first."""
     source, target, bounds = pair.source, pair.target, pair.config.outcome
-    doubts, runner_up = {}, None  # at each vertex, by reason; 1 is the bound
-    if runners_up is not None:
-        own, runner_up = (image[nearest_of(source, pair.refinement_vertices)] for image in runners_up)
-        doubts[ANOTHER_MAP] = target.distance(own, runner_up) / pair.config.selection.runner_up_distance
+    doubts, runner_up = {}, None  # doubt of each vertex, by reason; a vertex is doubtful above 1
+    if tied_images is not None:
+        image, runner_up = (x[nearest_of(source, pair.refinement_vertices)] for x in tied_images)
+        doubts[ANOTHER_MAP] = target.distance(image, runner_up) / pair.config.selection.runner_up_distance
     if descriptor_distance is not None and np.isfinite(descriptor_distance[pair.refinement_vertices]).any():
-        # two people look more different everywhere than two poses of one
+        # the median is subtracted, because two people look more different everywhere than two poses
         usual = np.nanmedian(descriptor_distance[pair.refinement_vertices])
         excess = average_around(source, descriptor_distance) - usual
         doubts[UNLIKE_ITS_IMAGE] = np.nan_to_num(excess / bounds.doubtful_descriptor_distance)
     if not doubts:
         return ()
-    body, most = source.body, np.max(list(doubts.values()), axis=0)
-    inside = most > 1.0
+    body, greatest = source.body, np.max(list(doubts.values()), axis=0)
     regions = []
-    for vertices, area in connected_regions(body.edges, inside, body.vertex_areas):
+    for vertices, area in connected_regions(body.edges, greatest > 1.0, body.vertex_areas):
         share = float(source.share * area / body.vertex_areas.sum())
         if share <= ERRORS.min_region_area:
             break
-        vertices = vertices[np.argsort(-most[vertices], kind="stable")]
+        vertices = vertices[np.argsort(-greatest[vertices], kind="stable")]
         reasons = [
             reason
             for reason, doubt in doubts.items()
@@ -182,7 +183,7 @@ def regions_of_doubt(
 
 
 def average_around(shape: PreparedShape, values: Float[FloatArray, "n"]) -> Float[FloatArray, "n"]:
-    """Mean of values in the neighbourhood of each vertex of a body, nan where most are not known."""
+    """Average values in the neighbourhood of each vertex of a body; nan where most are unknown."""
     finite = np.isfinite(values)
     total = diffuse(shape, np.where(finite, values, 0.0), ERRORS.smoothing_radius)
     weight = diffuse(shape, finite.astype(float), ERRORS.smoothing_radius)
@@ -210,7 +211,7 @@ def lift_regions(
 
 
 def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> Float[FloatArray, "n"]:
-    """Error to be expected at the vertices of a body that look unlike their images."""
+    """Compute the expected error of the vertices of a body that look unlike their images."""
     doubt = np.zeros(n_vertices)
     for region in regions:
         if UNLIKE_ITS_IMAGE in region.reason:
@@ -219,7 +220,7 @@ def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> Float[FloatA
 
 
 def pack_regions(regions: Sequence[DoubtfulRegion]) -> dict[str, IntArray]:
-    """Arrays for a file: sizes (r,), and vertices and runners-up (d,) of one region after the other; −1 for none."""
+    """Make arrays for a file: sizes (r,), and concatenated vertices and runners-up (d,), −1 if there are none."""
     vertices = [region.vertices for region in regions]
     nowhere = (np.full(len(region.vertices), UNMATCHED) for region in regions)
     runners_up = [none if r.runner_up is None else r.runner_up for r, none in zip(regions, nowhere)]
@@ -232,14 +233,14 @@ def pack_regions(regions: Sequence[DoubtfulRegion]) -> dict[str, IntArray]:
 
 
 def unpack_regions(arrays: dict[str, Any], about: Sequence[tuple[float, str]]) -> tuple[DoubtfulRegion, ...]:
-    """Take the regions out of what was read from a file; none of a file that was written before there were any."""
+    """Take regions out of the arrays of a file; there are none in files of early versions."""
     if "region_sizes" not in arrays:
         return ()
     ends = np.cumsum(arrays.pop("region_sizes"))
     stacked = [arrays.pop(f"region_{name}") for name in ("vertices", "runners_up")]
     if (np.diff(ends, prepend=0) < 1).any() or ends[-1:].sum() != len(stacked[0]):
         raise InputError(f"regions that end at {ends.tolist()} of {len(stacked[0])} vertices")
-    vertices, runners_up = (np.split(each, ends)[:-1] for each in stacked)
+    vertices, runners_up = (np.split(array, ends)[:-1] for array in stacked)
     return tuple(
         DoubtfulRegion(which, area, reason, runner_up if (runner_up != UNMATCHED).any() else None)
         for which, runner_up, (area, reason) in zip(vertices, runners_up, about, strict=True)

@@ -1,4 +1,4 @@
-"""Verification: from evidence to an outcome, and from a solution to the result of a match."""
+"""Evidence about a map, the outcome that follows from it, and the result of a match."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries
 
-NO_LEAD = 1e-9  # so that the doubt of a tie is finite
+MIN_LEAD = 1e-9  # makes the doubt of a tie finite
 
-# what each flag of evidence calls for, the least sure first
-CALLED_FOR = {
+# the outcome of each flag of evidence, the least sure first
+OUTCOME_OF_FLAG = {
     "contradicted": Outcome.PRIORS_CONTRADICTED,
     "mirrored": Outcome.MIRROR_IMAGE,
     "poor": Outcome.LOW_CONFIDENCE,
@@ -31,9 +31,9 @@ CALLED_FOR = {
 
 @dataclass(frozen=True)
 class Evidence:
-    """Reasons not to take a map for right and complete; each flag is one."""
+    """Flags that speak against a map being right and complete."""
 
-    contradicted: bool = False  # it is far from what priors ask for
+    contradicted: bool = False  # it contradicts priors
     mirrored: bool = False  # the mirror image of a shape fits clearly better
     poor: bool = False  # it fits badly
     ambiguous: bool = False  # another map fits as well
@@ -41,24 +41,23 @@ class Evidence:
 
     @classmethod
     def of(cls, outcome: Outcome) -> Self:
-        """Return the evidence that calls for an outcome, as of a map that was verified before."""
-        return cls(**{flag: called_for is outcome for flag, called_for in CALLED_FOR.items()})
+        """Return the evidence that leads to an outcome."""
+        return cls(**{flag: other is outcome for flag, other in OUTCOME_OF_FLAG.items()})
 
 
 def flags_of(evidence: Iterable[Evidence]) -> tuple[str, ...]:
-    """Name the flags that any piece of evidence raises, the least sure first."""
+    """Name the flags that are set in any piece of evidence, the least sure first."""
     pieces = list(evidence)
-    return tuple(flag for flag in CALLED_FOR if any(getattr(piece, flag) for piece in pieces))
+    return tuple(flag for flag in OUTCOME_OF_FLAG if any(getattr(piece, flag) for piece in pieces))
 
 
 def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
-    """Sum up evidence: the first outcome in the order of `Outcome` that any piece of it calls for."""
-    # a match is PARTIAL if something has no counterpart, and nothing worse is found
-    return next((CALLED_FOR[flag] for flag in flags_of(evidence)), Outcome.CONVERGED)
+    """Return the least sure outcome that follows from any piece of evidence."""
+    return next((OUTCOME_OF_FLAG[flag] for flag in flags_of(evidence)), Outcome.CONVERGED)
 
 
 def lower_outcome(outcome: Outcome, *evidence: Evidence) -> Outcome:
-    """Lower the outcome of a map that was verified before, by evidence found since; it never becomes surer."""
+    """Lower an outcome by later evidence; it never becomes surer."""
     return outcome_of([Evidence.of(outcome), *evidence])
 
 
@@ -67,8 +66,8 @@ def measured_evidence(
 ) -> Evidence:
     """Compare the measures of a map with the bounds of ``pair.config.outcome``; ``wanted`` is its orientation.
 
-    Priors may have led to the orientation that was not wanted. Between shapes that are ``far`` from isometric,
-    measures of isometries cannot tell a right map from a wrong one; how much the shapes have to be bent can.
+    Priors may lead to the other orientation. If shapes are ``far`` from isometric, a right map does not keep distances,
+    so the bending of the shapes is measured instead.
     """
     bounds = pair.config.outcome
     sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]
@@ -94,7 +93,7 @@ def measured_evidence(
 
 
 def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
-    """Whether a map of complete shapes does not keep distances, by the measures that take them for isometric."""
+    """Whether a map of complete shapes does not keep distances, as a right map of isometric shapes does."""
     return (
         quality.spectral_residual > bounds.poor_spectral_residual
         or quality.residual > bounds.poor_residual
@@ -103,13 +102,13 @@ def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
 
 
 def bends_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
-    """Whether shapes far from isometric have to be bent too much to lie on each other."""
-    bends = quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
-    return not bends or quality.descriptor_distance > bounds.poor_far_descriptor_distance
+    """Whether a map bends shapes too much that are far from isometric, or their descriptors disagree."""
+    bends_well = quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
+    return not bends_well or quality.descriptor_distance > bounds.poor_far_descriptor_distance
 
 
 def region_evidence(regions: Iterable[DoubtfulRegion], least: float) -> Evidence:
-    """Weigh regions of doubt: those above a share of the surface are evidence against a map."""
+    """Take regions of doubt above a share of the surface as evidence against a map."""
     large = [region for region in regions if region.area > least]
     return Evidence(
         poor=any(UNLIKE_ITS_IMAGE in region.reason for region in large),
@@ -118,7 +117,7 @@ def region_evidence(regions: Iterable[DoubtfulRegion], least: float) -> Evidence
 
 
 def mirror_image_fits(quality: Quality, bounds: OutcomeSettings) -> bool:
-    """Whether the best map of the orientation that was not allowed fits clearly better."""
+    """Whether the best map of the other orientation fits clearly better."""
     return bool(quality.mirrored < bounds.mirror_image)
 
 
@@ -129,42 +128,42 @@ def contradicts(quality: Quality, bound: float) -> bool:
 
 def part_contradicts(landmark_errors: Float[FloatArray, "m"], initial_map_error: float, bound: float) -> bool:
     """Whether the map of a part is farther than a bound from most of its landmarks, or from the initial map."""
-    # single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other one
-    most_are_off = len(landmark_errors) and np.median(landmark_errors) > bound
-    return bool(initial_map_error > bound or most_are_off)
+    # a right map may miss single landmarks: where limbs touch, the nearest vertex may be on another limb
+    misses_most = len(landmark_errors) and np.median(landmark_errors) > bound
+    return bool(initial_map_error > bound or misses_most)
 
 
 @dataclass(frozen=True)
 class PartDoubt:
-    """How sure the map of a part is: how well it fits, and how clearly it is better than others."""
+    """How sure the map of a part is: how well it fits, and how clearly it beats other maps."""
 
     score: float  # the cost of the map
-    runner_up: float  # cost of the best map that differs, over that; inf if none does
-    trusted: float  # share of the pairs of anchors whose distance on the whole is known
+    runner_up: float  # cost of the best different map over the cost of this map; inf if there is none
+    known_share: float  # share of the pairs of anchors whose distance on the whole is known
     settings: PartSettings
 
     @property
     def doubt(self) -> float:
-        """The score if no map comes near, more and more towards a tie."""
-        # 1 / doubt = 1 / score − 1 / score′, score′ = runner-up · score of the best map that differs: what is left of the
-        # evidence 1 / score for the map when that for the other is taken off
-        return self.score / max(1 - 1 / self.runner_up, NO_LEAD)
+        """The score if no other map is close; it grows to infinity towards a tie."""
+        # 1 / doubt = 1 / score − 1 / score′ with score′ the score of the best different map: the evidence
+        # 1 / score for this map, less the evidence for the other
+        return self.score / max(1 - 1 / self.runner_up, MIN_LEAD)
 
     @property
     def is_clear(self) -> bool:
-        """Whether no other map comes near: where little is known, a wrong map may fit as well as a right one."""
-        return self.trusted >= self.settings.little_trusted or self.runner_up >= self.settings.clear
+        """Whether enough distances are known, or the lead is large: otherwise a wrong map may fit as well."""
+        return self.known_share >= self.settings.little_trusted or self.runner_up >= self.settings.clear
 
     @property
     def evidence(self) -> Evidence:
-        """A map must fit well; the worse it fits, the more clearly it must be better than others."""
+        """Evidence from score and lead: the worse a map fits, the larger its lead must be."""
         settings = self.settings
         tied = self.runner_up < settings.tie and self.score <= settings.poor_doubt
         sure = self.doubt <= settings.poor_doubt and self.is_clear
         return Evidence(ambiguous=tied, poor=not (tied or sure), partial=True)
 
     def with_lead(self, lead: float) -> Self:
-        """Take a map of another way into account, of which the cost is so many times as high."""
+        """Limit the lead by the lead over a map of another strategy, which costs ``lead`` times as much."""
         return replace(self, runner_up=min(self.runner_up, lead))
 
     def notes(self, with_priors: bool) -> list[str]:
@@ -175,7 +174,7 @@ class PartDoubt:
         if self.score <= self.settings.poor_doubt:
             why = f"the score of another map is only {self.runner_up:.2f} times as high"
             if not self.is_clear:
-                share = f"{self.trusted:.1%} of the distances on the whole are known"
+                share = f"{self.known_share:.1%} of the distances on the whole are known"
                 why = f"{why}, and too much is missing: {share}"
         return [
             f"the map is not sure, for {why} (doubt {self.doubt:.1e}, at most {self.settings.poor_doubt:.1e} if sure); "
@@ -185,30 +184,27 @@ class PartDoubt:
 
 @dataclass(frozen=True)
 class CommonDoubt:
-    """How sure the map of what two parts have in common is."""
+    """How sure the map of a region is that two parts have in common."""
 
-    net_evidence: (
-        float  # how much more alike than at random they look there, see `CommonRegions.net_evidence`
-    )
-    runner_up: float  # its score over that of the best map that differs; inf if none does
-    landmarks_hold: bool  # whether landmarks were given and hold, so that nothing else has to speak for it
+    net_evidence: float  # see `CommonRegions.net_evidence`
+    runner_up: float  # cost of this map over the cost of the best different map; inf if there is none
+    landmarks_hold: bool  # whether landmarks were given and all hold, which is enough to be sure
     settings: PartSettings
 
     @property
     def doubt(self) -> float:
-        """Nothing that compares with the doubt of a part."""
+        """nan: nothing that compares with the doubt of a part."""
         return np.nan
 
     def with_lead(self, lead: float) -> Self:
-        """Take a map of another way into account, of which the cost is so many times as high."""
+        """Limit the lead by the lead over a map of another strategy, which costs ``lead`` times as much."""
         return replace(self, runner_up=min(self.runner_up, lead))
 
     @property
     def evidence(self) -> Evidence:
-        """What is in common must be large and look alike, unless all landmarks hold."""
-        return Evidence(
-            poor=not self.landmarks_hold and self.net_evidence < self.settings.sure_common, partial=True
-        )
+        """The region must be large and look alike on both parts, unless all landmarks hold."""
+        is_poor = not self.landmarks_hold and self.net_evidence < self.settings.sure_common
+        return Evidence(poor=is_poor, partial=True)
 
     def notes(self, with_priors: bool) -> list[str]:
         """Say why a map is not sure, and what to do."""
@@ -222,15 +218,15 @@ class CommonDoubt:
 
 
 def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float) -> tuple[Evidence, ...]:
-    """Evidence for a map that was bent until landmarks hold: where it contradicted them before, it fits badly."""
+    """Evidence about a map that was bent until landmarks hold; if it contradicted them before, it is poor."""
     if contradicts(quality, bound):
         return evidence
-    return tuple(replace(each, contradicted=False, poor=each.poor or each.contradicted) for each in evidence)
+    return tuple(replace(e, contradicted=False, poor=e.poor or e.contradicted) for e in evidence)
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A map in the users' vertices with the evidence for it, before its outcome is told; fields as in `MatchResult`."""
+    """A map between the users' vertices with its evidence, from which a result is made; fields as in `MatchResult`."""
 
     pair: Problem
     map: Correspondence
@@ -241,27 +237,27 @@ class Solution:
     notes: tuple[str, ...] = ()
     origin: str = ""
     reason: str = ""
-    config: MatchSettings | None = None  # the settings of the method, if it is not `match`
+    config: MatchSettings | None = None  # settings of the method, if it is not `match`
     descriptor_distance: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
-    # whether regions that look unlike are evidence; two species look unlike somewhere
+    # whether regions that look unlike their images are evidence; two species always have some
     descriptors_count: bool = True
-    doubt: PartDoubt | CommonDoubt | None = None  # of the map of a part
-    way: str = ""  # that found it, see `isomatch.matching.strategies`
+    doubt: PartDoubt | CommonDoubt | None = None  # how sure the map of a part is
+    way: str = ""  # the strategy that found it, see `isomatch.matching.strategies`
 
     @property
     def outcome(self) -> Outcome:
-        """What the evidence calls for, and the regions of doubt."""
+        """The outcome that follows from the evidence and the regions of doubt."""
         return outcome_of(self._with_regions)
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """The flags that it raises, see `Evidence`."""
+        """The flags of the evidence and the regions of doubt, see `Evidence`."""
         return flags_of(self._with_regions)
 
     @property
     def all_evidence(self) -> tuple[Evidence, ...]:
-        """The evidence, and that of the doubt."""
+        """All evidence except the regions of doubt."""
         return self.evidence if self.doubt is None else (*self.evidence, self.doubt.evidence)
 
     @property
@@ -270,12 +266,12 @@ class Solution:
         return *self.all_evidence, doubtful if self.descriptors_count else replace(doubtful, poor=False)
 
     def with_doubt(self, doubt: PartDoubt | CommonDoubt) -> Self:
-        """Tell how sure the map of a part is."""
+        """Set how sure the map of a part is."""
         quality = replace(self.quality, runner_up=doubt.runner_up, doubt=doubt.doubt)
         return replace(self, doubt=doubt, quality=quality)
 
     def with_lead(self, lead: float) -> Self:
-        """Take a map of another way into account, of which the cost is so many times as high."""
+        """Limit the lead of the map of a part, see `PartDoubt.with_lead`."""
         return self if self.doubt is None else self.with_doubt(self.doubt.with_lead(lead))
 
     def with_evidence(self, *more: Evidence) -> Self:
@@ -284,11 +280,11 @@ class Solution:
 
 
 def result_of(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
-    """Make the result of a match."""
+    """Make the result of a match from its solution."""
     pair = solution.pair
     shared = "map outcome quality expected_error descriptor_distance regions alternatives origin reason way"
-    led = not np.isnan(solution.quality.landmark_error)
-    doubts = solution.doubt.notes(led) if solution.doubt else []
+    with_landmarks = not np.isnan(solution.quality.landmark_error)
+    doubts = solution.doubt.notes(with_landmarks) if solution.doubt else []
     shapes = () if solution.config else (pair.source, pair.target)
     source, target = [describe_symmetries(shape.symmetries) for shape in shapes] or ("", "")
     return MatchResult(

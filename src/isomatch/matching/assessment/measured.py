@@ -1,4 +1,4 @@
-"""A map of the vertices of the source's body, measured: from which a solution is summed up."""
+"""A measured map of the source's body, from which a solution is summed up."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from isomatch.matching.smooth_pair import SmoothPair
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A map of the vertices of the source's body, measured: what a `Solution` is made of."""
+    """A measured map of the source's body."""
 
     points: PrecisePoints  # images of the vertices
     quality: Quality
     descriptor_distance: Float[FloatArray, "n_s"] | None  # see `descriptor_distance_of`
-    reason: str = ""  # how the map was chosen, in a sentence
-    origin: str = ""  # where it came from
-    matched: Bool[BoolArray, "n_s"] | None = None  # which vertices have an image, if not all
-    fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
-    note: str = ""  # of a map between shapes that are far from isometric
-    is_last: bool = True  # whether no other strategy is tried after it, so that it is completed at once
+    reason: str = ""  # why the map was selected, in a sentence
+    origin: str = ""
+    matched: Bool[BoolArray, "n_s"] | None = None  # vertices that have an image, if not all have one
+    fit: Fit | None = None  # the refined map from which polishing starts; None for elastic maps
+    note: str = ""  # a note if the shapes are far from isometric
+    is_last: bool = True  # whether no other strategy follows, so that the map is completed at once
 
     def evidence(self, pair: Problem, far: bool) -> Evidence:
         """Compare the measures with the bounds, see `measured_evidence`."""
@@ -45,14 +45,14 @@ class Measured:
     def solution(
         self,
         pair: Problem,
-        errors: Float[FloatArray, "n_s"],  # that are expected
+        errors: Float[FloatArray, "n_s"],  # expected errors
         evidence: tuple[Evidence, ...],
         notes: Sequence[str],
-        level: SmoothPair | None = None,  # between which the points are, if not between the pair's shapes
+        level: SmoothPair | None = None,  # the level to which the points belong; by default the pair
         points: PrecisePoints | None = None,
         regions: Sequence[DoubtfulRegion] = (),
     ) -> Solution:
-        """Sum up the map in the users' vertices; where it has no image, no error is expected."""
+        """Sum up the map in the users' vertices; a vertex without an image has no expected error."""
         source, between, distances = pair.source, level or pair, self.descriptor_distance
         result = between.source.correspondence(between.target, points or self.points, self.matched)
         known = None if distances is None else np.where(result.matched, source.lift(distances), np.nan)

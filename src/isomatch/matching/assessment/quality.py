@@ -1,4 +1,4 @@
-"""How good a map looks, without knowing the truth."""
+"""Measures of a map that need no ground truth."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from isomatch.surfaces import Graph, Surface, label_components
 
 
 def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] | None = None) -> Quality:
-    """Measure a map of bodies: ``points``, the image of each source vertex, as it was selected if it was."""
+    """Measure a map of bodies, given by the images ``points`` of source vertices, and its ranking if there is one."""
     source, target, settings = pair.source, pair.target, pair.config.outcome
     image = BodyVertices(points.corners[:, 0])
     vertices = pair.refinement_vertices
     unit = 1.0
-    if any(isinstance(shape.body, Graph) for shape in (source, target)):  # no area to measure lengths by
+    if any(isinstance(shape.body, Graph) for shape in (source, target)):  # a graph has no area as a unit
         unit = source.intrinsic_scale / target.intrinsic_scale
-    there = unit * target.distances.between(image[source.column_vertices], image[vertices])
-    distortion = np.abs(source.columns[:, vertices] - there)
+    of_images = unit * target.distances.between(image[source.column_vertices], image[vertices])
+    distortion = np.abs(source.columns[:, vertices] - of_images)
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     positions = image_positions(source.body, target.body, points)
     landmark_error, initial_map_error = prior_errors(
@@ -56,27 +56,27 @@ def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] 
 
 
 def descriptor_distance_of(
-    here: BallSignature | None,
-    there: BallSignature | None,
+    source: BallSignature | None,
+    target: BallSignature | None,
     image: Int[IntArray, "n_s"],
     matched: Bool[BoolArray, "n_s"] | None = None,
 ) -> Float[FloatArray, "n_s"] | None:
     """Descriptor distance in space of each vertex and its image, nan where unknown; None without triangles."""
-    if here is None or there is None:
+    if source is None or target is None:
         return None
-    descriptor_distance = here.descriptor_distance(there.at(image), deviation_of(here, there))
-    return descriptor_distance if matched is None else np.where(matched, descriptor_distance, np.nan)
+    distance = source.descriptor_distance(target.at(image), deviation_of(source, target))
+    return distance if matched is None else np.where(matched, distance, np.nan)
 
 
 def mean_known(values: Float[FloatArray, "q"] | None, areas: Float[FloatArray, "q"]) -> float:
-    """Mean over the area of what is known of the values of vertices; nan if nothing is."""
+    """Mean of the known values of vertices, weighted by area; nan if none is known."""
     if values is None or not (finite := np.isfinite(values)).any():
         return np.nan
     return float(np.average(values[finite], weights=areas[finite]))
 
 
 def covered_share(surface: Surface, images: Int[IntArray, "q"], radius: float = COVERAGE_RADIUS) -> float:
-    """Coverage: share of the area of a surface within a radius, in √area along edges, of images."""
+    """Coverage: share of the area of a surface within a radius of images, in √area along edges."""
     if not len(images):
         return 0.0
     gap, _ = distance_along_edges_to_nearest(surface, np.unique(images))
@@ -84,7 +84,7 @@ def covered_share(surface: Surface, images: Int[IntArray, "q"], radius: float = 
 
 
 def _coverage(pair: Problem, points: PrecisePoints) -> float:
-    """Coverage of the target, or of the original of a variant, by the images of the source's own vertices."""
+    """Coverage of the target by the images of source vertices; for variants, between their originals."""
     source, target, radius = pair.source, pair.target, pair.config.outcome.coverage_radius
     if source.original:
         n = source.original.body.n_vertices
@@ -98,7 +98,7 @@ def _coverage(pair: Problem, points: PrecisePoints) -> float:
 def image_positions(
     source: Surface, target: Surface, points: PrecisePoints
 ) -> Float[FloatArray, "n_s 3"] | None:
-    """Where the images of the source's vertices lie in space; None unless both surfaces have coordinates."""
+    """Positions of the images of source vertices; None unless both surfaces have coordinates."""
     if isinstance(source, Graph) or isinstance(target, Graph):
         return None
     return np.asarray(points.interpolation(target.n_vertices) @ target.vertices)
@@ -111,24 +111,27 @@ def edge_stretch(
     unit: float = 1.0,
     matched: Bool[BoolArray, "n_s"] | None = None,
 ) -> float:
-    """Dirichlet energy of the map on edges: squared lengths of their images over their own; nan without."""
-    # Σ_e min(|f(e)|², torn |e|²) / Σ_e |e|² over edges e between matched vertices; unit: worth of the source's lengths
+    """Dirichlet energy of a map on edges: squared lengths of their images over their own; nan without positions."""
+    # Σ_e min(|f(e)|², torn |e|²) / Σ_e |e|² over edges e between matched vertices, where lengths of
+    # the source are multiplied by the unit
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = (source.edges if matched is None else source.edges[matched[source.edges].all(axis=1)]).T
-    there, here = (((x[i] - x[j]) ** 2).sum(axis=1) for x in (images, unit * source.vertices))
-    return float(np.minimum(there, torn * here).sum() / here.sum())
+    after, before = (((x[i] - x[j]) ** 2).sum(axis=1) for x in (images, unit * source.vertices))
+    return float(np.minimum(after, torn * before).sum() / before.sum())
 
 
-def torn_off_share(source: Surface, target_area: float, images: FloatArray | None, apart: float) -> float:
-    """Share of the source's area in the largest piece that a map to ``images`` tears from the rest; nan without."""
-    # an edge is torn if |f(e)| / √A_t − |e| / √A_s > apart; pieces hang together by the edges that are not
+def torn_off_share(
+    source: Surface, target_area: float, images: FloatArray | None, max_growth: float
+) -> float:
+    """Share of the area in the largest piece that a map tears from the rest; nan without positions of images."""
+    # an edge is torn if |f(e)| / √A_t − |e| / √A_s > max_growth; other edges connect a piece
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = source.edges.T
     both = (images, target_area), (source.vertices, source.area)
-    there, here = (np.linalg.norm(x[i] - x[j], axis=1) / np.sqrt(area) for x, area in both)
-    whole = there - here <= apart
+    after, before = (np.linalg.norm(x[i] - x[j], axis=1) / np.sqrt(area) for x, area in both)
+    whole = after - before <= max_growth
     _, piece = label_components(source.n_vertices, (i[whole], j[whole]))
     shares = np.sort(np.bincount(piece, source.vertex_areas))[::-1] / source.vertex_areas.sum()
     return float(shares[1]) if len(shares) > 1 else 0.0
@@ -147,23 +150,23 @@ def prior_errors(
     landmarks: Int[BodyVertices, "m 2"],
     initial_pairs: Int[BodyVertices, "q 2"],
 ) -> tuple[float, float]:
-    """Mean and median of these distances for landmarks and for an initial map; nan without."""
-    off = distances_to_priors(pair, target_vertex, landmarks)
-    off_initial = distances_to_priors(pair, target_vertex, initial_pairs)
-    mean = float(off.mean()) if len(off) else np.nan
-    return mean, float(np.median(off_initial)) if len(off_initial) else np.nan
+    """Mean distance from the targets of landmarks, and median from the initial map; nan without."""
+    errors = distances_to_priors(pair, target_vertex, landmarks)
+    initial_errors = distances_to_priors(pair, target_vertex, initial_pairs)
+    mean = float(errors.mean()) if len(errors) else np.nan
+    return mean, float(np.median(initial_errors)) if len(initial_errors) else np.nan
 
 
 def contradicted_landmarks(pair: Problem, points: PrecisePoints) -> list[str]:
-    """Name the landmarks that a map of bodies contradicts, in the users' vertices; no note if it contradicts none."""
+    """Make a note that names the landmarks that a map contradicts, in the users' vertices; none if it agrees."""
     priors = pair.priors
-    apart = distances_to_priors(pair, BodyVertices(points.corners[:, 0]), priors.landmarks)
-    against = np.flatnonzero(apart > pair.config.outcome.contradiction)
-    if not len(against):
+    errors = distances_to_priors(pair, BodyVertices(points.corners[:, 0]), priors.landmarks)
+    contradicted = np.flatnonzero(errors > pair.config.outcome.contradiction)
+    if not len(contradicted):
         return []
-    worst = against[np.argsort(-apart[against], kind="stable")[: ERRORS.max_named_landmarks]]
-    pairs = zip(priors.user_landmarks[worst], apart[worst])
-    named = ", ".join(f"{i} → {j} ({distance:.2f} √area off)" for (i, j), distance in pairs)
-    more = ", …" if len(against) > len(worst) else ""
+    worst = contradicted[np.argsort(-errors[contradicted], kind="stable")[: ERRORS.max_named_landmarks]]
+    pairs = zip(priors.user_landmarks[worst], errors[worst])
+    named = ", ".join(f"{i} → {j} ({error:.2f} √area off)" for (i, j), error in pairs)
+    more = ", …" if len(contradicted) > len(worst) else ""
     which = "the map" if pair.config.pin is None else "the map before it was bent"
-    return [f"{which} contradicts {len(against)} of {len(priors.landmarks)} landmarks: {named}{more}"]
+    return [f"{which} contradicts {len(contradicted)} of {len(priors.landmarks)} landmarks: {named}{more}"]

@@ -1,4 +1,4 @@
-"""Questions: points of the source whose image, once known, decides between the maps that a match was left with."""
+"""Questions: points of the source whose images, once known, decide between the map and its alternatives."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from isomatch.surfaces import Mesh
 
 @dataclass(frozen=True)
 class Question:
-    """A vertex of the source, and its different places by the maps of a result, as vertices of the target.
+    """A vertex of the source, and its different images under the maps of a result.
 
     Parameters
     ----------
     vertex : int
         Vertex of the source.
     places : tuple of int
-        Where the map puts it, and then the alternatives, as far as they differ.
+        Its image under the map, then different images under alternatives: vertices of the target.
     maps : tuple of int
-        The first map that puts it there: 0, or the number of the alternative.
+        The first map with each image: 0, or the number of the alternative.
 
     Examples
     --------
@@ -41,8 +41,8 @@ class Question:
 def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) -> tuple[Question, ...]:
     """Ask for the points that decide between the map of a result and its alternatives.
 
-    Each question separates as many contenders as possible that none before does, on average as far apart as possible,
-    away from the earlier ones. Answers are landmarks of a match again.
+    Each question separates many contenders that earlier questions do not separate, by a large mean distance, and lies
+    far from earlier questions. Answers can be landmarks of the next match.
 
     Parameters
     ----------
@@ -51,16 +51,16 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
     result : MatchResult
         Its map and alternatives are the contenders.
     most : int
-        Most questions.
+        Maximum number of questions.
 
     Returns
     -------
     tuple of Question
-        None if there are no alternatives.
+        Empty if there are no alternatives.
 
     Notes
     -----
-    Places are compared through space, which tells apart what is apart to the eye. Linear time.
+    Distances between images are measured in space, as seen by eye. Linear time.
 
     Examples
     --------
@@ -75,50 +75,49 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
         return ()
     size = np.sqrt(source.area), np.sqrt(target.area)
     vertices = _spread_vertices(source, result.map.matched)
-    images = np.stack([each.vertices[vertices] for each in maps])  # (maps, candidates)
+    images = np.stack([map_.vertices[vertices] for map_ in maps])  # (maps, candidates)
     pairs = list(combinations(range(len(maps)), 2))
     gap = np.stack([_gaps(target, images[i], images[j]) for i, j in pairs]) / size[1]
+    separation = np.where(gap < ERRORS.other_place, 0.0, np.minimum(gap, ERRORS.question_distance))
     open_pairs, asked = np.ones(len(pairs), dtype=bool), list[int]()
-    away = np.full(len(vertices), np.inf)  # from the questions asked
+    to_questions = np.full(len(vertices), np.inf)  # distance to the nearest question
     for _ in range(most):
-        told = np.minimum(gap, ERRORS.question_distance)
-        told[gap < ERRORS.other_place] = 0.0
-        # pairs that are still open first, then all pairs, so that later answers confirm the earlier ones
-        worth = told[open_pairs].sum(axis=0) + told.mean(axis=0)
-        worth = worth * np.minimum(away / (ERRORS.question_distance * size[0]), 1.0)
-        best = int(worth.argmax())
-        if not worth[best] > 0:
+        # pairs not yet separated count most, and all pairs a little, so that answers confirm each other
+        gain = separation[open_pairs].sum(axis=0) + separation.mean(axis=0)
+        gain = gain * np.minimum(to_questions / (ERRORS.question_distance * size[0]), 1.0)
+        best = int(gain.argmax())
+        if not gain[best] > 0:
             break
         asked.append(best)
         open_pairs &= gap[:, best] < ERRORS.other_place
-        apart = np.linalg.norm(source.vertices[vertices] - source.vertices[vertices[best]], axis=1)
-        away = np.minimum(away, apart)
+        distance = np.linalg.norm(source.vertices[vertices] - source.vertices[vertices[best]], axis=1)
+        to_questions = np.minimum(to_questions, distance)
     return tuple(_question(int(vertices[k]), images[:, k], target, size[1]) for k in asked)
 
 
 def _spread_vertices(source: Mesh, matched: BoolArray) -> IntArray:
-    """Vertices spread over what has an image by the map, farthest points first."""
+    """Sample matched vertices evenly by farthest points in space."""
     inside = np.flatnonzero(matched)
     points = source.vertices[inside]
-    chosen, away = [0], np.linalg.norm(points - points[0], axis=1)
+    chosen, distance = [0], np.linalg.norm(points - points[0], axis=1)
     while len(chosen) < min(ERRORS.n_question_vertices, len(inside)):
-        chosen.append(int(away.argmax()))
-        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return inside[chosen]
 
 
 def _gaps(target: Mesh, one: IntArray, other: IntArray) -> FloatArray:
-    """Distance between two images of each vertex; of one that only one map has, none is known, and 0 counts."""
+    """Distance between two images of each vertex; 0 if a map has no image."""
     both = (one != UNMATCHED) & (other != UNMATCHED)
     gap: FloatArray = np.linalg.norm(target.vertices[one] - target.vertices[other], axis=1)
     return np.where(both, gap, 0.0)
 
 
 def _question(vertex: int, images: IntArray, target: Mesh, size: float) -> Question:
-    """Ask for the images of a vertex that are told apart."""
+    """Make a question of the images of a vertex that can be told apart by eye."""
     maps = list[int]()
     for k in np.flatnonzero(images != UNMATCHED).tolist():
-        apart = np.linalg.norm(target.vertices[images[maps]] - target.vertices[images[k]], axis=1) / size
-        if (apart >= ERRORS.other_place).all():
+        distance = np.linalg.norm(target.vertices[images[maps]] - target.vertices[images[k]], axis=1) / size
+        if (distance >= ERRORS.other_place).all():
             maps.append(k)
     return Question(vertex, tuple(images[maps].tolist()), tuple(maps))

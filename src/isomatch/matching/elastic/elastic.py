@@ -1,4 +1,4 @@
-"""Elastic: limbs may stretch, so that distances of two shapes agree only roughly."""
+"""Elastic: limbs may stretch, so distances on the two shapes agree only roughly."""
 
 from __future__ import annotations
 
@@ -40,15 +40,14 @@ from isomatch.matching.proposals.from_priors import starts_from_priors
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import Ranking, Rules, distances_between, keep_distinct, select
 
-# between two bendings: all functions, half the smoothness for twice as many
-LAST_STEP = Step(200, 0.0005, 2, False)
-NO_SCORE = 1e-12  # so that ratios of scores are finite
+LAST_STEP = Step(200, 0.0005, 2, False)  # the fit by all functions, before shapes are bent in full
+MIN_SCORE = 1e-12  # makes ratios of scores finite
 
-FAR = (
+FAR_NOTE = (
     "the shapes are far from isometric, so a map was sought that lets limbs stretch; it may be wrong in places: look at "
     "the picture, and give five landmarks at extremities if it is"
 )
-FAR_KEPT = (
+FAR_KEPT_NOTE = (
     "the shapes are far from isometric, but no map that lets limbs stretch scores better; the map may be wrong in "
     "places: look at the picture, and give five landmarks at extremities if it is"
 )
@@ -59,16 +58,15 @@ class StretchedFit(Fit):
     """An elastic map: smooth maps both ways, and both shapes bent onto each other by them."""
 
     coefficients: Coefficients  # of the smooth maps both ways
-    images: Images | None = None  # of the samples of the coarse fit, both ways
-    bent: tuple[BentShape, ...] = ()  # the source on the target, and the target on the source; none before
-    is_isometric: bool = False  # whether it is a map found otherwise
-    is_initial_map: bool = (
-        False  # whether it is the user's initial map, which holds while large pieces are bent
-    )
+    images: Images | None = None  # images of the samples of the coarse fit, both ways
+    # the source bent onto the target, and the target bent onto the source; empty before they are bent
+    bent: tuple[BentShape, ...] = ()
+    is_isometric: bool = False  # whether it is the map found under the isometric model
+    is_initial_map: bool = False  # whether it is the user's initial map, which holds large pieces
 
     @property
     def stretch(self) -> float:
-        """That of the bent shape which is stretched more."""
+        """The larger stretch of both bent shapes."""
         return max(bent.stretch for bent in self.bent)
 
 
@@ -79,17 +77,17 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     ----------
     problem : Problem
     found : Match, optional
-        What was found under an `Isometry`: its map, which an elastic one must beat, its candidates and rivals contend.
+        The match under an `Isometry`; its map, rivals and candidates contend with elastic maps.
 
     Notes
     -----
-    Both shapes are bent onto each other by a map, at a low resolution. With s the mean absolute logarithm of the stretch
-    of edges, and g the mean distance of the bent shape from the other one, there and back, the score is::
+    A map bends both shapes onto each other, at a low resolution. Let s be the mean absolute logarithm of the stretch of
+    edges, g the mean distance of the bent source from the target, and s′, g′ the same for the bent target. The score is::
 
         √(s g · s′ g′)
 
-    A map that leaves a limb out has a large g′, one that exchanges limbs a large s. The ordinary map contends like all
-    others. Of those that are bent to the end, the one that verifies best is taken.
+    A map that omits a limb has a large g′; a map that exchanges limbs has a large s. Among the maps that are bent to
+    the end, the one that verifies best is selected.
 
     Examples
     --------
@@ -108,21 +106,17 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     def __init__(self, problem: Problem, found: Match[Fit, Embedding] | None = None) -> None:
         super().__init__(problem)
         self.found = found
-        self.isometric_map: Fit | None = (
-            None  # a map of the vertices of the model, which an elastic one must beat
-        )
-        self.isometric_map_fits = False  # whether it fits as maps between isometric shapes do
-        self._others: list[
-            tuple[BodyVertices, str]
-        ] = []  # first maps found beside it, and where each came from
-        self._rivals: list[Fit] = []  # refined maps found beside it
+        self.isometric_map: Fit | None = None  # the map of ``found``
+        self.isometric_map_fits = False  # whether it fits as well as between isometric shapes
+        self._other_starts: list[tuple[BodyVertices, str]] = []  # candidates of ``found``, with origins
+        self._rivals: list[Fit] = []  # other refined maps of ``found``
         if found:
             first, *others = found.ranking.best, *found.ranking.others
             self.isometric_map = first
             self.isometric_map_fits = not fits_badly(found.measured.quality, problem.config.outcome)
             self._rivals = [fit for fit in others if fit.side == first.side and is_another(self, fit, first)]
             candidates = (c for c in found.proposals.eligible if c.orientation > 0)
-            self._others = [(search_pairs(problem, c.target_row), c.origin) for c in candidates]
+            self._other_starts = [(search_pairs(problem, c.target_row), c.origin) for c in candidates]
 
     def require_suitable(self) -> None:
         """Raise an `IsomatchError` unless the shapes are meshes, to be kept in orientation."""
@@ -130,27 +124,23 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         self.require_priors()
 
     def propose(self, timer: StageTimer) -> Proposals[StretchedFit]:
-        """Fit first maps coarsely; the best, and the maps known before, contend."""
+        """Fit first maps coarsely; the best contend with the maps known before."""
         timer.start("mirror images")
         _ = self._shapes
         timer.start("search")
         starts = self._starts()
         first = partial(self._draw, self._coarse, COARSE_STEPS[0])
         kept = [first(start, origin) for start, origin in starts]
-        for step, most in zip(
-            COARSE_STEPS, ELASTIC_SEARCH.n_maps_kept
-        ):  # so many of the best that differ go on
-            taken = parallel_map(partial(self._step, step=step), kept)
-            order = sorted((fit for fit in taken if fit), key=attrgetter("score"))
+        for step, most in zip(COARSE_STEPS, ELASTIC_SEARCH.n_maps_kept):
+            moved = parallel_map(partial(self._step, step=step), kept)
+            order = sorted((fit for fit in moved if fit), key=attrgetter("score"))
             kept = keep_distinct(
                 order, lambda fit: fit.image, self.target.mean_distances, MAP_DISTANCE.same_map, most
             )
         timer.start("bending")
         if self.isometric_map is not None:
-            kept.append(self._draw_isometric(self.isometric_map))
-        kept += [
-            self._draw(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin) for fit in self._rivals
-        ]
+            kept.append(replace(self._draw_fit(self.isometric_map), is_isometric=True))
+        kept += map(self._draw_fit, self._rivals)
         if len(self.priors.initial_pairs):
             kept.append(replace(first(self.priors.initial_pairs, "initial map"), is_initial_map=True))
         if not kept:
@@ -168,15 +158,15 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     ) -> Ranking[StretchedFit]:
         """Select the map that verifies best."""
         fits = sorted(maps, key=attrgetter("score"))
-        apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
+        distances = distances_between([fit.image for fit in fits], self.target.mean_distances)
         tie = ELASTIC_FIT.prior_tie_ratio if len(self.priors.initial_pairs) else 1.0
         least = self.pair.config.selection.runner_up_distance
         rules = Rules(runner_up_distance=least, tie=tie, landmark_slack=TIES.landmark_slack)
         costs = parallel_map(self.cost, fits)
-        ranking = select(fits, apart, rules, scores=costs)
-        # one that differs must cost more, and not score less
-        of_winner = apart[fits.index(ranking.best)]
-        scores = [fit.score for fit, distance in zip(fits, of_winner) if distance > least]
+        ranking = select(fits, distances, rules, scores=costs)
+        # the winner leads only if different maps have neither lower costs nor lower scores
+        from_winner = distances[fits.index(ranking.best)]
+        scores = [fit.score for fit, distance in zip(fits, from_winner) if distance > least]
         ratio = max(min(scores, default=np.inf) / ranking.best.score, 1.0)
         return replace(ranking, runner_up=min(ranking.runner_up, ratio))
 
@@ -185,42 +175,35 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return self.found.coordinates if self.found and self.keeps_lengths(best) else self.everywhere(best)
 
     def cost(self, fit: StretchedFit) -> float:
-        """Return what a bent map costs on the shapes as they are."""
+        """Cost of a map by `verify`."""
         return self.verified(fit).cost
 
     def image(self, best: StretchedFit) -> Int[BodyVertices, "n_s"]:
-        """Vertex of the target's body for each of the source's, bent at the lower resolution."""
+        """Vertex of the target's body for each vertex of the source's, bent at the lower resolution."""
         return self._bendings[0].images(best.bent[0], np.arange(self.source.body.n_vertices))
 
     @property
     def is_needless(self) -> bool:
-        """Whether the ordinary map fits, and hardly stretches the shapes when they are bent by it."""
+        """Whether the isometric map fits, and bending by it hardly stretches the shapes."""
         if self.found is None or not self.isometric_map_fits:
             return False
         coordinates, lengths = self.found.coordinates, self.pair.config.elastic.bending
         bent = parallel_map(lambda bending: bending.lay(coordinates, lengths), self._bendings)
-        return max(each.stretch for each in bent) < ELASTIC_FIT.max_isometric_stretch
+        return max(shape.stretch for shape in bent) < ELASTIC_FIT.max_isometric_stretch
 
     def keeps_lengths(self, winner: StretchedFit) -> bool:
-        """Whether a winner is the ordinary map, and hardly stretches the shapes, so that it is not bent in full."""
-        most = (
-            ELASTIC_FIT.max_isometric_stretch_of_winner
-            if self.isometric_map_fits
-            else ELASTIC_FIT.max_isometric_stretch
-        )
+        """Whether a winner is the isometric map and hardly stretches the shapes, so that it is kept as it is."""
+        most = ELASTIC_FIT.max_isometric_stretch
+        if self.isometric_map_fits:
+            most = ELASTIC_FIT.max_isometric_stretch_of_winner
         return winner.is_isometric and winner.stretch < most
 
     def _pairs(self, image: Int[BodyVertices, "r"]) -> Int[BodyVertices, "r 2"]:
-        """Vertices of source and target."""
+        """Pair the vertices of the model with their images."""
         return BodyVertices(np.column_stack([self.vertices, image]))
 
-    def _draw_isometric(self, fit: Fit) -> StretchedFit:
-        return replace(
-            self._draw(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin), is_isometric=True
-        )
-
     def _starts(self) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
-        """First maps, and where each comes from; those of an ordinary map have made use of priors before."""
+        """First maps with their origins; an isometric map has already used the priors."""
         pair, landmarks = self.pair, self.priors.landmarks
         first_maps: list[tuple[BodyVertices, str]] = []
         if self.searches_by_anchors:
@@ -235,7 +218,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         else:
             from_priors = starts_from_priors(pair)
             first_maps += [(search_pairs(pair, rows), origin) for rows, origin in from_priors]
-        return [*first_maps, *self._others, *self.first_maps_handed_in()]
+        return [*first_maps, *self._other_starts, *self.first_maps_handed_in()]
 
     @cached_property
     def _shapes(self) -> tuple[ElasticShape, ElasticShape]:
@@ -259,16 +242,16 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
     @cached_property
     def _bendings(self) -> tuple[ElasticBending, ElasticBending]:
-        """The source onto the target, and back."""
+        """Bending of the source onto the target, and of the target onto the source."""
         count, landmarks = self.pair.config.elastic.n_bent_vertices, self.priors.landmarks
         both = self.source, self.target
-        there, back = parallel_map(
+        of_source, of_target = parallel_map(
             lambda way: ElasticBending(both[way], both[1 - way], count, bool(way), landmarks), range(2)
         )
-        return there, back
+        return of_source, of_target
 
     def _step(self, fit: StretchedFit, step: Step) -> StretchedFit | None:
-        """Take a coarse step; None if the map reverses the orientation before, or is twisted afterwards."""
+        """Take a coarse step; None if the map reverses the orientation, or is twisted afterwards."""
         coarse = self._coarse
         images = fit.images or coarse.images(fit.coefficients)
         if images.orientation < 0:
@@ -276,25 +259,27 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         coefficients, images = coarse.run(fit.coefficients, (step,), images)
         if images.orientation < ELASTIC_SEARCH.min_orientation:
             return None
-        # spectral residual × (unit + asymmetry)^exponent: of two fits that are as good, the one that exchanges mirror
-        # images is right; below the unit, asymmetry is that of the shapes themselves
-        penalty = (
-            ELASTIC_SEARCH.asymmetry_unit + coarse.asymmetry(images)
-        ) ** ELASTIC_SEARCH.asymmetry_exponent
+        # score = spectral residual × (unit + asymmetry)^exponent: among equally good fits, a map that
+        # commutes with the mirror images is right; an asymmetry below the unit may come from the shapes
+        asymmetry = ELASTIC_SEARCH.asymmetry_unit + coarse.asymmetry(images)
+        penalty = asymmetry**ELASTIC_SEARCH.asymmetry_exponent
         image, residual = BodyVertices(coarse.target.targets[images.forth]), images.spectral_residual
         moved = replace(fit, image=image, coefficients=coefficients, images=images)
         return replace(moved, spectral_residual=residual, score=residual * penalty)
 
     def _begin(self, fit: StretchedFit) -> StretchedFit:
-        """Extend a rough fit to the vertices of the model."""
+        """Extend a coarse fit to the vertices of the model."""
         source, target = self._fine.embedding(fit.coefficients)
         image = BodyVertices(self.target.index.vertices(target, source[self.vertices]))
         return replace(fit, image=image, spectral_residual=np.inf, score=np.nan)
 
     def _draw(self, by: ElasticFit, step: Step, pairs: BodyVertices, origin: str) -> StretchedFit:
-        """Draw a map by the functions of a step."""
+        """Fit smooth maps to pairs of vertices, with the functions of a step."""
         coefficients = by.from_pairs(pairs, step)
         return StretchedFit(BodyVertices(pairs[:0, 0]), origin=origin, coefficients=coefficients)
+
+    def _draw_fit(self, fit: Fit) -> StretchedFit:
+        return self._draw(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin)
 
     @cached_property
     def _initial_images(self) -> Int[BodyVertices, "r"]:
@@ -304,108 +289,102 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return BodyVertices(image[self.vertices])
 
     def refine_jointly(self, fits: Sequence[StretchedFit]) -> list[StretchedFit]:
-        """Bend both shapes onto each other by each map, at a low resolution; images are read off there."""
-        # those that score much worse than another one halfway are given up, unless the map was known before
+        """Bend both shapes onto each other by each map, at a low resolution, and take nearest points as images."""
+        # halfway, maps with much worse scores are dropped, unless they were known before
         halfway = parallel_map(self._bend_halfway, fits)
         most = ELASTIC_FIT.hopeless_ratio * min((fit.score for fit in halfway), default=0.0)
         kept = [fit for fit in halfway if fit.score <= most or fit.is_isometric or fit.is_initial_map]
         return parallel_map(self._bend_further, kept)
 
-    def _bend(self, fit: StretchedFit) -> StretchedFit:
-        return self._bend_further(self._bend_halfway(fit))
-
     def _bend_halfway(self, fit: StretchedFit) -> StretchedFit:
         """Bend by the first lengths, which move large pieces."""
-        drawn, lengths = self._fine.embedding(fit.coefficients), self.pair.config.elastic.bending
+        coordinates, lengths = self._fine.embedding(fit.coefficients), self.pair.config.elastic.bending
         held = self.priors.initial_pairs if fit.is_initial_map else None
-        bent = tuple(bending.lay(drawn, lengths[: len(lengths) // 2], held) for bending in self._bendings)
+        lengths = lengths[: len(lengths) // 2]
+        bent = tuple(bending.lay(coordinates, lengths, held) for bending in self._bendings)
         return replace(fit, bent=bent, score=_score(bent))
 
     def _bend_further(self, fit: StretchedFit) -> StretchedFit:
-        """Bend by the other lengths, and read images off."""
+        """Bend by the other lengths, and take nearest points as images."""
         lengths = self.pair.config.elastic.bending
-        bent = tuple(
-            bending.bend_further(each, lengths[len(lengths) // 2 :])
-            for bending, each in zip(self._bendings, fit.bent)
-        )
+        lengths = lengths[len(lengths) // 2 :]
+        bent = tuple(bending.bend_further(shape, lengths) for bending, shape in zip(self._bendings, fit.bent))
         image, score = self._bendings[0].images(bent[0], self.vertices), _score(bent)
         rows = np.flatnonzero(self._initial_images >= 0)
         error = self.target.mean_distance(image[rows], self._initial_images[rows]) if len(rows) else 0.0
         return replace(fit, image=image, spectral_residual=score, score=score, bent=bent, prior_error=error)
 
     def measure_fit(self, fit: Fit, image: Int[BodyVertices, "r"]) -> StretchedFit:
-        """Draw a map by all functions, and bend the shapes by it."""
-        was_ordinary = isinstance(fit, StretchedFit) and fit.is_isometric
+        """Fit smooth maps by all functions, and bend the shapes by them."""
+        is_isometric = isinstance(fit, StretchedFit) and fit.is_isometric
         drawn = self._draw(self._fine, LAST_STEP, self._pairs(image), fit.origin)
-        return replace(self._bend(drawn), is_isometric=was_ordinary)
+        return replace(self._bend_further(self._bend_halfway(drawn)), is_isometric=is_isometric)
 
     def embedding(self, fit: StretchedFit) -> Embedding:
-        """Joint coordinates, beside positions and normals of the target and of the source bent onto it in full.
+        """Joint coordinates, with positions and normals of the target and of the source bent onto it in full.
 
-        From where both shapes lie, the smooth maps are fitted once more, with all functions. The source is bent as
-        similarly as possible, at last in full. From there the joint refinement takes its last step: it knows what details
-        look like, and bending where limbs are. What was known before has its say in where that step begins.
+        The smooth maps are fitted again, with all functions, to both bent shapes. By them the source is bent in full, as
+        similarly as possible. Then the joint refinement takes its last step, starting from nearest points, and from a
+        map known before if both are the same: bending finds limbs, and the refinement details.
         """
         pair, bent = self.pair, self._bend_in_full(fit)
-        lying = Embedding(
+        positions = Embedding(
             with_normals(bent.mesh, ELASTIC_FIT.normal_weight),
             with_normals(bent.onto.mesh, ELASTIC_FIT.normal_weight),
         )
-        image = self._read_images(lying)
-        before = self._known_before(fit, image)
-        if before is not None:
-            image = self._read_images(self._join(before, lying))
+        image = self._nearest_images(positions)
+        known = self._known_before(fit, image)
+        if known is not None:
+            image = self._nearest_images(self._add_positions(known, positions))
         image, _ = refine_images(pair, image, 1.0, *pair.config.refining.last_step)
-        return self._join(image, lying)
+        return self._add_positions(image, positions)
 
     def _known_before(self, fit: StretchedFit, image: BodyVertices) -> Int[BodyVertices, "r"] | None:
-        """Return images of the initial map, or an ordinary one that fits, if a map is the same in the large."""
+        """Images of the initial map, or of an isometric map that fits, if it is the same map up to details."""
         if len(self.priors.initial_pairs) and fit.prior_error < MAP_DISTANCE.same_map:
             return BodyVertices(np.where(self._initial_images >= 0, self._initial_images, image))
         if self.isometric_map is None or not self.isometric_map_fits:
             return None
-        alike = self.target.mean_distance(fit.image, self.isometric_map.image) < MAP_DISTANCE.same_map
-        return self.isometric_map.image if alike else None
+        is_same = self.target.mean_distance(fit.image, self.isometric_map.image) < MAP_DISTANCE.same_map
+        return self.isometric_map.image if is_same else None
 
     def _bend_in_full(self, fit: StretchedFit) -> BentShape:
-        """Bend the source onto the target in full, from where the two bent shapes lie at the low resolution."""
-        settings, (there, _) = self.pair.config.elastic, self._bendings
+        """Bend the source onto the target in full, starting from both shapes bent at the low resolution."""
+        settings, bending = self.pair.config.elastic, self._bendings[0]
         pairs = np.concatenate([bending.pairs(bent) for bending, bent in zip(self._bendings, fit.bent)])
         coefficients, _ = self._fine.run(self._fine.from_pairs(BodyVertices(pairs), LAST_STEP), (LAST_STEP,))
-        drawn = self._fine.embedding(coefficients)
-        coarse = there.lay(
-            drawn, settings.bending[ELASTIC_FIT.n_skipped_lengths :], most_scaled=settings.most_scaled
-        )
-        return there.lay_in_full(coarse, ELASTIC_FIT.full_lengths, settings.most_scaled)
+        lengths = settings.bending[ELASTIC_FIT.n_skipped_lengths :]
+        coarse = bending.lay(self._fine.embedding(coefficients), lengths, most_scaled=settings.most_scaled)
+        return bending.lay_in_full(coarse, ELASTIC_FIT.full_lengths, settings.most_scaled)
 
-    def _read_images(self, embedding: Embedding) -> Int[BodyVertices, "r"]:
-        """Images of the vertices of the model."""
+    def _nearest_images(self, embedding: Embedding) -> Int[BodyVertices, "r"]:
+        """Images of the vertices of the model: nearest points in coordinates."""
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source[self.vertices]))
 
-    def _join(self, image: Int[BodyVertices, "r"], lying: Embedding) -> Embedding:
-        """Joint coordinates under a map, and coordinates in which bent shapes lie on each other."""
+    def _add_positions(self, image: Int[BodyVertices, "r"], positions: Embedding) -> Embedding:
+        """Joint coordinates under a map, and positions of bent shapes."""
         joint = register_map(self.pair, image, 1.0, self.refinement.smooth)
-        return Embedding(*(np.hstack([x, ELASTIC_FIT.position_weight * y]) for x, y in zip(joint, lying)))
+        return Embedding(*(np.hstack([x, ELASTIC_FIT.position_weight * y]) for x, y in zip(joint, positions)))
 
     def measure(self, match: Match[StretchedFit, Embedding]) -> Measured:
-        """Take the nearest points under the map selected, and measure it; an ordinary one was measured before."""
+        """Map vertices to the nearest points, and measure the map; an isometric map was measured before."""
         ranking, winner = match.ranking, match.ranking.best
         if self.found and self.keeps_lengths(winner):
             before = self.found.measured
             quality = replace(before.quality, runner_up=ranking.runner_up, bending_cost=winner.score)
-            return replace(before, quality=quality, note=FAR_KEPT)
+            return replace(before, quality=quality, note=FAR_KEPT_NOTE)
         points = self.target.index.points(match.coordinates.target, match.coordinates.source)
         distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
         quality = measure_quality(self.pair, points)
         quality = replace(quality, runner_up=ranking.runner_up, bending_cost=winner.score)
         n_bent = 1 + len(ranking.others)
         reason = f"verified best of {match.proposals.n_tried} elastic maps, {n_bent} bent"
-        return Measured(points, quality, distance, reason, winner.origin, note=FAR)
+        return Measured(points, quality, distance, reason, winner.origin, note=FAR_NOTE)
 
     def sum_up(
         self, match: Match[StretchedFit, Embedding], measured: Measured, timer: StageTimer
     ) -> Solution:
-        """Sum up the map, with the alternatives of the isometry that was found before."""
+        """Sum up the map, with the alternatives of the isometric match if there was one."""
         if self.found:
             return self.found.model.sum_up(self.found, measured, timer)
         pair = self.pair
@@ -417,21 +396,22 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
 
 def _score(bent: tuple[BentShape, ...]) -> float:
-    # √(s g · s′ g′), see `BentShape`: there and back, as the source bends well onto a target of which a limb is left out
-    there, back = bent
-    return max(float(np.sqrt(there.spectral_residual * back.spectral_residual)), NO_SCORE)
+    # √(s g · s′ g′), see `BentShape`. Both directions count: the source bends well onto a target even if
+    # one limb of the target is left out
+    source, target = bent
+    return max(float(np.sqrt(source.bending_cost * target.bending_cost)), MIN_SCORE)
 
 
 def may_be_far(problem: Problem) -> bool:
-    """Tell whether an elastic map may be sought of a problem at all."""
+    """Whether the settings and the shapes allow an elastic map."""
     config = problem.config
     preserves = problem.oriented and config.orientation == "preserve"
-    sought = problem.refinement.searches_further and config.hypotheses == "all"
-    return preserves and sought and not problem.priors.has_functions
+    searches = problem.refinement.searches_further and config.hypotheses == "all"
+    return preserves and searches and not problem.priors.has_functions
 
 
 def far_from_isometric(problem: Problem, quality: Quality) -> bool:
-    """Tell whether the best map that keeps distances does not fit well, so that an elastic one should be sought."""
+    """Whether the best isometric map fits badly, so that an elastic map should be searched."""
     config = problem.config
     if not may_be_far(problem):
         return False

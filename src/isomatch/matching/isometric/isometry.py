@@ -462,8 +462,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         distance = ranking.best.prior_error
         if pair.config.start == "pose" and not self.priors.any and distance > pair.config.outcome.out_of_pose:
             notes.append(
-                f"images are {distance:.2f} √area from the nearest points in space: the shapes do not seem to be aligned, "
-                "so start = 'pose' says little about the map; align them within about 30°, or leave start at 'auto'"
+                f"images are {distance:.2f} √area from the nearest points in space: the shapes do not seem to be "
+                "aligned, so start = 'pose' says little about the map; align them within about 30°, or leave start at "
+                "'auto'"
             )
         return notes
 

@@ -395,7 +395,7 @@ def measure_part(
         landmark_error=landmark_error,
         initial_map_error=initial_map_error,
         stress=fit.stress,
-        bending_cost=bent.spectral_residual,
+        bending_cost=bent.bending_cost,
     )
     return Measured(points, quality, descriptor_distance, reason, origin_of(problem, fit), matched)
 

@@ -307,7 +307,7 @@ class PartFit(Fit):
         """What the map costs by itself, where no other is compared: the part is bent by it, too."""
         # r σ^¼ × (stretch × gap). Costs of one pair can be compared without the last factor, which no map was chosen by;
         # so it is independent evidence for the doubt of the best one.
-        return max(self.cost * self.bent.spectral_residual, LEAST_SCORE)
+        return max(self.cost * self.bent.bending_cost, LEAST_SCORE)
 
     @property
     def rough_cost(self) -> float:

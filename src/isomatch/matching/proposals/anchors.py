@@ -33,7 +33,9 @@ def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
     unary = pair.config.search.eccentricity_weight * remoteness + ANCHORS.signature_weight * unlike
     assigned, _ = assign_points(*sides, unary, EXACTLY, ANCHORS.beam_width, ANCHORS.same_assignment_distance)
-    starts = [SearchRows(nearest_rows(there[:, x], here[:, anchors])) for x in assigned[: ANCHORS.n_starts]]
+    starts = [
+        SearchRows(nearest_rows(on_target[:, x], on_source[:, anchors])) for x in assigned[: ANCHORS.n_starts]
+    ]
     return [
         search_pairs(pair, start)
         for start in parallel_map(lambda start: relax_spectrally(pair, start), starts)
