@@ -1,4 +1,4 @@
-"""Shapes of several components, such as bodies with eyes and clothes: which are partners, and one map of all."""
+"""Shapes of several components, such as bodies with eyes and clothes: find partners, and make one map of all."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from isomatch.matching.strategies import solve
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
 
-FAR_APART = 1e6  # cost of components that are no partners
-TINY = 1e-6
+NO_PARTNERS = 1e6  # cost of components that cannot be partners
+MIN_DISTANCE = 1e-6  # between samples, in units of a shape; shorter distances are not divided by
 SIDES = "source", "target"
 
 
 def match_components(pair: Problem, user_priors: UserPriors, timer: StageTimer) -> Solution:
-    """Match shapes of which at least one has further components that can be matched by themselves."""
+    """Match two shapes whose components are matched one by one."""
     timer.start("components")
     parallel_map(components_of, (pair.source, pair.target))
     priors = ComponentPriors(pair, user_priors)
@@ -54,15 +54,15 @@ def match_components(pair: Problem, user_priors: UserPriors, timer: StageTimer) 
 
 
 class _Components:
-    """The components of both shapes, and which of them are partners."""
+    """Finds partners among the components of both shapes, and matches them."""
 
     def __init__(self, pair: Problem, priors: ComponentPriors, timer: StageTimer) -> None:
         self.pair, self.priors, self.timer = pair, priors, timer
         self.sources, self.targets = priors.sides
-        self.failed: list[str] = []  # which two components have no map, and why
+        self.failed: list[str] = []  # notes on components between which no map was found
 
     def match_large(self) -> tuple[list[ComponentMatch], bool]:
-        """Match the largest components, and similar ones; returns also whether another assignment fits as well."""
+        """Match the largest components, and similar ones; also say whether another assignment fits as well."""
         rows, columns = (self._runners_up(side) for side in (self.sources, self.targets))
         joined = self.priors.joined[: len(rows), : len(columns)]
         if len(rows) == len(columns) == 1:
@@ -70,26 +70,29 @@ class _Components:
         if joined.any():
             chosen = zip(*linear_sum_assignment(-joined))
             return [self._match(i, j) for i, j in chosen if joined[i, j]], False
-        unlike = np.array([[self._unlike(i, j) for j in columns] for i in rows])
-        tried = unlike <= unlike.min() + COMPONENTS.same_spectrum_difference
-        matched: dict[tuple[int, int], ComponentMatch] = {}
-        for i, j in np.argwhere(tried).tolist():
+        differences = np.array([[self._spectrum_difference(i, j) for j in columns] for i in rows])
+        similar = differences <= differences.min() + COMPONENTS.same_spectrum_difference
+        matches: dict[tuple[int, int], ComponentMatch] = {}
+        for i, j in np.argwhere(similar).tolist():
             if match := self._try_match(i, j):
-                matched[i, j] = match
-        if not matched:
+                matches[i, j] = match
+        if not matches:
             return [self._match(0, 0)], False
-        assigned = ([matched[ij] for ij in pairs if ij in matched] for pairs in _assignments(*unlike.shape))
+        assigned = ([matches[ij] for ij in pairs if ij in matches] for pairs in _assignments(*similar.shape))
         best, *others = sorted(filter(None, assigned), key=_assignment_rank)
-        tied = others and _assignment_rank(others[0])[:2] == _assignment_rank(best)[:2]
-        limit = self.pair.config.outcome.tie * _assignment_rank(best)[2]
-        return best, bool(tied and _assignment_rank(others[0])[2] < limit)
+        if not others:
+            return best, False
+        *classes, cost = _assignment_rank(best)
+        *other_classes, other_cost = _assignment_rank(others[0])
+        return best, other_classes == classes and other_cost < self.pair.config.outcome.tie * cost
 
     def _runners_up(self, side: tuple[PreparedShape, ...]) -> list[int]:
+        """Numbers of the components that are tried as partners of the largest one."""
         least = COMPONENTS.min_runner_up_area * side[0].share
         return [i for i, shape in enumerate(side[: COMPONENTS.max_runners_up]) if shape.share >= least]
 
     def match_carried(self, matches: list[ComponentMatch]) -> list[ComponentMatch]:
-        """Match the components that have a partner near where those matched already carry them."""
+        """Match the remaining components that lie near a partner when matched components carry them."""
         rows = numbers_without(self.sources, [match.pair.source for match in matches])
         columns = numbers_without(self.targets, [match.pair.target for match in matches])
         carrier = Carrier.of([match.solution for match in matches])
@@ -98,30 +101,31 @@ class _Components:
         centres = {i: carrier.move(self.sources[i]).mean(axis=0) for i in rows}
         cost = np.array([[self._cost(carrier, centres[i], i, j) for j in columns] for i in rows])
         partners = [
-            (rows[a], columns[b]) for a, b in zip(*linear_sum_assignment(cost)) if cost[a, b] < FAR_APART
+            (rows[a], columns[b]) for a, b in zip(*linear_sum_assignment(cost)) if cost[a, b] < NO_PARTNERS
         ]
         return [match for i, j in partners if (match := self._try_match(i, j, carrier))]
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
-        """Return the cost of taking two components for partners: place, size, spectrum; negative if priors join them."""
+        """Return the cost of two partners by place, size and spectrum; negative if priors join them."""
         joined = self.priors.joined
         if joined[i].any() or joined[:, j].any():
-            return -float(joined[i, j]) if joined[i, j] else FAR_APART
+            return -float(joined[i, j]) if joined[i, j] else NO_PARTNERS
         source, target = self.sources[i], self.targets[j]
         place = carrier.offset(centre, target)
         size = abs(np.log(carrier.length_ratio(source, target))) / np.log(COMPONENTS.max_length_ratio)
         if place > COMPONENTS.max_carried_distance or size > 1:
-            return FAR_APART
-        return float((place / COMPONENTS.max_carried_distance) ** 2 + size**2 + self._unlike(i, j))
+            return NO_PARTNERS
+        place /= COMPONENTS.max_carried_distance
+        return float(place**2 + size**2 + self._spectrum_difference(i, j))
 
-    def _unlike(self, i: int, j: int) -> float:
-        """Mean difference of the logarithms of the first eigenvalues of two bodies, which are of unit area."""
+    def _spectrum_difference(self, i: int, j: int) -> float:
+        """Mean difference of the logarithms of the first eigenvalues of two bodies of unit area."""
         spectra = [shape.laplace.values[1:] for shape in (self.sources[i], self.targets[j])]
         n = min(COMPONENTS.n_eigenvalues, *map(len, spectra))
         return float(np.abs(np.log(spectra[0][:n] / spectra[1][:n])).mean())
 
     def _try_match(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch | None:
-        """Match two components as `_match` does; None, and a note, if no map is found."""
+        """Match two components; None, and a note, if no map is found."""
         try:
             return self._match(i, j, carrier)
         except NotConvergedError as error:
@@ -130,7 +134,7 @@ class _Components:
             return None
 
     def _match(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
-        """Match two components: by themselves, or starting from where they are carried to."""
+        """Match two components, by themselves or starting from the place to which one is carried."""
         pair = replace(self.pair, source=self.sources[i], target=self.targets[j])
         priors = self.priors.on(pair)
         with self.timer.within(f"component {i + 1}"):
@@ -141,13 +145,13 @@ class _Components:
             return self._match_near_place(pair, carrier)
 
     def _match_near_place(self, pair: Problem, carrier: Carrier) -> ComponentMatch:
-        """Match two components that are carried to each other."""
-        # A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
-        # decides what symmetry leaves open, if the component is near enough to what carries it.
-        held = carrier.gap(pair.target) <= COMPONENTS.max_held_distance
+        """Match two components that are close when one is carried along."""
+        # A rigid component, such as an eye or a helmet, lies where it is carried; any other map starts
+        # there. If the component is close to what carries it, its place decides between symmetric maps.
+        is_held = carrier.gap(pair.target) <= COMPONENTS.max_held_distance
         placed = self._place_rigidly(pair, carrier)
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
-            if held or not pair.target.symmetries:
+            if is_held or not pair.target.symmetries:
                 return ComponentMatch(placed, "it moves along rigidly")
             ambiguous = placed.with_evidence(Evidence(ambiguous=True))
             return ComponentMatch(ambiguous, "nothing near it tells how it is turned")
@@ -160,18 +164,18 @@ class _Components:
         measures = replace(solution.quality, runner_up=np.inf, mirrored=np.inf)
         decided = measured_evidence(pair, measures, pair.config.orientation)
         differs = outcome_of([decided]) is not solution.outcome
-        tied = differs and not solution.quality.runner_up < 1 / pair.config.outcome.tie
-        if pair.relation is not None or not (held and tied):
+        is_tied = differs and not solution.quality.runner_up < 1 / pair.config.outcome.tie
+        if pair.relation is not None or not (is_held and is_tied):
             return ComponentMatch(solution)
-        unlike = tuple(region for region in solution.regions if region.runner_up is None)
-        by_place = replace(solution, evidence=(decided,), regions=unlike)
+        regions = tuple(region for region in solution.regions if region.runner_up is None)
+        by_place = replace(solution, evidence=(decided,), regions=regions)
         return ComponentMatch(by_place, "symmetric by itself, decided by its place")
 
     def _place_rigidly(self, pair: Problem, carrier: Carrier) -> Solution | None:
-        """Map a component to the nearest points when it is carried along rigidly; None if it does not fit there."""
-        moved, there = carrier.move_rigidly(pair.source), cast(Mesh, pair.target.body).vertices
-        points = pair.target.index.points(there, moved)
-        gap = np.linalg.norm(points.interpolation(len(there)) @ there - moved, axis=1)
+        """Carry a component rigidly and map it to the nearest points; None if it does not fit there."""
+        moved, target = carrier.move_rigidly(pair.source), cast(Mesh, pair.target.body).vertices
+        points = pair.target.index.points(target, moved)
+        gap = np.linalg.norm(points.interpolation(len(target)) @ target - moved, axis=1)
         if gap.mean() > COMPONENTS.same_place_distance:
             return None
         quality = measure_quality(pair, points)
@@ -182,7 +186,7 @@ class _Components:
 
 
 def _assignment_rank(matches: list[ComponentMatch]) -> tuple[int, int, float]:
-    """Return the sort key of an assignment, least for the best: few pairs cost, then an unsure one, then residuals."""
+    """Sort key of an assignment, least for the best: number of pairs, then the least sure one, then residuals."""
     residuals = np.nan_to_num([match.solution.quality.spectral_residual for match in matches], nan=np.inf)
     sureness = min(match.solution.outcome.sureness for match in matches)
     spread = np.std([np.log(match.pair.source.scale / match.pair.target.scale) for match in matches])
@@ -194,7 +198,7 @@ def _assignment_rank(matches: list[ComponentMatch]) -> tuple[int, int, float]:
 
 
 def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:
-    """All ways to assign n things to m, or the other way round if these are fewer."""
+    """All assignments of n numbers to m numbers, or of m to n if m is less."""
     if n > m:
         return [[(i, j) for j, i in pairs] for pairs in _assignments(m, n)]
     return [list(enumerate(chosen)) for chosen in permutations(range(m), n)]
@@ -204,30 +208,30 @@ def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:
 class ComponentMatch:
     """Two components that are partners."""
 
-    solution: Solution  # in the users' vertices; its pair are the components, each prepared as a shape
-    remark: str = ""  # how the map was decided upon, if not by the components alone
+    solution: Solution  # in the users' vertices; its pair consists of the two components
+    remark: str = ""  # how the map was selected, if not by the components alone
     with_priors: bool = False  # whether the user gave priors for them
 
     @property
     def pair(self) -> Problem:
-        """The components."""
+        """The two components."""
         return self.solution.pair
 
     @property
     def share(self) -> float:
-        """Share of the area or of the vertices of either shape, the largest one."""
+        """The largest share that a component has of the area or of the vertices of its shape."""
         return max(max(shape.share, _vertex_share(shape)) for shape in (self.pair.source, self.pair.target))
 
 
 def compose_matches(
     pair: Problem, matches: list[ComponentMatch], tied: bool, priors: ComponentPriors
 ) -> Solution:
-    """Sum up the maps of all pairs of components; the first is the main one."""
+    """Sum up the maps of all pairs of components; the first match is the main one."""
     main, *others = matches
     bounds = pair.config.outcome
-    # the map is no surer than that of any component that is large, or has priors of its own
-    large_ones = (m for m in matches if m is main or m.share > bounds.large_component or m.with_priors)
-    counted = [match.solution.all_evidence for match in large_ones]
+    # the result is no surer than the map of any component that is large or has priors
+    deciding = (m for m in matches if m is main or m.share > bounds.large_component or m.with_priors)
+    counted = [match.solution.all_evidence for match in deciding]
     unmatched = [
         _find_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES
     ]
@@ -245,13 +249,13 @@ def compose_matches(
     errors, distances = main.solution.expected_error.copy(), main.solution.descriptor_distance
     distances = None if distances is None else distances.copy()
     for match in others:
-        own = match.solution
-        new = own.map.matched & (arrays["vertices"] == UNMATCHED)
+        solution = match.solution
+        new = solution.map.matched & (arrays["vertices"] == UNMATCHED)
         for name, array in arrays.items():
-            array[new] = getattr(own.map, name)[new]
-        if distances is not None and own.descriptor_distance is not None:
-            distances[new] = own.descriptor_distance[new]
-        errors[new] = own.expected_error[new] * np.sqrt(match.pair.target.share / main.pair.target.share)
+            array[new] = getattr(solution.map, name)[new]
+        if distances is not None and solution.descriptor_distance is not None:
+            distances[new] = solution.descriptor_distance[new]
+        errors[new] = solution.expected_error[new] * np.sqrt(match.pair.target.share / main.pair.target.share)
     whole = replace(main.solution.map, **arrays)
     coverage = sum(match.pair.target.share * match.solution.quality.coverage for match in matches)
     quality = replace(main.solution.quality, matched=float(whole.matched.mean()), coverage=coverage)
@@ -268,16 +272,18 @@ def compose_matches(
 
 
 def _find_unpartnered(side: str, matched: list[PreparedShape], pair: Problem) -> tuple[float, list[str]]:
-    """Share of one shape that is unmatched, of the area or of the vertices, and a note on each component of it."""
+    """Find the unmatched components of a shape: their share of its area or vertices, and a note on each."""
     components = components_of(getattr(pair, side))
-    alone = [components[i] for i in numbers_without(components, matched)]
-    notes = [f"{side}: {_name_of_component(shape)} has no partner and is left unmatched" for shape in alone]
+    unmatched = [components[i] for i in numbers_without(components, matched)]
+    notes = [
+        f"{side}: {_name_of_component(shape)} has no partner and is left unmatched" for shape in unmatched
+    ]
     tiny = 1 - sum(shape.share for shape in components)
     if tiny > 1e-9:
         notes.append(
             f"{side}: components that cannot be matched by themselves, with {tiny:.1%} of the area, are left unmatched"
         )
-    return max(tiny + sum(shape.share for shape in alone), sum(map(_vertex_share, alone))), notes
+    return max(tiny + sum(shape.share for shape in unmatched), sum(map(_vertex_share, unmatched))), notes
 
 
 def _vertex_share(shape: PreparedShape) -> float:
@@ -301,7 +307,7 @@ def numbers_without(side: tuple[PreparedShape, ...], matched: list[PreparedShape
 
 
 class ComponentPriors:
-    """The user's priors, and what of them concerns two components."""
+    """The user's priors, and the parts of them that concern two components."""
 
     def __init__(self, pair: Problem, user_priors: UserPriors) -> None:
         self.pair = pair
@@ -327,14 +333,14 @@ class ComponentPriors:
 
     def _inside(self, pair: Problem, joins: Int[UserVertices, "_ 2"]) -> Int[UserVertices, "q 2"]:
         """Keep the pairs that lie on two components."""
-        here = pair.source.body_vertex[joins[:, 0]] >= 0
-        return UserVertices(joins[here & (pair.target.body_vertex[joins[:, 1]] >= 0)])
+        on_source = pair.source.body_vertex[joins[:, 0]] >= 0
+        return UserVertices(joins[on_source & (pair.target.body_vertex[joins[:, 1]] >= 0)])
 
     def on(self, pair: Problem) -> Priors:
-        """Priors on two components; none where too little is known of them."""
+        """Priors on two components, without those that are too few to be used."""
         landmarks = self.landmarks_on(pair)
-        everything = np.column_stack([np.arange(len(self.image)), self.image])
-        initial_pairs = self._inside(pair, UserVertices(everything[self.image != UNMATCHED]))
+        all_pairs = np.column_stack([np.arange(len(self.image)), self.image])
+        initial_pairs = self._inside(pair, UserVertices(all_pairs[self.image != UNMATCHED]))
         image = np.full(len(self.image), UNMATCHED)
         image[initial_pairs[:, 0]] = initial_pairs[:, 1]
         functions = self.functions
@@ -354,59 +360,59 @@ class ComponentPriors:
 
 @dataclass(frozen=True, eq=False)
 class Carrier:
-    """A motion of space that follows a map: rigid around each point, as the points nearest on the surface say."""
+    """A motion of space that follows a map: near each point it moves rigidly with the closest matched points."""
 
-    here: Float[FloatArray, "m 3"]  # points of the source, in units of its shape
-    there: Float[FloatArray, "m 3"]  # their images, in units of the target
-    units: tuple[float, float]  # what lengths of 1 are worth in the users' units
+    points: Float[FloatArray, "m 3"]  # matched points of the source, in units of its shape
+    images: Float[FloatArray, "m 3"]  # their images, in units of the target
+    units: tuple[float, float]  # lengths of 1 in the users' units
     scale: float  # change of lengths
     side: float  # −1 if the map mirrors, else 1
 
     @classmethod
     def of(cls, maps: list[Solution]) -> Self | None:
-        """Follow the maps of some components; None if they join fewer than four points."""
+        """Follow the maps of components; None if they map fewer than four samples."""
         main = maps[0].pair
         units = main.source.scale, main.target.scale
-        here = np.concatenate([_positions(solution.pair.source, units[0]) for solution in maps])
-        there = np.concatenate([_images(solution, units[1]) for solution in maps])
-        mapped = np.isfinite(there).all(axis=1)
-        here, there = here[mapped], there[mapped]
-        if len(here) < 4:
+        points = np.concatenate([_positions(solution.pair.source, units[0]) for solution in maps])
+        images = np.concatenate([_images(solution, units[1]) for solution in maps])
+        mapped = np.isfinite(images).all(axis=1)
+        points, images = points[mapped], images[mapped]
+        if len(points) < 4:
             return None
-        nearest = cKDTree(here).query(here, 2)[1][:, 1]
-        before, after = (np.linalg.norm(x - x[nearest], axis=1) for x in (here, there))
-        side = -1.0 if maps[0].quality.orientation < 0 else 1.0
-        return cls(here, there, units, float(np.median(after / np.maximum(before, TINY))), side)
+        nearest = cKDTree(points).query(points, 2)[1][:, 1]
+        before, after = (np.linalg.norm(x - x[nearest], axis=1) for x in (points, images))
+        scale = float(np.median(after / np.maximum(before, MIN_DISTANCE)))
+        return cls(points, images, units, scale, -1.0 if maps[0].quality.orientation < 0 else 1.0)
 
     def move(self, source: PreparedShape) -> Float[FloatArray, "q 3"]:
         """Carry the samples of a component along."""
-        points = _positions(source, self.units[0])
-        return carry_along(points, self.here, self.there, scale=self.scale, mirrored=self.side < 0)
+        samples = _positions(source, self.units[0])
+        return carry_along(samples, self.points, self.images, scale=self.scale, mirrored=self.side < 0)
 
     def gap(self, target: PreparedShape) -> float:
-        """Distance of a component of the target from the surface that carries it, over √area of the component."""
+        """Distance of a component of the target from the surface that carries it, in √area of the component."""
         centre = _positions(target, self.units[1]).mean(axis=0)
-        return float(cKDTree(self.there).query(centre)[0] * self.units[1] / target.scale)
+        return float(cKDTree(self.images).query(centre)[0] * self.units[1] / target.scale)
 
     def offset(self, centre: FloatArray, target: PreparedShape) -> float:
-        """Distance of a carried centre from that of a component, over its √area and distance from the surface."""
-        apart = centre - _positions(target, self.units[1]).mean(axis=0)
-        return float(np.linalg.norm(apart) / ((1 + self.gap(target)) * target.scale / self.units[1]))
+        """Distance between a carried centre and the centre of a component, over √area of the component × (1 + gap)."""
+        shift = centre - _positions(target, self.units[1]).mean(axis=0)
+        return float(np.linalg.norm(shift) / ((1 + self.gap(target)) * target.scale / self.units[1]))
 
     def move_rigidly(self, source: PreparedShape) -> Float[FloatArray, "n 3"]:
-        """Carry the body of a component along as one rigid thing, its centre at 0 and its area 1 as before."""
+        """Turn the body of a component rigidly as it is carried; its centre stays at 0 and its area 1."""
         body, moved = cast(Mesh, source.body).vertices, self.move(source)
         covariance = body[source.sample_vertices].T @ (moved - moved.mean(axis=0))
         return np.asarray(body @ nearest_rotation(covariance, self.side < 0))
 
     def length_ratio(self, source: PreparedShape, target: PreparedShape) -> float:
-        """√area of one component when it is carried along, over that of another."""
+        """√area of a component when it is carried along, over √area of a component of the target."""
         return self.scale * source.scale / self.units[0] / (target.scale / self.units[1])
 
     def image(self, source: PreparedShape, target: PreparedShape) -> Int[UserVertices, "n_source"]:
-        """Map samples of a component to the nearest of its partner when carried there, the other vertices to −1."""
-        moved, there = self.move(source), _positions(target, self.units[1])
-        nearest = cKDTree(there - there.mean(axis=0)).query(moved - moved.mean(axis=0))[1]
+        """Carry the samples of a component and map them to the nearest of its partner; −1 at other vertices."""
+        moved, samples = self.move(source), _positions(target, self.units[1])
+        nearest = cKDTree(samples - samples.mean(axis=0)).query(moved - moved.mean(axis=0))[1]
         image = np.full(source.surface.n_vertices, UNMATCHED)
         rows = source.user_vertex[source.sample_vertices]
         image[rows] = target.user_vertex[target.sample_vertices[nearest]]
@@ -414,12 +420,12 @@ class Carrier:
 
 
 def _positions(shape: PreparedShape, unit: float) -> Float[FloatArray, "q 3"]:
-    """Give the samples of a component in a unit of its shape."""
+    """Positions of the samples of a component, in a unit of its shape."""
     return cast(Mesh, shape.surface).vertices[shape.user_vertex[shape.sample_vertices]] / unit
 
 
 def _images(solution: Solution, unit: float) -> Float[FloatArray, "q 3"]:
-    """Images of the samples of the source, nan where there is none."""
+    """Positions of the images of the samples of the source; nan where there is none."""
     source = solution.pair.source
     images = solution.map.pull_back(cast(Mesh, solution.pair.target.surface).vertices / unit)
     return images[source.user_vertex[source.sample_vertices]]

@@ -1,4 +1,4 @@
-"""Exchange of regions: a map takes from another one the regions in which that verifies better, such as two legs."""
+"""Exchange of regions: a map takes regions, such as two legs, from other maps that verify better there."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from isomatch.surfaces import connected_regions, label_components
 def exchange_regions(
     pair: Problem, image: Int[BodyVertices, "n_s"], cost: float, others: Sequence[Int[BodyVertices, "n_s"]]
 ) -> Int[BodyVertices, "n_s"] | None:
-    """Exchange regions of a map of a known cost with other maps while its cost falls; None if it never does."""
+    """Take regions from other maps while the known cost of a map falls; None if no exchange lowers it."""
     exchange = _Exchange(pair, others)
     best = image
     for _ in range(EXCHANGE.max_exchanges if np.isfinite(cost) else 0):
@@ -30,7 +30,7 @@ def exchange_regions(
 
 
 class _Exchange:
-    """What the exchanges of one map with others share."""
+    """Computes exchanges of one map with others."""
 
     def __init__(self, pair: Problem, others: Sequence[Int[BodyVertices, "n_s"]]) -> None:
         self.pair, self.verifier = pair, verifier_of(pair)
@@ -39,23 +39,21 @@ class _Exchange:
         self.mesh, self.areas = pair.source.mesh_body, pair.source.body.vertex_areas / pair.source.body.area
 
     def moves(self, image: BodyVertices) -> Iterator[BodyVertices]:
-        """Take regions from other maps, unless they are unlike their images or cost more at a low resolution."""
-        cost, unlike = self.coarse(image).cost, self.verifier.descriptor_distances(image)
-        for other, others_unlike in self.others:
+        """Take regions from other maps, unless their images look unlike them or cost more at a low resolution."""
+        cost, distances = self.coarse(image).cost, self.verifier.descriptor_distances(image)
+        for other, other_distances in self.others:
             for region in self._regions(image, other):
                 weights = self.areas[region]
-                here, there = (np.nansum(x[region] * weights) for x in (unlike, others_unlike))
-                if (
-                    weights.sum() <= EXCHANGE.max_region_area
-                    and there <= EXCHANGE.max_unlikeness_ratio * here
-                ):
+                before, after = (np.nansum(x[region] * weights) for x in (distances, other_distances))
+                is_unlike = after > EXCHANGE.max_unlikeness_ratio * before
+                if weights.sum() <= EXCHANGE.max_region_area and not is_unlike:
                     moved = image.copy()
                     moved[region] = other[region]
                     if self.coarse(BodyVertices(moved)).cost <= cost:
                         yield BodyVertices(moved)
 
     def _regions(self, image: BodyVertices, other: BodyVertices) -> list[IntArray]:
-        """Find connected regions in which maps differ: those that take each other's images together, and each alone."""
+        """Find connected regions in which maps differ, and unions of regions that take each other's images."""
         both = (image >= 0) & (other >= 0)
         differs = np.zeros(len(image), dtype=bool)
         differs[both] = self.pair.target.distance(image[both], other[both]) > EXCHANGE.other_place
@@ -74,9 +72,8 @@ class _Exchange:
         return joined + [regions[i] for members in together if len(members) > 1 for i in members]
 
     def _lies_on(self, images: IntArray, others: IntArray) -> bool:
-        """Whether a third of some images lie where others do."""
+        """Whether enough of some images lie where others do."""
         few, among = (x[:: max(1, len(x) // EXCHANGE.n_compared_vertices)] for x in (images, others))
-        apart: FloatArray = self.pair.target.distances.between(few, among) / np.sqrt(
-            self.pair.target.body.area
-        )
-        return bool((apart.min(axis=1) < EXCHANGE.other_place / 2).mean() > EXCHANGE.min_overlap)
+        unit = np.sqrt(self.pair.target.body.area)
+        distances: FloatArray = self.pair.target.distances.between(few, among) / unit
+        return bool((distances.min(axis=1) < EXCHANGE.other_place / 2).mean() > EXCHANGE.min_overlap)

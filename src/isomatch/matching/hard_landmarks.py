@@ -1,4 +1,4 @@
-"""Landmarks that hold: a map is bent smoothly around them, until their images are the vertices they were given."""
+"""Landmarks that hold: a map is bent smoothly around landmarks until their images are their targets."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 def pin_landmarks(
     pair: Problem, solution: Solution, landmarks: Int[UserVertices, "m 2"], tolerance: float
 ) -> Solution:
-    """Bend a map so that landmarks of the user hold, but for a tolerance in √area of the target."""
+    """Bend a map so that landmarks of the user hold, up to a tolerance in √area of the target."""
     bent_map, target = solution.map, pair.target
-    moved, alone = np.zeros(len(landmarks)), np.ones(len(landmarks), dtype=bool)
+    moved, is_alone = np.zeros(len(landmarks)), np.ones(len(landmarks), dtype=bool)
     for source_part, target_part in product(components_of(pair.source), components_of(target)):
         warp = _LandmarkWarp(source_part, target_part, bent_map)
         on_both = warp.holds(landmarks)
         if on_both.any():
             bent_map, moved[on_both] = warp.bend(UserVertices(landmarks[on_both]), tolerance)
-            alone &= ~on_both
-    rows, images = landmarks[alone].T
+            is_alone &= ~on_both
+    rows, images = landmarks[is_alone].T
     bent_map = _with_images(bent_map, UserVertices(rows), PrecisePoints.at_vertices(images))
     notes = [f"{len(landmarks)} landmarks are held, {(moved > tolerance).sum()} of them by bending the map"]
     if moved.max() > tolerance:
         notes[0] += f" by up to {moved.max():.3f} √area"
-    if alone.any():
-        named = some(landmarks[alone, 0])
+    if is_alone.any():
+        named = some(landmarks[is_alone, 0])
         notes.append(
             f"landmarks at source vertices {named} lie on nothing that is matched to where they lead: they hold alone, "
             "and the map around them was not bent"
         )
     ends = target.body_vertex[np.column_stack([bent_map.vertices[landmarks[:, 0]], landmarks[:, 1]])]
-    apart = target.distance(*ends[(ends >= 0).all(axis=1)].T)
-    error = float(apart.mean()) if len(apart) else np.nan
-    # the other measures are those of the map before
+    errors = target.distance(*ends[(ends >= 0).all(axis=1)].T)
+    error = float(errors.mean()) if len(errors) else np.nan
+    # the other measures are not updated: they describe the map before it was bent
     quality = replace(solution.quality, landmark_error=error, matched=float(bent_map.matched.mean()))
     return replace(
         solution,
@@ -56,7 +56,7 @@ def pin_landmarks(
 
 
 class _LandmarkWarp:
-    """The map between two bodies in full, and how it is bent."""
+    """Bends the map between two bodies at full resolution."""
 
     def __init__(self, source: PreparedShape, target: PreparedShape, map_: Correspondence) -> None:
         self._source, self._target, self._map = source, target, map_
@@ -66,17 +66,17 @@ class _LandmarkWarp:
         self._images = PrecisePoints(corners, map_.barycentric)
 
     def holds(self, landmarks: Int[UserVertices, "m 2"]) -> Bool[BoolArray, "m"]:
-        """Tell which landmarks have an image on the target's body, and should."""
+        """Which landmarks lie on both bodies and have an image."""
         return np.asarray(self._mapped[landmarks[:, 0]] & (self._target_vertex[landmarks[:, 1]] >= 0))
 
     def bend(
         self, landmarks: Int[UserVertices, "m 2"], tolerance: float
     ) -> tuple[Correspondence, Float[FloatArray, "m"]]:
-        """Return the map that moves the images of landmarks to their targets, and how far they were, in √area."""
+        """Move the images of landmarks to their targets; return the map, and the former errors in √area."""
         body, coordinates = _full_body(self._target), _coordinates(self._target)
         axes = slice(None if isinstance(body, Graph) else 3)
-        rows, wanted = landmarks[:, 0], self._target_vertex[landmarks[:, 1]]
-        shift = coordinates[wanted] - _at(self._images, rows).interpolated(coordinates)
+        rows, goal_vertices = landmarks[:, 0], self._target_vertex[landmarks[:, 1]]
+        shift = coordinates[goal_vertices] - _select(self._images, rows).interpolated(coordinates)
         gap = np.linalg.norm(shift[:, axes], axis=1)
         shift[gap <= tolerance] = 0.0
         if not shift.any():
@@ -84,28 +84,28 @@ class _LandmarkWarp:
         weights = _weights(self._source, self._source_vertex[rows], gap.max())
         touched = np.flatnonzero(self._mapped)
         touched = np.union1d(touched[weights[self._source_vertex[touched]].any(axis=1)], rows)
-        goals = _at(self._images, touched).interpolated(coordinates)
+        goals = _select(self._images, touched).interpolated(coordinates)
         goals += weights[self._source_vertex[touched]] @ shift
         nearest = cKDTree(coordinates).query(goals)[1]
         faces = body.faces if isinstance(body, Mesh) else self._target.faces
         points = nearest_points(coordinates, goals, faces, nearest)
-        at = np.searchsorted(touched, rows)
-        left = np.linalg.norm((coordinates[wanted] - points.interpolated(coordinates)[at])[:, axes], axis=1)
-        held = np.maximum(gap, left) > tolerance
-        points.corners[at[held]] = wanted[held, None]
+        numbers = np.searchsorted(touched, rows)
+        remaining = (coordinates[goal_vertices] - points.interpolated(coordinates)[numbers])[:, axes]
+        is_off = np.maximum(gap, np.linalg.norm(remaining, axis=1)) > tolerance
+        points.corners[numbers[is_off]] = goal_vertices[is_off, None]
         user_vertex = (self._target.detail or self._target).user_vertex
         images = PrecisePoints(user_vertex[points.corners], points.barycentric)
         return _with_images(self._map, UserVertices(touched), images), gap
 
 
 def _with_images(map_: Correspondence, rows: Int[UserVertices, "m"], images: PrecisePoints) -> Correspondence:
-    """Give some source vertices other images."""
+    """Replace the images of some source vertices."""
     vertices, faces, weights = map_.vertices.copy(), map_.faces.copy(), map_.barycentric.copy()
     vertices[rows], faces[rows], weights[rows] = images.corners[:, 0], images.corners, images.barycentric
     return replace(map_, vertices=vertices, faces=faces, barycentric=weights)
 
 
-def _at(points: PrecisePoints, rows: IntArray) -> PrecisePoints:
+def _select(points: PrecisePoints, rows: IntArray) -> PrecisePoints:
     return PrecisePoints(points.corners[rows], points.barycentric[rows])
 
 
@@ -117,43 +117,45 @@ def _full_body(shape: PreparedShape) -> Surface:
 def _carry_to_full(
     shape: PreparedShape, values: Float[FloatArray, "n_body q"]
 ) -> Float[FloatArray, "n_full q"]:
-    """Carry values to the body in full."""
+    """Interpolate values to the body at full resolution."""
     return shape.detail.transfer.on_coarse.interpolated(values) if shape.detail else values
 
 
 def _coordinates(shape: PreparedShape) -> Float[FloatArray, "n_full q"]:
-    """Coordinates of the vertices of the body in full: positions if there are any, and functions of unit gradient."""
+    """Coordinates of the full body: positions if there are any, and functions of unit gradient."""
     body = _full_body(shape)
     n = len(shape.laplace.values) if isinstance(body, Graph) else HELD_LANDMARKS.n_functions
     smooth = _carry_to_full(shape, shape.laplace.vectors[:, 1:n] / np.sqrt(shape.laplace.values[1:n]))
-    return (
-        smooth
-        if isinstance(body, Graph)
-        else np.hstack([body.vertices, HELD_LANDMARKS.function_weight * smooth])
-    )
+    if isinstance(body, Graph):
+        return smooth
+    return np.hstack([body.vertices, HELD_LANDMARKS.function_weight * smooth])
 
 
-def _weights(shape: PreparedShape, at: Int[IntArray, "m"], gap: float) -> Float[FloatArray, "n_full m"]:
-    """Weights with which vertices follow landmarks: 1 at one, 0 at the others, and far away."""
-    # Shifts are interpolated by heat kernels of the source, of width w: h(i, l) = Σ_j e^{−λ_j w² / 2} φ_j(i) φ_j(l),
-    # each column over its peak: W = h H⁺ with H the kernel among the landmarks, so W is 1 at one and 0 at the others.
-    # Then W ≥ 0 and Σ W ≤ 1 are forced: no vertex moves farther than a landmark. The bump is so wide that a gap is
-    # spread over a slope that turns no face over, but no wider than landmarks are apart.
+def _weights(
+    shape: PreparedShape, landmarks: Int[IntArray, "m"], gap: float
+) -> Float[FloatArray, "n_full m"]:
+    """Weights with which vertices follow each landmark: 1 at it, 0 at other landmarks and far away."""
+    # Shifts are interpolated by heat kernels of width w on the source,
+    #     h(i, l) = Σ_j e^{−λ_j w² / 2} φ_j(i) φ_j(l),
+    # each column divided by its peak. With H the kernel between landmarks, W = h H⁺ is 1 at one landmark
+    # and 0 at the others. W ≥ 0 and Σ W ≤ 1 are enforced, so that no vertex moves farther than a
+    # landmark. The width grows with the gap, so that no face turns over, but is at most the distance
+    # between landmarks.
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
-    places = _at(shape.detail.transfer.on_coarse, at) if shape.detail else PrecisePoints.at_vertices(at)
-    nearest = places.corners[:, 0]
+    points = PrecisePoints.at_vertices(landmarks)
+    if shape.detail:
+        points = _select(shape.detail.transfer.on_coarse, landmarks)
+    nearest = points.corners[:, 0]
     width = np.clip(HELD_LANDMARKS.width_per_shift * gap, HELD_LANDMARKS.min_width, HELD_LANDMARKS.max_width)
-    if len(at) > 1:
-        apart = shape.distances_between(nearest)[~np.eye(len(at), dtype=bool)]
-        width = min(width, max(apart.min(), 0.5 * HELD_LANDMARKS.min_width))
-    heat = (phi * np.exp(-0.5 * width**2 * spectrum)) @ places.interpolated(phi).T
+    if len(landmarks) > 1:
+        distances = shape.distances_between(nearest)[~np.eye(len(landmarks), dtype=bool)]
+        width = min(width, max(distances.min(), 0.5 * HELD_LANDMARKS.min_width))
+    heat = (phi * np.exp(-0.5 * width**2 * spectrum)) @ points.interpolated(phi).T
     kernel = _carry_to_full(shape, heat)
-    kernel /= kernel[at].diagonal()
-    among = kernel[at]
-    invert_map = np.linalg.pinv(
-        among, rcond=HELD_LANDMARKS.min_singular_value / float(np.linalg.norm(among, 2))
-    )
-    weights: FloatArray = np.maximum(kernel @ invert_map - HELD_LANDMARKS.min_weight, 0.0) / (
+    kernel /= kernel[landmarks].diagonal()
+    among = kernel[landmarks]
+    inverse = np.linalg.pinv(among, rcond=HELD_LANDMARKS.min_singular_value / float(np.linalg.norm(among, 2)))
+    weights: FloatArray = np.maximum(kernel @ inverse - HELD_LANDMARKS.min_weight, 0.0) / (
         1 - HELD_LANDMARKS.min_weight
     )
     weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1.0)

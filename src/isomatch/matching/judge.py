@@ -1,4 +1,4 @@
-"""`judge`: whether a map that any tool made is right, by comparison with another map of the same shapes."""
+"""`judge`: whether a map of any tool is right, by comparison with another map of the same shapes."""
 
 from __future__ import annotations
 
@@ -48,20 +48,20 @@ class Judgement(Shown):
     sentence : str
         The reason in words.
     given, reference : Verification
-        What speaks for the map, and for the one that it is compared with.
+        Measures of the map, and of the one with which it is compared.
     ratio : float
-        Cost of the map over that of the reference.
+        Cost of the map over the cost of the reference.
     distance : (n_source,) array of float
-        Distance between the images of each source vertex under both maps, in √area of the target; nan where only one of
-        them has an image, or the vertex does not count.
+        Distance between the images of each source vertex under both maps, in √area of the target; nan unless both maps
+        have an image, and on vertices that do not count.
     elsewhere : float
-        Share of the area of the source that both maps send to different places, or only the reference sends anywhere.
+        Share of the area of the source that both maps send to different places, or only the reference maps.
     regions : tuple of DoubtfulRegion
-        Connected regions of that area, the largest first.
+        Connected regions of this area, the largest first.
     map, reference_map : Correspondence
-        The map, and the one that it is compared with.
+        The map, and the one with which it is compared.
     result : MatchResult, optional
-        The match that made this map, if it was not given.
+        The match that made the reference, if none was given.
 
     Examples
     --------
@@ -97,11 +97,11 @@ def judge(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Tell whether a map that any tool made is right, by comparison with isomatch's own map or another one.
+    """Judge whether a map of any tool is right, by comparison with isomatch's own map or another reference.
 
-    Both maps are verified, see `verify`, and compared vertex by vertex. A map is wrong if it sends a part of the surface
-    elsewhere and costs clearly more than the reference. It is right if it sends hardly anything elsewhere, and the
-    reference is sure. Anything else is doubtful.
+    Both maps are verified, see `verify`, and compared vertex by vertex. A map is wrong if it sends a region to a
+    different place and costs clearly more than the reference. It is right if it agrees with the reference almost
+    everywhere, and the reference is sure. Otherwise it is doubtful.
 
     Parameters
     ----------
@@ -110,14 +110,14 @@ def judge(
     map : Correspondence, (n_source,) array_like of int, or path_like
         Target vertex of each source vertex, −1 where there is none; or a file of such a map, see `read_map`.
     reference : Correspondence, array_like or path_like, optional
-        A map that is taken to be right. By default the shapes are matched.
+        A map that is assumed to be right. By default the shapes are matched.
     config, seed, progress
         As for `match`.
 
     Returns
     -------
     Judgement
-        Its text is the verdict with the reason.
+        Printed, it gives the verdict and the reason.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def judge(
 
     Notes
     -----
-    Takes the time of a match, and half a second. Only the largest component of each shape is looked at.
+    Takes half a second longer than a match. Only the largest component of each shape counts.
 
     Examples
     --------
@@ -140,26 +140,26 @@ def judge(
     'wrong'
     """
 
-    def prepared() -> tuple[Problem, Int[UserVertices, "n_source"]]:
+    def prepare_pair_and_map() -> tuple[Problem, Int[UserVertices, "n_source"]]:
         with serial_blas():
             pair = prepare_meshes(source, target, config, seed)
             return pair, images_of(map, pair)
 
-    (pair, given), result = in_background(prepared), None
+    (pair, given), result = in_background(prepare_pair_and_map), None
     if reference is None:
         result = match(pair.source, pair.target, config=config, seed=seed, progress=progress)
         reference = result.map
     other = reference
 
-    def compared() -> Judgement:
+    def compare() -> Judgement:
         with serial_blas():
             return _Comparison(pair, given, images_of(other, pair)).judgement(result)
 
-    return in_background(compared)
+    return in_background(compare)
 
 
 class _Comparison:
-    """Two maps of a pair: what speaks for each, and where they differ."""
+    """Compares a map with a reference."""
 
     def __init__(self, pair: Problem, *images: Int[UserVertices, "n_source"]) -> None:
         verifier = Verifier(pair)
@@ -169,14 +169,14 @@ class _Comparison:
         self.ratio = relative_cost(self.given.cost, self.reference.cost)
 
     def judgement(self, result: MatchResult | None) -> Judgement:
-        """Judge the first map by the second."""
+        """Judge the map by its cost and by where it differs from the reference."""
         source, (given, reference) = self.pair.source, self.bodies
         distance = np.full(len(given), np.nan)
         both = (given >= 0) & (reference >= 0)
         distance[both] = self.pair.target.distance(given[both], reference[both])
         images, cell = np.unique(given, return_inverse=True)
         is_coarse = len(images) < JUDGING.coarse_image_share * len(given)
-        if is_coarse:  # an image that many vertices share is right for one of them
+        if is_coarse:  # an image that many vertices share is judged by the nearest of them
             nearest = np.full(len(images), np.inf)
             np.fmin.at(nearest, cell, distance)
             distance = np.where(both, nearest[cell], np.nan)
@@ -219,7 +219,7 @@ class _Comparison:
     def _regions(
         self, differs: BoolArray, distance: FloatArray, areas: FloatArray
     ) -> Iterator[DoubtfulRegion]:
-        """Find the connected regions in which the maps differ, the largest first; their vertices, farthest first."""
+        """Find connected regions in which the maps differ, largest first, with vertices sorted by distance."""
         source, (_, other) = self.pair.source, self.images
         found = connected_regions(source.mesh_body.edges, differs, areas)
         for members, share in islice(found, JUDGING.max_regions):

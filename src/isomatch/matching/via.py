@@ -1,4 +1,4 @@
-"""Matching by way of other shapes: two fragments by a whole of their kind, or by one of each kind."""
+"""Matching through intermediate shapes: two fragments through a complete shape like both, or through one like each."""
 
 from __future__ import annotations
 
@@ -23,59 +23,58 @@ from isomatch.shapes import PreparedShape, prepare
 
 Whole: TypeAlias = "SurfaceLike | PreparedShape"
 Via: TypeAlias = "Whole | tuple[Whole, ...] | list[Whole | tuple[Whole, ...]]"
-"""A shape, shapes one after the other, or a list of several such ways, of which the one that verifies best is taken."""
+"""A shape, a chain of shapes, or a list of alternatives of which the one that verifies best is used."""
 
 
 def chains_of(via: Via) -> list[tuple[Whole, ...]]:
-    """Return each chain of shapes that is meant; a tuple (vertices, faces) is a shape."""
-    several = [
-        each if isinstance(each, tuple) and not (len(each) == 2 and np.ndim(each[0]) == 2) else (each,)
-        for each in (via if isinstance(via, list) else [via])
+    """Turn the argument into a list of chains of shapes; a tuple (vertices, faces) is one shape."""
+    chains = [
+        entry if isinstance(entry, tuple) and not (len(entry) == 2 and np.ndim(entry[0]) == 2) else (entry,)
+        for entry in (via if isinstance(via, list) else [via])
     ]
-    if not (several and all(several)):
+    if not (chains and all(chains)):
         raise SettingError(
             "via names no shape; give a whole, or one of the source's kind and one of the target's"
         )
-    return several
+    return chains
 
 
-def solve_via(problem: Problem, via: Via, solved: Callable[[Problem], Solution]) -> Solution:
-    """Match two shapes by way of others, each to the next; of several ways, the map that verifies best is taken."""
+def solve_via(problem: Problem, via: Via, solve: Callable[[Problem], Solution]) -> Solution:
+    """Match two shapes through others; if several chains are given, return the map that verifies best."""
     if not problem.oriented:
         raise MeshError("via: maps are composed and verified on triangles; give meshes")
     chains = [
-        [each if isinstance(each, PreparedShape) else prepare(each, problem.config) for each in chain]
+        [shape if isinstance(shape, PreparedShape) else prepare(shape, problem.config) for shape in chain]
         for chain in chains_of(via)
     ]
-    ways = [_match_along_chain(problem, chain, solved) for chain in chains]
-    solution = min(ways, key=lambda way: way[1].cost)[0]
-    if len(ways) > 1:
-        costs = ", ".join(f"{found.cost:.2g}" for _, found in ways)
-        reason = f"{solution.reason}; of {len(ways)} ways it verifies best (cost {costs})"
+    found = [_match_along_chain(problem, chain, solve) for chain in chains]
+    solution = min(found, key=lambda verified: verified[1].cost)[0]
+    if len(found) > 1:
+        costs = ", ".join(f"{verification.cost:.2g}" for _, verification in found)
+        reason = f"{solution.reason}; of {len(found)} ways it verifies best (cost {costs})"
         solution = replace(solution, reason=reason)
     return solution
 
 
 def _match_along_chain(
-    problem: Problem, chain: Sequence[PreparedShape], solved: Callable[[Problem], Solution]
+    problem: Problem, chain: Sequence[PreparedShape], solve: Callable[[Problem], Solution]
 ) -> tuple[Solution, Verification]:
-    """Match each shape to the next, and compose the maps; it is as sure as the least sure of them."""
+    """Match each shape to the next, and compose the maps; the least sure map decides how sure the result is."""
     pair, shapes = problem, [problem.source, *chain, problem.target]
-    legs = [solved(replace(problem, source=here, target=there)) for here, there in pairwise(shapes)]
+    legs = [solve(replace(problem, source=source, target=target)) for source, target in pairwise(shapes)]
     image, errors = legs[0].map, legs[0].expected_error
     for leg in legs[1:]:
-        # independent errors, the first in √area of the shape in between, which is worth ``unit`` beyond it
+        # errors of both maps are independent; the first are in √area of the intermediate shape, which
+        # is worth ``unit`` on the next one
         unit = verifier_of(leg.pair).unit_of(on_bodies(leg.pair, UserVertices(leg.map.vertices)))
-        at_rim = np.nanmax(leg.expected_error, initial=0.0)  # next to vertices without an image
-        own = image.pull_back(leg.expected_error)
-        errors = np.hypot(unit * errors, np.where(np.isnan(own), at_rim, own))
+        largest = np.nanmax(leg.expected_error, initial=0.0)  # used next to vertices without an image
+        leg_errors = image.pull_back(leg.expected_error)
+        errors = np.hypot(unit * errors, np.where(np.isnan(leg_errors), largest, leg_errors))
         image = image.then(leg.map, leg.pair.source.surface, leg.pair.target.surface)
     found, bounds = _verify(pair, image), problem.config.parts
     least = min((leg.outcome for leg in legs), key=lambda outcome: outcome.sureness)
-    evidence = (
-        Evidence.of(least),
-        Evidence(poor=found.cost > bounds.poor_via, partial=not image.matched.all()),
-    )
+    is_poor = found.cost > bounds.poor_via
+    evidence = Evidence.of(least), Evidence(poor=is_poor, partial=not image.matched.all())
     between = "1 other shape" if len(legs) == 2 else f"{len(legs) - 1} other shapes"
     solution = Solution(
         pair,
@@ -97,12 +96,12 @@ def _verify(pair: Problem, image: Correspondence) -> Verification:
 
 
 def _quality(pair: Problem, legs: Sequence[Solution], image: Correspondence, found: Verification) -> Quality:
-    """Measure a composed map; what only the way that found a map could tell is unknown."""
+    """Measure a composed map; measures that only a search gives are unknown."""
     bodies = on_bodies(pair, UserVertices(image.vertices))
-    names = (each.name for each in fields(Quality))
+    unknown = dict.fromkeys((field.name for field in fields(Quality)), np.nan)
     return Quality(
         **{
-            **dict.fromkeys(names, np.nan),
+            **unknown,
             "mirrored": np.inf,
             "runner_up": min(leg.quality.runner_up for leg in legs),
             "orientation": min(leg.quality.orientation for leg in legs),

@@ -1,4 +1,4 @@
-"""Smooth maps of two shapes that stretch: first maps, the fit of maps both ways, and mirror images."""
+"""Smooth maps between shapes that stretch: first maps, the fit of maps in both directions, and mirror images."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.surfaces import Mesh, vertex_normals
 
-RIDGE = 1e-9
+RIDGE = 1e-9  # added to the diagonal of normal equations
 
 
 @dataclass(frozen=True, eq=False)
 class ElasticShape:
-    """A prepared mesh in coordinates that other shapes can be mapped to smoothly."""
+    """A prepared mesh with coordinates to which other shapes can be mapped smoothly."""
 
     prepared: PreparedShape  # its body is a mesh of n vertices
     settings: ElasticSettings
-    # ``values`` at the mirror image of each vertex, smoothed, if there is one
+    # ``values`` at the mirror image of each vertex, smoothed; None without mirror images
     mirrored: Float[FloatArray, "n values"] | None = None
 
     @property
@@ -50,11 +50,11 @@ class ElasticShape:
     @cached_property
     def canonical(self) -> Float[FloatArray, "n d"]:
         """Canonical coordinates: classical scaling of the farthest points, extended to all vertices."""
-        # De Silva & Tenenbaum, Sparse multidimensional scaling using landmark points, 2004. Of the squared distances D²
-        # among p points let −½ J D² J = V Λ Vᵀ, J = 1 − 1/p. The points have coordinates V Λ^½, and a vertex of squared
-        # distances δ to them, whose mean over the points is δ̄,
-        #     −½ Λ^−½ Vᵀ (δ − δ̄),
-        # which is the same at the points themselves. Only axes of the largest positive eigenvalues are kept.
+        # De Silva & Tenenbaum, Sparse multidimensional scaling using landmark points, 2004. Let D² be
+        # the squared distances between p points, and −½ J D² J = V Λ Vᵀ with J = 1 − 1/p. The points
+        # have the coordinates V Λ^½. A vertex with squared distances δ from the points has
+        #     −½ Λ^−½ Vᵀ (δ − δ̄),   δ̄ the mean of D² over the points,
+        # which agrees at the points. Only axes of the largest positive eigenvalues are kept.
         squares = self.prepared.columns.astype(np.float64) ** 2
         among = squares[:, self.prepared.column_vertices]
         among = (among + among.T) / 2
@@ -67,19 +67,19 @@ class ElasticShape:
 
     @cached_property
     def values(self) -> Float[FloatArray, "n values"]:
-        """What a map to this shape pulls back: canonical coordinates, and positions in space."""
+        """Canonical coordinates and positions in space, which a map to this shape pulls back."""
         return np.hstack([self.canonical, self.mesh.vertices])
 
     @cached_property
     def mirror_distance(self) -> Float[FloatArray, "n"]:
-        """Distance of each vertex from its mirror image, in canonical coordinates; 0 without mirror images."""
+        """Distance of each vertex from its mirror image in canonical coordinates; 0 without mirror images."""
         if self.mirrored is None:
             return np.zeros(self.mesh.n_vertices)
         d = self.canonical.shape[1]
         return np.asarray(np.linalg.norm(self.canonical - self.mirrored[:, :d], axis=1))
 
     def sample(self, count: int, everywhere: bool) -> Samples:
-        """Take ``count`` samples; their images are sought among samples, or everywhere."""
+        """Take ``count`` samples; images of others are searched among these, or among all vertices."""
         vertices, mesh = BodyVertices(self.prepared.sample_vertices[:count]), self.mesh
         if everywhere:
             ring, sought, faces = np.arange(mesh.n_vertices), np.arange(mesh.n_vertices), mesh.faces
@@ -112,57 +112,57 @@ class ElasticShape:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of a shape, and the vertices among which images are sought."""
+    """Samples of a shape, and the c candidates among which images are searched."""
 
     shape: ElasticShape
-    everywhere: bool  # whether images are sought among all vertices, and not among the samples
+    everywhere: bool  # whether the candidates are all vertices, and not the samples
     vertices: Int[BodyVertices, "m"]  # the samples
-    row: Int[SoughtRows, "m"]  # their rows among the vertices sought
-    sought: Int[
-        IntArray, "c"
-    ]  # rows of the vertices sought in the ring, the vertices of all faces around them
-    faces: Int[IntArray, "f 3"]  # those faces, by rows of the ring
+    row: Int[SoughtRows, "m"]  # rows of the samples among the candidates
+    # rows of the candidates in the ring, which consists of the vertices of all faces around them
+    sought: Int[IntArray, "c"]
+    faces: Int[IntArray, "f 3"]  # faces of the ring, by its rows
     mirror_row: Int[SampleRows, "m"] | None  # sample nearest to the mirror image of each sample
-    targets: Int[BodyVertices, "c"]  # vertices sought
+    targets: Int[BodyVertices, "c"]  # the candidates
     functions: Float[FloatArray, "ring k"]  # Laplace–Beltrami functions on the ring
-    functions_sought: Float[FloatArray, "c k"]  # the same on the vertices sought
-    canonical: Float[FloatArray, "c d"]  # canonical coordinates of the vertices sought
-    normals: Float[FloatArray, "c 3"]  # their normals
+    functions_sought: Float[FloatArray, "c k"]  # Laplace–Beltrami functions on the candidates
+    canonical: Float[FloatArray, "c d"]  # canonical coordinates of the candidates
+    normals: Float[FloatArray, "c 3"]  # normals of the candidates
 
 
 class Coefficients(NamedTuple):
-    """Smooth maps both ways, by the first functions of either shape."""
+    """Smooth maps in both directions, as coefficients of the first functions of each shape."""
 
     source: Float[FloatArray, "k_s values_t"]  # A
     target: Float[FloatArray, "k_t values_s"]  # B
 
 
 class Step(NamedTuple):
-    """A step of the fit: functions, smoothness, iterations, and whether maps are made to respect the symmetries."""
+    """A step of the fit: functions, smoothness, iterations, and whether maps should respect mirror images."""
 
     n_functions: int
-    smoothness: float  # μ below; its root is a length in √area
+    smoothness: float  # μ in `ElasticFit`; its square root is a length in √area
     iterations: int
     symmetric: bool
 
 
-# of the coarse fit, after each of which only the best go on: its functions show limbs, but no details, and smoothness was
-# chosen with them; decisions.md, elastic choice
+# Steps of the coarse fit; after each, only the best maps are kept. The functions represent limbs but
+# no details, and the smoothness was chosen with them; docs/lab/design_notes.md
 COARSE_STEPS = Step(20, 0.01, 2, True), Step(20, 0.01, 2, True), Step(30, 0.007, 4, True)
 
 
 class Images(NamedTuple):
-    """Images of the samples both ways, as rows of the vertices sought."""
+    """Images of the samples in both directions, as rows of the candidates."""
 
     forth: Int[SoughtRows, "samples_s"]
     back: Int[SoughtRows, "samples_t"]
-    spectral_residual: float  # their mean distance
-    # mean cosine between normals of either shape and of its copy on the other, of the wanted side
+    spectral_residual: float  # mean distance of images
+    # mean cosine between normals of each shape and of its copy on the other; for a map that should
+    # reverse the orientation, the negative
     orientation: float
 
 
 class _Copy(NamedTuple):
-    """A shape copied to the vertices sought of another by a smooth map."""
+    """A shape copied to the candidates of another by a smooth map."""
 
     canonical: Float[FloatArray, "c d"]
     normals: Float[FloatArray, "c 3"]
@@ -170,31 +170,32 @@ class _Copy(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ElasticFit:
-    """Alternates images both ways and the smooth functions that fit them."""
+    """Fits smooth maps in both directions, by alternating between images and functions."""
 
-    # After Ezuz, Solomon & Ben-Chen, Reversible harmonic maps between discrete surfaces, 2019. Let c be canonical
-    # coordinates beside positions (`values`), Φ and Ψ the first Laplace–Beltrami functions of source and target. Smooth
-    # maps X = Φ A into the values of the target, and Y = Ψ B into those of the source, and images T of the source's
-    # samples and S of the target's, are sought with least
-    #     μ (tr Aᵀ Λ_s A + tr Bᵀ Λ_t B)                                     Dirichlet energy of both
-    #     + mean_x |X(x) − c(T x)|² + mean_y |Y(y) − c(S y)|²              each is what its images say,
-    #     + mean_y |X(S y) − c(y)|² + mean_x |Y(T x) − c(x)|²              and they undo each other
-    # ∫ |∇X|² = tr Aᵀ Λ A, as ∫ ∇φ_i · ∇φ_j = λ_i δ_ij, so that few functions need no matrix of the mesh. Given the
-    # images, the best A and B are two linear fits (`_fit_smooth`). Given A and B, the image of x is the y of least
+    # After Ezuz, Solomon & Ben-Chen, Reversible harmonic maps between discrete surfaces, 2019. Let c be
+    # canonical coordinates and positions (`values`), Φ and Ψ the first Laplace–Beltrami functions of
+    # source and target. Let X = Φ A be a smooth map into the values of the target, and Y = Ψ B one into
+    # the values of the source. Together with images T of the source's samples and S of the target's
+    # samples, they minimise
+    #     μ (tr Aᵀ Λ_s A + tr Bᵀ Λ_t B)                                     Dirichlet energies
+    #     + mean_x |X(x) − c(T x)|² + mean_y |Y(y) − c(S y)|²              maps agree with images
+    #     + mean_y |X(S y) − c(y)|² + mean_x |Y(T x) − c(x)|²              maps are inverse
+    # Here ∫ |∇X|² = tr Aᵀ Λ A, because ∫ ∇φ_i · ∇φ_j = λ_i δ_ij. Given the images, A and B are two linear
+    # fits (`_fit_smooth`). Given A and B, the image of x is the y with the least
     #     |X(x) − c(y)|² + |c(x) − Y(y)|²,
-    # its nearest point in the coordinates (X, c) of the source and (c, Y) of the target: both terms of x are in it, and
-    # one search finds T, another S. So within a step both halves of an iteration decrease the sum. Normals, signatures
-    # and landmarks are beside it, with weights of their own: they tell sheets apart that lie near each other. Positions
-    # in space are fitted for the normals alone, and not searched.
+    # which is the nearest point in the coordinates (X, c) of the source and (c, Y) of the target. Both
+    # terms of x are in it, so each half of an iteration decreases the sum. Normals, signatures and
+    # landmarks are added with their own weights, to separate sheets that are close. Positions are
+    # fitted only to compute normals.
     source: Samples
     target: Samples
-    signatures: Embedding  # of all vertices of both
+    signatures: Embedding  # of all vertices of both shapes
     landmarks: Int[BodyVertices, "l 2"]  # vertices of source and target that correspond
     side: float = 1.0  # 1 for maps that preserve the orientation of the faces, −1 for those that reverse it
-    normal_weight: float = ELASTIC_SEARCH.normal_weight  # beside canonical coordinates
+    normal_weight: float = ELASTIC_SEARCH.normal_weight  # weight of normals beside canonical coordinates
 
     def from_pairs(self, pairs: Int[BodyVertices, "q 2"], step: Step) -> Coefficients:
-        """Fit smooth maps to pairs of vertices alone."""
+        """Fit smooth maps to pairs of vertices."""
         source, target, ones = self.source.shape, self.target.shape, np.ones(len(pairs))
         return Coefficients(
             _fit_smooth(source, pairs[:, 0], target.values[pairs[:, 1]], ones, step),
@@ -204,7 +205,7 @@ class ElasticFit:
     def run(
         self, start: Coefficients, steps: tuple[Step, ...], images: Images | None = None
     ) -> tuple[Coefficients, Images]:
-        """Take some steps from a start, whose images may be known."""
+        """Take steps from a start; its images are computed unless they are given."""
         coefficients, images = start, images or self.images(start)
         for step in steps:
             for _ in range(step.iterations):
@@ -216,32 +217,32 @@ class ElasticFit:
         source, target = self.source, self.target
         symmetric = step.symmetric and source.mirror_row is not None and target.mirror_row is not None
 
-        def one(
+        def fit_one(
             onto: Samples, other: Samples, forth: SoughtRows, back: SoughtRows, held: IntArray
         ) -> FloatArray:
-            # X at x should be c(T x); at S y, c(y); at landmarks, what is known
-            here = [onto.vertices, onto.targets[back], held[:, 0]]
-            there = [other.targets[forth], other.vertices, held[:, 1]]
-            values = [other.shape.values[v] for v in there]
+            # X should be c(T x) at x, c(y) at S y, and c of the given image at landmarks
+            vertices = [onto.vertices, onto.targets[back], held[:, 0]]
+            images = [other.targets[forth], other.vertices, held[:, 1]]
+            values = [other.shape.values[image] for image in images]
             if symmetric:
-                # With σ the mirror images of either shape, a map that respects them has T = σ T σ: at x, X should also be
-                # the value at the mirror image of where the mirror image of x goes.
+                # Let σ map each shape to its mirror image. A map that respects σ has T = σ T σ, so at x,
+                # X should also be the value at σ T σ x.
                 mirrored = other.shape.mirrored
                 assert mirrored is not None
-                here += [onto.vertices]
+                vertices += [onto.vertices]
                 values += [mirrored[other.targets[forth[onto.mirror_row]]]]
-            weights = np.concatenate([np.ones(len(v)) for v in here])
-            first = len(here[0]) + len(here[1])
+            weights = np.concatenate([np.ones(len(v)) for v in vertices])
+            first = len(vertices[0]) + len(vertices[1])
             weights[first : first + len(held)] = ELASTIC_SEARCH.landmark_weight
-            return _fit_smooth(onto.shape, np.concatenate(here), np.vstack(values), weights, step)
+            return _fit_smooth(onto.shape, np.concatenate(vertices), np.vstack(values), weights, step)
 
         return Coefficients(
-            one(source, target, images.forth, images.back, self.landmarks),
-            one(target, source, images.back, images.forth, self.landmarks[:, ::-1]),
+            fit_one(source, target, images.forth, images.back, self.landmarks),
+            fit_one(target, source, images.back, images.forth, self.landmarks[:, ::-1]),
         )
 
     def images(self, coefficients: Coefficients) -> Images:
-        """Nearest images both ways, in the coordinates of `embedding`."""
+        """Images in both directions: nearest points in the coordinates of `embedding`."""
         source, target, copies = self.source, self.target, self._copies(coefficients)
         nearest = self._nearest_anywhere if source.everywhere else self._nearest_samples
         forth, back, spectral_residual = nearest(copies)
@@ -252,37 +253,45 @@ class ElasticFit:
         return Images(forth, back, spectral_residual, self.side * float(np.mean(cosines)))
 
     def embedding(self, coefficients: Coefficients) -> Embedding:
-        """Coordinates of the vertices sought of both shapes, in which images are nearest."""
+        """Coordinates of the candidates of both shapes, in which images are nearest points."""
         return self._embedding(self._copies(coefficients))
 
     def _embedding(self, copies: tuple[_Copy, _Copy]) -> Embedding:
-        both = zip(self._moving(copies), self.signatures, (self.source, self.target))
-        return Embedding(
-            *(np.hstack([x, ELASTIC_SEARCH.signature_weight * own[onto.targets]]) for x, own, onto in both)
-        )
+        both = zip(self._embedding_by_maps(copies), self.signatures, (self.source, self.target))
+        weight = ELASTIC_SEARCH.signature_weight
+        return Embedding(*(np.hstack([x, weight * values[onto.targets]]) for x, values, onto in both))
 
     def _copies(self, coefficients: Coefficients) -> tuple[_Copy, _Copy]:
         """Copy the target to the source, and the source to the target."""
         return _copy_shape(self.source, coefficients.source), _copy_shape(self.target, coefficients.target)
 
-    def _moving(self, copies: tuple[_Copy, _Copy]) -> Embedding:
-        """Leave the signatures out, which are the same under all maps."""
-        source, target, (target_here, source_there) = self.source, self.target, copies
+    def _embedding_by_maps(self, copies: tuple[_Copy, _Copy]) -> Embedding:
+        """Coordinates that depend on the maps, without signatures."""
+        source, target, (target_copy, source_copy) = self.source, self.target, copies
         side, weight = self.side * self.normal_weight, self.normal_weight
-        canonical = [target_here.canonical, source.canonical], [target.canonical, source_there.canonical]
-        here = side * target_here.normals, weight * source.normals
-        there = weight * target.normals, side * source_there.normals
-        return Embedding(np.hstack([*canonical[0], *here]), np.hstack([*canonical[1], *there]))
+        of_source = (
+            target_copy.canonical,
+            source.canonical,
+            side * target_copy.normals,
+            weight * source.normals,
+        )
+        of_target = (
+            target.canonical,
+            source_copy.canonical,
+            weight * target.normals,
+            side * source_copy.normals,
+        )
+        return Embedding(np.hstack(of_source), np.hstack(of_target))
 
     @cached_property
-    def _unlike(self) -> Float[Float32Array, "samples_s samples_t"]:
-        """Squared distances of the weighted signatures of the samples of both."""
+    def _squared_signature_distances(self) -> Float[Float32Array, "samples_s samples_t"]:
+        """Squared distances between the weighted signatures of the samples of both shapes."""
         both = zip(self.signatures, (self.source, self.target))
         a, b = (ELASTIC_SEARCH.signature_weight * values[samples.vertices] for values, samples in both)
         return single(np.stack([((row - b) ** 2).sum(axis=1) for row in a]))
 
     def _nearest_anywhere(self, copies: tuple[_Copy, _Copy]) -> tuple[SoughtRows, SoughtRows, float]:
-        """Find the images of the samples both ways, and the sum of both mean distances."""
+        """Find images of the samples in both directions among all vertices, and the sum of their mean distances."""
         source, target, (a, b) = self.source, self.target, self._embedding(copies)
         from_source, from_target = a[source.row], b[target.row]
         forth = SoughtRows(target.shape.prepared.index.vertices(b, from_source))
@@ -291,33 +300,34 @@ class ElasticFit:
         return forth, back, float(spectral_residual + np.linalg.norm(from_target - a[back], axis=1).mean())
 
     def _nearest_samples(self, copies: tuple[_Copy, _Copy]) -> tuple[SoughtRows, SoughtRows, float]:
-        """Do the same among the samples, by one product for both ways."""
-        # |a − b|² = |a|² − 2 a·b + |b|², and the part of the signatures, which is the same for all maps
-        a, b = self._moving(copies)
+        """Find images in both directions among the samples, by one matrix product."""
+        # |a − b|² = |a|² − 2 a·b + |b|², plus the distances of signatures, which no map changes
+        a, b = self._embedding_by_maps(copies)
         squared = single(a) @ single(-2 * b).T
-        squared += self._unlike
+        squared += self._squared_signature_distances
         squared += single(np.einsum("ij,ij->i", b, b))
         squared += single(np.einsum("ij,ij->i", a, a))[:, None]
         forth, back = SoughtRows(squared.argmin(axis=1)), SoughtRows(squared.argmin(axis=0))
         nearest = squared[np.arange(len(a)), forth], squared[back, np.arange(len(b))]
-        spectral_residual = sum(np.sqrt(np.maximum(each, 0.0)).mean(dtype=np.float64) for each in nearest)
+        spectral_residual = sum(np.sqrt(np.maximum(x, 0.0)).mean(dtype=np.float64) for x in nearest)
         return forth, back, float(spectral_residual)
 
     def asymmetry(self, images: Images) -> float:
-        """How far the maps are from exchanging mirror images: a mean distance; 0 unless both are nearly symmetric."""
-        apart, ways = [], ((self.source, self.target, images.forth), (self.target, self.source, images.back))
-        for onto, other, image in ways:
+        """Mean distance between T σ x and σ T x in canonical coordinates; 0 unless both shapes have mirror images."""
+        distances = []
+        both = (self.source, self.target, images.forth), (self.target, self.source, images.back)
+        for onto, other, image in both:
             if onto.mirror_row is None or other.shape.mirrored is None:
                 return 0.0
             d = other.shape.canonical.shape[1]
-            mirrored = other.shape.mirrored[other.targets[image], :d]
-            there = other.shape.canonical[other.targets[image[onto.mirror_row]]]
-            apart.append(np.linalg.norm(mirrored - there, axis=1).mean())
-        return float(np.mean(apart))
+            mirror_of_image = other.shape.mirrored[other.targets[image], :d]
+            image_of_mirror = other.shape.canonical[other.targets[image[onto.mirror_row]]]
+            distances.append(np.linalg.norm(mirror_of_image - image_of_mirror, axis=1).mean())
+        return float(np.mean(distances))
 
 
 def _copy_shape(onto: Samples, coefficients: FloatArray) -> _Copy:
-    """Copy the other shape to the vertices sought: canonical coordinates, and the normals of the faces laid in space."""
+    """Copy the other shape to the candidates: canonical coordinates, and normals of the copied faces."""
     k = len(coefficients)
     canonical = onto.functions_sought[:, :k] @ coefficients[:, :-3]
     normals = vertex_normals(onto.functions[:, :k] @ coefficients[:, -3:], onto.faces)
@@ -331,8 +341,9 @@ def _fit_smooth(
     weights: Float[FloatArray, "q"],
     step: Step,
 ) -> Float[FloatArray, "k v"]:
-    """Coefficients that minimise the mean weighted squared error from values + μ × Dirichlet energy."""
-    # ∇ of Σ_i w_i |Φ_i A − v_i|² / Σ w + μ tr Aᵀ Λ A is 0 where (Φᵀ W Φ + μ Λ) A = Φᵀ W V, W = diag(w / Σ w)
+    """Minimise the mean weighted squared error from values + μ × Dirichlet energy over coefficients."""
+    # the gradient of Σ_i w_i |Φ_i A − v_i|² / Σ w + μ tr Aᵀ Λ A vanishes where
+    #     (Φᵀ W Φ + μ Λ) A = Φᵀ W V,   W = diag(w / Σ w)
     laplace, k = shape.prepared.laplace, step.n_functions
     functions = laplace.vectors[vertices, :k]
     weighted = functions * (weights / weights.sum())[:, None]
@@ -350,12 +361,13 @@ def anchor_starts(
     shapes: tuple[ElasticShape, ElasticShape] | None = None,
 ) -> list[Int[BodyVertices, "_ 2"]]:
     """Assign anchors of the source to points of the target."""
-    # A distance d that should be u costs (`IntervalCost`, lower = upper = u, in units of the average distance)
-    #     min(max(|d − u| − forgiven u, 0) + inside |d − u|, most) / (soft + u):
-    # nothing much up to a factor, as limbs stretch, and never more than a bound, for a tail that is twice as long must
-    # not outweigh everything else. What limbs of any length have in common is how remote they are, as a share of the
-    # area, and, where both shapes are symmetric, how far aside: heads and tails lie in the plane of symmetry, legs do
-    # not. Some starts do without, as mirror images may be wrong in places.
+    # A distance d that should be u costs (`IntervalCost` with lower = upper = u, in average distances)
+    #     min(max(|d − u| − forgiven u, 0) + inside |d − u|, most) / (soft + u).
+    # It is small up to a factor, because limbs stretch, and bounded, so that a tail of twice the length
+    # does not outweigh everything else. Limbs of any length agree in their remoteness, as a share of
+    # the area. If both shapes are symmetric, they also agree in the distance from their mirror image:
+    # heads and tails lie in the plane of symmetry, legs do not. Some starts ignore this distance,
+    # because mirror images may be wrong in places.
     source, target, settings = pair.source, pair.target, pair.config.elastic
     anchors, between = _anchors(source, BodyVertices(landmarks[:, 0]), ELASTIC_SEARCH.n_anchors)
     samples = target.sample_vertices[: ELASTIC_SEARCH.n_candidates]
@@ -367,20 +379,18 @@ def anchor_starts(
     unary += ELASTIC_SEARCH.remoteness_weight * np.abs(remote[0] - remote[1])
     kinds = [(unary, settings.n_starts)]
     if shapes and all(shape.mirrored is not None for shape in shapes):
-        aside = [
-            np.minimum(
-                shape.mirror_distance / shape.prepared.intrinsic_scale, ELASTIC_SEARCH.max_mirror_distance
-            )
-            for shape in shapes
-        ]
-        unlike = np.abs(aside[0][anchors, None] - aside[1][candidates])
+        most = ELASTIC_SEARCH.max_mirror_distance
+        of_source, of_target = (
+            np.minimum(shape.mirror_distance / shape.prepared.intrinsic_scale, most) for shape in shapes
+        )
+        unlike = np.abs(of_source[anchors, None] - of_target[candidates])
         kinds = [
             (unary + ELASTIC_SEARCH.mirror_distance_weight * unlike, settings.n_starts),
             (unary, ELASTIC_SEARCH.n_plain_starts),
         ]
 
-    among = target.distances_between(candidates) / target.intrinsic_scale
-    sides = Intervals(between, between), Intervals(among, among)
+    of_candidates = target.distances_between(candidates) / target.intrinsic_scale
+    sides = Intervals(between, between), Intervals(of_candidates, of_candidates)
     cost = IntervalCost(
         settings.forgiven, settings.inside, ELASTIC_SEARCH.max_distance_cost, ELASTIC_SEARCH.short_distance
     )
@@ -397,17 +407,17 @@ def anchor_starts(
 def _anchors(
     shape: PreparedShape, first: Int[BodyVertices, "l"], count: int
 ) -> tuple[Int[BodyVertices, "m"], Float[FloatArray, "m m"]]:
-    """Vertices far from each other, and their distances in units of the average."""
-    wanted = np.concatenate([first, shape.extremities, shape.column_vertices])
-    wanted = wanted[np.sort(np.unique(wanted, return_index=True)[1])]
-    distances = shape.distances_between(wanted)
+    """Select vertices far from each other; return them, and their distances in average distances."""
+    vertices = np.concatenate([first, shape.extremities, shape.column_vertices])
+    vertices = vertices[np.sort(np.unique(vertices, return_index=True)[1])]
+    distances = shape.distances_between(vertices)
     n_first = min(len(np.union1d(first, shape.extremities)), max(count, len(first)))
     kept = farthest_rows(distances, count, range(n_first))
-    return BodyVertices(wanted[kept]), distances[np.ix_(kept, kept)] / shape.intrinsic_scale
+    return BodyVertices(vertices[kept]), distances[np.ix_(kept, kept)] / shape.intrinsic_scale
 
 
 def _remoteness(shape: PreparedShape) -> Float[FloatArray, "n"]:
-    """Share of the area that is less remote than each vertex: it does not depend on how long limbs are."""
+    """Share of the area that is less remote than each vertex; it does not depend on the length of limbs."""
     order = np.argsort(shape.average_distance, kind="stable")
     share = np.zeros(len(order))
     share[order] = np.cumsum(shape.body.vertex_areas[order]) / shape.body.area
@@ -415,8 +425,8 @@ def _remoteness(shape: PreparedShape) -> Float[FloatArray, "n"]:
 
 
 def find_mirror_images(prepared: PreparedShape, config: Config) -> ElasticShape:
-    """Find the map of a shape to itself that reverses its orientation and fits best, if any fits well."""
-    # An elastic match of the shape to itself, of side −1, so that the identity does not take part.
+    """Find the mirror images of a shape: its best map to itself that reverses the orientation, if one fits well."""
+    # side = −1 excludes the identity
     settings = config.elastic
     shape = ElasticShape(prepared, settings)
     samples = shape.sample(ELASTIC_SEARCH.n_coarse_samples, False)
@@ -428,20 +438,23 @@ def find_mirror_images(prepared: PreparedShape, config: Config) -> ElasticShape:
         images = fit.images(coefficients)
         return None if images.orientation < 0 else (coefficients, images)
 
-    few = replace(
+    few_starts = replace(
         config,
         elastic=replace(
             settings, forgiven=ELASTIC_SEARCH.forgiven_of_mirror, n_starts=ELASTIC_SEARCH.n_mirror_starts
         ),
     )
-    rows = prepared.sample_vertices[: prepared.config.n_search]
-    symmetries = [BodyVertices(np.column_stack([rows, rows[each.image_row]])) for each in prepared.symmetries]
-    starts = [*anchor_starts(Problem(prepared, prepared, few), NO_LANDMARKS), *symmetries]
-    maps = [each for each in parallel_map(first, starts) if each]
+    vertices = prepared.sample_vertices[: prepared.config.n_search]
+    symmetries = [
+        BodyVertices(np.column_stack([vertices, vertices[symmetry.image_row]]))
+        for symmetry in prepared.symmetries
+    ]
+    starts = [*anchor_starts(Problem(prepared, prepared, few_starts), NO_LANDMARKS), *symmetries]
+    maps = [map_ for map_ in parallel_map(first, starts) if map_]
     for step, most in zip(COARSE_STEPS, ELASTIC_SEARCH.n_mirror_maps_kept):
-        maps = parallel_map(lambda each: fit.run(each[0], (step,), each[1]), maps)  # noqa: B023
-        maps = sorted(maps, key=lambda each: each[1].spectral_residual)[:most]
-    clear = [each for each in maps if each[1].orientation >= ELASTIC_SEARCH.min_mirror_orientation]
+        maps = parallel_map(lambda map_: fit.run(map_[0], (step,), map_[1]), maps)  # noqa: B023
+        maps = sorted(maps, key=lambda map_: map_[1].spectral_residual)[:most]
+    clear = [map_ for map_ in maps if map_[1].orientation >= ELASTIC_SEARCH.min_mirror_orientation]
     if not clear or clear[0][1].spectral_residual > ELASTIC_SEARCH.max_mirror_spectral_residual:
         return shape
     coefficients = clear[0][0].source
