@@ -253,12 +253,12 @@ def known_functions(
 
 def _fill_unknown(values: Float[FloatArray, "n q"], surface: Surface) -> Float[FloatArray, "n q"]:
     """Copy unknown values from the nearest vertex along edges that has one; 0 if there is none."""
-    fill_images = values.copy()
-    for column in fill_images.T:
+    filled = values.copy()
+    for column in filled.T:
         unknown = np.isnan(column)
         if unknown.any():
             distance, nearest = distance_along_edges_to_nearest(surface, np.flatnonzero(~unknown), weld=True)
             reached = np.isfinite(distance)
             column[unknown & ~reached] = 0.0
             column[unknown & reached] = column[nearest[unknown & reached]]
-    return fill_images
+    return filled

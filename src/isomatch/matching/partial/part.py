@@ -1,4 +1,4 @@
-"""Part: one shape is a part of the other, so that distances on the whole lie in intervals."""
+"""Part: one shape is a part of the other, so distances on the whole are known only up to intervals."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ PartSide = Literal["source", "target"]
 
 
 class Part(RefiningModel[PartFit, BentPart]):
-    """One shape is a part of the other: its vertices are mapped to the whole, whichever of the two is the source.
+    """One shape is a part of the other; maps lead from the part to the whole, whichever of both is the source.
 
     Parameters
     ----------
@@ -76,19 +76,19 @@ class Part(RefiningModel[PartFit, BentPart]):
     side : {"source", "target"}
         The shape that is a part.
     known_map : tuple, optional
-        A map found otherwise, which is refined without a search: image of each vertex of the part, where it came from,
-        and the ratio by which the other search preferred it to others.
+        A map that another method found, which is refined instead of a search: the image of each vertex of the part, its
+        origin, and the ratio by which it led over other maps.
     coordinates : WholeCoordinates, optional
-        Coordinates of the whole, if other parts of it share them.
+        Coordinates of the whole, if several parts of it share them.
 
     Notes
     -----
-    Intervals of distances, starts that assign anchors in several units, bending and the choice of the unit concern parts
-    alone; model selection, the loop of the refinement and verification are those of every model.
+    Only this model uses intervals of distances, assigns anchors in several units, selects the unit of the part, and
+    bends it.
 
     Examples
     --------
-    What is mapped is the part, also where it is the target:
+    The model maps the part, even if it is the target of the problem:
 
     >>> from isomatch.datasets import example_pair
     >>> from isomatch.matching import Part, prepare_pair
@@ -120,24 +120,24 @@ class Part(RefiningModel[PartFit, BentPart]):
         return parallel_map(self.fits.refine, fits)
 
     def refine_jointly_again(self, fit: PartFit) -> PartFit:
-        """Take the last steps of the refinement again."""
+        """Run the last steps of the refinement again."""
         return self.fits.refine_again(fit)
 
     def measure_fit(self, fit: PartFit, image: Int[BodyVertices, "r"]) -> PartFit:
-        """Measure a map: where it is verified, the part is bent by it, too."""
+        """Measure a map of the part."""
         return self.fits.measure(fit.pair, image, fit.origin)
 
     def embedding(self, fit: PartFit) -> Embedding:
         """Coordinates of all vertices of part and whole, with all functions."""
-        everywhere = PartVertices(np.arange(self.source.body.n_vertices))
-        return fit.refinement.embedding(fit.image, ALL_FUNCTIONS, everywhere)
+        all_vertices = PartVertices(np.arange(self.source.body.n_vertices))
+        return fit.refinement.embedding(fit.image, ALL_FUNCTIONS, all_vertices)
 
     @property
     def little_is_missing(self) -> bool:
-        """Whether little is missing by the units of the files, or somewhat more where few distances are known."""
+        """Whether the part is nearly the whole, by the units of the files."""
         pair, settings = self.fits.pair, self.pair.config.parts
-        trusted = pair.known_share >= settings.little_trusted
-        least = settings.little_missing if trusted else settings.most_there
+        knows_distances = pair.known_share >= settings.little_trusted
+        least = settings.little_missing if knows_distances else settings.most_there
         return bool(pair.knows_unit and pair.share >= least)
 
     def require_suitable(self) -> None:
@@ -147,7 +147,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         self.require_no_descriptors("a whole and its part")
 
     def propose(self, timer: StageTimer) -> Proposals[PartFit]:
-        """Search by anchors, refine roughly, and begin the contenders and the maps that are known."""
+        """Search by anchors, refine roughly, and prepare the best, and known maps, for refinement."""
         timer.start("search")
         config, settings = self.pair.config, self.pair.config.parts
         first_maps = self._first_maps()
@@ -156,8 +156,8 @@ class Part(RefiningModel[PartFit, BentPart]):
         kept = self._keep_distinct(rough, PART_FIT.n_contenders)
         hopeful = [fit for fit in kept if fit.rough_cost <= settings.hopeless * kept[0].rough_cost]
         hopeful = kept[: max(len(hopeful), 2)]  # the best, and a runner-up
-        select_contenders = [*((fit.pair, fit.image, fit.origin) for fit in hopeful), *first_maps]
-        if not select_contenders:
+        contenders = [*((fit.pair, fit.image, fit.origin) for fit in hopeful), *first_maps]
+        if not contenders:
             raise NotConvergedError(
                 "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' "
                 "if the shapes are roughly aligned in space"
@@ -168,22 +168,22 @@ class Part(RefiningModel[PartFit, BentPart]):
     def rank(
         self, maps: list[PartFit], rivals: list[PartFit], proposals: Proposals[PartFit], timer: StageTimer
     ) -> Ranking[PartFit]:
-        """Settle the best, and select by cost; of maps in doubt the one that verifies best."""
+        """Refine the best from the bent part, and select by cost; if maps are in doubt, by `verify`."""
         settings = self.pair.config.parts
         fits, costs = self._by_cost(maps)
         timer.start("settling")
         n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
         settle = partial(self.fits.refine_from_bending, again=self.refine_again)
         fits, costs = self._by_cost([*parallel_map(settle, fits[:n_settled]), *fits[n_settled:]])
-        apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
+        distances = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(
             runner_up_distance=MAP_DISTANCE.other_map,
             tie=settings.tie,
             mirror_tie=settings.tie,
             landmark_slack=TIES.landmark_slack,
         )
-        ranking = select(fits, apart, rules, scores=costs)
-        if self.known_map:  # by a match that has looked for others
+        ranking = select(fits, distances, rules, scores=costs)
+        if self.known_map:  # the lead over maps that the other method found counts, too
             ranking = replace(ranking, runner_up=min(ranking.runner_up, self.known_map[2]))
         return self._verify_if_in_doubt(ranking)
 
@@ -198,7 +198,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         ranking = replace(ranking, distinct=tuple(fits[1:]))
         if fits[0] is best:
             return ranking
-        ratio = min(best.cost / fits[0].cost, 1.0)  # its own cost speaks for another
+        ratio = min(best.cost / fits[0].cost, 1.0)  # by cost, another map is better
         return replace(ranking, best=fits[0], runner_up=ratio)
 
     def _doubt_of(self, ranking: Ranking[PartFit]) -> PartDoubt:
@@ -208,32 +208,32 @@ class Part(RefiningModel[PartFit, BentPart]):
         )
 
     def descriptor_distance(self, fit: PartFit) -> Float[FloatArray, "r"]:
-        """Descriptor distance of the vertices and their images, by balls."""
+        """Descriptor distance of each vertex and its image, by balls."""
         return fit.descriptor_distances
 
     @property
     def descriptor_weight(self) -> float:
-        """How much the descriptor distance weighs in the ratio of two costs."""
+        """Weight of the descriptor distance in the ratio of two costs."""
         return self.pair.config.parts.descriptor_weight
 
     def _by_cost(self, fits: list[PartFit]) -> tuple[list[PartFit], list[float]]:
-        """Order maps by their weighed cost; returns also the costs."""
+        """Order maps by their weighed cost; return maps and costs."""
         costs = self.weigh(fits, list(map(self.cost, fits)), [True] * len(fits))
         order = sorted(range(len(fits)), key=lambda i: costs[i])
         return [fits[i] for i in order], [costs[i] for i in order]
 
     def coordinates(self, best: PartFit) -> BentPart:
-        """Bend the part onto the whole by a map, in full."""
+        """Bend the part onto the whole by a map, at full resolution."""
         return best.bending.lay_in_full(
             best.bent, self.pair.config.parts.bending[-PART_FIT.n_final_lengths :]
         )
 
     def cost(self, fit: PartFit) -> float:
-        """Return the spectral residual × a power of the stress, see ``PartFit.cost``."""
+        """Cost of a map, see `PartFit.cost`."""
         return fit.cost
 
     def image(self, best: PartFit) -> Int[BodyVertices, "n_part"]:
-        """Vertex of the whole for each of the part, bent at the lower resolution."""
+        """Vertex of the whole for each vertex of the part, bent at the lower resolution."""
         return self.fits.bending.images(best.bent, np.arange(self.source.body.n_vertices))
 
     def _keep_distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
@@ -242,35 +242,35 @@ class Part(RefiningModel[PartFit, BentPart]):
         )
 
     def _rough_fits(self, first_maps: list[tuple[PartPair, BodyVertices, str]]) -> list[PartFit]:
-        """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
-        promise, fits_of = attrgetter("promise"), self.fits
+        """Refine starts and first maps roughly, and compose the best with self-maps of the whole; best first."""
+        rough_cost, fits_of = attrgetter("rough_cost"), self.fits
         fits = [
             *(self._refined_starts if self.known_map is None else []),
             *parallel_map(lambda x: fits_of.refine_roughly(*x), first_maps),
         ]
-        rough = sorted((fit for fit in fits if fit), key=promise)
+        rough = sorted((fit for fit in fits if fit), key=rough_cost)
         if self.known_map:
             return rough
         best = self._keep_distinct(rough, PART_FIT.n_composed)
-        varied = parallel_map(lambda x: fits_of.compose(*x), list(product(best, self._self_maps)))
-        return sorted([*rough, *(fit for fit in varied if fit)], key=promise)
+        composed = parallel_map(lambda x: fits_of.compose(*x), list(product(best, self._self_maps)))
+        return sorted([*rough, *(fit for fit in composed if fit)], key=rough_cost)
 
     @cached_property
     def _self_maps(self) -> list[Int[SearchRows, "m_t"]]:
-        """Maps of the whole nearly onto itself; none with landmarks, which tell the sides."""
+        """Near self-maps of the whole; none with landmarks, which separate the sides."""
         pair = self.fits.pair
         return [] if len(pair.landmarks) else find_self_maps(pair.whole, pair.config)
 
     @cached_property
     def _refined_starts(self) -> list[PartFit | None]:
-        """The starts of the part's own search, refined roughly; None for mirror images."""
+        """Starts by anchors, refined roughly; None for mirror images."""
         if not self.searches_by_anchors:
             return []
         signatures = self.fits.coordinates.signatures
         return parallel_map(self.fits.refine_start, PartStarts(self.fits.pair, signatures, self._self_maps)())
 
     def _first_maps(self) -> list[tuple[PartPair, BodyVertices, str]]:
-        """Map the rough vertices, each time in its unit: by a map found otherwise, priors and starts; with origins."""
+        """First maps of the rough vertices, from a known map, priors and starts, each in its unit and with its origin."""
         images: list[tuple[BodyVertices, str]] = []
         if self.known_map:
             images.append(self.known_map[:2])
@@ -291,7 +291,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         return fits_of(self.problem, self.side, self._coordinates)
 
     def _by_verification(self, fits: list[PartFit]) -> list[PartFit]:
-        """Order maps of which none is sure by what they cost on the shapes as they are, see `verify`."""
+        """Order maps that are in doubt by their cost in `verify`."""
         fits = nearest_to_priors(fits, TIES.landmark_slack)
         if self.known_map or len(fits) < 2:
             return fits
@@ -299,7 +299,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         return [fits[i] for i in np.argsort(costs, kind="stable")]
 
     def _alternatives(self, fits: Sequence[PartFit]) -> tuple[Alternative, ...]:
-        """Give other maps that were refined to the end; the part is bent by one when it is asked for."""
+        """Return other maps that were refined to the end; each is computed at first use."""
         return tuple(
             Alternative(partial(self._map_of, fit), fit.cost, fit.orientation, origin_of(self.problem, fit))
             for fit in fits[: self.pair.config.selection.most_alternatives]
@@ -311,18 +311,18 @@ class Part(RefiningModel[PartFit, BentPart]):
             return self.problem.source.correspondence(self.problem.target, points, matched)
 
     def _directed(self, fit: PartFit, bent: BentPart) -> tuple[PrecisePoints, Bool[BoolArray, "n_s"], float]:
-        """Return the map by a bent part in the direction asked for, which vertices have an image, and its unit."""
+        """Map of a bent part in the direction of the problem, which vertices have an image, and its unit."""
         if self.side == "target":
             return *bent.onto_part(), 1 / fit.pair.unit
         return bent.points, np.ones(self.source.body.n_vertices, dtype=bool), fit.pair.unit
 
     def measure(self, match: Match[PartFit, BentPart]) -> Measured:
-        """Measure the map in the direction asked for."""
+        """Measure the map in the direction of the problem."""
         best, bent = match.ranking.best, match.coordinates
         points, matched, unit = self._directed(best, bent)
         balls = best.pair.signature, best.pair.whole.balls
-        here, there = balls if self.side == "source" else balls[::-1]
-        descriptor_distance = descriptor_distance_of(here, there, points.corners[:, 0], matched)
+        balls = balls if self.side == "source" else balls[::-1]
+        descriptor_distance = descriptor_distance_of(*balls, points.corners[:, 0], matched)
         reason = f"fits best of {1 + len(match.ranking.others)} maps of a part refined to the end"
         return measure_part(self.problem, best, bent, unit, points, matched, descriptor_distance, reason)
 
@@ -411,7 +411,7 @@ def contradiction_evidence(problem: Problem, measured: Measured) -> Evidence:
 def fill_images(
     part: PreparedShape, pairs: Int[IntArray, "q 2"]
 ) -> tuple[Int[BodyVertices, "n_part"], Float[FloatArray, "n_part"]]:
-    """Image of each vertex under a map of some, or of the nearest of these, and how far it is."""
+    """Image of each vertex under a map of some vertices, taken from the nearest of these, and its distance."""
     gap, nearest = distance_along_edges_to_nearest(part.body, np.unique(pairs[:, 0]))
     image = np.zeros(part.body.n_vertices, dtype=np.int64)
     image[pairs[::-1, 0]] = pairs[::-1, 1]

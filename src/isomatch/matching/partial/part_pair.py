@@ -1,4 +1,4 @@
-"""A part and a whole in common units: bounds of the distances on the whole, and signatures that both share."""
+"""A part and a whole in common units: bounds of distances on the whole, and comparable signatures."""
 
 from __future__ import annotations
 
@@ -23,19 +23,20 @@ from isomatch.surfaces import Mesh
 
 @dataclass(frozen=True)
 class PartPair:
-    """A part with ``m`` anchors and a whole; lengths are in √area of the whole. Equal if their shapes and units are."""
+    """A part with ``m`` anchors and a whole; lengths are in √area of the whole. Equal if shapes and units are."""
 
     part: PreparedShape
     whole: PreparedShape
-    unit: float  # what √area of the part is worth in √area of the whole
-    config: Config  # of the match
-    missing: MissingRegion = field(compare=False)  # beyond the part's boundary, in units of the part
+    unit: float  # √area of the part over √area of the whole
+    config: Config  # settings of the match
+    missing: MissingRegion = field(compare=False)  # beyond the part's boundary, in √area of the part
     anchors: Int[PartVertices, "m"] = field(compare=False)  # landmarks, then farthest points
-    # bounds of distances on the whole, in units of the part
+    # lower bounds of distances on the whole, in √area of the part
     lower: Float[FloatArray, "m n_part"] = field(compare=False)
-    along: Float[FloatArray, "m n_part"] = field(compare=False)  # distances along the part, in its units
-    landmarks: Int[BodyVertices, "l"] = field(compare=False)  # of the whole, where the first anchors go
-    radii: tuple[float, ...] = field(compare=False)  # of its balls, in units of the part
+    # distances along the part, which are upper bounds, in √area of the part
+    along: Float[FloatArray, "m n_part"] = field(compare=False)
+    landmarks: Int[BodyVertices, "l"] = field(compare=False)  # images of the first anchors
+    radii: tuple[float, ...] = field(compare=False)  # radii of ball signatures, in √area of the part
     functions: Embedding = field(compare=False)  # known functions
 
     @classmethod
@@ -47,19 +48,19 @@ class PartPair:
         landmarks: Int[IntArray, "l 2"] = NO_LANDMARKS,
         functions: Embedding | None = None,
     ) -> PartPair:
-        """Assume that both shapes came in the same units; landmarks are vertices of part and whole."""
+        """Make the pair in the unit of the files; landmarks are pairs of vertices of part and whole."""
         mesh, n = part.mesh_body, PART_UNIT.n_anchors
         engine = distance_engine(mesh, part.config.engine, weld=False)
         missing = MissingRegion.of(mesh, engine, PART_UNIT.n_boundary_vertices)
         anchors = PartVertices(np.concatenate([landmarks[:, 0], part.column_vertices[:n]]))
-        # The distance D of two points of the part on the whole is not known, but bounded on both sides. From above, for
-        # a path along the part is a path on the whole:
-        #     D(x, y) ≤ d(x, y)
-        # From below, for a shorter path leaves the part at a boundary point b and comes back at c, and what is missing
-        # in between cannot be shorter than the straight line through the hole:
+        # The distance D(x, y) on the whole between two points of the part is unknown, but bounded. A path
+        # along the part is a path on the whole, so
+        #     D(x, y) ≤ d(x, y).
+        # A shorter path leaves the part at a boundary point b and returns at c, and is not shorter in
+        # between than the straight line, so
         #     D(x, y) ≥ min(d(x, y), min_{b, c} d(x, b) + |b − c| + d(c, y))
-        # (the criterion of Bracha, Dagès & Kimmel, Wormhole loss for partial shape matching, 2024, used as a bound).
-        # Where both agree, D is known, although much is missing.
+        # (a criterion of Bracha, Dagès & Kimmel, Wormhole loss for partial shape matching, 2024, used as
+        # a bound). If both bounds agree, D is known.
         along = part.columns[:n].astype(np.float64)
         if len(landmarks):
             along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
@@ -67,16 +68,16 @@ class PartPair:
         if part.origin is None:
             lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
         else:
-            # Limbs cut apart where they are fused, along a cut of no width: a path that leaves through the cut goes on
-            # at the other side of it, so D is at least the distance on the fused surface, whose vertices are welded.
+            # Fused limbs were separated by a cut of no width. A path through the cut continues on its
+            # other side, so D is at least the distance on the fused surface, whose vertices are welded.
             fused = distance_engine(mesh, part.config.engine)
             lower = np.minimum(fused.distances_from(anchors), along)
         functions = functions or SmoothPair(part, whole, config).known
         bounds, known_images = (lower, along), BodyVertices(landmarks[:, 1])
         pair = cls(part, whole, unit, config, missing, anchors, *bounds, known_images, (), functions)
-        # A ball of radius r in units of the whole has radius r / unit in those of the part. Balls of the part are
-        # integrated once, for radii from the least r over the largest unit to the largest r over the least unit, in
-        # steps small enough to interpolate between, so that `signature` costs nothing in any unit.
+        # A ball of radius r in √area of the whole has radius r / unit in √area of the part. Balls of the
+        # part are integrated once, for radii from the least r / largest unit to the largest r / least
+        # unit, in small steps; `signature` interpolates between these for any unit.
         units = pair.units
         first, last = RADII[0] / max(*units, PART_UNIT.max_unit), RADII[-1] / min(units)
         radii = np.geomspace(
@@ -85,7 +86,7 @@ class PartPair:
         return replace(pair, radii=tuple(radii.tolist()))
 
     def with_unit(self, unit: float) -> PartPair:
-        """Return the pair with another unit of the part."""
+        """Return the pair in another unit of the part."""
         return replace(self, unit=unit)
 
     @property
@@ -96,16 +97,15 @@ class PartPair:
     @property
     def cost(self) -> IntervalCost:
         """Cost of distances on the whole."""
-        # c(D; l, u) = min(v + inside |D − u|, most) / (soft + u). With l, u, most and soft all multiplied by the unit,
-        #     c(t D; t l, t u) = c(D; l, u):
-        # a smaller unit is no cheaper only because all lengths are, so costs in different units can be compared.
+        # c(D; l, u) = min(v + inside |D − u|, most) / (soft + u). As most and soft are multiplied by the
+        # unit t like l and u, c(t D; t l, t u) = c(D; l, u), so costs in different units can be compared.
         return IntervalCost(
             most=PART_UNIT.max_distance_cost * self.unit, soft=PART_UNIT.short_distance * self.unit
         )
 
     @property
     def share(self) -> float:
-        """Area of the part over that of the whole."""
+        """Area of the part over the area of the whole."""
         return self.unit**2
 
     def intervals(
@@ -116,7 +116,7 @@ class PartPair:
 
     @cached_property
     def anchor_intervals(self) -> tuple[Float[FloatArray, "m m"], Float[FloatArray, "m m"]]:
-        """The same between anchors, symmetric."""
+        """Lower and upper bounds of distances between anchors, symmetric."""
         lower, upper = self.intervals(self.anchors)
         return np.minimum(lower, lower.T), 0.5 * (upper + upper.T)
 
@@ -128,7 +128,7 @@ class PartPair:
 
     @property
     def is_hardly_known(self) -> bool:
-        """Whether so little of the whole is known that no unit is sure, and no map exact."""
+        """Whether so few distances are known that no unit is sure and no map is exact."""
         return self.known_share < PART_UNIT.min_known_share
 
     @cached_property
@@ -138,7 +138,7 @@ class PartPair:
 
     @cached_property
     def signature(self) -> BallSignature:
-        """The ball signature of the part, in units of the whole."""
+        """The ball signature of the part, in √area of the whole."""
         return _ball_signature_of(self.part, self.radii).scaled(self.unit, RADII)
 
     def stress(self, images: Int[BodyVertices, "m"]) -> float:
@@ -149,37 +149,37 @@ class PartPair:
 
     @property
     def knows_unit(self) -> bool:
-        """Whether the unit of the files is one that a part may have."""
+        """Whether the files have a plausible unit for a part."""
         least, most = np.sqrt(PART_UNIT.min_area_share), PART_UNIT.max_unit_ratio
         return bool(self.config.scale != "free" and least / most <= self.unit <= most)
 
     @cached_property
     def keeps_unit(self) -> bool:
-        """Whether the unit is fixed: by what is asked for, or because too few distances are known to measure it."""
-        unmeasured = self.config.scale == "auto" and self.is_hardly_known
-        return self.config.scale in ("same", "area") or (unmeasured and self.knows_unit)
+        """Whether the unit is fixed by the settings, or because too few distances are known to measure it."""
+        cannot_measure = self.config.scale == "auto" and self.is_hardly_known
+        return self.config.scale in ("same", "area") or (cannot_measure and self.knows_unit)
 
     @property
     def units(self) -> tuple[float, ...]:
-        """Units to search in, by what is asked for; that of the files may be anything."""
+        """Units of the part in which maps are searched."""
         if self.keeps_unit:
             return (min(self.unit, 1.0),)
-        # With s = area(part) / area(whole) on the true body, the unit is √s: what is cut off changes √area of the part,
-        # in which its lengths come. s ≤ 1 for a part. It is at least `least_share` where the files say nothing; otherwise
-        # the unit is that of the files up to `largest_change` both ways, for a person grows, and scanners differ.
+        # The true unit is √(area of the part / area of the whole) ≤ 1. If the files have no plausible
+        # unit, the share of the area is at least `min_area_share`. Otherwise the unit differs from the
+        # one of the files at most by the factor `max_unit_ratio`, because people grow and scanners differ.
         first, last = np.sqrt(PART_UNIT.min_area_share), 1.0
         if self.knows_unit:
             first = self.unit / PART_UNIT.max_unit_ratio
             last = min(self.unit * PART_UNIT.max_unit_ratio, 1.0)
-        # In a geometric series of ratio q, any unit is within a factor √q of one that is tried: 1.05 for q = 1.1, which
-        # is what the tolerance of `IntervalCost` (0.05) forgives. The unit is then measured by `unit_of`.
+        # In a geometric series of ratio q = 1.1, any unit is within a factor √q = 1.05 of one that is
+        # tried, which is the tolerance of `IntervalCost`. Then `unit_of` measures the unit.
         count = 1 + max(round(np.log(last / first) / np.log(PART_UNIT.unit_step_ratio)), 0)
         return tuple(float(unit) for unit in np.geomspace(first, last, count))
 
     def unit_of(self, images: Int[BodyVertices, "m"]) -> float:
-        """Measure the unit by images of the anchors whose distances on the whole are known, where it may change."""
-        # Where the interval of a distance is a point, D = d: its ratio to the distance of the images is the error of the
-        # unit. The median withstands up to half of the images being wrong. Short distances are mostly noise.
+        """Measure the unit by images of anchors whose distances on the whole are known."""
+        # If a distance is known, its ratio to the distance of the images is the error of the unit. The
+        # median tolerates up to half of the images being wrong. Short distances are mostly noise.
         lower, upper = self.anchor_intervals
         exact = (lower >= PART_UNIT.known_ratio * upper) & (upper > PART_UNIT.min_distance * self.unit)
         if exact.sum() < PART_UNIT.min_known_distances:
@@ -188,33 +188,33 @@ class PartPair:
         return self.nearest_allowed_unit(self.unit * float(np.median(distances[exact] / upper[exact])))
 
     def in_unit_of(self, image: Int[BodyVertices, "n_part"]) -> PartPair:
-        """Return the pair in the unit that a map measures, within those to search in."""
+        """Return the pair in the unit that a map measures, limited to the range of searched units."""
         units, unit = self.units, self.unit_of(BodyVertices(image[self.anchors]))
         return self.with_unit(float(np.clip(unit, units[0], units[-1])))
 
     def nearest_allowed_unit(self, unit: float) -> float:
-        """Return the nearest unit that is allowed: one on a grid around that of the pair, and not much above 1."""
+        """Round a unit to the grid of allowed units, at most slightly above 1."""
         if self.keeps_unit:
             return self.unit
-        # on a grid, so that maps which measure nearly the same unit share what was computed in it
+        # maps that measure nearly the same unit share what is computed in the rounded unit
         steps = np.round(np.log(unit / self.unit) / PART_UNIT.unit_spacing)
         return min(self.unit * float(np.exp(PART_UNIT.unit_spacing * steps)), PART_UNIT.max_unit)
 
 
 @cached_method
 def _ball_signature_of(part: PreparedShape, radii: tuple[float, ...]) -> BallSignature:
-    """Compute the ball signature of a part, in its own units."""
+    """Compute the ball signature of a part, in its own √area."""
     return ball_signature(part.mesh_body, radii, unit=1.0, samples=part.sample_vertices[:N_BALLS], weld=False)
 
 
 def areas_of_samples(shape: PreparedShape, samples: Int[IntArray, "q"]) -> Float[FloatArray, "q"]:
-    """Area of the vertices nearest to each of some samples."""
+    """Area of the vertices that are nearest to each sample."""
     areas = np.bincount(nearest_of(shape, samples), shape.body.vertex_areas, len(samples))
     return np.asarray(areas, dtype=np.float64)
 
 
 class PartSignatures(NamedTuple):
-    """Signatures of a part, and weights between 0 (at the boundary) and 1 (far from it)."""
+    """Signatures of a part, and weights from 0 at the boundary to 1 far from it."""
 
     values: Float[FloatArray, "n k"]
     weights: Float[FloatArray, "n k"]
@@ -222,10 +222,10 @@ class PartSignatures(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class WholeSignatures:
-    """Signatures of a whole, and those of its parts in comparable numbers."""
+    """Signatures of a whole, and comparable signatures of its parts."""
 
     whole: PreparedShape  # a mesh of area 1
-    functions: Float[FloatArray, "n_whole q"]  # the known ones, which have no boundary to fear
+    functions: Float[FloatArray, "n_whole q"]  # known functions, which no boundary disturbs
 
     @cached_property
     def _energies(self) -> FloatArray:
@@ -234,11 +234,11 @@ class WholeSignatures:
 
     # The wave kernel signature of Aubry, Schlickewei & Cremers (ICCV Workshops 2011) is
     #     Σ_k φ_k(x)² f_e(λ_k) / Σ_k f_e(λ_k),   f_e(λ) = exp(−(e − log λ)² / 2σ²).
-    # The denominator, a sum over the spectrum, differs between a part and the whole, so it is left out here.
+    # The denominator is a sum over the spectrum, which differs between part and whole; it is omitted.
     def _waves(
         self, vectors: Float[FloatArray, "n k"], values: Float[FloatArray, "k"]
     ) -> Float[FloatArray, "n 20"]:
-        """Logarithms of wave signatures of eigenpairs in units of the whole."""
+        """Logarithms of wave signatures from eigenpairs, in units of the whole."""
         width = 1.4 * (self._energies[1] - self._energies[0])
         filters = np.exp(-0.5 * ((self._energies - np.log(values[:, None])) / width) ** 2)
         return np.asarray(np.log(vectors**2 @ filters + 1e-3))
@@ -259,7 +259,7 @@ class WholeSignatures:
 
     @cached_property
     def values(self) -> Float[FloatArray, "n_whole k"]:
-        """Signatures, of which the last are the known functions."""
+        """Signatures of the whole; the last columns are the known functions."""
         weighted = [weight * _standardise(raw, raw) for weight, raw in zip(self._weights, self._raw)]
         return np.hstack([*weighted, self.functions])
 
@@ -274,7 +274,7 @@ class WholeSignatures:
 
     @cached_method
     def of_anchors(self, pair: PartPair) -> PartSignatures:
-        """Those of its anchors alone."""
+        """Signatures of the anchors of a part."""
         return self._of_part(pair, pair.anchors)
 
     def _of_part(self, pair: PartPair, vertices: Int[PartVertices, "n"]) -> PartSignatures:
@@ -282,20 +282,22 @@ class WholeSignatures:
         whole_values, distance = self.whole.laplace.values[1:], pair.to_boundary[vertices, None]
         waves, curvatures = self._raw
         vectors, values = part.laplace.vectors[vertices, 1:], part.laplace.values[1:]
-        # The part times u: ∫ φ² = 1 over u² times the area asks for φ / u; λ is an inverse area, and curvature an inverse
-        # length. By Weyl's law, λ_k ≈ 4πk / area, the part has about u² k functions where the whole has k.
+        # If the part is scaled by the unit u, then ∫ φ² = 1 requires φ / u, eigenvalues are divided by u²
+        # and curvatures by u. By Weyl's law, λ_k ≈ 4πk / area, the part has about u² k functions up to
+        # the k-th eigenvalue of the whole.
         of_part = self._waves(vectors / pair.unit, values / pair.share)
         signatures = [self._weights[0] * _standardise(of_part, waves)]
-        # A function of eigenvalue λ = exp(energy) has wavelength 2π / √λ, and differs from that of the whole up to about
-        # so far from the boundary: there its value is given no weight, 1 − exp(−(distance √λ / reach)²).
+        # A function of eigenvalue λ = exp(energy) has wavelength 2π / √λ. Up to about this distance from
+        # the boundary it differs from the function of the whole, so its weight there is small:
+        # 1 − exp(−(distance √λ / reach)²).
         weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / PART_UNIT.boundary_reach) ** 2))]
         for column, size in zip(curvatures.T, sizes):
             k = min(size, len(whole_values))
             k_part = int(np.clip(round(k * pair.share), 8, len(part.laplace.values) - 1))
             curvature = self._curvature_of_part(part, k_part)[vertices]
-            here = _standardise(curvature / pair.unit, column)
-            there = _standardise(column, column)
-            signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
+            on_whole = _standardise(column, column)
+            on_part = np.clip(_standardise(curvature / pair.unit, column), on_whole.min(), on_whole.max())
+            signatures.append(self._weights[1] * on_part[:, None])
             weights.append(
                 1
                 - np.exp(
@@ -308,5 +310,5 @@ class WholeSignatures:
 
 
 def _standardise(values: FloatArray, reference: FloatArray) -> FloatArray:
-    """Subtract the mean of a reference and divide by its deviation; of a sphere, nothing deviates."""
+    """Subtract the mean of a reference and divide by its deviation, which may be 0 on a sphere."""
     return np.asarray((values - reference.mean(axis=0)) / np.maximum(reference.std(axis=0), 1e-9))

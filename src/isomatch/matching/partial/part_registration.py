@@ -1,4 +1,4 @@
-"""Registration of a part: its map is refined by functions of the whole, and the part is bent onto the whole."""
+"""Registration of a part: refine its map by functions of the whole, and bend the part onto the whole."""
 
 from __future__ import annotations
 
@@ -32,27 +32,27 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
 
 ALL_FUNCTIONS = 10**6
-LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
+MIN_COST = 1e-12  # makes ratios of costs finite if a part is mapped onto itself without error
 
 
 class _Smooth(NamedTuple):
-    """The whole through its first functions."""
+    """The whole smoothed to its first functions."""
 
     vertices: Float[FloatArray, "n 3"]
     normals: Float[FloatArray, "n 3"]
 
 
 class WholeCoordinates:
-    """Coordinates of a whole in which images are sought: the same under all maps."""
+    """Coordinates of a whole in which images are searched; they do not depend on a map."""
 
-    # It keeps coordinates for each number of functions in the settings, and features for each unit of a part: at most one
-    # for each start, fewer as units lie on a grid (`PartPair.nearest_allowed_unit`). They go when the relation goes.
+    # The cache holds coordinates for each number of functions in the settings, and features for each
+    # unit of a part, which are few because units are rounded (`PartPair.nearest_allowed_unit`).
     def __init__(
         self,
         whole: PreparedShape,
-        config: Config,  # of the match, as the whole may have been prepared with another
-        landmarks: Int[BodyVertices, "l"],  # whose counterparts on the part are known
-        functions: Float[FloatArray, "n_whole q"],  # known ones
+        config: Config,  # settings of the match; the whole may be prepared with others
+        landmarks: Int[BodyVertices, "l"],  # landmarks on the whole
+        functions: Float[FloatArray, "n_whole q"],  # known functions
     ) -> None:
         self._whole, self._settings, self._landmarks = whole, config.refining, landmarks
         self.signatures = WholeSignatures(whole, functions)
@@ -60,15 +60,15 @@ class WholeCoordinates:
     @cached_property
     def features(self) -> Float[FloatArray, "n_whole k"]:
         """Signatures, and distances from the landmarks."""
-        everywhere = np.arange(self._whole.body.n_vertices)
-        # up to a reach beyond which a twisted limb or an unknown detour would spoil them
-        distances = self._whole.distances.between(everywhere, self._landmarks)
+        all_vertices = np.arange(self._whole.body.n_vertices)
+        # longer distances are cut off: a twisted limb or an unknown detour would disturb them
+        distances = self._whole.distances.between(all_vertices, self._landmarks)
         distances = np.clip(distances, 0.0, PART_FIT.landmark_reach)
         return np.hstack([self.signatures.values, distances / self._settings.position_unit])
 
     @cached_method
     def features_of_part(self, pair: PartPair) -> PartSignatures:
-        """Return the same of a part in the unit of a pair; a distance counts where its interval is a point."""
+        """Features of a part in the unit of a pair; a distance from a landmark counts only where it is known."""
         signatures, n, bounds = self.signatures.of_part(pair), len(self._landmarks), (pair.lower, pair.along)
         lower, upper = (np.minimum(pair.unit * bound[:n].T, PART_FIT.landmark_reach) for bound in bounds)
         return PartSignatures(
@@ -78,14 +78,14 @@ class WholeCoordinates:
 
     @cached_method
     def smooth(self, k: int) -> _Smooth:
-        """Give the whole through its first k functions."""
+        """Smooth the whole to its first k functions."""
         mesh = self._whole.mesh_body
         vertices = self._whole.laplace.low_passed(mesh.vertices, k)
         return _Smooth(vertices, vertex_normals(vertices, mesh.faces))
 
     @cached_method
     def at(self, k: int, with_positions: bool) -> Float[FloatArray, "n_whole d"]:
-        """Give the coordinates with k functions."""
+        """Coordinates with k functions."""
         settings = self._settings
         columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.features]
         if with_positions:
@@ -96,13 +96,13 @@ class WholeCoordinates:
 
 @dataclass(frozen=True, eq=False)
 class NearPairs:
-    """Near pairs of sample vertices of a part, which a rough refinement maps, too: they measure the unit of a map."""
+    """Close pairs of sample vertices of a part, whose images measure the unit of a map."""
 
     pair: PartPair  # in any unit
 
     @cached_property
     def measures(self) -> tuple[Bool[BoolArray, "q q"], Bool[BoolArray, "near"], Float[FloatArray, "near"]]:
-        """Which pairs are near, which of these have a known distance on the whole, and those along the part."""
+        """Which pairs are close, which of these have a known distance on the whole, and their distances."""
         pair, config = self.pair, self.pair.config
         vertices = pair.part.sample_vertices[
             : min(config.n_search, config.n_refine, PART_FIT.n_rough_vertices)
@@ -118,11 +118,12 @@ class NearPairs:
 class PartRefinement:
     """Refines maps of some vertices of the part in one unit."""
 
-    # A map T: part → whole pulls the first k functions Φ of the whole back to the part, Φ ∘ T ≈ Ψ F, where Ψ are
-    # functions of the part and F is the functional map, fitted at the samples. Then T(x) is sought as the nearest point
-    # in Φ of Ψ(x) F, with more functions each time (ZoomOut: Melzi et al. 2019; partial functional maps: Rodolà et al.
-    # 2017). The coordinates of the whole are never fitted, and so never change: functions are pulled from the whole, on
-    # which they live, to the part. The other way they would be asked for values beyond the boundary.
+    # A map T: part → whole pulls the first k functions Φ of the whole back to the part, Φ ∘ T ≈ Ψ F,
+    # where Ψ are functions of the part, and F is the functional map, fitted at the samples. Then T(x) is
+    # the point of the whole nearest to Ψ(x) F in Φ, with more functions each time (ZoomOut: Melzi et al.
+    # 2019; partial functional maps: Rodolà et al. 2017). Functions are pulled from the whole to the part,
+    # because functions of the part have no values beyond its boundary. So coordinates of the whole do
+    # not depend on the map.
     def __init__(self, pair: PartPair, coordinates: WholeCoordinates, near: NearPairs, n_rows: int) -> None:
         self._pair, self._whole, self._near = pair, coordinates, near
         self._features = coordinates.features_of_part(pair)
@@ -130,10 +131,10 @@ class PartRefinement:
         self._basis = pair.part.sampled_basis(n_rows)
 
     def n_functions(self, k: int) -> int:
-        """Count the functions of the part with eigenvalues up to those of the first k of the whole, and somewhat more."""
-        # The functional map of a part is not diagonal but slanted: by Weyl's law, λ_j ≈ 4πj / area, its slope is the
-        # share of the area (Rodolà et al., Partial functional correspondence, 2017). Counted by eigenvalues, in units of
-        # the whole, the slope need not be known.
+        """Count the functions of the part that correspond to the first k functions of the whole."""
+        # The functional map of a part is not diagonal: by Weyl's law, λ_j ≈ 4πj / area, its slope is the
+        # share of the area (Rodolà et al., Partial functional correspondence, 2017). Counting functions up
+        # to an eigenvalue, in units of the whole, does not need this slope.
         part, whole = self._pair.part.laplace, self._pair.whole.laplace
         top = PART_FIT.function_ratio * whole.values[min(k, len(whole.values)) - 1]
         most = min(len(part.values), len(self.vertices) // 3)
@@ -144,19 +145,19 @@ class PartRefinement:
     def refine(
         self, image: Int[BodyVertices, "r"], sizes: Iterable[int], with_positions: bool = True
     ) -> tuple[Int[BodyVertices, "r"], float]:
-        """Refine the images of the vertices; returns them, and their mean distance in the last coordinates."""
+        """Refine the images of the vertices; return them, and their mean distance in the last coordinates."""
 
         def nearest(embedding: Embedding, _: int) -> tuple[BodyVertices, BodyVertices]:
             row = BodyVertices(self._pair.whole.index.vertices(embedding.target, embedding.source))
             return row, row
 
-        def embedded(image: BodyVertices, size: int) -> Embedding:
+        def coordinates(image: BodyVertices, size: int) -> Embedding:
             return self.embedding(image, size, self.vertices, with_positions)
 
-        return iterate_images(image, sizes, embedded, nearest)
+        return iterate_images(image, sizes, coordinates, nearest)
 
     def extend(self, image: BodyVertices, k: int, vertices: PartVertices | None = None) -> BodyVertices:
-        """Map vertices, by default those of this refinement, by a map of the first samples, through k functions."""
+        """Extend a map of the first samples to vertices, by default of this refinement, through k functions."""
         vertices = self.vertices if vertices is None else vertices
         basis = self._pair.part.sampled_basis(len(image))
         functions = self._pair.whole.laplace.vectors[:, :k]
@@ -165,18 +166,18 @@ class PartRefinement:
         return BodyVertices(self._pair.whole.index.vertices(functions, pulled_back))
 
     def local_unit(self, image: Int[BodyVertices, "r"]) -> float:
-        """Measure the unit by images: the median ratio of known distances between near ones and along the part."""
+        """Measure the unit: the median ratio of distances between images and of close known distances."""
         if self._pair.keeps_unit:
             return self._pair.unit
         near, exact, along = self._near.measures
         if exact.sum() < PART_UNIT.min_known_distances:
             return self._pair.unit
         images = image[: len(near)]
-        there = self._pair.whole.distances.between(images, images)[near]
-        return self._pair.nearest_allowed_unit(float(np.median((np.maximum(there, 1e-3) / along)[exact])))
+        of_images = np.maximum(self._pair.whole.distances.between(images, images)[near], 1e-3)
+        return self._pair.nearest_allowed_unit(float(np.median((of_images / along)[exact])))
 
     def orientation(self, image: Int[BodyVertices, "r"], k: int) -> float:
-        """Mean cosine of the normals of the whole and of its copy pulled back to the part."""
+        """Mean cosine between normals of the whole and of its copy that is pulled back to the part."""
         smooth = self._whole.smooth(k)
         normals = self._pulled_back(smooth.vertices[image], self.n_functions(k))[1]
         return float(np.einsum("ij,ij->i", normals[self.vertices], smooth.normals[image]).mean())
@@ -192,12 +193,11 @@ class PartRefinement:
         # Ψ F: (q, k_part) @ (k_part, k)
         pulled_back = pair.part.laplace.vectors[vertices, :k_part] @ self._basis.fit(functions[image], k_part)
         nearest = image if vertices is self.vertices else pair.whole.index.vertices(functions, pulled_back)
-        # A signature s of weight w < 1 is cut by the boundary. Instead of it stands w s + (1 − w) s(T(x)), the value of
-        # the present image: (1 − w) of it says nothing new, and speaks against no other image than by how far that is
-        # from it.
-        trusted, here = self._features.weights[vertices], self._features.values[vertices]
-        there = self._whole.features[nearest]
-        columns = [pulled_back / np.sqrt(k), trusted * here + (1 - trusted) * there]
+        # Where the boundary makes a signature s unreliable (weight w < 1), it is replaced by
+        # w s + (1 − w) s(T(x)): then it penalises only a deviation from the present image T(x).
+        weights, on_part = self._features.weights[vertices], self._features.values[vertices]
+        on_whole = self._whole.features[nearest]
+        columns = [pulled_back / np.sqrt(k), weights * on_part + (1 - weights) * on_whole]
         if with_positions:
             smooth = self._whole.smooth(k)
             positions, normals = self._pulled_back(smooth.vertices[image], k_part)
@@ -208,7 +208,7 @@ class PartRefinement:
     def _pulled_back(
         self, positions: Float[FloatArray, "r 3"], k_part: int
     ) -> tuple[Float[FloatArray, "n_part 3"], Float[FloatArray, "n_part 3"]]:
-        """Pull the whole back to the part by the positions of the images: vertices and normals."""
+        """Copy the whole to the part by the positions of images: vertices and normals."""
         vertices = self._basis.functions[:, :k_part] @ self._basis.fit(positions, k_part)
         return vertices, vertex_normals(vertices, self._pair.meshes[0].faces)
 
@@ -217,30 +217,31 @@ class PartRefinement:
 class BentPart(BentShape):
     """A part bent until it lies on the surface of a whole."""
 
-    pair: PartPair  # the shapes, in the unit of the map
+    pair: PartPair  # in the unit of the map
 
     def onto_part(self) -> tuple[PrecisePoints, Bool[BoolArray, "n_whole"]]:
-        """Points of the part for the vertices of the whole, and which of these the part covers."""
+        """Map the vertices of the whole to nearest points of the part, and find which of them the part covers."""
         bent, whole, settings = self.mesh, self.onto.mesh, self.pair.config.parts
         points = nearest_with_normals(whole, bent, self.pair.part.index)
         gap = np.linalg.norm(points.interpolated(bent.vertices) - whole.vertices, axis=1)
-        # A vertex that lies beyond the boundary has its nearest point on it, at a distance that grows as it is farther
-        # beyond; one over the interior is off only as far as bending is not exact. So the bound is smaller at the
-        # boundary, unless too few distances are known for the map to be exact at all.
-        rim = settings.off if self.pair.is_hardly_known else settings.rim
-        return points, gap <= np.where(Boundary(bent).holds(points), rim, settings.off)
+        # A vertex beyond the boundary has its nearest point on the boundary, and may be close to it. A
+        # vertex over the interior is off only by the error of bending. So the tolerance is smaller at
+        # the boundary, unless too few distances are known for an exact map.
+        boundary_tolerance = settings.off if self.pair.is_hardly_known else settings.rim
+        return points, gap <= np.where(Boundary(bent).holds(points), boundary_tolerance, settings.off)
 
 
 class PartBending(Bending):
     """Bends a part onto a whole by maps."""
 
-    # The energy is that of `Bending`, with lengths of the part times the unit. A part keeps its own spacing up to its
-    # boundary, where a map by functions crowds its images: functions of the part are free there (Neumann), and those of
-    # the whole are not. This is what makes the bent part a better place to read images from than the map that bent it.
+    # The energy of `Bending`, with lengths of the part times the unit. A map by functions crowds images at
+    # the boundary, because functions of the part have Neumann conditions there and functions of the
+    # whole do not. The bent part keeps its spacing up to the boundary, so its nearest points are better
+    # images than the map that bent it.
     def lay(
         self, pair: PartPair, refinement: PartRefinement, image: BodyVertices, lengths: tuple[float, ...]
     ) -> BentPart:
-        """Lay the part on the whole by a map of the vertices of a refinement, and bend it coarsely."""
+        """Bend the part coarsely onto the whole, starting from a map of the vertices of a refinement."""
         onto = Surroundings(pair.meshes[1], pair.whole.index, pair.unit)
         of_part, of_whole = refinement.embedding(image, ALL_FUNCTIONS, PartVertices(self.vertices))
         start = onto.index.points(of_whole, of_part).interpolated(onto.mesh.vertices)
@@ -248,7 +249,7 @@ class PartBending(Bending):
         return BentPart(bent.rest, bent.mesh, onto, pair)
 
     def lay_in_full(self, bent: BentPart, lengths: tuple[float, ...]) -> BentPart:
-        """Bend the part in full, from where it lies at the lower resolution."""
+        """Bend the part at full resolution, starting from its bent coarse version."""
         full = self.bend_in_full(bent, lengths, _hard_landmarks(bent.pair))
         return BentPart(full.rest, full.mesh, full.onto, bent.pair)
 
@@ -262,24 +263,24 @@ class PartFit(Fit):
     """A map of a part, in a unit; ``score`` stays nan, see ``cost``."""
 
     pair: PartPair  # in the unit of the map
-    refinement: PartRefinement  # of the vertices that are mapped
+    refinement: PartRefinement  # refines the same vertices
     bending: PartBending
     stress: float = np.nan  # mean cost of the images of the anchors, see `PartPair.stress`
-    # over which the part resists when it is bent by the map, see `PartSettings`
+    # lengths by which the part is bent, see `PartSettings`
     lengths: tuple[float, ...] = ()
 
     @cached_property
     def descriptor_distances(self) -> Float[FloatArray, "r"]:
-        """Descriptor distance of each vertex and its image, by balls; nan where nothing is known."""
-        here, there = self.pair.signature, self.pair.whole.balls
-        if there is None:
+        """Descriptor distance of each vertex and its image, by balls; nan where unknown."""
+        of_whole = self.pair.whole.balls
+        if of_whole is None:
             return np.full(len(self.image), np.nan)
-        here = here.at(self.refinement.vertices)
-        return here.descriptor_distance(there.at(self.image), deviation_of(there))
+        of_part = self.pair.signature.at(self.refinement.vertices)
+        return of_part.descriptor_distance(of_whole.at(self.image), deviation_of(of_whole))
 
     @property
     def descriptor_distance(self) -> float:
-        """Their mean, or 0 if nothing is known."""
+        """Mean descriptor distance, or 0 if nothing is known."""
         distances = self.descriptor_distances[np.isfinite(self.descriptor_distances)]
         return float(distances.mean()) if len(distances) else 0.0
 
@@ -290,52 +291,50 @@ class PartFit(Fit):
 
     @property
     def share(self) -> float:
-        """Area of the part over that of the whole, by the map."""
+        """Area of the part over the area of the whole, by the map."""
         return self.refinement.local_unit(self.image) ** 2
 
     @property
     def cost(self) -> float:
-        """What the map costs among others: how badly coordinates and distances agree."""
-        # r σ^¼, of the spectral residual r (`spectral_residual`) and the stress σ of distances. Only ratios of costs are
-        # compared, so log cost = log r + ¼ log σ weighs two measurements in different units. The residual sees detail,
-        # after a fit that makes each map agree with itself in smooth functions; the stress is of distances, to which no
-        # map was fitted.
-        return max(float(self.spectral_residual * self.stress**PART_FIT.stress_exponent), LEAST_SCORE)
+        """Cost among other maps: spectral residual × a power of the stress of distances."""
+        # r σ^¼ with the spectral residual r and the stress σ. Only ratios of costs are compared, so
+        # log cost = log r + ¼ log σ can weigh two quantities with different units. The residual measures
+        # detail after a smooth fit; the stress measures distances, to which no map was fitted.
+        return max(float(self.spectral_residual * self.stress**PART_FIT.stress_exponent), MIN_COST)
 
     @property
     def cost_with_bending(self) -> float:
-        """What the map costs by itself, where no other is compared: the part is bent by it, too."""
-        # r σ^¼ × (stretch × gap). Costs of one pair can be compared without the last factor, which no map was chosen by;
-        # so it is independent evidence for the doubt of the best one.
-        return max(self.cost * self.bent.bending_cost, LEAST_SCORE)
+        """Cost of the map by itself, if no other is close: the cost × the cost of bending."""
+        # r σ^¼ × (stretch × gap). No map was selected by the last factor, so it is independent evidence
+        # about the best one.
+        return max(self.cost * self.bent.bending_cost, MIN_COST)
 
     @property
     def rough_cost(self) -> float:
-        """The cost of a map that is refined roughly: one twisted in places may still become the right one."""
+        """Cost of a roughly refined map, which may be twisted in places and still become right."""
         # cost / √o × exp(w m), with
-        #   o   mean cosine of the normals. A map that is turned inside out over a share t of the part has o ≈ 1 − 2t. The
-        #       fine refinement heals small twists, so they are not refused but dearer: 1 / √o ≈ 1 + t. The factor is at
-        #       most 1 / √0.1 ≈ 3.2, just above `PartSettings.hopeless`, the ratio from which a map is dropped; mirror
-        #       images, o < 0, were dropped before.
-        #   m   mean descriptor distance of balls, w = `PartSettings.descriptor_weight`. If the log ratio of its densities
-        #       at right and wrong images is linear in m, exp(w Δm) is the likelihood ratio of two maps. The mean is over
-        #       the whole part, as rough maps differ nearly everywhere; fine ones are compared where they do (`weighed`).
-        twist, weight = (
-            max(self.orientation, PART_FIT.min_orientation),
-            self.pair.config.parts.descriptor_weight,
-        )
+        #   o   mean cosine of the normals. A map that is inside out over a share t of the part has
+        #       o ≈ 1 − 2t. The fine refinement repairs small twists, so they are penalised only by
+        #       1 / √o ≈ 1 + t. This factor is at most 1 / √0.1 ≈ 3.2, slightly above
+        #       `PartSettings.hopeless`, from which a map is dropped. Mirror images, o < 0, were dropped.
+        #   m   mean descriptor distance of balls, w = `PartSettings.descriptor_weight`. If the log ratio
+        #       of its densities at right and wrong images is linear in m, exp(w Δm) is the likelihood
+        #       ratio of two maps. The mean is over the whole part, because rough maps differ nearly
+        #       everywhere; fine maps are compared only where they differ (`weigh_costs`).
+        twist = max(self.orientation, PART_FIT.min_orientation)
+        weight = self.pair.config.parts.descriptor_weight
         return float(self.cost / np.sqrt(twist) * np.exp(weight * self.descriptor_distance))
 
 
 class PartFits:
-    """The two refinements of a start, rough and fine, with what they share for all starts in the same unit."""
+    """Refines maps of a part, first roughly, then finely; starts in the same unit share what is computed."""
 
-    # It keeps two refinements for each unit, as many as `WholeCoordinates` keeps features.
+    # The cache holds two refinements for each unit.
     def __init__(
         self,
         pair: PartPair,
-        given: Int[BodyVertices, "n_part"] | None = None,  # images under a map that is given
-        coordinates: WholeCoordinates | None = None,  # of the whole, if they are known
+        given: Int[BodyVertices, "n_part"] | None = None,  # images under a given map
+        coordinates: WholeCoordinates | None = None,  # coordinates of the whole, if already known
     ) -> None:
         config = pair.config
         self.pair, self._config, self.given, self._near = pair, config, given, NearPairs(pair)
@@ -348,7 +347,7 @@ class PartFits:
         return PartRefinement(pair, self.coordinates, self._near, n_rows)
 
     def refine_start(self, start: PartStart) -> PartFit | None:
-        """Refine some vertices a little; None for a mirror image."""
+        """Refine a start roughly; None for a mirror image."""
         refinement = self._refinement(start.pair, PART_FIT.n_rough_vertices)
         vertices = PartVertices(refinement.vertices[: self._config.n_search])
         origin = "landmarks" if len(self.pair.landmarks) else "anchors"
@@ -357,13 +356,13 @@ class PartFits:
         )
 
     def compose(self, fit: PartFit, image_row: Int[SearchRows, "m_t"]) -> PartFit | None:
-        """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
+        """Compose a roughly refined map with a self-map of the whole, and refine it again."""
         return self.refine_roughly(
             fit.pair, compose_with_self_map(fit.pair.whole, fit.image, image_row), fit.origin
         )
 
     def refine_roughly(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str) -> PartFit | None:
-        """Refine a map of the vertices of a rough one a little; None for a mirror image."""
+        """Refine a map of the rough vertices roughly; None for a mirror image."""
         refinement = self._refinement(pair, PART_FIT.n_rough_vertices)
         if refinement.orientation(image, PART_FIT.n_rough_normal_functions) < 0:
             return None
@@ -374,7 +373,7 @@ class PartFits:
         )
 
     def begin(self, pair: PartPair, image: BodyVertices, origin: str) -> PartFit:
-        """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
+        """Extend a map of the rough vertices to the fine vertices, in the unit that it measures."""
         pair = pair.with_unit(self._refinement(pair, PART_FIT.n_rough_vertices).local_unit(image))
         refinement = self._refinement(pair, self._config.n_refine)
         image = refinement.extend(image, PART_FIT.rough_sizes[-1])
@@ -391,7 +390,7 @@ class PartFits:
         return self._fit_finely(fit.pair, image, spectral_residual, lengths, fit.origin)
 
     def refine_from_bending(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
-        """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
+        """Alternate bending the part by a map, and refining the map from the bent part."""
         for _ in range(PART_FIT.n_bending_rounds):
             image = self.bending.images(fit.bent, fit.refinement.vertices)
             fit = again(replace(fit, image=image, spectral_residual=np.inf))
@@ -405,7 +404,7 @@ class PartFits:
         return self._fit_finely(fit.pair, image, spectral_residual, self._config.parts.bending, fit.origin)
 
     def measure(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str = "") -> PartFit:
-        """Measure a map of the vertices of a fine one that was found otherwise, as if it were refined."""
+        """Measure a map of the fine vertices that another method found, as if it were refined."""
         refinement = self._refinement(pair, self._config.n_refine)
         _, spectral_residual = refinement.refine(image, *self._config.refining.last_step)
         return self._fit_finely(pair, image, spectral_residual, self._config.parts.bending, origin)
@@ -432,7 +431,7 @@ class PartFits:
         k: int,
         origin: str,
     ) -> PartFit:
-        """Measure a map, and the images that it gives the anchors."""
+        """Measure a map; ``anchors`` are its images of the anchors."""
         return PartFit(
             image,
             spectral_residual,

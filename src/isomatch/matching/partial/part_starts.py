@@ -1,4 +1,4 @@
-"""First maps of a part: images of its anchors, by a beam search and trilateration."""
+"""First maps of a part: images of its anchors, from a beam search and trilateration."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ from isomatch.shapes import SAME_SYMMETRY, PreparedShape
 
 @dataclass(frozen=True, eq=False)
 class PartStart:
-    """Images of the anchors of a part, in the unit that fits them."""
+    """Images of the anchors of a part, in the unit that they measure."""
 
     pair: PartPair
     images: Int[BodyVertices, "m"]
     cost: float  # of distances, areas of balls and signatures
 
     def extend(self, vertices: Int[PartVertices, "q"]) -> Int[BodyVertices, "q"]:
-        """Trilaterate vertices of the part from the images of all anchors: vertices of the whole."""
+        """Map vertices of the part by trilateration from the images of all anchors."""
         whole = self.pair.whole
         to_samples = whole.distances.between(self.images, whole.sample_vertices)
         return _trilaterate_points(self.pair, Intervals(*self.pair.intervals(vertices)), to_samples)
 
 
 def _trilaterate_points(pair: PartPair, points: Intervals, to_samples: FloatArray) -> BodyVertices:
-    """Trilaterate points from anchors whose images are so far from the samples: vertices of the whole."""
-    there = np.maximum(to_samples, 0.0)
-    rows, _ = trilaterate(points, Intervals(there, there), pair.cost)
+    """Map points by trilateration from anchors, given distances between their images and the samples of the whole."""
+    distances = np.maximum(to_samples, 0.0)
+    rows, _ = trilaterate(points, Intervals(distances, distances), pair.cost)
     return BodyVertices(pair.whole.sample_vertices[rows])
 
 
@@ -60,7 +60,7 @@ def complete_anchors(
     rounds: int,
     to_samples: Callable[[BodyVertices], FloatArray] | None = None,
 ) -> Int[BodyVertices, "m"]:
-    """Trilaterate all anchors, several times, at first from the images of the first ones, −1 for none."""
+    """Map all anchors by trilateration, several times, starting from the known images (−1: unknown)."""
     to_samples = to_samples or partial(pair.whole.distances.between, columns=pair.whole.sample_vertices)
     for _ in range(rounds):
         rows = np.flatnonzero(images >= 0)
@@ -73,14 +73,14 @@ def complete_anchors(
 def compose_with_self_map(
     whole: PreparedShape, images: Int[BodyVertices, "q"], image_row: Int[SearchRows, "m_t"]
 ) -> Int[BodyVertices, "q"]:
-    """Compose images with a map of the whole nearly onto itself, which exchanges its sides, or front and back."""
+    """Compose images with a self-map of the whole, which exchanges its sides, or front and back."""
     vertices = whole.sample_vertices[: whole.config.n_search]
     rows = whole.distances.between(images, vertices).argmin(axis=1)
     return BodyVertices(vertices[image_row[rows]])
 
 
 class PartStarts:
-    """The search of images of the anchors in several units, also composed with maps of the whole onto itself."""
+    """The search for images of the anchors in several units, also composed with self-maps of the whole."""
 
     def __init__(self, pair: PartPair, signatures: WholeSignatures, self_maps: list[SearchRows]) -> None:
         self._pair, self._signatures, self._self_maps = pair, signatures, self_maps
@@ -91,17 +91,17 @@ class PartStarts:
         self._places = np.union1d(whole.sample_vertices, self._candidates)
         self._to_samples = single(whole.distances.between(self._places, whole.sample_vertices))
         areas = areas_of_samples(whole, whole.sample_vertices)
-        # areas of the balls around all places, a column for each radius
+        # areas of the balls around all places; one column for each radius
         self._balls = np.stack([(self._to_samples < r) @ areas for r in PART_SEARCH.ball_radii], axis=1)
         self._areas = areas_of_samples(pair.part, pair.part.sample_vertices)
         self._at = lru_cache(pair.with_unit)
         self._mean_signatures = np.abs(signatures.values).mean(axis=0)
-        self._same_distance = (
-            PART_SEARCH.same_assignment_with_landmarks if len(pair.landmarks) else MAP_DISTANCE.other_map
-        )
+        self._same_distance = MAP_DISTANCE.other_map
+        if len(pair.landmarks):
+            self._same_distance = PART_SEARCH.same_assignment_with_landmarks
 
     def __call__(self) -> list[PartStart]:
-        """Return the starts, least cost first; no two alike."""
+        """Search distinct starts, least cost first."""
         assigned = [
             start for group in parallel_map(self._assign_anchors, self._pair.units) for start in group
         ]
@@ -114,15 +114,15 @@ class PartStarts:
             for start in kept
             for image_row in self._self_maps
         ]
-        more = parallel_map(lambda each: self._complete_start(*each, 2), mirrored)
-        # a wrong side is as likely a start as the right one, so each is tried; later steps tell them apart
+        more = parallel_map(lambda start: self._complete_start(*start, 2), mirrored)
+        # starts on the wrong side are as likely as right ones; later steps separate them
         return [
             *self._keep_distinct([*kept, *more], PART_SEARCH.n_starts_with_composed),
             *self._grow_starts(),
         ]
 
     def _grow_starts(self) -> list[PartStart]:
-        """Grow regions from the anchors deepest inside, each with the candidates that look most like it."""
+        """Grow regions from the anchors farthest from the boundary, each at the most similar candidates."""
         pair, candidates, whole = self._at(min(self._pair.unit, 1.0)), self._candidates, self._pair.whole
         if whole.balls is None or len(pair.landmarks):
             return []
@@ -154,54 +154,51 @@ class PartStarts:
 
     def _sides(self, pair: PartPair) -> tuple[Intervals, Intervals]:
         """Distances between the anchors, and between the candidates."""
-        between = self._pair.whole.distances_between(self._candidates)
-        return Intervals(*pair.anchor_intervals), Intervals(between, between)
+        distances = self._pair.whole.distances_between(self._candidates)
+        return Intervals(*pair.anchor_intervals), Intervals(distances, distances)
 
     def _descriptor_distances(
         self, pair: PartPair, of_whole: BallSignature
     ) -> Float[FloatArray, "m candidates"]:
-        """Descriptor distance of each anchor and candidate, drawn to a neutral value where little is known."""
-        here, there = pair.signature.at(pair.anchors), of_whole.at(self._candidates)
-        n_radii = (here.known[:, None] & there.known[None]).sum(axis=2)
-        a, b = np.indices((len(here.values), len(there.values))).reshape(2, -1)
-        apart = here.at(a).descriptor_distance(there.at(b), deviation_of(there)).reshape(n_radii.shape)
-        total = np.where(n_radii > 0, apart, 0.0) * n_radii
+        """Descriptor distance of each anchor and candidate, averaged with a neutral value where little is known."""
+        anchors, candidates = pair.signature.at(pair.anchors), of_whole.at(self._candidates)
+        n_radii = (anchors.known[:, None] & candidates.known[None]).sum(axis=2)
+        a, b = np.indices((len(anchors.values), len(candidates.values))).reshape(2, -1)
+        distance = anchors.at(a).descriptor_distance(candidates.at(b), deviation_of(candidates))
+        total = np.where(n_radii > 0, distance.reshape(n_radii.shape), 0.0) * n_radii
         return np.asarray(
             (total + PART_SEARCH.neutral_descriptor_distance * PART_SEARCH.neutral_weight)
             / (n_radii + PART_SEARCH.neutral_weight)
         )
 
     def _assign_anchors(self, unit: float) -> list[PartStart]:
-        """Assign the first anchors in one unit."""
+        """Assign the first anchors to candidates in one unit."""
         pair, candidates = self._at(unit), self._candidates
-        placed = min(PART_SEARCH.n_assigned_anchors, len(pair.anchors))
-        alone = self._unary(pair, np.arange(placed)[:, None], np.searchsorted(self._places, candidates))
-        pin_first(alone, np.searchsorted(candidates, pair.landmarks[:placed]))
+        n = min(PART_SEARCH.n_assigned_anchors, len(pair.anchors))
+        unary = self._unary(pair, np.arange(n)[:, None], np.searchsorted(self._places, candidates))
+        pin_first(unary, np.searchsorted(candidates, pair.landmarks[:n]))
         rows, costs = assign_points(
-            *self._sides(pair), alone, pair.cost, PART_SEARCH.beam_width, self._same_distance
+            *self._sides(pair), unary, pair.cost, PART_SEARCH.beam_width, self._same_distance
         )
-        # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
-        # the unary costs. `_complete_start` weighs both alike, of however many anchors.
-        costs = costs / (placed * (placed - 1) / 2) + self._unit_cost(unit)
+        # Σ_a unary_a + Σ_{a<b} c_ab divided by the number of pairs m (m − 1) / 2 is the mean of c plus
+        # 2 / (m − 1) × the mean of the unary costs. `_complete_start` uses the same weights.
+        costs = costs / (n * (n - 1) / 2) + self._unit_cost(unit)
         return [PartStart(pair, BodyVertices(candidates[row]), float(cost)) for row, cost in zip(rows, costs)]
 
     def _complete_start(self, pair: PartPair, images: BodyVertices, rounds: int) -> PartStart:
-        """Complete images of the first anchors, −1 for none, and again in the unit that they ask for."""
+        """Complete the images of anchors (−1: unknown), and again in the unit that they measure."""
         images = complete_anchors(pair, images, rounds, self._distances_to_samples)
         scaled = self._at(pair.unit_of(images))
         if scaled.unit != pair.unit:
             images = complete_anchors(scaled, images, 1, self._distances_to_samples)
         unary = self._unary(scaled, np.arange(len(images)), np.searchsorted(self._places, images))
         unary[: len(scaled.landmarks)] = 0.0
-        cost = (
-            scaled.stress(images)
-            + unary.mean() * 2 / (PART_SEARCH.n_assigned_anchors - 1)
-            + self._unit_cost(scaled.unit)
-        )
+        mean_unary = unary.mean() * 2 / (PART_SEARCH.n_assigned_anchors - 1)
+        cost = scaled.stress(images) + mean_unary + self._unit_cost(scaled.unit)
         return PartStart(scaled, images, float(cost))
 
     def _unit_cost(self, unit: float) -> float:
-        """Cost of another unit than that of the files."""
+        """Cost of a unit that differs from the unit of the files."""
         if not self._pair.knows_unit:
             return 0.0
         return float(PART_SEARCH.unit_change_weight * np.log(unit / self._pair.unit) ** 2)
@@ -214,29 +211,31 @@ class PartStarts:
         )
 
     def _distances_to_samples(self, places: Int[BodyVertices, "q"]) -> Float[FloatArray, "q samples"]:
-        """Distances of places, which are vertices, to the samples of the whole."""
+        """Distances from places, given as vertices, to the samples of the whole."""
         return self._to_samples[np.searchsorted(self._places, places)]
 
     def _unary(self, pair: PartPair, anchors: IntArray, places: IntArray) -> FloatArray:
-        """Cost of images, by the number of their place, of anchors, by theirs: areas of balls, and signatures."""
+        """Cost of sending anchors to places, both given by numbers, by areas of balls and signatures."""
         least, most = self._balls_of_part(pair)
-        # violation of the interval of areas, over the mean area of such balls; and the distance of signatures, over twice
-        # their mean size, as far as the boundary lets them be trusted
+        # the error of ball areas is divided by the mean area, and the distance of signatures, weighted
+        # by how little the boundary disturbs them, by twice their mean size
         below = least[anchors] * (1 - PART_SEARCH.ball_tolerance) - self._balls[places]
         above = self._balls[places] - most[anchors] * (1 + PART_SEARCH.ball_tolerance)
         violation = np.maximum(np.maximum(below, above), 0.0) / self._balls.mean(axis=0)
         cost = np.asarray(np.minimum(violation, PART_SEARCH.max_ball_cost).mean(axis=-1))
         of_part, weights = (values[anchors] for values in self._signatures.of_anchors(pair))
         of_whole = self._signatures.values
-        apart = weights * np.abs(of_part - of_whole[self._places[places]]) / (2 * self._mean_signatures)
-        cost += PART_SEARCH.signature_weight * np.minimum(apart, 1.0).mean(axis=-1)
+        distance = weights * np.abs(of_part - of_whole[self._places[places]]) / (2 * self._mean_signatures)
+        cost += PART_SEARCH.signature_weight * np.minimum(distance, 1.0).mean(axis=-1)
         return cost
 
     @cached_method
     def _balls_of_part(self, pair: PartPair) -> tuple[Float[FloatArray, "m q"], Float[FloatArray, "m q"]]:
         """Least and greatest areas of the balls of all radii around the anchors."""
-        # The ball of radius r around x on the whole has all y with D(x, y) < r. As lower ≤ D ≤ upper,
-        #     area{upper < r} ≤ area of the ball ≤ area{lower < r} + what is missing, if the boundary is nearer than r.
+        # The ball of radius r around x on the whole consists of all y with D(x, y) < r. As
+        # lower ≤ D ≤ upper,
+        #     area{upper < r} ≤ area of the ball ≤ area{lower < r} + missing area,
+        # where missing area counts only if the boundary is closer than r.
         radii, samples = np.array(PART_SEARCH.ball_radii), PartVertices(pair.part.sample_vertices)
         areas = self._areas * pair.share
         lower, upper = pair.intervals(samples)
@@ -247,7 +246,7 @@ class PartStarts:
 
 
 def find_self_maps(whole: PreparedShape, config: Config) -> list[Int[SearchRows, "m_t"]]:
-    """Symmetries of the whole and flips of its identity: where its search vertices go."""
+    """Find distinct self-maps of the whole: its symmetries, and flips of its identity; images of search vertices."""
     pair = Problem(whole, whole, config)
     rows = np.arange(len(pair.source_vertices))
     identity = Candidate(Alignment(rows, np.eye(1), 0.0), "identity")
