@@ -1,4 +1,4 @@
-"""Regions that two parts of a body may have in common: grown from seeds, and weighed by their appearance."""
+"""Regions that two parts of a body may have in common, grown from seeds and ranked by appearance."""
 
 from __future__ import annotations
 
@@ -21,25 +21,23 @@ from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.selection import keep_distinct
 from isomatch.shapes import PreparedShape
 
-AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # of the balls whose areas are compared
-
-
+AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # lengths: radii of balls whose areas are compared
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
 
 
 @dataclass(frozen=True, eq=False)
 class BothSide:
-    """One of two parts, with ``s`` samples; ``s_s`` and ``s_t`` are those of source and target."""
+    """One of two parts, with ``s`` samples; source and target have ``s_s`` and ``s_t`` samples."""
 
     shape: PreparedShape
-    unit: float  # what √area of the part is worth in the unit of both
-    landmarks: Int[BodyVertices, "l"]  # whose counterparts on the other part are known
+    unit: float  # √area of the part in the unit of both
+    landmarks: Int[BodyVertices, "l"]
 
     @cached_property
     def vertices(self) -> Int[BodyVertices, "s"]:
-        """Its samples: the landmarks, then vertices evenly spread."""
-        spread = self.shape.sample_vertices
-        others = spread[~np.isin(spread, self.landmarks)]
+        """The samples: the landmarks, then evenly spread vertices."""
+        samples = self.shape.sample_vertices
+        others = samples[~np.isin(samples, self.landmarks)]
         return BodyVertices(np.concatenate([self.landmarks, others])[: SEEDS.n_samples])
 
     @cached_property
@@ -56,10 +54,9 @@ class BothSide:
 
     @cached_property
     def intervals(self) -> Intervals:
-        """Of distances on the body between the samples."""
-        # As of a part and a whole (see `PartPair.of`), the distance on the body lies between the shortest way through
-        # what is missing and the way along the part. Here both sides show only parts, so both know intervals, and images
-        # of two samples are possible if the intervals meet.
+        """Bounds of distances on the body between the samples."""
+        # For the bounds see `PartPair.of`. As both shapes are parts, both have intervals, and images
+        # of two samples are possible if their intervals overlap.
         vertices = self.vertices
         along = np.maximum(self.shape.distances.between(vertices, vertices), 0.0)
         along = np.where(vertices[:, None] == vertices, 0.0, along)
@@ -80,7 +77,7 @@ class BothSide:
 
     @cached_property
     def ball_areas(self) -> tuple[Float[FloatArray, "s radii"], Bool[BoolArray, "s radii"]]:
-        """Logarithms of the areas of balls around the samples, and which of them no boundary cuts."""
+        """Logarithms of the areas of balls around the samples, and which balls lie inside the boundary."""
         radii, along = np.array(AREA_RADII), self.intervals.upper
         areas = np.stack([(along < radius) @ self.areas for radius in radii], axis=1)
         whole = radii <= self.to_boundary[self.vertices, None] + SEEDS.max_overhang
@@ -88,7 +85,7 @@ class BothSide:
 
     @cached_property
     def nearest_sample(self) -> Int[SampleRows, "n"]:
-        """Number of the sample nearest to each vertex."""
+        """Number of the nearest sample to each vertex."""
         return nearest_of(self.shape, self.vertices)
 
 
@@ -98,49 +95,49 @@ def two_sides(
     same_area: bool,
     landmarks: Int[BodyVertices, "m 2"] = NO_LANDMARKS,
 ) -> tuple[BothSide, BothSide]:
-    """Both parts in one unit: that of the files, unless these are too unlike or areas are to be the same."""
+    """Put both parts in one unit: the unit of the files, unless sizes differ too much or areas should be equal."""
     lengths = np.array([source.scale, target.scale])
     if same_area or lengths.max() > SEEDS.max_length_ratio * lengths.min():
         lengths[:] = 1.0
     units = lengths / (SEEDS.body_ratio * np.sqrt((lengths**2).mean()))
     first = map(BodyVertices, landmarks[: SEEDS.max_landmarks].T)
-    here, there = (BothSide(*side) for side in zip((source, target), units.tolist(), first))
-    return here, there
+    of_source, of_target = (BothSide(*side) for side in zip((source, target), units.tolist(), first))
+    return of_source, of_target
 
 
 def signed_triangles(
     source: BothSide, rows: Int[SampleRows, "q"], target: BothSide, images: Int[BodyVertices, "q"]
 ) -> float:
-    """Mean sign of the small triangles of samples: 1 if their images are wound alike, −1 if they are mirrored."""
+    """Mean sign of small triangles of samples: 1 if their images keep the winding, −1 if they reverse it."""
     if len(rows) <= SEEDS.n_neighbours:
         return 0.0
-    apart = source.intervals.upper[np.ix_(rows, rows)]
-    np.fill_diagonal(apart, np.inf)
-    near = np.argpartition(apart, SEEDS.n_neighbours - 1, axis=1)[:, : SEEDS.n_neighbours]
+    distances = source.intervals.upper[np.ix_(rows, rows)]
+    np.fill_diagonal(distances, np.inf)
+    near = np.argpartition(distances, SEEDS.n_neighbours - 1, axis=1)[:, : SEEDS.n_neighbours]
     signs = []
     for mesh, vertices in ((source.shape.mesh_body, source.vertices[rows]), (target.shape.mesh_body, images)):
         points, normals = mesh.vertices[vertices], mesh.vertex_normals[vertices]
         around = points[near] - points[:, None]
-        # (a × b) · n = (n × a) · b, of all pairs at once
+        # (a × b) · n = (n × a) · b, for all pairs at once
         signs.append(np.cross(normals[:, None], around) @ around.transpose(0, 2, 1))
     weights = np.abs(signs[0])
     return float((np.sign(signs[0] * signs[1]) * weights).sum() / max(weights.sum(), 1e-12))
 
 
 def _sum_over_radii(
-    here: BallSignature, there: BallSignature, deviation: FloatArray
+    source: BallSignature, target: BallSignature, deviation: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """Sum over the radii known at both of the halved descriptor distances of all pairs, and their number."""
-    counts = here.known[:, None] & there.known[None]
-    total, most = np.zeros(counts.shape[:2]), SEEDS.max_descriptor_distance
-    for j in range(counts.shape[2]):
-        apart = np.abs(here.values[:, None, j] - there.values[None, :, j]) / deviation[j]
-        total += counts[:, :, j] * np.minimum(apart, most).mean(axis=2) / most
-    return total, counts.sum(axis=2)
+    """Sum the descriptor distances of all pairs over the radii known at both, and count these radii."""
+    known = source.known[:, None] & target.known[None]
+    total, most = np.zeros(known.shape[:2]), SEEDS.max_descriptor_distance
+    for j in range(known.shape[2]):
+        difference = np.abs(source.values[:, None, j] - target.values[None, :, j]) / deviation[j]
+        total += known[:, :, j] * np.minimum(difference, most).mean(axis=2) / most
+    return total, known.sum(axis=2)
 
 
 def _shrink_to_neutral(total: FloatArray, count: IntArray, neutral: float, prior: float) -> FloatArray:
-    # a mean of so many known values, and of as many neutral ones as `prior` says
+    # mean of ``count`` known values with the given total, and of ``prior`` neutral values
     return np.asarray((total + neutral * prior) / (count + prior))
 
 
@@ -150,14 +147,14 @@ class CommonRegion:
 
     images: Int[BodyVertices, "s"]  # vertex of the target for each sample
     accepted: Bool[BoolArray, "s"]  # which samples are in the region
-    # see `CommonRegions.net_evidence`; while only some samples are placed, without what counts against it
+    # see `CommonRegions.net_evidence`; only the evidence while the region is extended
     net_evidence: float
     orientation: float  # mean sign of its small triangles
-    origin: str  # where it came from
+    origin: str
 
 
 class CommonRegions:
-    """The search of regions that two parts have in common, and how alike these look."""
+    """Searches regions that two parts have in common, and measures how alike they look."""
 
     def __init__(self, source: BothSide, target: BothSide) -> None:
         self.source, self.target = source, target
@@ -168,7 +165,7 @@ class CommonRegions:
 
     @cached_property
     def _around(self) -> Float[FloatArray, "s_s s_s"]:
-        """How much each sample of the source counts around each."""
+        """Weight of each sample of the source in the neighbourhood of each other."""
         return np.asarray(
             np.exp(-((self.source.intervals.upper / SEEDS.smoothing_length) ** 2)) * self.source.areas
         )
@@ -176,11 +173,14 @@ class CommonRegions:
     def descriptor_distances(
         self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]
     ) -> Float[FloatArray, "q"]:
-        """Descriptor distance around some samples of the source and their images."""
-        # means over near samples of the region, drawn to a neutral value where little is known
-        here, there = self.source.moments.at(self.source.vertices[rows]), self.target.moments.at(images)
-        count = (here.known & there.known).sum(axis=1)
-        total = np.nan_to_num(here.descriptor_distance(there, self._deviation)) * count
+        """Descriptor distance in the neighbourhood of samples of the source and their images."""
+        # means over close samples of the region, with neutral values where little is known
+        of_source, of_target = (
+            self.source.moments.at(self.source.vertices[rows]),
+            self.target.moments.at(images),
+        )
+        count = (of_source.known & of_target.known).sum(axis=1)
+        total = np.nan_to_num(of_source.descriptor_distance(of_target, self._deviation)) * count
         around = self._around[np.ix_(rows, rows)]
         return np.asarray(
             (around @ (total + SEEDS.neutral_descriptor_distance * SEEDS.neutral_descriptor_weight))
@@ -189,66 +189,64 @@ class CommonRegions:
 
     @cached_property
     def _pair_distances(self) -> Float[FloatArray, "s_s s_t"]:
-        """Descriptor distance of each sample of the source and each of the target by themselves."""
-        here, there = (side.moments.at(side.vertices) for side in (self.source, self.target))
+        """Descriptor distance between each sample of the source and each sample of the target."""
+        of_source, of_target = (side.moments.at(side.vertices) for side in (self.source, self.target))
         return _shrink_to_neutral(
-            *_sum_over_radii(here, there, self._deviation),
+            *_sum_over_radii(of_source, of_target, self._deviation),
             SEEDS.neutral_moment_distance,
             SEEDS.neutral_moment_weight,
         )
 
     @cached_property
     def _surprise(self) -> Float[FloatArray, "s_s s_t"]:
-        """How unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
-        apart = self._pair_distances
-        rank = apart.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
-        return np.asarray(-np.log((rank + SEEDS.rank_offset) / apart.shape[1]))
+        """−log of the rank, from 0 to 1, of each sample of the target by similarity to a sample of the source."""
+        distances = self._pair_distances
+        rank = distances.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
+        return np.asarray(-np.log((rank + SEEDS.rank_offset) / distances.shape[1]))
 
     def evidence(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
-        """Sum area × how much better images look than at random, over the samples of a region where that is above 0."""
-        # Let u be the rank of the image of a sample x among all samples of the target, by descriptor distance, from 0 to
-        # 1. At random it is uniform, so −log u has mean 1 (as in Fisher's sum of log p-values). With the mean over
-        # samples around x, whose errors differ, the evidence is
-        #     Σ_x area(x) max(mean_{x′ near x} −log u(x′) − by_chance, 0).
-        # What everything looks like has no low rank, so it is no evidence; and as ranks, not distances, count, shapes of
-        # two kinds, which look unlike everywhere, are verified as those of one. A large region beats a small one only by
-        # area that itself looks alike.
+        """Measure how much more alike a region looks than a random one, as an area."""
+        # Let u be the rank, from 0 to 1, of the image of a sample x among all samples of the target, by
+        # descriptor distance. For a random image u is uniform, so −log u has mean 1 (as in Fisher's sum of
+        # log p-values). The evidence is
+        #     Σ_x area(x) max(mean_{x′ near x} −log u(x′) − chance_surprise, 0),
+        # where the mean averages errors of single samples. A common appearance has no low rank, so it is
+        # no evidence. Ranks also work for shapes of two kinds, which look unlike everywhere. A larger
+        # region wins only if the additional area itself looks alike.
         surprise = self._surprise[rows, self.target.nearest_sample[images]]
         around = self._around[np.ix_(rows, rows)]
         mean = around @ surprise / around.sum(axis=1)
         return float(self.source.areas[rows] @ np.maximum(mean - SEEDS.chance_surprise, 0.0))
 
     def net_evidence(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
-        """Return the evidence for a region, less what speaks against it."""
-        # Two parts of one body show the same wherever both reach. Let x be in the region, with image T(x) at the distance
-        # b(T x) from the boundary of the target. The target shows the ball of that radius around T(x) whole; so a sample
-        # y of the source with d(x, y) < b(T x) must have an image, and in the same way a sample of the target nearer to
-        # T(x) than x is to the boundary of the source must be one. The area of those for which this fails is taken off.
+        """Evidence for a region, less the area that should belong to it and does not."""
+        # Let x be in the region, with an image T(x) at distance b(T x) from the boundary of the target. The
+        # target contains the whole ball of this radius around T(x), so each sample y of the source with
+        # d(x, y) < b(T x) must have an image. In the same way, each sample of the target that is closer to
+        # T(x) than x is to the boundary of the source must be an image. The area of samples that violate
+        # this is subtracted.
         source, target = self.source, self.target
         if not len(rows):
             return 0.0
         from_region = source.intervals.upper[:, rows]
         from_images = target.intervals.upper[:, target.nearest_sample[images]]
-        shown = (target.to_boundary[images] - from_region).max(axis=1) > SEEDS.min_visible_margin
-        showing = (source.to_boundary[source.vertices[rows]] - from_images).max(
-            axis=1
-        ) > SEEDS.min_visible_margin
-        shown[rows] = False
-        left_out = source.areas[shown].sum()
-        left_out += target.areas[showing & (from_images.min(axis=1) > SEEDS.uncovered_distance)].sum()
+        to_boundary = source.to_boundary[source.vertices[rows]]
+        needs_image = (target.to_boundary[images] - from_region).max(axis=1) > SEEDS.min_visible_margin
+        must_be_image = (to_boundary - from_images).max(axis=1) > SEEDS.min_visible_margin
+        needs_image[rows] = False
+        left_out = source.areas[needs_image].sum()
+        left_out += target.areas[must_be_image & (from_images.min(axis=1) > SEEDS.uncovered_distance)].sum()
         return self.evidence(rows, images) - SEEDS.left_out_weight * float(left_out)
 
     def candidate_costs(
         self, rows: Int[SampleRows, "m"], columns: Int[SampleRows, "c"]
     ) -> Float[FloatArray, "m c"]:
-        """Cost of each candidate for each anchor by itself, by moments and areas of balls."""
-        (of_source, whole_here), (of_target, whole_there) = self.source.ball_areas, self.target.ball_areas
-        both = whole_here[rows][:, None] & whole_there[columns][None]
-        apart = np.minimum(
-            np.abs(of_source[rows][:, None] - of_target[columns][None]), SEEDS.max_area_difference
-        )
+        """Cost of each candidate for each anchor, by moments and areas of balls."""
+        (of_source, source_whole), (of_target, target_whole) = self.source.ball_areas, self.target.ball_areas
+        both = source_whole[rows][:, None] & target_whole[columns][None]
+        difference = np.abs(of_source[rows][:, None] - of_target[columns][None])
         areas = _shrink_to_neutral(
-            (apart * both).sum(axis=2),
+            (np.minimum(difference, SEEDS.max_area_difference) * both).sum(axis=2),
             both.sum(axis=2),
             SEEDS.neutral_area_difference,
             SEEDS.neutral_area_weight,
@@ -256,30 +254,31 @@ class CommonRegions:
         return SEEDS.moment_weight * self._pair_distances[np.ix_(rows, columns)] + SEEDS.area_weight * areas
 
     def grow(self) -> list[Int[SampleRows, "m"]]:
-        """Grow regions: for each that differs from those before, the candidates of the anchors, −1 for none."""
+        """Grow distinct regions; each is given by the candidates of its anchors, −1 for none."""
         source, target = self.source, self.target
         rows = SampleRows(np.arange(min(SEEDS.n_anchors, len(source.vertices))))
         columns = SampleRows(np.arange(min(SEEDS.n_candidates, len(target.vertices))))
-        alone = self.candidate_costs(rows, columns)
+        costs = self.candidate_costs(rows, columns)
         roots = np.argsort(-source.to_boundary[source.vertices[rows]], kind="stable")[: SEEDS.n_roots]
-        likely = np.argsort(alone[roots], axis=1, kind="stable")[:, : SEEDS.n_root_candidates]
+        likely = np.argsort(costs[roots], axis=1, kind="stable")[:, : SEEDS.n_root_candidates]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
-        here, there = source.intervals.at(rows, rows), target.intervals.at(columns, columns)
-        rank_candidates = []
+        intervals = source.intervals.at(rows, rows), target.intervals.at(columns, columns)
+        ranked = []
         for weight in SEEDS.descriptor_gains:
-            unary = weight * (alone - SEEDS.neutral_moment_distance)
+            unary = weight * (costs - SEEDS.neutral_moment_distance)
             if n := len(source.landmarks):
                 pin_first(unary, np.arange(n))
                 seeds = np.column_stack([np.arange(n)] * 2)
-            costs = unary, seeds, COST, SEEDS.near_distance, SEEDS.max_distance_cost, SEEDS.max_distance_cost
-            regions, gains = grow_regions(here, there, *costs, SEEDS.beam_width, SEEDS.same_variant_distance)
-            rank_candidates.append(regions[np.argsort(-gains, kind="stable")])
-        return self._keep_distinct(np.stack(rank_candidates, axis=1).reshape(-1, len(rows)))
+            bounds = SEEDS.near_distance, SEEDS.max_distance_cost, SEEDS.max_distance_cost
+            beam = SEEDS.beam_width, SEEDS.same_variant_distance
+            regions, gains = grow_regions(*intervals, unary, seeds, COST, *bounds, *beam)
+            ranked.append(regions[np.argsort(-gains, kind="stable")])
+        return self._keep_distinct(np.stack(ranked, axis=1).reshape(-1, len(rows)))
 
     def _keep_distinct(self, regions: Int[IntArray, "h m"]) -> list[Int[SampleRows, "m"]]:
         """Keep the first regions that differ."""
 
-        def apart(region: SampleRows, kept: Sequence[SampleRows]) -> FloatArray:
+        def distances(region: SampleRows, kept: Sequence[SampleRows]) -> FloatArray:
             others = np.array(kept)
             both = (region >= 0) & (others >= 0)
             total = np.where(both, self.target.intervals.upper[region, others], 0.0).sum(axis=1)
@@ -289,13 +288,13 @@ class CommonRegions:
         return keep_distinct(
             map(SampleRows, regions),
             lambda region: region,
-            apart,
+            distances,
             SEEDS.same_region_distance,
             SEEDS.max_screened,
         )
 
     def _extend_from(self, start: tuple[SampleRows, SampleRows], n: int, rounds: int) -> CommonRegion | None:
-        """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
+        """Extend a region to the first n samples by trilateration; None if few samples agree."""
         source, target, (rows, columns) = self.source, self.target, start
         most = SEEDS.max_sample_cost_with_landmarks if len(source.landmarks) else SEEDS.max_sample_cost
         for _ in range(rounds):
@@ -310,35 +309,35 @@ class CommonRegions:
     def place(
         self, rows: Int[SampleRows, "q"], columns: Int[SampleRows, "q"], n: int, most: float
     ) -> tuple[Int[SampleRows, "n"], Bool[BoolArray, "n"]]:
-        """Trilaterate the first n samples from some: samples of the target, and which of these agree and return."""
+        """Map the first n samples by trilateration, and say which images agree and map back to the sample."""
         source, target = self.source, self.target
-        everything, there = np.arange(min(n, len(source.vertices))), np.arange(min(n, len(target.vertices)))
-        of_source, of_target = source.intervals.at(rows, everything), target.intervals.at(columns, there)
-        # there and back: a sample whose image is not there at all is placed somewhere, but does not return from it
+        all_rows, all_columns = (np.arange(min(n, len(side.vertices))) for side in (source, target))
+        of_source, of_target = source.intervals.at(rows, all_rows), target.intervals.at(columns, all_columns)
+        # a sample whose true image is missing is placed somewhere, but this point does not map back to it
         placed, costs = trilaterate(of_source, of_target, COST, SEEDS.trilateration_distance)
         accepted = costs < most
         images, of_image = np.unique(placed[accepted], return_inverse=True)
         back, _ = trilaterate(
             of_target.map_bounds(lambda bound: bound[:, images]), of_source, COST, SEEDS.trilateration_distance
         )
-        accepted[accepted] = (
-            source.intervals.upper[everything[accepted], back[of_image]] < SEEDS.max_round_trip
-        )
+        round_trip = source.intervals.upper[all_rows[accepted], back[of_image]]
+        accepted[accepted] = round_trip < SEEDS.max_round_trip
         marks = np.arange(len(source.landmarks))
         placed[marks], accepted[marks] = marks, True
         return SampleRows(placed), accepted
 
     def region(self, images: Int[BodyVertices, "n"], accepted: Bool[BoolArray, "n"]) -> CommonRegion:
-        """Measure a region of the first samples, by the images of all of them."""
+        """Measure a region of the first samples, given the images of all of them."""
         inside = SampleRows(np.flatnonzero(accepted))
-        at, everywhere = BodyVertices(images[inside]), len(accepted) == len(self.source.vertices)
-        worth = (self.net_evidence if everywhere else self.evidence)(inside, at)
-        orientation = signed_triangles(self.source, inside, self.target, at)
+        inside_images = BodyVertices(images[inside])
+        is_complete = len(accepted) == len(self.source.vertices)
+        evidence = (self.net_evidence if is_complete else self.evidence)(inside, inside_images)
+        orientation = signed_triangles(self.source, inside, self.target, inside_images)
         origin = "landmarks" if len(self.source.landmarks) else "anchors"
-        return CommonRegion(images, accepted, worth, orientation, origin)
+        return CommonRegion(images, accepted, evidence, orientation, origin)
 
     def find_best(self, count: int) -> list[CommonRegion]:
-        """Return the regions that are worth most, extended to all samples: a few samples tell which may be."""
+        """Find the regions with the most evidence, and extend them to all samples, dropping the worst on the way."""
         starts = [
             (rows := SampleRows(np.flatnonzero(region >= 0)), SampleRows(region[rows]))
             for region in self.grow()
@@ -349,16 +348,16 @@ class CommonRegions:
         regions: list[CommonRegion] = []
         for n, rounds, most in (*SEEDS.extensions, (len(self.source.vertices), 2, count)):
             extend = partial(self._extend_from, n=n, rounds=rounds)
-            rank_candidates = [
+            ranked = [
                 (region, start)
                 for region, start in zip(parallel_map(extend, starts), starts)
                 if region is not None and region.orientation > SEEDS.min_orientation
             ]
-            rank_candidates.sort(key=lambda each: -each[0].net_evidence)
-            starts = [start for _, start in rank_candidates[:most]]
-            regions = [region for region, _ in rank_candidates]
+            ranked.sort(key=lambda pair: -pair[0].net_evidence)
+            starts = [start for _, start in ranked[:most]]
+            regions = [region for region, _ in ranked]
         large = [region for region in regions if region.accepted.sum() >= SEEDS.min_samples]
-        if len(marks) and not large:  # all that can be said is where the landmarks lead
+        if len(marks) and not large:  # no region was found: use the map by trilateration from landmarks
             placed, _ = self.place(marks, marks, len(self.source.vertices), SEEDS.max_sample_cost)
             images = BodyVertices(self.target.vertices[placed])
             large = [self.region(images, np.ones(len(placed), dtype=bool))]
@@ -383,6 +382,6 @@ class CommonRegions:
     def region_around(
         self, image: Int[BodyVertices, "n_s"], near: Bool[BoolArray, "n_s"], origin: str
     ) -> CommonRegion:
-        """Take the region of some vertices of the source, by the images of all."""
+        """Make the region of the vertices in ``near``, given images of all vertices of the source."""
         vertices = self.source.vertices
         return replace(self.region(BodyVertices(image[vertices]), near[vertices]), origin=origin)

@@ -162,7 +162,7 @@ class Part(RefiningModel[PartFit, BentPart]):
                 "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' "
                 "if the shapes are roughly aligned in space"
             )
-        begun = parallel_map(lambda contender: self.fits.begin(*contender), select_contenders)
+        begun = parallel_map(lambda contender: self.fits.begin(*contender), contenders)
         return Proposals(begun, len(rough) + len(first_maps))
 
     def rank(
@@ -321,13 +321,13 @@ class Part(RefiningModel[PartFit, BentPart]):
         best, bent = match.ranking.best, match.coordinates
         points, matched, unit = self._directed(best, bent)
         balls = best.pair.signature, best.pair.whole.balls
-        balls = balls if self.side == "source" else balls[::-1]
-        descriptor_distance = descriptor_distance_of(*balls, points.corners[:, 0], matched)
+        of_source, of_target = balls if self.side == "source" else balls[::-1]
+        descriptor_distance = descriptor_distance_of(of_source, of_target, points.corners[:, 0], matched)
         reason = f"fits best of {1 + len(match.ranking.others)} maps of a part refined to the end"
         return measure_part(self.problem, best, bent, unit, points, matched, descriptor_distance, reason)
 
     def sum_up(self, match: Match[PartFit, BentPart], measured: Measured, timer: StageTimer) -> Solution:
-        """Sum up the map in the direction asked for."""
+        """Sum up the map in the direction of the problem."""
         best, bent, covered = match.ranking.best, match.coordinates, measured.matched
         errors = expected_errors_of_part(best.pair, bent.points)
         if self.side == "target":
@@ -348,7 +348,7 @@ class Part(RefiningModel[PartFit, BentPart]):
 
 @cached_method
 def fits_of(problem: Problem, side: PartSide, coordinates: WholeCoordinates | None) -> PartFits:
-    """Return what refines maps of a part, one for each problem, and kept with it."""
+    """Return the refiner of maps of a part, which is kept with the problem."""
     pair = problem if side == "source" else problem.turned
     pairs = problem.priors.initial_pairs
     if not len(pairs) and problem.config.start == "pose":
@@ -361,7 +361,7 @@ def fits_of(problem: Problem, side: PartSide, coordinates: WholeCoordinates | No
 
 
 def pairs_to_whole(pairs: Int[BodyVertices, "q 2"], side: PartSide) -> Int[IntArray, "q 2"]:
-    """Turn pairs of vertices of source and target into such of part and whole."""
+    """Turn pairs of source and target vertices into pairs of part and whole vertices."""
     return pairs if side == "source" else pairs[:, ::-1]
 
 
@@ -369,13 +369,13 @@ def measure_part(
     problem: Problem,
     fit: PartFit,
     bent: BentPart,
-    unit: float,  # what √area of the source is worth in √area of the target
+    unit: float,  # √area of the source over √area of the target
     points: PrecisePoints,  # images of the vertices of the source's body
-    matched: Bool[BoolArray, "n_s"],  # which of them there are
+    matched: Bool[BoolArray, "n_s"],  # which vertices have an image
     descriptor_distance: Float[FloatArray, "n_s"] | None,
     reason: str,
 ) -> Measured:
-    """Measure a map in which a part takes part."""
+    """Measure a map from or to a part."""
     priors, source, target = problem.priors, problem.source, problem.target
     image = BodyVertices(points.corners[:, 0])
     initial_pairs = BodyVertices(priors.initial_pairs[matched[priors.initial_pairs[:, 0]]])

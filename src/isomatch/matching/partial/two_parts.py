@@ -1,4 +1,4 @@
-"""TwoParts: two shapes that show overlapping parts of one body, of which neither shows the whole."""
+"""TwoParts: two shapes are overlapping parts of one body that neither shows completely."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class RefinedRegion:
     """A region of the source refined as a part of the target."""
 
     regions: CommonRegions
-    vertices: Int[BodyVertices, "m"]  # of the source that the region consists of
+    vertices: Int[BodyVertices, "m"]  # source vertices of the region
     fit: PartFit
 
     @cached_property
@@ -67,8 +67,8 @@ class RefinedRegion:
 
     @cached_property
     def matched(self) -> Bool[BoolArray, "n_s"]:
-        """Which vertices of the source lie near the target, bent at the lower resolution."""
-        # beyond the boundary of the target a region keeps its lengths when it is bent, and so lies off it
+        """Which vertices of the source lie near the target when they are bent at the lower resolution."""
+        # a bent region keeps its lengths beyond the boundary of the target, and so lies off the target
         near = self.fit.bending.interpolate(lies_on_target(self.fit.bent).astype(np.float64)) > 0.5
         matched = np.zeros(len(self.image), dtype=bool)
         matched[self.vertices] = near
@@ -81,7 +81,7 @@ class RefinedRegion:
 
     @cached_property
     def descriptor_distances(self) -> Float[FloatArray, "q"]:
-        """Descriptor distance around them, see `CommonRegions.descriptor_distances`."""
+        """Descriptor distance around matched samples, see `CommonRegions.descriptor_distances`."""
         return self.regions.descriptor_distances(self.rows, self._images)
 
     @property
@@ -90,12 +90,12 @@ class RefinedRegion:
 
     @cached_property
     def net_evidence(self) -> float:
-        """What the region is worth, see `CommonRegions.net_evidence`."""
+        """Evidence for the region, see `CommonRegions.net_evidence`."""
         return self.regions.net_evidence(self.rows, self._images)
 
     @cached_property
     def n_landmarks_held(self) -> int:
-        """Number of landmarks that the map sends near to where they are known to go."""
+        """Number of landmarks whose images are close to their targets."""
         source, target = self.regions.source, self.regions.target
         image = self.image[source.landmarks]
         return int(
@@ -115,8 +115,8 @@ class RefinedRegion:
         return -max(self.net_evidence, 0.0) * max(self.fit.orientation, 0.0)
 
     def grow_again(self, most: float) -> CommonRegion:
-        """Extend the region from where its samples lie, to those that cost at most so much."""
-        # samples that look unlike their images lead no others, but join again where others lead there
+        """Extend the region from its samples to all samples that cost at most ``most``."""
+        # samples that look unlike their images do not place others, but may be placed by others again
         source, target = self.regions.source, self.regions.target
         at_samples = np.full(len(source.vertices), UNMATCHED)
         alike = self.rows[self.descriptor_distances < TWO_PARTS.max_descriptor_distance]
@@ -130,20 +130,20 @@ class RefinedRegion:
 
 
 class TwoParts(MatchingModel[RefinedRegion, BentPart]):
-    """Two shapes show overlapping parts of one body: some vertices of the source have an image, the others none.
+    """Two shapes are overlapping parts of one body: some vertices of the source have no image.
 
     Notes
     -----
-    A distance on the body lies in an interval on both sides, and a point may have no partner. Regions in common are
-    grown from seeds; each is refined as a part of the target, as by `Part`. Of two maps, that of the larger region is
-    better, unless the parts look different there.
+    A distance on the body is known up to an interval on both sides, and a point may have no partner. Common regions are
+    grown from seeds, and each is refined as a part of the target, as by `Part`. The map of the largest region wins,
+    unless the parts look different there.
     """
 
     way = "two parts"
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)
-        self.left_out: list[str] = []  # why regions were not refined
+        self.left_out: list[str] = []  # reasons why regions could not be refined
 
     def require_suitable(self) -> None:
         """Raise an `IsomatchError` unless the shapes are meshes to be kept in orientation, without descriptors."""
@@ -152,7 +152,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         self.require_no_descriptors("two parts")
 
     def propose(self, timer: StageTimer) -> Proposals[RefinedRegion]:
-        """Search regions in common, and refine them roughly."""
+        """Search common regions, and refine them roughly."""
         timer.start("search")
         first = self._first_regions()
         regions = self._refine_regions(first, roughly=True)
@@ -163,7 +163,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         return Proposals(regions, len(first))
 
     def refine(self, maps: Sequence[RefinedRegion]) -> list[RefinedRegion]:
-        """Grow the best regions again, and refine them; first come those refined to the end."""
+        """Grow the best regions again, and refine them; regions refined to the end come first."""
         regions, others = list(maps), list[RefinedRegion]()
         for count, cost, roughly in TWO_PARTS.rounds if regions else ():
             grown = [region.grow_again(cost) for region in regions[:count]]
@@ -178,42 +178,42 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         proposals: Proposals[RefinedRegion],
         timer: StageTimer,
     ) -> Ranking[RefinedRegion]:
-        """Take the first region, and compare it with the next that differs and holds as many landmarks."""
+        """Select the first region, and compare it with the next different one that holds as many landmarks."""
         best, *rest = maps
         others = tuple(
-            each
-            for each in rest
-            if each.n_landmarks_held >= best.n_landmarks_held and self._differs(best, each)
+            region
+            for region in rest
+            if region.n_landmarks_held >= best.n_landmarks_held and self._differs(best, region)
         )
         lead = best.cost / others[0].cost if others and others[0].cost else np.inf
         return Ranking(best, tuple(rest), lead, np.inf, others[0] if others else None, distinct=others)
 
     def cost(self, fit: RefinedRegion) -> float:
-        """Return the cost of a region among those that hold as many landmarks."""
+        """Cost of a region among regions that hold as many landmarks."""
         return fit.cost
 
     def image(self, best: RefinedRegion) -> Int[BodyVertices, "n_s"]:
-        """Vertex of the target for each of the source, −1 where it has none."""
+        """Vertex of the target for each vertex of the source, −1 where there is none."""
         return BodyVertices(np.where(best.matched, best.image, UNMATCHED))
 
     def coordinates(self, best: RefinedRegion) -> BentPart:
-        """Bend the region in full."""
+        """Bend the region at full resolution."""
         fit = best.fit
         return fit.bending.lay_in_full(fit.bent, self.pair.config.parts.bending[-TWO_PARTS.n_final_lengths :])
 
     def _refine_regions(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
-        def refined(region: CommonRegion) -> RefinedRegion | str:
+        def refine_or_explain(region: CommonRegion) -> RefinedRegion | str:
             try:
                 return self._refine_region(region, roughly)
-            except MeshError as error:  # as of one that is too small to be prepared
+            except MeshError as error:  # for example too small to be prepared
                 return str(error)
 
-        tried = parallel_map(refined, regions)
+        tried = parallel_map(refine_or_explain, regions)
         self.left_out += [region for region in tried if isinstance(region, str)]
         return _rank_regions([region for region in tried if not isinstance(region, str)])
 
     def _refine_region(self, region: CommonRegion, roughly: bool) -> RefinedRegion:
-        """Refine the samples of a region, and what lies around them, as a part of the target."""
+        """Refine the samples of a region and their surroundings as a part of the target."""
         pair, regions, landmarks = self.pair, self._regions, self.priors.landmarks
         source, target = regions.source, regions.target
         n = source.shape.body.n_vertices
@@ -224,7 +224,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         if roughly:
             config = rough_config(config)
         part = region_of(source.shape, vertices, config)
-        # what a length is worth on the target, as if both came in the unit of both parts
+        # unit of the source on the target, from the unit of both parts
         length = part.scale / source.shape.scale * source.unit / target.unit
         part = replace(part, scale=length * target.shape.scale)
         images, number = np.full(n, -1), np.full(n, -1)
@@ -242,7 +242,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
 
     @cached_method
     def _coordinates(self, landmarks: tuple[int, ...]) -> WholeCoordinates:
-        """Give the coordinates of the target that regions share which hold the same landmarks."""
+        """Coordinates of the target, shared by regions that hold the same landmarks."""
         functions = self.pair.known.target
         marks = BodyVertices(np.array(landmarks, dtype=np.int64))
         return WholeCoordinates(self.target, self.pair.config, marks, functions)
@@ -253,14 +253,14 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         return CommonRegions(*two_sides(self.source, self.target, same_area, self.priors.landmarks))
 
     def _first_regions(self) -> list[CommonRegion]:
-        """Regions grown from seeds, those of given maps, and those of starts handed in."""
+        """Regions grown from seeds, from given maps, and from the user's starts."""
         pairs, count = self.priors.initial_pairs, self.pair.config.parts.n_common
         regions = self._regions.find_best(count) if self.searches_by_anchors else []
         first_maps = [(pairs, "initial map")] if len(pairs) else []
         if self.pair.config.start == "pose":
-            everything = BodyVertices(np.arange(self.source.body.n_vertices))
-            images = nearest_in_pose(self.pair.source, self.pair.target, everything)
-            first_maps.append((BodyVertices(np.column_stack([everything, images])), "pose"))
+            vertices = BodyVertices(np.arange(self.source.body.n_vertices))
+            images = nearest_in_pose(self.pair.source, self.pair.target, vertices)
+            first_maps.append((BodyVertices(np.column_stack([vertices, images])), "pose"))
         for pairs, origin in (*first_maps, *self.first_maps_handed_in()):
             image, gap = fill_images(self.source, pairs)
             near = self._regions.source.unit * gap <= TWO_PARTS.region_margin
@@ -268,14 +268,14 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         return [region for region in regions if region.accepted.any()]
 
     def _alternatives(self, regions: Sequence[RefinedRegion]) -> tuple[Alternative, ...]:
-        """Give the maps of other regions that differ from each other, as far as they were refined."""
+        """Return maps of other regions that differ from each other, with the precision of their refinement."""
         kept: list[RefinedRegion] = []
         for region in regions:
             if len(kept) < self.pair.config.selection.most_alternatives:
-                kept += [region] * all(self._differs(each, region) for each in kept)
+                kept += [region] * all(self._differs(other, region) for other in kept)
         return tuple(
-            Alternative(partial(self._map_of, each), each.cost, each.fit.orientation, each.fit.origin)
-            for each in kept
+            Alternative(partial(self._map_of, region), region.cost, region.fit.orientation, region.fit.origin)
+            for region in kept
         )
 
     def _map_of(self, region: RefinedRegion) -> Correspondence:
@@ -284,12 +284,11 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
             return self.pair.source.correspondence(self.pair.target, image, region.matched)
 
     def _differs(self, best: RefinedRegion, other: RefinedRegion) -> bool:
-        """Whether two maps differ where both have images; those that have none in common do."""
+        """Whether two maps differ where both have images, or have no vertex in common."""
         both = best.matched & other.matched
-        return (
-            not both.any()
-            or self.target.mean_distance(best.image[both], other.image[both]) > MAP_DISTANCE.other_map
-        )
+        if not both.any():
+            return True
+        return self.target.mean_distance(best.image[both], other.image[both]) > MAP_DISTANCE.other_map
 
     def measure(self, match: Match[RefinedRegion, BentPart]) -> Measured:
         """Measure the map of the region."""
@@ -314,8 +313,8 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         pair, ranking, best = self.pair, match.ranking, match.ranking.best
         errors = np.full(pair.source.body.n_vertices, np.nan)
         errors[best.vertices] = expected_errors_of_part(best.fit.pair, match.coordinates.points)
-        led = 0 < len(self._regions.source.landmarks) == best.n_landmarks_held
-        doubt = CommonDoubt(best.net_evidence, ranking.runner_up, led, pair.config.parts)
+        landmarks_hold = 0 < len(self._regions.source.landmarks) == best.n_landmarks_held
+        doubt = CommonDoubt(best.net_evidence, ranking.runner_up, landmarks_hold, pair.config.parts)
         areas = pair.source.body.vertex_areas
         share = areas[measured.matched].sum() / areas.sum()
         notes = [
@@ -330,12 +329,12 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
 
 
 def _rank_regions(regions: list[RefinedRegion]) -> list[RefinedRegion]:
-    """Put those first that hold most landmarks, and of these those of the least cost."""
+    """Sort regions by the number of landmarks that hold, then by cost."""
     return sorted(regions, key=lambda region: (-region.n_landmarks_held, region.cost))
 
 
 def lies_on_target(bent: BentPart) -> Bool[BoolArray, "n"]:
-    """Which vertices of a bent part lie on the target, where that is not just its boundary."""
+    """Which vertices of a bent part lie on the target, with a smaller tolerance at its boundary."""
     onto, points = bent.onto.mesh, bent.points
     gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)
     return np.asarray(
@@ -345,7 +344,7 @@ def lies_on_target(bent: BentPart) -> Bool[BoolArray, "n"]:
 
 
 def rough_config(config: Config) -> Config:
-    """Change settings so that a refinement takes less time, for regions that may be wrong."""
+    """Change settings so that the refinement of regions that may be wrong takes less time."""
     refining = config.refining
     names = "sizes_without_positions", "sizes_with_positions", "final_sizes", "sizes_of_parts"
     sizes: dict[str, Any] = {
