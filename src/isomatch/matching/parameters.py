@@ -77,7 +77,7 @@ class ScreeningParameters:
     sure_fraction: float = 0.75  # fraction of outcome.poor_…
     # maps of the orientation that is not allowed are refined for comparison; chosen
     max_mirrored: int = 3  # maps
-    # a shape with so many rotations is round: no automatic map can be told from the others;
+    # a shape with at least this many rotations is round: no automatic map can be told from the others;
     # discs and balls have 11 to 40, bodies at most 6
     min_rotations_of_round: int = 11  # symmetries
 
@@ -155,7 +155,7 @@ class ElasticSearchParameters:
     n_plain_starts: int = 30  # starts
     # a map of a shape to itself gives its mirror images if its residual is at most this
     max_mirror_spectral_residual: float = 0.26  # spectral residual
-    # such a map has normals that agree at least so well with those of the mirror image
+    # such a map has at least this agreement of its normals with the mirror image
     min_mirror_orientation: float = 0.5  # cosine, mean
     # first maps of a shape to itself are tried; chosen
     n_mirror_starts: int = 24  # starts
@@ -218,7 +218,7 @@ class PartUnitParameters:
     unit_step_ratio: float = 1.1  # ratio: of consecutive units that are tried
     # the smallest part if the units of the files say nothing; single views show 16 % and more
     min_area_share: float = 0.1  # share of the whole's area
-    # the unit differs from that of the files at most by this factor; remeshed bodies of one person
+    # the unit differs from the unit of the files at most by this factor; remeshed bodies of one person
     # in FAUST differ by up to 1.2
     max_unit_ratio: float = 1.4  # ratio
     # a part is no larger than the whole; the excess allows for errors of the measurement
@@ -257,7 +257,7 @@ class PartSearchParameters:
     ball_radii: tuple[float, ...] = (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9)  # √area
     ball_tolerance: float = 0.15  # share: areas of balls may differ by this
     max_ball_cost: float = 0.7  # cost: the area of a ball costs at most this
-    # another unit than that of the files costs this, times the squared logarithm of the ratio;
+    # a unit that differs from the unit of the files costs this × the squared logarithm of the ratio;
     # chosen on single views, not measured
     unit_change_weight: float = 0.05  # cost
     # regions are grown from this many anchors; chosen with all below on single views
@@ -324,7 +324,7 @@ class SeedsParameters:
 
     n_samples: int = 600  # vertices: of each part that are mapped; chosen
     max_landmarks: int = 50  # landmarks: used in the search; all are used in the refinement
-    # √area of the body over the root mean square of those of its parts; sets the unit of the bounds
+    # √area of the body over the root mean square √area of its parts; sets the unit of the bounds
     body_ratio: float = 1.25  # ratio
     # if √area of the parts differs more in the units of the files, their areas are taken as equal
     max_length_ratio: float = 4.0  # ratio
@@ -419,7 +419,7 @@ class ComponentsParameters:
     max_runners_up: int = 3  # components
     # a component that is at least so large is tried as a partner of the largest; brain hemispheres
     # pass, clothes do not
-    min_runner_up_area: float = 0.5  # area over that of the largest component
+    min_runner_up_area: float = 0.5  # area over the area of the largest component
     # the logarithms of the first eigenvalues are compared; chosen
     n_eigenvalues: int = 20  # eigenvalues
     # components are tried as partners if their spectra differ by at most this more than the most
@@ -509,8 +509,8 @@ class ExchangeParameters:
     max_exchanges: int = 4  # exchanges: one after the other; chosen
     n_coarse_vertices: int = 400  # vertices: bent for a first verification of a region; chosen
     n_compared_vertices: int = 60  # vertices: of a region, whose images are compared; chosen
-    # two regions are exchanged together if this share of the images of one lies on those of the
-    # other; chosen
+    # two regions are exchanged together if this share of the images of one lies where the
+    # other has its images; chosen
     min_overlap: float = 0.3  # share of the images
 
 
@@ -544,10 +544,10 @@ class JudgingParameters:
     min_region_area: float = 0.01  # share of the area
     # a map that agrees with the reference is right up to this ratio; right maps known at 300 points
     # have 2.6 to 21
-    max_right_ratio: float = 25.0  # cost over that of the reference
+    max_right_ratio: float = 25.0  # cost over the cost of the reference
     # a map that sends a region elsewhere is wrong from this ratio; a limb shifted by half its width
     # has 1.33
-    min_wrong_ratio: float = 1.25  # cost over that of the reference
+    min_wrong_ratio: float = 1.25  # cost over the cost of the reference
     # a map with fewer different images is coarse, and only the vertex nearest to each image is
     # judged; chosen
     coarse_image_share: float = 0.25  # different images over vertices
