@@ -10,12 +10,12 @@ from isomatch.matching.verify import on_bodies
 
 
 def refused(pair: Problem, rows: SearchRows, vertices: BodyVertices, users: arrays.UserVertices) -> None:
-    """Mix rows, vertices of bodies, and those of the user."""
+    """Mix rows, vertices of bodies, and vertices of the user."""
     energy_of(pair, pair.source_vertices, rows)  # type: ignore[arg-type]
     energy_of(pair, users, vertices)  # type: ignore[arg-type]
     extend_map(pair, vertices, vertices)  # type: ignore[arg-type]
     on_bodies(pair, vertices)  # type: ignore[arg-type]
-    energy_of(pair, vertices, vertices[rows])  # type: ignore[arg-type]  # an index is of no space until it is named
+    energy_of(pair, vertices, vertices[rows])  # type: ignore[arg-type]  # an array that was indexed belongs to no space
 
 
 def refused_of_parts(

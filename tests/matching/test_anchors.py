@@ -40,7 +40,7 @@ def test_half_a_turn_of_an_organ_is_found():
     source, target, _ = organ_pair("kidney", "turn")
     found = match(source, target)
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
-    assert all("rotation" in each for each in found.symmetries)
+    assert all("rotation" in words for words in found.symmetries)
 
 
 @pytest.mark.long
@@ -61,8 +61,8 @@ def test_one_of_the_starts_of_a_copy_is_the_identity():
     pair = prepare_pair(mesh, mesh)
     rows = np.arange(len(pair.source_vertices))
     starts = [start_from_pairs(pair, pairs) for pairs in starts_from_anchors(pair)]
-    apart = pair.distances_between_maps(rows, starts)
-    assert apart.min() < 0.03
+    distances = pair.distances_between_maps(rows, starts)
+    assert distances.min() < 0.03
     np.testing.assert_array_equal(relax_spectrally(pair, rows), rows)
 
 

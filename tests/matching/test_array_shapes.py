@@ -68,10 +68,10 @@ def part():
 
 def two_parts():
     source, target, truth = creatures()
-    here, there = cut(source, 0.4, seed=0), cut(target, 0.4, seed=2)
-    image = there.damaged_vertex[truth[here.original]]
-    match(here.mesh, there.mesh, config=FEW, relation=TwoParts)
-    match(here.mesh, there.mesh, initial_map=image, config=FEW, relation=TwoParts)
+    part, other = cut(source, 0.4, seed=0), cut(target, 0.4, seed=2)
+    image = other.damaged_vertex[truth[part.original]]
+    match(part.mesh, other.mesh, config=FEW, relation=TwoParts)
+    match(part.mesh, other.mesh, initial_map=image, config=FEW, relation=TwoParts)
 
 
 def stretched():

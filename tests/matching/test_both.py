@@ -1,4 +1,4 @@
-"""Both directions in one run: the map there is that of `match`, the map back as good as one found by itself."""
+"""Both directions in one run: the first map equals `match`, and the map back is as good as if searched."""
 
 import json
 from dataclasses import replace
@@ -51,14 +51,14 @@ def test_the_result_says_what_was_done(both):
 @pytest.mark.long
 def test_bad_priors_are_refused(prepared_example):
     with pytest.raises(SettingError, match="pin = 0, but no landmarks"):
-        match_both(*(each.surface for each in prepared_example), config=Config(pin=0))
+        match_both(*(shape.surface for shape in prepared_example), config=Config(pin=0))
     with pytest.raises(LandmarkError, match="landmarks"):
         match_both(*prepared_example, landmarks=[[1, 2], [3]])
 
 
 @pytest.mark.long
 def test_a_map_of_other_shapes_is_no_initial_map(both, prepared_example):
-    source, target = (each.surface for each in prepared_example)
+    source, target = (shape.surface for shape in prepared_example)
     moved = Mesh(target.vertices + 1, target.faces)
     with pytest.raises(MapError, match="another"):
         match(source, moved, initial_map=both.there.map)
@@ -69,8 +69,8 @@ def test_a_map_of_other_shapes_is_no_initial_map(both, prepared_example):
 
 @pytest.mark.long
 def test_a_symmetric_shape_is_ambiguous_in_both_directions():
-    there, back = match_both(icosphere(3), icosphere(3))
-    assert there.outcome is back.outcome is Outcome.SYMMETRY_AMBIGUOUS
+    forward, backward = match_both(icosphere(3), icosphere(3))
+    assert forward.outcome is backward.outcome is Outcome.SYMMETRY_AMBIGUOUS
 
 
 @pytest.mark.long
@@ -78,7 +78,7 @@ def test_priors_are_turned_around(example, prepared_example):
     truth = ground_truth(*example).vertices
     landmarks = np.array([(i, truth[i]) for i in range(0, len(truth), 500)])
     config = Config(hypotheses="given")
-    there, back = match_both(*prepared_example, landmarks=landmarks, initial_map=truth, config=config)
-    assert max(found.quality.landmark_error for found in (there, back)) < 0.03
-    assert max(found.quality.initial_map_error for found in (there, back)) < 0.03
-    assert "found by itself" in back.notes[0]
+    forward, backward = match_both(*prepared_example, landmarks=landmarks, initial_map=truth, config=config)
+    assert max(found.quality.landmark_error for found in (forward, backward)) < 0.03
+    assert max(found.quality.initial_map_error for found in (forward, backward)) < 0.03
+    assert "found by itself" in backward.notes[0]

@@ -28,12 +28,17 @@ def test_what_was_chosen_is_the_map_and_the_map_before_the_first_alternative(fou
     chosen = continue_with(result, 2, shape, shape)
     assert chosen.origin == "itself"
     assert chosen.notes[0].startswith("alternative 2, from itself, was chosen and refined")
-    assert [each.origin for each in chosen.alternatives] == [f"the map before, {result.origin}", "a point"]
+    assert [alternative.origin for alternative in chosen.alternatives] == [
+        f"the map before, {result.origin}",
+        "a point",
+    ]
     assert chosen.alternatives[0].map is result.map
     assert chosen.alternatives[1].map is result.alternatives[0].map
     assert (chosen.config.hypotheses, chosen.seed) == ("given", result.seed)
-    apart = np.linalg.norm(shape.vertices[chosen.map.vertices] - shape.vertices[result.map.vertices], axis=1)
-    assert np.median(apart) < 0.05 * np.sqrt(shape.area)
+    distance = np.linalg.norm(
+        shape.vertices[chosen.map.vertices] - shape.vertices[result.map.vertices], axis=1
+    )
+    assert np.median(distance) < 0.05 * np.sqrt(shape.area)
 
 
 @pytest.mark.long

@@ -33,9 +33,9 @@ def together(*meshes):
 def moved_with(made, points):
     """Carry points beside the rest pose of a creature rigidly with its skin near their centre."""
     near = cKDTree(made.rest).query(points.mean(axis=0), 60)[1]
-    here, there = made.rest[near], made.mesh.vertices[near]
-    turn, _ = Rotation.align_vectors(there - there.mean(axis=0), here - here.mean(axis=0))
-    return (points - here.mean(axis=0)) @ turn.as_matrix().T + there.mean(axis=0)
+    rest, moved = made.rest[near], made.mesh.vertices[near]
+    turn, _ = Rotation.align_vectors(moved - moved.mean(axis=0), rest - rest.mean(axis=0))
+    return (points - rest.mean(axis=0)) @ turn.as_matrix().T + moved.mean(axis=0)
 
 
 @dataclass
@@ -57,7 +57,7 @@ class Dressed:
 
     @property
     def mesh(self):
-        worn = [Mesh(moved_with(self.made, each.vertices), each.faces) for each in self.things.values()]
+        worn = [Mesh(moved_with(self.made, thing.vertices), thing.faces) for thing in self.things.values()]
         return together(self.made.mesh, *worn)
 
     def rows(self, name):
@@ -84,29 +84,29 @@ def found(creatures):
             zip(creatures, (("left", "right", "hat"), ("hat", "right", "left")))
         )
     )
-    there = disguised(target.mesh, 5, scale=3.0)
-    return source, target, there, match(source.mesh, there.mesh)
+    hidden = disguised(target.mesh, 5, scale=3.0)
+    return source, target, hidden, match(source.mesh, hidden.mesh)
 
 
 def error(found, name):
     """Distances between the images of a thing's vertices and where they belong / √area of the target."""
-    source, target, there, result = found
+    source, target, hidden, result = found
     rows = source.rows(name)
     belongs = moved_with(target.made, source.things[name].vertices)
-    back = np.argsort(there.new_vertex)
+    back = np.argsort(hidden.new_vertex)
     images = target.mesh.vertices[back[result.map.vertices[rows]]]
     return np.linalg.norm(images - belongs, axis=1) / np.sqrt(target.made.mesh.area)
 
 
 def test_every_component_is_matched_to_its_partner(found):
-    source, target, there, result = found
+    source, target, hidden, result = found
     assert result.outcome is Outcome.CONVERGED
     assert result.map.matched.all()
     assert result.quality.matched == 1
     assert result.quality.coverage == pytest.approx(1, abs=0.01)
     for name in ("left", "right", "hat"):
         images = result.map.vertices[source.rows(name)]
-        assert np.isin(images, there.new_vertex[target.rows(name)]).all()
+        assert np.isin(images, hidden.new_vertex[target.rows(name)]).all()
 
 
 def test_what_symmetry_leaves_open_is_decided_by_the_place(found):
@@ -143,16 +143,16 @@ def trousers(made):
 
 @pytest.mark.long
 def test_clothes_bend(creatures):
-    (here, below), (there, below_there) = map(trousers, creatures)
+    (one, below), (other, below_other) = map(trousers, creatures)
     n, m = (made.mesh.n_vertices for made in creatures)
-    result = match(here, there)
+    result = match(one, other)
     images = result.map.vertices[n:] - m
     assert result.outcome is Outcome.CONVERGED
     assert (images >= 0).all()
     target = creatures[1].mesh
     truth = target.vertices[ground_truth(*creatures).vertices[below]]
-    apart = np.linalg.norm(target.vertices[below_there[images]] - truth, axis=1)
-    assert apart.mean() < 0.02 * np.sqrt(target.area)
+    distance = np.linalg.norm(target.vertices[below_other[images]] - truth, axis=1)
+    assert distance.mean() < 0.02 * np.sqrt(target.area)
 
 
 @pytest.mark.long
@@ -170,7 +170,7 @@ def test_a_thing_that_is_another_is_no_sure_match(creatures):
     """A bar where the other shape has a sheet of as much area, larger than a hand: the outcome tells."""
     sheet = flat_grid(30, 30)
     bar = box(4, 4, 60)
-    things = [placed(each, 0.6 / np.sqrt(each.area), (0, 0, 1.5)) for each in (sheet, bar)]
+    things = [placed(mesh, 0.6 / np.sqrt(mesh.area), (0, 0, 1.5)) for mesh in (sheet, bar)]
     result = match(*(together(made.mesh, thing) for made, thing in zip(creatures, things)))
     matched = result.map.vertices[creatures[0].mesh.n_vertices :] >= 0
     assert matched.any()
@@ -193,15 +193,15 @@ def halves(made):
 @pytest.mark.parametrize("symmetric", [False, True])
 def test_hemispheres_are_not_exchanged(symmetric):
     source, target = (creature(2000, triangulation=i, pose=i, symmetric=symmetric) for i in (1, 2))
-    (here, original, half), (there, original_there, half_there) = halves(source), halves(target)
-    hidden = disguised(there, 3)
-    result = match(here, hidden.mesh)
+    (one, original, half), (other, original_other, half_other) = halves(source), halves(target)
+    hidden = disguised(other, 3)
+    result = match(one, hidden.mesh)
     back = np.argsort(hidden.new_vertex)[result.map.vertices]
     assert result.outcome is Outcome.CONVERGED
-    np.testing.assert_array_equal(half_there[back], half)
+    np.testing.assert_array_equal(half_other[back], half)
     truth = target.mesh.vertices[ground_truth(source, target).vertices[original]]
-    apart = np.linalg.norm(target.mesh.vertices[original_there[back]] - truth, axis=1)
-    assert apart.mean() < 0.02 * np.sqrt(target.mesh.area)
+    distance = np.linalg.norm(target.mesh.vertices[original_other[back]] - truth, axis=1)
+    assert distance.mean() < 0.02 * np.sqrt(target.mesh.area)
 
 
 def placed(mesh, size, at):
@@ -217,7 +217,7 @@ def test_boxes_beside_a_body(creatures):
         boxes = [
             placed(box(6, 3, 2), size, np.add(back, (0, y, 0.1))) for size, y in ((0.02, 0.1), (0.026, -0.1))
         ]
-        worn = [Mesh(moved_with(made, each.vertices), each.faces) for each in boxes]
+        worn = [Mesh(moved_with(made, box.vertices), box.faces) for box in boxes]
         pairs.append(together(*[made.mesh, *worn][::order]))
     n = box(6, 3, 2).n_vertices
     result = match(*pairs)
@@ -259,7 +259,7 @@ def test_one_component_has_no_others(creatures):
 def test_prepared_components_are_kept(found):
     shape = prepare(found[0].mesh)
     assert [len(component.user_vertex) for component in components_of(shape)[1:]] == [
-        each.n_vertices for each in (HAT, BALL, BALL)
+        thing.n_vertices for thing in (HAT, BALL, BALL)
     ]
     assert components_of(shape) is components_of(shape)
     assert sum(component.share for component in components_of(shape)) == pytest.approx(1)

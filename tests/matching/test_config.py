@@ -85,19 +85,19 @@ def test_settings_of_a_stage_that_make_no_sense(values):
 
 def settings_classes():
     """Config and the settings of its stages."""
-    stages = [type(getattr(Config(), each.name)) for each in fields(Config)]
+    stages = [type(getattr(Config(), setting.name)) for setting in fields(Config)]
     return [Config, *(stage for stage in stages if is_dataclass(stage))]
 
 
 @pytest.mark.parametrize("kind", settings_classes(), ids=lambda kind: kind.__name__)
 def test_every_default_names_its_source_and_is_documented(kind):
     assert issubclass(kind, Settings)
-    for each in fields(kind):
-        if not issubclass(type(getattr(kind(), each.name)), Settings):
-            assert each.metadata.get("source"), (
-                f"{kind.__name__}.{each.name} does not say where it comes from"
+    for setting in fields(kind):
+        if not issubclass(type(getattr(kind(), setting.name)), Settings):
+            assert setting.metadata.get("source"), (
+                f"{kind.__name__}.{setting.name} does not say where it comes from"
             )
-        assert each.name in kind.__doc__, f"{kind.__name__}.{each.name} is not documented"
+        assert setting.name in kind.__doc__, f"{kind.__name__}.{setting.name} is not documented"
 
 
 def test_what_was_changed():

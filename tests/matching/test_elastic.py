@@ -108,13 +108,13 @@ def test_a_wrong_initial_map_does_not_win(species, found):
 def test_the_score_is_the_stretch_and_the_gap_of_both_shapes_bent(species):
     """A shape on itself is not stretched; exchanged images are dear."""
     relation = Elastic(prepare_pair(species[0], species[0]))
-    own = relation.measure_fit(Fit(relation.vertices), relation.vertices)
-    assert own.score < 1e-4
-    moved = relation.measure_fit(own, np.roll(relation.vertices, 1))
-    assert moved.score > 20 * own.score
-    there, back = own.bent
-    assert own.score == pytest.approx(np.sqrt(there.bending_cost * back.bending_cost))
-    assert there.stretch < 0.02
+    identity = relation.measure_fit(Fit(relation.vertices), relation.vertices)
+    assert identity.score < 1e-4
+    moved = relation.measure_fit(identity, np.roll(relation.vertices, 1))
+    assert moved.score > 20 * identity.score
+    onto_target, onto_source = identity.bent
+    assert identity.score == pytest.approx(np.sqrt(onto_target.bending_cost * onto_source.bending_cost))
+    assert onto_target.stretch < 0.02
 
 
 @pytest.mark.long

@@ -31,7 +31,7 @@ def doubt_of(score, runner_up=np.inf, known_share=1.0):
     return PartDoubt(score, runner_up, known_share, SETTINGS)
 
 
-@given(evidence, st.sampled_from([each.name for each in fields(Evidence)]))
+@given(evidence, st.sampled_from([field.name for field in fields(Evidence)]))
 def test_taking_back_a_reason_never_lowers_the_outcome(found, flag):
     better = Evidence(**{**asdict(found), flag: False})
     assert outcome_of([better]).sureness >= outcome_of([found]).sureness

@@ -26,8 +26,8 @@ def with_limbs(pair, true, *ends):
     columns = np.asarray(geodesic_distances(mesh, tips)).reshape(len(tips), -1) / np.sqrt(mesh.area)
     limbs = [np.flatnonzero(column < LIMB)[np.argsort(column[column < LIMB])] for column in columns]
     wrong = true.copy()
-    for here, there in zip(limbs, [*limbs[1:], limbs[0]]):
-        wrong[here] = true[there[np.linspace(0, len(there) - 1, len(here)).astype(int)]]
+    for limb, next_limb in zip(limbs, [*limbs[1:], limbs[0]]):
+        wrong[limb] = true[next_limb[np.linspace(0, len(next_limb) - 1, len(limb)).astype(int)]]
     return wrong
 
 
@@ -53,7 +53,7 @@ def test_a_right_map_keeps_its_limbs(prepared):
 
 
 def test_two_limbs_sent_to_one_leave_the_other_without_support(prepared):
-    """The share of the source that has images is 1; that of the target is not."""
+    """All of the source has images, but not all of the target is an image."""
     pair, true = prepared
     mesh, first = pair.source.mesh_body, pair.source.extremities[0]
     swapped, doubled = with_limbs(pair, true, 0, 1), true.copy()

@@ -20,15 +20,15 @@ def mean_error(source, target, image, levels):
 
 def error(source, target, image, levels, seed):
     """Mean distance × 100 / √area of the images of the vertices of two meshes, which are split some times first."""
-    here, there = np.arange(source.n_vertices), image
+    rows, images = np.arange(source.n_vertices), image
     for _ in range(levels):
         source, target = split_in_four(source), split_in_four(target)
     (source, at_source), (target, at_target) = (
         relabelled(mesh, seed + side) for side, mesh in enumerate((source, target))
     )
-    found = match(source, target).map.pull_back(target.vertices)[at_source[here]]
-    apart = np.linalg.norm(found - target.vertices[at_target[there]], axis=1)
-    return 100 * apart.mean() / np.sqrt(target.area)
+    found = match(source, target).map.pull_back(target.vertices)[at_source[rows]]
+    distance = np.linalg.norm(found - target.vertices[at_target[images]], axis=1)
+    return 100 * distance.mean() / np.sqrt(target.area)
 
 
 @pytest.mark.long

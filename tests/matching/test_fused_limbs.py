@@ -117,7 +117,7 @@ def test_handles_that_are_meant_stay(shape):
 
 @pytest.mark.long
 def test_limbs_apart_are_tried_where_the_map_is_poor():
-    """As a part, of which what touches is hidden; such a map is never sure."""
+    """The source is taken for a part, because touching surface is hidden; such a map is never sure."""
     strict = Config(outcome=replace(Config().outcome, poor_spectral_residual=0.01))
     found, error = matched("both", "clean", strict)
     assert found.timings["limbs apart: prepare"] > 0
@@ -143,7 +143,7 @@ def test_a_body_that_is_cut_knows_where_its_vertices_came_from():
     copies, on_caps = np.split(np.arange(n, len(origin)), [(origin >= 0).sum() - n])
     assert len(copies) > 0
     assert (origin[on_caps] == -1).all()
-    real = origin >= 0  # the unit of length is that of the closed body
+    real = origin >= 0  # lengths are in units of the closed body
     ratio = cut.body.vertices[real].std(axis=0) / shape.body.vertices[origin[real]].std(axis=0)
     centred = [x - x[:n].mean(axis=0) for x in (cut.body.vertices[real], shape.body.vertices[origin[real]])]
     np.testing.assert_allclose(centred[0], ratio * centred[1], atol=1e-6)

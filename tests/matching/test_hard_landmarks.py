@@ -35,8 +35,8 @@ def stretch_around(source, target, found, rows):
     """Largest length of the image of an edge at some vertices over its own; lengths in √area."""
     edges = source.edges[np.isin(source.edges, rows).any(axis=1)]
     images = found @ target.vertices / np.sqrt(target.area)
-    here = source.vertices / np.sqrt(source.area)
-    mapped, lengths = (np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) for x in (images, here))
+    points = source.vertices / np.sqrt(source.area)
+    mapped, lengths = (np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) for x in (images, points))
     return (mapped / lengths).max()
 
 
@@ -70,8 +70,8 @@ def test_far_from_the_landmarks_nothing_changes(bodies):
     led, held = (match(source, target, landmarks=pairs, config=Config(pin=pin)).map for pin in (None, 0))
     changed = (led.barycentric != held.barycentric).any(axis=1)
     assert changed[rows].any()
-    apart = np.linalg.norm(source.vertices[changed] - source.vertices[0], axis=1)
-    assert apart.max() < 0.7 * np.sqrt(source.area)
+    distance = np.linalg.norm(source.vertices[changed] - source.vertices[0], axis=1)
+    assert distance.max() < 0.7 * np.sqrt(source.area)
     assert changed.mean() < 0.5
 
 

@@ -20,8 +20,8 @@ OTHER_SIDE = [pytest.param("direct", marks=pytest.mark.long), "other"]
 def error(target, image, truth):
     """Mean distance in space / √area, where both are known."""
     known = (image >= 0) & (truth >= 0)
-    apart = target.vertices[image[known]] - target.vertices[truth[known]]
-    return np.linalg.norm(apart, axis=1).mean() / np.sqrt(target.area)
+    offset = target.vertices[image[known]] - target.vertices[truth[known]]
+    return np.linalg.norm(offset, axis=1).mean() / np.sqrt(target.area)
 
 
 @pytest.fixture(scope="module")

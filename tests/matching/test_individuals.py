@@ -65,11 +65,15 @@ def octopus(seed):
     for angle in np.arange(8) * np.pi / 4:
         out, aside = np.array([np.cos(angle), np.sin(angle), 0]), np.array([-np.sin(angle), np.cos(angle), 0])
         points, way = [0.1 * out - [0, 0, 0.05], 0.35 * out - [0, 0, 0.1]], out
-        bend, rise, own = rng.uniform(-0.15, 0.15), rng.uniform(-0.15, 0.06), length * rng.uniform(0.95, 1.05)
+        bend, rise, length_of_leg = (
+            rng.uniform(-0.15, 0.15),
+            rng.uniform(-0.15, 0.06),
+            length * rng.uniform(0.95, 1.05),
+        )
         for _ in range(4):
             way = way + bend * aside + [0, 0, rise]
             way = way / np.linalg.norm(way)
-            points.append(points[-1] + own / 4 * way)
+            points.append(points[-1] + length_of_leg / 4 * way)
         bones.append((points, [0.1, 0.08, 0.07, 0.06, 0.045, 0.03]))
         marks.append(points[-1] + 0.03 * way)
     return individual(bones, seed, marks)
@@ -77,8 +81,8 @@ def octopus(seed):
 
 def off(image, marks, truth, target):
     """Mean distance between images of marks and where they belong, in √area."""
-    apart = target.vertices[image[marks]] - target.vertices[truth]
-    return np.linalg.norm(apart, axis=1).mean() / np.sqrt(target.area)
+    offset = target.vertices[image[marks]] - target.vertices[truth]
+    return np.linalg.norm(offset, axis=1).mean() / np.sqrt(target.area)
 
 
 @pytest.mark.long
@@ -89,8 +93,8 @@ def test_a_half_turn_of_pliers_is_told_and_offered(first, second):
     copy = disguised(target, second)
     found = match(source, copy.mesh)
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
-    maps = [found.map, *(each.map for each in found.alternatives)]
-    assert min(off(each.vertices, marks, copy.new_vertex[truth], copy.mesh) for each in maps) < 0.05
+    maps = [found.map, *(other.map for other in found.alternatives)]
+    assert min(off(map_.vertices, marks, copy.new_vertex[truth], copy.mesh) for map_ in maps) < 0.05
 
 
 @pytest.mark.long
@@ -98,7 +102,7 @@ def test_arms_alike_are_counted():
     (source, marks), (target, truth) = octopus(0), octopus(3)
     found = match(source, target)
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
-    assert all("7 rotations" in each for each in found.symmetries)
+    assert all("7 rotations" in words for words in found.symmetries)
     turns = [off(found.map.vertices, marks, np.roll(truth, k), target) for k in range(8)]
     assert min(turns) < 0.06  # one of the eight is right
 
@@ -111,7 +115,7 @@ def bent(rest, vertices):
 
 
 def strip(n_long=40, n_wide=12, side=0.05):
-    x, y = (each.ravel() * side for each in np.meshgrid(np.arange(n_long), np.arange(n_wide), indexing="ij"))
+    x, y = (grid.ravel() * side for grid in np.meshgrid(np.arange(n_long), np.arange(n_wide), indexing="ij"))
     corner = np.add.outer(np.arange(n_long - 1) * n_wide, np.arange(n_wide - 1)).ravel()
     a, b, c, d = corner, corner + n_wide, corner + n_wide + 1, corner + 1
     return Mesh(np.column_stack([x, y, np.zeros(len(x))]), np.concatenate([np.c_[a, b, c], np.c_[a, c, d]]))

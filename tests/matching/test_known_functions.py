@@ -21,8 +21,8 @@ def brick():
 
 def mean_error(result, old_vertex, mesh):
     """Of a map from a mesh to a disguise of it, in √area."""
-    apart = np.linalg.norm(mesh.vertices[old_vertex[result.map.vertices]] - mesh.vertices, axis=1)
-    return apart.mean() / np.sqrt(mesh.area)
+    distance = np.linalg.norm(mesh.vertices[old_vertex[result.map.vertices]] - mesh.vertices, axis=1)
+    return distance.mean() / np.sqrt(mesh.area)
 
 
 @pytest.mark.long
@@ -42,17 +42,17 @@ def test_a_marked_corner_tells_the_turns_of_a_brick_apart(brick):
 
 @pytest.mark.long
 def test_a_part_is_found_by_what_is_known_of_it():
-    """The same spot on the left leg of a symmetric body, of which half is missing, in both directions."""
+    """A function marks the same spot on the left leg of a symmetric body and of one half of it."""
     body = creature(2500, pose=1, symmetric=True)
     other = creature(2500, pose=2, symmetric=True, triangulation=1)
     known = body.rest[:, 0], other.rest[:, 0]
     part = cut(body.mesh, 0.25, seed=3)
     kept = part.original
     functions = known[0][kept], known[1]
-    there, back = match_both(part.mesh, other.mesh, functions=functions)
-    side = np.sign(other.rest[there.map.vertices, 0]) == np.sign(functions[0])
+    forward, backward = match_both(part.mesh, other.mesh, functions=functions)
+    side = np.sign(other.rest[forward.map.vertices, 0]) == np.sign(functions[0])
     assert side[np.abs(functions[0]) > 0.05].mean() > 0.98
-    assert np.isfinite(back.quality.spectral_residual)
+    assert np.isfinite(backward.quality.spectral_residual)
 
 
 def test_values_are_compared_as_they_are_on_both(brick):
@@ -66,8 +66,8 @@ def test_values_are_compared_as_they_are_on_both(brick):
     same = replace(problem, functions=known(values, values)).known
     assert np.array_equal(same.source, same.target)
     assert np.sqrt((same.source**2).mean()) == pytest.approx(problem.config.refining.function_weight)
-    apart = replace(problem, functions=known(values, values + 10)).known
-    assert (apart.target > apart.source).all()
+    shifted = replace(problem, functions=known(values, values + 10)).known
+    assert (shifted.target > shifted.source).all()
     holed = values.copy()
     holed[7] = np.nan
     assert np.isfinite(replace(problem, functions=known(holed, values)).known.source).all()
@@ -81,9 +81,9 @@ def test_unknown_values_come_from_the_nearest_vertex_of_the_surface(brick):
     twin = np.arange(n)
     twin[seam] = n + np.arange(len(seam))
     beyond = brick.vertices[brick.faces].mean(axis=1)[:, 0] > brick.vertices[:, 0].max() - 1e-9
-    apart = [[99, 99, 99], [99, 99, 100], [99, 100, 99], [100, 99, 99]]
+    corners = [[99, 99, 99], [99, 99, 100], [99, 100, 99], [100, 99, 99]]
     tetrahedron = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]) + n + len(seam)
-    vertices = np.concatenate([brick.vertices, brick.vertices[seam], apart])
+    vertices = np.concatenate([brick.vertices, brick.vertices[seam], corners])
     faces = np.concatenate([np.where(beyond[:, None], twin[brick.faces], brick.faces), tetrahedron])
     values = np.full(len(vertices), np.nan)
     values[:n] = np.random.default_rng(0).normal(size=n)

@@ -109,9 +109,9 @@ def test_two_files_of_points(tmp_path, name, content):
 
 
 def test_points_are_joined_by_name(tmp_path, caplog):
-    here = write(tmp_path / "here.csv", "name,vertex\na,1\nb,2\nc,3\nd,4\n")
-    there = write(tmp_path / "there.csv", "vertex,name\n7,c\n8,a\n9,b\n")
-    assert read_landmarks(here, SOURCE, TARGET, there).tolist() == [[1, 8], [2, 9], [3, 7]]
+    of_source = write(tmp_path / "here.csv", "name,vertex\na,1\nb,2\nc,3\nd,4\n")
+    of_target = write(tmp_path / "there.csv", "vertex,name\n7,c\n8,a\n9,b\n")
+    assert read_landmarks(of_source, SOURCE, TARGET, of_target).tolist() == [[1, 8], [2, 9], [3, 7]]
     assert "1 points without a partner" in caplog.text
 
 
@@ -183,9 +183,9 @@ def test_bad_files_of_pairs(tmp_path, name, text, message):
     ],
 )
 def test_bad_files_of_points(tmp_path, name, text, message):
-    there = write(tmp_path / "there.csv", table(1))
+    of_target = write(tmp_path / "there.csv", table(1))
     with pytest.raises((FormatError, LandmarkError), match=message):
-        read_landmarks(write(tmp_path / name, text), SOURCE, TARGET, there)
+        read_landmarks(write(tmp_path / name, text), SOURCE, TARGET, of_target)
 
 
 def test_a_missing_file(tmp_path):

@@ -56,12 +56,12 @@ def truth(made):
 @pytest.fixture(scope="module")
 def shapes(made):
     """Both, prepared at three levels each."""
-    return tuple(prepare(each.mesh, COARSE) for each in made)
+    return tuple(prepare(animal.mesh, COARSE) for animal in made)
 
 
 @pytest.fixture(scope="module")
 def in_full(made):
-    return tuple(prepare(each.mesh, FULL) for each in made)
+    return tuple(prepare(animal.mesh, FULL) for animal in made)
 
 
 @pytest.fixture(scope="module")
@@ -105,8 +105,8 @@ def assert_valid(found, source, target, off=()):
 
 @pytest.mark.long
 def test_three_levels(made, shapes):
-    for each, shape in zip(made, shapes):
-        n = each.mesh.n_vertices
+    for animal, shape in zip(made, shapes):
+        n = animal.mesh.n_vertices
         assert (shape.body.n_vertices, shape.finer.surface.n_vertices) == (1000, 1800)
         assert shape.detail.transfer.fine.n_vertices == n
         for level in (shape, shape.finer):
@@ -115,11 +115,11 @@ def test_three_levels(made, shapes):
             np.testing.assert_allclose(
                 np.average(body.vertices, axis=0, weights=body.vertex_areas), 0, atol=1e-9
             )
-            assert level.scale**2 == pytest.approx(each.mesh.area, rel=0.03)
+            assert level.scale**2 == pytest.approx(animal.mesh.area, rel=0.03)
             np.testing.assert_array_equal(np.unique(level.body_vertex), np.arange(body.n_vertices))
             np.testing.assert_array_equal(level.body_vertex[level.user_vertex], np.arange(body.n_vertices))
-            there = each.mesh.vertices[level.user_vertex] / level.scale
-            off = (there - there.mean(axis=0)) - (body.vertices - body.vertices.mean(axis=0))
+            positions = animal.mesh.vertices[level.user_vertex] / level.scale
+            off = (positions - positions.mean(axis=0)) - (body.vertices - body.vertices.mean(axis=0))
             assert np.linalg.norm(off, axis=1).max() < 1.5 / np.sqrt(body.n_vertices)
 
 
@@ -140,8 +140,8 @@ def test_polished_functions_are_those_of_the_finer_level(shapes):
     assert shape.laplace.vectors.shape == (1800, Config().n_functions)
     np.testing.assert_array_equal(shape.body_vertex[shape.user_vertex], np.arange(1800))
     assert len(np.unique(shape.sample_vertices)) == len(shapes[0].sample_vertices)
-    apart = shape.body.vertices[shape.sample_vertices] - shapes[0].body.vertices[shapes[0].sample_vertices]
-    assert np.linalg.norm(apart, axis=1).max() < 2 / np.sqrt(1000)
+    offset = shape.body.vertices[shape.sample_vertices] - shapes[0].body.vertices[shapes[0].sample_vertices]
+    assert np.linalg.norm(offset, axis=1).max() < 2 / np.sqrt(1000)
     assert shapes[0].polishable is shape
 
 
@@ -178,9 +178,9 @@ def test_the_map_of_two_poses(made, truth, shapes, found, found_in_full):
 
 @pytest.mark.long
 def test_what_was_done_is_told(made, found, found_in_full):
-    for side, each in zip(("source", "target"), made):
-        told = f"{side}: matched on 1000 of {each.mesh.n_vertices} vertices"
-        assert sum(note.startswith(told) for note in found.notes) == 1
+    for side, animal in zip(("source", "target"), made):
+        beginning = f"{side}: matched on 1000 of {animal.mesh.n_vertices} vertices"
+        assert sum(note.startswith(beginning) for note in found.notes) == 1
     assert any("polished on 1800 and 1800 vertices" in note for note in found.notes)
     assert any("resolution = 'full'" in note for note in found.notes)
     assert {"polish", "carry"} <= found.timings.keys()
@@ -221,16 +221,16 @@ def test_new_labels_of_the_target_are_those_of_the_images(made, shapes, found):
     copy = disguised(target, 4, scale=0.01)
     other = match(shapes[0], prepare(copy.mesh, COARSE))
     back = np.argsort(copy.new_vertex)[other.map.vertices]
-    apart = np.linalg.norm(target.vertices[back] - target.vertices[found.map.vertices], axis=1)
-    assert np.median(apart) < 0.5 * target.edge_lengths.mean()
-    assert np.quantile(apart, 0.99) < 4 * target.edge_lengths.mean()
+    distance = np.linalg.norm(target.vertices[back] - target.vertices[found.map.vertices], axis=1)
+    assert np.median(distance) < 0.5 * target.edge_lengths.mean()
+    assert np.quantile(distance, 0.99) < 4 * target.edge_lengths.mean()
     assert other.outcome is found.outcome
 
 
 @pytest.mark.long
 def test_threads_change_nothing(made, found, monkeypatch):
     monkeypatch.setenv("ISOMATCH_NUM_THREADS", "2")
-    again = match(*(each.mesh for each in made), config=COARSE)
+    again = match(*(animal.mesh for animal in made), config=COARSE)
     for name in ("vertices", "faces", "barycentric"):
         assert getattr(again.map, name).tobytes() == getattr(found.map, name).tobytes()
     assert again.quality == found.quality
@@ -241,7 +241,7 @@ def test_threads_change_nothing(made, found, monkeypatch):
 @pytest.mark.long
 def test_small_shapes_are_matched_in_full(made, found_in_full):
     settings = {"levels": {**LEVELS, "matched": 2100, "polished": 2400}}
-    by_default = match(*(each.mesh for each in made), config=Config.from_dict(settings))
+    by_default = match(*(animal.mesh for animal in made), config=Config.from_dict(settings))
     for name in ("vertices", "faces", "barycentric"):
         np.testing.assert_array_equal(getattr(by_default.map, name), getattr(found_in_full.map, name))
     assert by_default.notes == found_in_full.notes
@@ -253,7 +253,7 @@ def test_only_one_shape_is_large(made, truth, large, found_in_full):
     small = creature(1500, triangulation=5, pose=1 if large == "target" else 2)
     both = (small, made[1]) if large == "target" else (made[0], small)
     one = match(
-        *(each.mesh for each in both), config=Config.from_dict({"levels": {**LEVELS, "matched": 1300}})
+        *(animal.mesh for animal in both), config=Config.from_dict({"levels": {**LEVELS, "matched": 1300}})
     )
     assert sum("matched on" in note for note in one.notes) == 1
     assert next(note for note in one.notes if "matched on" in note).startswith(large)
@@ -265,7 +265,7 @@ def test_only_one_shape_is_large(made, truth, large, found_in_full):
 @pytest.mark.long
 def test_landmarks_are_obeyed(made, truth, shapes):
     """Among them neighbours, which become one vertex of the coarse body."""
-    source, target = (each.mesh for each in made)
+    source, target = (animal.mesh for animal in made)
     spread = shapes[0].user_vertex[shapes[0].column_vertices[:6]]
     chosen = np.unique([*spread, *source.faces[np.flatnonzero((source.faces == spread[0]).any(axis=1))[0]]])
     led = match(*shapes, landmarks=np.column_stack([chosen, truth[chosen]]))
@@ -278,7 +278,7 @@ def test_landmarks_are_obeyed(made, truth, shapes):
 
 def test_landmarks_that_become_one_vertex_are_too_few(shapes):
     of_largest = [
-        np.flatnonzero(each.body_vertex == np.bincount(each.body_vertex).argmax())[:3] for each in shapes
+        np.flatnonzero(shape.body_vertex == np.bincount(shape.body_vertex).argmax())[:3] for shape in shapes
     ]
     with pytest.raises(LandmarkError, match="resolution"):
         match(*shapes, landmarks=np.column_stack(of_largest))
@@ -349,7 +349,7 @@ def test_descriptors_are_obeyed(made, truth, shapes):
 
 
 def test_priors_outside_the_shapes_are_refused(made, shapes):
-    """A vertex of the user may have any number up to that of the vertices, and not of those of the body."""
+    """Any vertex number of the user's mesh is valid, although the body has fewer vertices."""
     n = made[0].mesh.n_vertices
     with pytest.raises(LandmarkError, match=f"outside 0…{n - 1}"):
         match(*shapes, landmarks=[[0, 1], [1, 2], [n, 3]])
@@ -357,13 +357,13 @@ def test_priors_outside_the_shapes_are_refused(made, shapes):
 
 def test_alternatives_are_maps_of_the_users_vertices(made, found):
     assert found.alternatives
-    for each in found.alternatives:
-        image = each.map
+    for alternative in found.alternatives:
+        image = alternative.map
         assert len(image.vertices) == made[0].mesh.n_vertices
         assert image.n_target == made[1].mesh.n_vertices
         assert image.matched.all()
         assert image.barycentric.min() >= 0
-        assert each.map is image, "it is computed once"
+        assert alternative.map is image, "it is computed once"
 
 
 def test_pickled_without_the_shapes(found):
@@ -373,7 +373,7 @@ def test_pickled_without_the_shapes(found):
     for one, other in zip((again, *again.alternatives), (found, *found.alternatives)):
         np.testing.assert_array_equal(one.map.vertices, other.map.vertices)
         np.testing.assert_array_equal(one.map.barycentric, other.map.barycentric)
-    assert [each.energy for each in again.alternatives] == [each.energy for each in found.alternatives]
+    assert [a.energy for a in again.alternatives] == [a.energy for a in found.alternatives]
     assert again.to_dict() == found.to_dict()
 
 
@@ -386,7 +386,7 @@ def together(*meshes):
 @pytest.mark.long
 def test_what_is_off_the_body_has_no_image(made, truth):
     """Debris, vertices in no face, and a component without a partner."""
-    source, target = (each.mesh for each in made)
+    source, target = (animal.mesh for animal in made)
     ball, crumb = icosphere(3), icosphere(0)
     pieces = (
         Mesh(0.1 * ball.vertices + 5, ball.faces),
@@ -406,11 +406,11 @@ def test_components_are_decimated_each(made, truth):
     """A ball in reach of the body, larger than what is matched."""
     ball = icosphere(4)
     pairs = []
-    for each in made:
-        near = np.argsort(each.rest[:, 2])[-30:]  # above the head
-        place = each.mesh.vertices[near].mean(axis=0) + np.array([0, 0, 0.15])
-        pairs.append(together(each.mesh, Mesh(0.08 * ball.vertices + place, ball.faces)))
-    n, m = (each.mesh.n_vertices for each in made)
+    for animal in made:
+        near = np.argsort(animal.rest[:, 2])[-30:]  # above the head
+        place = animal.mesh.vertices[near].mean(axis=0) + np.array([0, 0, 0.15])
+        pairs.append(together(animal.mesh, Mesh(0.08 * ball.vertices + place, ball.faces)))
+    n, m = (animal.mesh.n_vertices for animal in made)
     found = match(*pairs, config=COARSE)
     assert_valid(found, *pairs)
     assert (found.map.vertices[:n] < m).all()
@@ -434,26 +434,26 @@ def opened_along_seams(mesh, seed=0):
 @pytest.mark.long
 def test_seams_of_duplicate_vertices(made, truth, found):
     """A map of the welded bodies, in the vertices of the files."""
-    (source, seam), (target, _) = (opened_along_seams(each.mesh) for each in made)
+    (source, seam), (target, _) = (opened_along_seams(animal.mesh) for animal in made)
     seamed = match(source, target, config=COARSE)
     assert_valid(seamed, source, target)
     n = made[0].mesh.n_vertices
     np.testing.assert_array_equal(seamed.map.vertices[n:], seamed.map.vertices[seam])
-    apart = seamed.map.pull_back(target.vertices)[:n] - found.map.pull_back(made[1].mesh.vertices)
-    assert np.median(np.linalg.norm(apart, axis=1)) < 0.5 * made[1].mesh.edge_lengths.mean()
+    offset = seamed.map.pull_back(target.vertices)[:n] - found.map.pull_back(made[1].mesh.vertices)
+    assert np.median(np.linalg.norm(offset, axis=1)) < 0.5 * made[1].mesh.edge_lengths.mean()
 
 
 @pytest.mark.parametrize("kind", ["mesh", "points", "graph", "mesh with distances"])
 def test_what_is_decimated(kind):
     """Meshes alone, and not where distances are given, which no coarse mesh has."""
     mesh = icosphere(3)
-    apart = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices, axis=2)
+    distances = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices, axis=2)
     i, j = mesh.edges.T
     surface = {
         "points": PointCloud(mesh.vertices),
-        "graph": Graph(mesh.n_vertices, mesh.edges, apart[i, j]),
+        "graph": Graph(mesh.n_vertices, mesh.edges, distances[i, j]),
     }.get(kind, mesh)
-    shape = prepare(surface, TINY, distances=apart if kind == "mesh with distances" else None)
+    shape = prepare(surface, TINY, distances=distances if kind == "mesh with distances" else None)
     if kind == "mesh":
         assert shape.body.n_vertices == 200
         return
@@ -464,7 +464,7 @@ def test_what_is_decimated(kind):
 
 @pytest.mark.parametrize("opened", [False, True])
 def test_with_holes_closed_the_body_is_as_coarse(opened):
-    """Its first vertices are those of the body, and a map names them."""
+    """The first vertices of the closed body are the vertices of the body, and a map names them."""
     sphere = icosphere(4)
     mesh = sphere.submesh(sphere.vertices[:, 2] < 0.9)[0] if opened else sphere
     shape = prepare(mesh, Config.from_dict({"levels": {"matched": 800, "polished": 1200, "spared": 1}}))
@@ -476,8 +476,8 @@ def test_with_holes_closed_the_body_is_as_coarse(opened):
     ratio = closed.scale / shape.scale
     assert np.ptp(closed.body.vertices[:n] * ratio - shape.body.vertices, axis=0).max() < 1e-9
     everything = np.arange(closed.body.n_vertices)
-    carried, own = closed.correspondence(closed, everything), shape.correspondence(shape, np.arange(n))
-    np.testing.assert_array_equal(carried.vertices, own.vertices)
+    carried, direct = closed.correspondence(closed, everything), shape.correspondence(shape, np.arange(n))
+    np.testing.assert_array_equal(carried.vertices, direct.vertices)
     on_last = closed.correspondence(closed, np.full(len(everything), everything[-1]))
     assert on_last.matched.all() != opened, "a cap is no image"
     np.testing.assert_array_equal(np.flatnonzero(closed.origin < 0), np.arange(n, closed.body.n_vertices))
@@ -495,13 +495,13 @@ def test_a_large_mesh_and_its_own_points(made, shapes, kind):
         i, j = copy.mesh.edges.T
         lengths = np.linalg.norm(copy.mesh.vertices[i] - copy.mesh.vertices[j], axis=1)
         other = Graph(mesh.n_vertices, copy.mesh.edges, lengths)
-    there, back = match(shape, other), match(other, shape)
-    assert_valid(there, mesh, other)
-    assert_valid(back, other, mesh)
+    forward, backward = match(shape, other), match(other, shape)
+    assert_valid(forward, mesh, other)
+    assert_valid(backward, other, mesh)
     if kind == "points":  # a graph has no sides, and a creature is nearly its own mirror image
-        off = copy.mesh.vertices[there.map.vertices] - copy.mesh.vertices[copy.new_vertex]
+        off = copy.mesh.vertices[forward.map.vertices] - copy.mesh.vertices[copy.new_vertex]
         assert np.linalg.norm(off, axis=1).mean() < mesh.edge_lengths.mean()
-        off = back.map.pull_back(mesh.vertices)[copy.new_vertex] - mesh.vertices
+        off = backward.map.pull_back(mesh.vertices)[copy.new_vertex] - mesh.vertices
         assert np.linalg.norm(off, axis=1).mean() < mesh.edge_lengths.mean()
 
 
@@ -555,11 +555,11 @@ def test_neighbouring_sheets_do_not_exchange_images(folded):
     source, along = bar(folded == "source")
     target, _ = bar(folded == "target")
     copy = disguised(target, 3)
-    there = np.empty_like(along)
-    there[copy.new_vertex] = along
+    of_copy = np.empty_like(along)
+    of_copy[copy.new_vertex] = along
     over = match(source, copy.mesh, config=COARSE)
     assert_valid(over, source, copy.mesh)
-    assert np.abs(over.map.pull_back(there) - along).max() < 6
+    assert np.abs(over.map.pull_back(of_copy) - along).max() < 6
 
 
 @pytest.mark.long
@@ -572,15 +572,15 @@ def test_symmetric_shapes_are_still_ambiguous(sides):
     else:
         both = [creature(2500, symmetric=True, triangulation=i, pose=i) for i in (1, 4)]
         config = Config.from_dict({"levels": LEVELS, "orientation": "any"})
-    either = match(*(each.mesh for each in both), config=config)
+    either = match(*(animal.mesh for animal in both), config=config)
     assert either.outcome is Outcome.SYMMETRY_AMBIGUOUS
-    assert_valid(either, *(each.mesh for each in both))
+    assert_valid(either, *(animal.mesh for animal in both))
 
 
 @pytest.mark.long
 def test_a_shape_without_limbs():
     both = [organ("kidney", 2500, pose=i) for i in (1, 2)]
-    source, target = (each.mesh for each in both)
+    source, target = (animal.mesh for animal in both)
     over = match(source, target, config=COARSE)
     assert_valid(over, source, target)
     assert mean_error(over, organ_truth(*both).vertices, target) < 0.04
@@ -641,6 +641,6 @@ def test_a_large_body_lies_in_spatial_order_and_knows_the_users_vertices(defect,
         assert np.array_equal(vertices[found.user_vertex][found.body_vertex[used]], vertices[used])
         assert found.surface.volume > 0
     steps = [
-        np.linalg.norm(np.diff(each.surface.vertices, axis=0), axis=1).mean() for each in (plain, ordered)
+        np.linalg.norm(np.diff(shape.surface.vertices, axis=0), axis=1).mean() for shape in (plain, ordered)
     ]
     assert steps[1] < 0.2 * steps[0]

@@ -185,16 +185,16 @@ def test_result_is_told_in_plain_values(prepared_example):
         seed=3,
         progress=stages.append,
     )
-    told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    assert told["direction"] == "source -> target"
-    assert told["outcome"] == "CONVERGED"
-    assert told["quality"]["runner_up"] is None, "there is no runner-up: inf is not JSON"
-    assert told["quality"]["landmark_error"] == 0
-    assert told["config"]["hypotheses"] == "given"
-    assert (told["seed"], told["engine"], told["origin"]) == (3, "fast_marching", "landmarks")
+    summary = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert summary["direction"] == "source -> target"
+    assert summary["outcome"] == "CONVERGED"
+    assert summary["quality"]["runner_up"] is None, "there is no runner-up: inf is not JSON"
+    assert summary["quality"]["landmark_error"] == 0
+    assert summary["config"]["hypotheses"] == "given"
+    assert (summary["seed"], summary["engine"], summary["origin"]) == (3, "fast_marching", "landmarks")
     assert stages.pop() == "done"
     assert stages == ["prepare", "search", "selection", "refinement", "quality"]
-    assert set(told["timings"]) == {*stages, "total"}
+    assert set(summary["timings"]) == {*stages, "total"}
 
 
 @pytest.mark.long
@@ -284,7 +284,7 @@ def test_another_animal_is_not_called_converged():
 @pytest.mark.long
 def test_contradicted_landmarks_are_told(example, example_truth, prepared_example):
     rng = np.random.default_rng(0)
-    sizes = [each.mesh.n_vertices for each in example]
+    sizes = [animal.mesh.n_vertices for animal in example]
     anything = np.column_stack([rng.choice(n, 400, replace=False) for n in sizes])
     for hypotheses in ("all", "given"):
         found = match(*prepared_example, landmarks=anything, config=Config(hypotheses=hypotheses))

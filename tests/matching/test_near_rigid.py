@@ -25,25 +25,25 @@ def test_a_broken_ring_is_matched():
 
 @pytest.mark.long
 def test_where_a_shape_lies_does_not_matter():
-    (source, rest), (target, there) = ring(1), ring(1, n=45, bent=0.03)
+    (source, rest), (target, target_rest) = ring(1), ring(1, n=45, bent=0.03)
     turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
     for mesh in (target, replace(target, vertices=5 + 3 * target.vertices @ turn)):
         pair = prepare_pair(source, mesh)
         start, *_ = starts_from_poses(pair)
-        assert error_of((source, rest[start[:, 0]]), (target, there), start[:, 1]) < 0.1
+        assert error_of((source, rest[start[:, 0]]), (target, target_rest), start[:, 1]) < 0.1
 
 
 @pytest.mark.long
 def test_mirror_images_are_found_if_asked_for():
-    (source, rest), (target, there) = ring(1), ring(1, n=45)
+    (source, rest), (target, target_rest) = ring(1), ring(1, n=45)
     mirrored = replace(target, vertices=target.vertices * [1, 1, -1], faces=target.faces[:, ::-1])
     pair = prepare_pair(source, mirrored)
 
     def errors(orientation):
         starts = starts_from_poses(replace(pair, config=Config(orientation=orientation)))
         return [
-            error_of((source, rest[here]), (mirrored, there), image)
-            for here, image in map(np.transpose, starts)
+            error_of((source, rest[rows]), (mirrored, target_rest), image)
+            for rows, image in map(np.transpose, starts)
         ]
 
     assert min(errors("reverse")) < 0.1

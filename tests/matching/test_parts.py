@@ -92,7 +92,9 @@ def test_a_map_that_is_settled_is_more_exact(found, bodies, prepared):
     unsettled = match_part(prepare(part.mesh), prepared, Config(parts=PartSettings(n_settled=0)))
     truth = prepared.body_vertex[bodies[2][part.original]]
     rows = best.pair.part.sample_vertices[: len(best.fits[0].image)]
-    before, after = (prepared.mean_distance(each.fits[0].image, truth[rows]) for each in (unsettled, best))
+    before, after = (
+        prepared.mean_distance(ranking.fits[0].image, truth[rows]) for ranking in (unsettled, best)
+    )
     assert after < 0.9 * before
     assert best.score < unsettled.score
 
@@ -131,7 +133,7 @@ def test_wrong_maps_bend_badly(found):
 @pytest.mark.long
 @pytest.mark.parametrize("close", [True, False])
 def test_a_part_in_doubt_is_not_sure(bodies, prepared, close):
-    """The map is that of a part both times."""
+    """With and without closed holes, the shape is matched as a part."""
     part = cut(bodies[0], 0.3, seed=4)
     settings = PartSettings(poor_doubt=0.0, close=close)
     found = match(part.mesh, prepared, config=Config(parts=settings))
@@ -208,15 +210,15 @@ def test_a_given_map_of_a_part_stays_one(bodies, prepared):
 def test_a_whole_is_mapped_to_a_part_and_the_rest_is_unmatched(bodies):
     source, target, truth = bodies
     part = cut(target, 0.3, seed=2)
-    there = part.damaged_vertex[truth]
+    goal = part.damaged_vertex[truth]
     found = match(source, part.mesh)
     matched = found.map.matched
     assert found.outcome is Outcome.PARTIAL
-    assert (matched & (there >= 0)).sum() > 0.9 * (there >= 0).sum(), "recall"
-    assert (matched & (there >= 0)).sum() > 0.85 * matched.sum(), "precision"
+    assert (matched & (goal >= 0)).sum() > 0.9 * (goal >= 0).sum(), "recall"
+    assert (matched & (goal >= 0)).sum() > 0.85 * matched.sum(), "precision"
     right = prepare(part.mesh)
-    both = matched & (there >= 0)
-    assert mean_error(right, found.map.vertices[both], there[both]) < 0.06
+    both = matched & (goal >= 0)
+    assert mean_error(right, found.map.vertices[both], goal[both]) < 0.06
     images = right.body_vertex[found.map.vertices[matched]]
     assert found.quality.coverage == covered_share(right.body, images) > 0.98
 
@@ -278,14 +280,14 @@ def test_the_unit_is_found(bodies, prepared, factor, scale):
 @pytest.mark.long
 def test_two_bodies_with_holes_are_matched_in_what_both_show(bodies):
     source, target, truth = bodies
-    here, there = holes(source, 0.15, seed=1), holes(target, 0.15, seed=2)
-    image = there.damaged_vertex[truth[here.original]]
-    found = match(here.mesh, there.mesh)
+    one, other = holes(source, 0.15, seed=1), holes(target, 0.15, seed=2)
+    image = other.damaged_vertex[truth[one.original]]
+    found = match(one.mesh, other.mesh)
     assert found.outcome is Outcome.PARTIAL
     has, matched = image >= 0, found.map.matched
     assert (matched & has).sum() > 0.97 * has.sum(), "recall"
     assert (matched & has).sum() > 0.9 * matched.sum(), "precision"
-    right = prepare(there.mesh)
+    right = prepare(other.mesh)
     both = matched & has
     assert mean_error(right, found.map.vertices[both], image[both]) < 0.05
 
@@ -323,17 +325,17 @@ def test_a_view_in_doubt_is_chosen_by_verification_and_has_alternatives(bodies, 
     found = match(source, prepared, config=config)
     assert found.outcome is Outcome.LOW_CONFIDENCE
     maps = [found.map, *(other.map for other in found.alternatives)]
-    costs = [verify(source, prepared, each).cost for each in maps]
+    costs = [verify(source, prepared, map_).cost for map_ in maps]
     assert costs[0] == min(costs)
     for one, other in combinations(maps, 2):
         both = one.matched & other.matched
-        apart = prepared.mean_distance(
+        distance = prepared.mean_distance(
             prepared.body_vertex[one.vertices[both]], prepared.body_vertex[other.vertices[both]]
         )
-        assert apart > 0.1
+        assert distance > 0.1
     asked = questions(part, bodies[1], found)
     assert asked
-    assert all(len(each.places) > 1 for each in asked)
+    assert all(len(question.places) > 1 for question in asked)
     turned = match(prepared, source, config=config)  # the whole to its part
     assert [other.map.shape for other in turned.alternatives] == [found.map.shape[::-1]] * len(
         turned.alternatives

@@ -68,9 +68,9 @@ def test_a_mesh_finds_itself_in_the_graph_of_its_edges(mesh, graph, relabelled, 
     found = match(mesh, graph)
     assert 100 * geodesic_errors(relabelled, found.map, truth).mean() < 1.0
     assert found.quality.distortion_mean < 0.05, "lengths are compared in units of the average distance"
-    told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    assert told["quality"]["stretch"] is None
-    assert told["quality"]["orientation"] is None
+    summary = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert summary["quality"]["stretch"] is None
+    assert summary["quality"]["orientation"] is None
 
 
 @pytest.mark.long

@@ -57,9 +57,9 @@ def test_every_prefix_of_the_spread_vertices_is_even(shape):
     points = shape.body.vertices
     for count in (50, 200, 1000):
         chosen = points[shape.sample_vertices[:count]]
-        apart = np.linalg.norm(chosen[:, None] - chosen, axis=2)[~np.eye(count, dtype=bool)].min()
+        distance = np.linalg.norm(chosen[:, None] - chosen, axis=2)[~np.eye(count, dtype=bool)].min()
         reach = np.linalg.norm(points[:, None] - chosen, axis=2).min(axis=1).max()
-        assert reach <= apart * (1 + 1e-9)
+        assert reach <= distance * (1 + 1e-9)
 
 
 def test_signatures_and_curvature_are_standardised(shape):
@@ -172,7 +172,7 @@ def test_values_are_lifted_to_the_users_vertices_and_back(example, shape):
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["matrix", "function", "engine"])
 def test_given_distances_take_the_place_of_the_engine(kind):
-    """In the user's units and vertices, of which one is no part of the body."""
+    """Distances are in the user's units and between the user's vertices, one of which is not in the body."""
     made = creature(1500).mesh
     mesh = Mesh(np.vstack([[9, 9, 9], 3 * made.vertices]), made.faces + 1)
     n = mesh.n_vertices

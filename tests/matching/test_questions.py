@@ -42,10 +42,10 @@ def test_it_asks_where_maps_differ_and_for_their_places():
     other = turned([-1, 1, -1], cap)
     asked = questions(BODY, BODY, left_with(IDENTITY, other))
     assert asked
-    for each in asked:
-        assert cap[each.vertex]
-        assert each.places == (each.vertex, other[each.vertex])
-        assert each.maps == (0, 1)
+    for question in asked:
+        assert cap[question.vertex]
+        assert question.places == (question.vertex, other[question.vertex])
+        assert question.maps == (0, 1)
 
 
 @pytest.mark.parametrize("right", range(4))
@@ -54,10 +54,10 @@ def test_answers_by_any_of_four_maps_leave_that_one(right):
     asked = questions(BODY, BODY, left_with(*maps))
     assert len(asked) == 3
     left = [
-        k for k, each in enumerate(maps) if all(near(each[q.vertex], maps[right][q.vertex]) for q in asked)
+        k for k, map_ in enumerate(maps) if all(near(map_[q.vertex], maps[right][q.vertex]) for q in asked)
     ]
     assert left == [right]
-    vertices = BODY.vertices[[each.vertex for each in asked]]
+    vertices = BODY.vertices[[question.vertex for question in asked]]
     assert min(np.linalg.norm(a - b) for a, b in combinations(vertices, 2)) > 0.2 * SIZE
 
 
@@ -67,10 +67,10 @@ def near(one, other):
 
 def test_what_has_no_image_is_not_asked_for():
     hidden = BODY.vertices[:, 0] > 0
-    images = [np.where(hidden, -1, each) for each in (IDENTITY, FLIPS[2])]
+    images = [np.where(hidden, -1, map_) for map_ in (IDENTITY, FLIPS[2])]
     asked = questions(BODY, BODY, left_with(*images), most=5)
     assert asked
-    assert not any(hidden[each.vertex] or -1 in each.places for each in asked)
+    assert not any(hidden[question.vertex] or -1 in question.places for question in asked)
     nothing = np.full(N, -1)
     assert questions(BODY, BODY, left_with(IDENTITY, nothing)) == ()
     assert questions(BODY, BODY, left_with(nothing, IDENTITY)) == ()
@@ -81,4 +81,4 @@ def test_motion_scale_and_numbering_change_nothing():
     asked = questions(BODY, BODY, left_with(IDENTITY, *FLIPS))
     moved = Mesh(1e3 * BODY.vertices @ turn.T + 5, BODY.faces)
     assert questions(moved, moved, left_with(IDENTITY, *FLIPS)) == asked
-    assert all(isinstance(each, Question) for each in asked)
+    assert all(isinstance(question, Question) for question in asked)

@@ -1,4 +1,4 @@
-"""The laws of refinements: those of isomatch keep them, and each kind of broken one is told what is wrong."""
+"""Refinements of isomatch keep the laws, and an error explains each kind of broken refinement."""
 
 import os
 

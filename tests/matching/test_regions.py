@@ -73,21 +73,21 @@ def unlike_in(pair, *parts, value=2.0):
 
 @pytest.mark.long
 def test_a_runner_up_that_exchanges_two_limbs_gives_these(animal, pair, exchanged):
-    own, runner_up = exchanged
+    image, runner_up = exchanged
     regions = regions_of_doubt(pair, tied_images=exchanged)
     assert [region.reason for region in regions] == [ANOTHER_MAP] * 2
-    apart = pair.target.distance(own, runner_up) > pair.config.selection.runner_up_distance
+    differs = pair.target.distance(image, runner_up) > pair.config.selection.runner_up_distance
     inside = np.concatenate([region.vertices for region in regions])
-    np.testing.assert_array_equal(np.sort(own[apart]), np.sort(np.intersect1d(inside, own)))
-    image_of = dict(zip(own, runner_up))
+    np.testing.assert_array_equal(np.sort(image[differs]), np.sort(np.intersect1d(inside, image)))
+    image_of = dict(zip(image, runner_up))
     sides = []
     for region in regions:
         x, y, z = animal.rest[pair.source.user_vertex[region.vertices]].T
         assert len(set(np.sign(x))) == 1, "a region is one leg"
         assert y.min() > 0
         assert z.max() < FORELEGS + 0.05
-        there = animal.rest[pair.target.user_vertex[region.runner_up]]
-        assert (np.sign(there[:, 0]) == -np.sign(x)).all(), "the runner-up sends it to the other one"
+        positions = animal.rest[pair.target.user_vertex[region.runner_up]]
+        assert (np.sign(positions[:, 0]) == -np.sign(x)).all(), "the runner-up sends it to the other one"
         assert all(image_of[v] == r for v, r in zip(region.vertices, region.runner_up) if v in image_of)
         sides.append(np.sign(x[0]))
     assert sorted(sides) == [-1, 1]
@@ -95,11 +95,11 @@ def test_a_runner_up_that_exchanges_two_limbs_gives_these(animal, pair, exchange
 
 
 def test_where_nothing_differs_nothing_is_doubtful(pair, exchanged):
-    own, _ = exchanged
+    image, _ = exchanged
     nothing_known = np.full(pair.source.body.n_vertices, np.nan)
     assert regions_of_doubt(pair) == ()
     for descriptor_distance in (None, unlike_in(pair), unlike_in(pair, slice(None)), nothing_known):
-        assert regions_of_doubt(pair, descriptor_distance, (own, own)) == ()
+        assert regions_of_doubt(pair, descriptor_distance, (image, image)) == ()
 
 
 def test_areas_sum_to_what_is_doubtful(pair):
@@ -134,10 +134,10 @@ def test_what_is_not_known_does_not_count(pair):
 def test_two_reasons_for_one_region(animal, pair, exchanged):
     region = regions_of_doubt(pair, tied_images=exchanged)[0]
     both = regions_of_doubt(pair, unlike_in(pair, region.vertices), exchanged)
-    assert sorted(each.reason for each in both) == sorted(
+    assert sorted(region.reason for region in both) == sorted(
         [ANOTHER_MAP, f"{ANOTHER_MAP} and {UNLIKE_ITS_IMAGE}"]
     )
-    assert all(each.runner_up is not None for each in both)
+    assert all(region.runner_up is not None for region in both)
 
 
 def test_vertices_in_another_order_give_the_same_regions(animal, pair):
@@ -152,8 +152,10 @@ def test_vertices_in_another_order_give_the_same_regions(animal, pair):
     moved = np.zeros(n)
     moved[new_place] = descriptor_distance
     ours, theirs = (
-        lift_regions(regions_of_doubt(each, each.source.restrict(values)), each.source, each.target)
-        for each, values in ((pair, descriptor_distance), (permuted, moved))
+        lift_regions(
+            regions_of_doubt(problem, problem.source.restrict(values)), problem.source, problem.target
+        )
+        for problem, values in ((pair, descriptor_distance), (permuted, moved))
     )
     assert len(ours) == len(theirs) == 2
     for one, other in zip(ours, theirs):
@@ -187,19 +189,19 @@ def test_a_symmetric_shape_is_doubtful_nearly_everywhere(result):
 @pytest.mark.long
 def test_a_limb_that_another_one_has_replaced_is_doubtful():
     """The head of one shape is swollen to a ball: the map is right, but there is no telling."""
-    here, there = (creature(2000, pose=pose, triangulation=pose) for pose in (0, 1))
-    head = there.rest[:, 1] > np.quantile(there.rest[:, 1], 0.93)
-    middle = there.mesh.vertices[head].mean(axis=0)
-    away = there.mesh.vertices - middle
+    source, target = (creature(2000, pose=pose, triangulation=pose) for pose in (0, 1))
+    head = target.rest[:, 1] > np.quantile(target.rest[:, 1], 0.93)
+    middle = target.mesh.vertices[head].mean(axis=0)
+    away = target.mesh.vertices - middle
     radius = np.linalg.norm(away, axis=1, keepdims=True)
     ball = middle + away * np.where(head[:, None], 0.25 / np.maximum(radius, 1e-9), 1.0)
-    found = match(here.mesh, Mesh(ball, there.mesh.faces))
+    found = match(source.mesh, Mesh(ball, target.mesh.faces))
     assert found.outcome is Outcome.LOW_CONFIDENCE
     assert any(UNLIKE_ITS_IMAGE in region.reason for region in found.regions)
-    plain = match(here.mesh, there.mesh)
+    plain = match(source.mesh, target.mesh)
     assert (plain.outcome, plain.regions) == (Outcome.CONVERGED, ())
     inside = found.regions[0].vertices
-    outside = np.setdiff1d(np.arange(here.mesh.n_vertices), inside)
+    outside = np.setdiff1d(np.arange(source.mesh.n_vertices), inside)
     assert found.expected_error[inside].mean() > 3 * found.expected_error[outside].mean()
 
 
@@ -280,7 +282,7 @@ def test_regions_in_json(saved):
 
 def test_regions_are_told(saved, capsys):
     _, mixed = saved
-    told = "1.0% of the area around vertex 5: it looks unlike its image"
-    assert told in mixed._repr_html_()
+    sentence = "1.0% of the area around vertex 5: it looks unlike its image"
+    assert sentence in mixed._repr_html_()
     say_result(mixed, details=True)
-    assert f"doubtful: {told}" in capsys.readouterr().out
+    assert f"doubtful: {sentence}" in capsys.readouterr().out

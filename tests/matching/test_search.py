@@ -1,4 +1,4 @@
-"""Wrong maps lead to the right one: mirrored ones, half twists, and those of the other direction."""
+"""Wrong maps lead to the right one: mirrored maps, half twists, and maps of the other direction."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from isomatch.matching.proposals.starts import starts_from_extremities
 from isomatch_lab.procedural import creature
 
 
-def apart(pair, one, other):
+def distance_between(pair, one, other):
     return pair.distances_between_maps(one.target_row, [other.target_row])[0]
 
 
@@ -39,8 +39,8 @@ def known():
 def test_flips_of_the_mirror_image_contain_the_true_map(known):
     pair, true, mirrored = known
     found = find_flips(pair, mirrored, [mirrored])
-    assert min(apart(pair, h, true) for h in found) < 0.03
-    assert all(apart(pair, h, mirrored) > 0.05 for h in found)
+    assert min(distance_between(pair, h, true) for h in found) < 0.03
+    assert all(distance_between(pair, h, mirrored) > 0.05 for h in found)
     assert all(h.alignment is not mirrored.alignment for h in found)
     assert {h.origin for h in found} == {mirrored.origin}
 
@@ -55,7 +55,7 @@ def test_flips_are_new_whatever_is_known(known, origin):
     assert find_flips(pair, winner, everything) == []
     for i, one in enumerate(everything):
         for other in everything[:i]:
-            assert apart(pair, one, other) > 0.05
+            assert distance_between(pair, one, other) > 0.05
 
 
 def test_a_map_of_the_search_vertices_survives_as_pairs(known):
@@ -71,9 +71,11 @@ def test_own_starts_and_a_users_are_of_one_kind(known):
     def mine(pair):
         return starts_from_extremities(pair)
 
-    own, users = (search(pair, [], [start, *default_starts[1:]]) for start in (starts_from_extremities, mine))
+    defaults, users = (
+        search(pair, [], [start, *default_starts[1:]]) for start in (starts_from_extremities, mine)
+    )
     assert {h.origin for h in users} <= {"mine", "flip"}
-    for one, other in zip(own, users, strict=True):
+    for one, other in zip(defaults, users, strict=True):
         np.testing.assert_array_equal(one.target_row, other.target_row)
 
 
@@ -84,7 +86,7 @@ def test_the_best_maps_are_flipped_unless_starts_or_priors_stand_alone(known):
         return [search_pairs(pair, mirrored.target_row)]
 
     flipped = search(pair, [], [mine, starts_from_poses])
-    assert min(apart(pair, h, true) for h in flipped) < 0.03
+    assert min(distance_between(pair, h, true) for h in flipped) < 0.03
     assert len(search(pair, [], [mine])) == len(search(pair, [mirrored], [])) == 1
 
 

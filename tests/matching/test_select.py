@@ -23,9 +23,9 @@ from isomatch.settings import OutcomeSettings, SelectionSettings
 SETTINGS, BOUNDS = SelectionSettings(), OutcomeSettings()
 
 
-def select(fits, eligible, apart, elsewhere, n_tried):
+def select(fits, eligible, distances, elsewhere, n_tried):
     rules = Rules.of(SETTINGS, BOUNDS)
-    return selection.select(fits, apart, rules, eligible=eligible, far_shares=elsewhere, n_tried=n_tried)
+    return selection.select(fits, distances, rules, eligible=eligible, far_shares=elsewhere, n_tried=n_tried)
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,11 @@ NOWHERE = np.zeros((10, 10))  # no two send limbs to different places
 
 def selected(fits):
     """What is selected of maps that are all different, and may all win."""
-    return select(fits, [True] * len(fits), apart(len(fits)), NOWHERE, 4)
+    return select(fits, [True] * len(fits), distances_except(len(fits)), NOWHERE, 4)
 
 
-def apart(n, *same):
-    """Maps that are all 0.5 apart, but for some pairs that coincide."""
+def distances_except(n, *same):
+    """Distances of n maps: 0.5 between each two, and nearly 0 between given pairs."""
     distances = np.full((n, n), 0.5) - 0.5 * np.eye(n)
     for i, j in same:
         distances[i, j] = distances[j, i] = 0.001
@@ -81,7 +81,7 @@ def test_the_order_of_the_candidates_does_not_matter(candidates, orientation, ra
     random.shuffle(shuffled)
     for landmarks in (False, True):
         one, other = (
-            rank_candidates(each, orientation, SETTINGS, landmarks) for each in (candidates, shuffled)
+            rank_candidates(order, orientation, SETTINGS, landmarks) for order in (candidates, shuffled)
         )
         assert one == other
 
@@ -105,12 +105,12 @@ def test_where_only_the_other_side_was_found_it_contends():
 
 def test_of_fits_that_coincide_one_is_kept_for_the_hypothesis_of_least_residual():
     fits = [Fit(1.0, residual=0.3), Fit(1.05, residual=0.1), Fit(1.1, residual=0.2)]
-    assert select_survivors(fits, apart(3, (0, 1)), SETTINGS, True, False) == [(0, 1), (2, 2)]
+    assert select_survivors(fits, distances_except(3, (0, 1)), SETTINGS, True, False) == [(0, 1), (2, 2)]
 
 
 def test_the_eligible_fit_of_least_score_wins():
     fits = [Fit(1.0, score=3.0), Fit(1.0, score=1.0), Fit(1.0, score=2.0)]
-    chosen = select(fits, [True, False, True], apart(3), NOWHERE, 4)
+    chosen = select(fits, [True, False, True], distances_except(3), NOWHERE, 4)
     assert chosen.best is fits[2]
     assert chosen.others == (fits[1], fits[0])
     assert chosen.runner_up == pytest.approx(0.5), "one that may not win fits better"
@@ -120,17 +120,17 @@ def test_the_eligible_fit_of_least_score_wins():
 
 
 def test_one_that_was_compared_with_nothing_has_no_runner_up():
-    alone = select([Fit(1.0)], [True], apart(1), NOWHERE, 1)
+    alone = select([Fit(1.0)], [True], distances_except(1), NOWHERE, 1)
     assert np.isnan(alone.runner_up)
     assert np.isnan(alone.mirrored)
-    assert select([Fit(1.0)], [True], apart(1), NOWHERE, 2).runner_up == inf
+    assert select([Fit(1.0)], [True], distances_except(1), NOWHERE, 2).runner_up == inf
 
 
 def test_a_variant_of_the_winner_is_no_runner_up():
     fits = [Fit(1.0, score=1.0), Fit(1.0, score=1.1), Fit(1.0, score=1.5, orientation=-0.9)]
-    chosen = select(fits, [True] * 3, apart(3, (0, 1)), NOWHERE, 4)
+    chosen = select(fits, [True] * 3, distances_except(3, (0, 1)), NOWHERE, 4)
     assert (chosen.runner_up, chosen.mirrored) == (pytest.approx(1.5), pytest.approx(1.5))
-    alone = select(fits[:2], [True] * 2, apart(2, (0, 1)), NOWHERE, 4)
+    alone = select(fits[:2], [True] * 2, distances_except(2, (0, 1)), NOWHERE, 4)
     assert alone.runner_up == inf
     assert alone.against is None
 
@@ -141,7 +141,7 @@ fits = st.builds(
 
 
 def several(items, least=1):
-    return st.lists(items, min_size=least, max_size=6, unique_by=lambda each: each.score)
+    return st.lists(items, min_size=least, max_size=6, unique_by=lambda fit: fit.score)
 
 
 @given(several(fits), st.randoms())
@@ -172,7 +172,7 @@ def test_a_winner_that_fits_better_still_wins_and_no_less_clearly(made):
 @given(st.lists(st.tuples(st.floats(0.1, 10), st.floats(0, 0.5)), min_size=1, max_size=6))
 def test_priors_decide_ties_and_nothing_else(fits):
     made = [Fit(1.0, score=score, prior_error=error) for score, error in fits]
-    chosen = select(made, [True] * len(made), apart(len(made)), NOWHERE, 4)
+    chosen = select(made, [True] * len(made), distances_except(len(made)), NOWHERE, 4)
     best = min(score for score, _ in fits)
     tied = [fit for fit in made if fit.score <= BOUNDS.tie * best]
     assert chosen.best in tied
@@ -230,7 +230,7 @@ def test_of_maps_that_beat_each_other_in_a_ring_the_one_that_loses_least_wins(or
     early = HERE < 50
     images = [HERE, HERE + 5 * early, HERE + 5 * ~early]
     descriptor_distances = [np.where(early, *values) for values in ((0.2, 0.5), (0.5, 0.3), (0.6, 0.3))]
-    ordered = ([each[i] for i in order] for each in (images, descriptor_distances))
+    ordered = ([arrays[i] for i in order] for arrays in (images, descriptor_distances))
     costs = weigh_costs([1.0] * 3, *ordered, line, [True] * 3, 2.0)
     assert order[int(np.argmin(costs))] == 2
     assert sorted(costs)[:2] == pytest.approx([1.0, 1.0])

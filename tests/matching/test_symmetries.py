@@ -94,7 +94,7 @@ def test_copies_of_symmetric_shapes_are_ambiguous(name):
     mesh = SYMMETRIC[name]()
     found = match(mesh, disguised(mesh, seed=1).mesh)
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
-    assert all("rotation" in each for each in found.symmetries)
+    assert all("rotation" in words for words in found.symmetries)
 
 
 @pytest.mark.long
@@ -153,7 +153,7 @@ def test_mirror_images_are_variants_only_where_either_side_is_allowed(brick):
 
 
 def individual(asymmetry, longer=0.0):
-    """A body that half a turn maps onto itself but for one bump; another individual is longer on one side."""
+    """A body with a half turn as a near-symmetry, except for one bump; longer on one side if asked."""
     sphere = icosphere(3)
 
     def bump(*at):
@@ -186,8 +186,8 @@ def test_a_map_is_ambiguous_if_individuals_differ_more_than_the_sides_of_one(asy
         (found.map, np.arange(len(sphere))),
         *((a.map, half_turn) for a in found.alternatives),
     ]:
-        apart = target.mesh.vertices[map_.vertices] - target.mesh.vertices[target.new_vertex[right]]
-        assert np.linalg.norm(apart, axis=1).mean() < 0.1 * np.sqrt(target.mesh.area)
+        offset = target.mesh.vertices[map_.vertices] - target.mesh.vertices[target.new_vertex[right]]
+        assert np.linalg.norm(offset, axis=1).mean() < 0.1 * np.sqrt(target.mesh.area)
 
 
 @pytest.mark.long

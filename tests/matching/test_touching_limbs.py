@@ -67,6 +67,6 @@ def test_sheets_may_be_left_together(pair):
 
 def test_given_distances_say_what_is_connected(pair):
     mesh = pair.given.target
-    apart = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices, axis=2)
-    given = prepare(mesh, Config(n_columns=20, rank=10), distances=apart)
+    distances = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices, axis=2)
+    given = prepare(mesh, Config(n_columns=20, rank=10), distances=distances)
     assert given.body.n_vertices == mesh.n_vertices

@@ -22,9 +22,9 @@ def parts():
     """Parts of two poses of an asymmetric quadruped, and the image of each vertex of the first, −1 where it has none."""
     first, second = (creature(1500, triangulation=i, pose=i) for i in (1, 2))
     target, new = relabelled(second.mesh, 0)
-    here, there = cut(first.mesh, 0.4, seed=0), cut(target, 0.4, seed=2)
-    image = there.damaged_vertex[new[ground_truth(first, second).vertices][here.original]]
-    return here.mesh, there.mesh, image
+    one, other = cut(first.mesh, 0.4, seed=0), cut(target, 0.4, seed=2)
+    image = other.damaged_vertex[new[ground_truth(first, second).vertices][one.original]]
+    return one.mesh, other.mesh, image
 
 
 @pytest.fixture(scope="module")
@@ -66,12 +66,13 @@ def test_the_other_way_round(parts):
     source, target, truth = parts
     back = np.full(target.n_vertices, -1)
     back[truth[truth >= 0]] = np.flatnonzero(truth >= 0)
-    there = match(target, source, config=FEW, relation=TwoParts).map
-    known = there.matched & (back >= 0)
+    backward = match(target, source, config=FEW, relation=TwoParts).map
+    known = backward.matched & (back >= 0)
     shape = prepare(source)
     assert known.sum() > 0.85 * (back >= 0).sum()
     assert (
-        shape.mean_distance(shape.body_vertex[there.vertices[known]], shape.body_vertex[back[known]]) < 0.06
+        shape.mean_distance(shape.body_vertex[backward.vertices[known]], shape.body_vertex[back[known]])
+        < 0.06
     )
 
 
@@ -105,7 +106,7 @@ def test_labels_and_place_do_not_matter(parts, landmarks, led):
     either, both = led.map.matched | again.map.matched, led.map.matched & again.map.matched
     assert both.sum() > 0.95 * either.sum()
     shape = prepare(turned)
-    images = (shape.body_vertex[each] for each in (new[led.map.vertices[both]], again.map.vertices[both]))
+    images = (shape.body_vertex[image] for image in (new[led.map.vertices[both]], again.map.vertices[both]))
     assert shape.mean_distance(*images) < 0.02
 
 
@@ -132,5 +133,5 @@ def test_parts_of_two_animals_are_no_sure_match(parts):
     for one in found.alternatives:  # which differ where both have images
         assert one.map.shape == found.map.shape
         both = found.map.matched & one.map.matched
-        images = (target.body_vertex[each.vertices[both]] for each in (found.map, one.map))
+        images = (target.body_vertex[map_.vertices[both]] for map_ in (found.map, one.map))
         assert not both.any() or target.mean_distance(*images) > 0.1

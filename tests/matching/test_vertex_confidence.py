@@ -46,8 +46,8 @@ def disturbed(pair, turn):
         + np.cross(axis, around) * np.sin(turn)
         + np.outer(around @ axis, axis) * (1 - np.cos(turn))
     )
-    apart = np.linalg.norm(around[None] - turned[:, None], axis=2)
-    image[patch] = patch[apart.argmin(axis=1)]
+    distances = np.linalg.norm(around[None] - turned[:, None], axis=2)
+    image[patch] = patch[distances.argmin(axis=1)]
     return PrecisePoints.at_vertices(image), patch
 
 
@@ -92,9 +92,9 @@ def test_a_runner_up_casts_doubt_where_it_differs(pair):
     image = pair.target.sample_vertices[np.arange(len(rows)) % len(pair.target.sample_vertices)]
     runner_up = image.copy()
     runner_up[:5] = np.roll(image[:5], 1)
-    apart = pair.target.distances.distance(image[:5], runner_up[:5])
+    distance = pair.target.distances.distance(image[:5], runner_up[:5])
     tied = doubt_of(pair, image, runner_up, 1.0)
-    np.testing.assert_allclose(tied[rows[:5]], np.maximum(apart, 0) / 2)
+    np.testing.assert_allclose(tied[rows[:5]], np.maximum(distance, 0) / 2)
     assert not tied[rows[5:]].any()
     clear, better, none = (doubt_of(pair, image, runner_up, ratio) for ratio in (2.0, 0.5, np.inf))
     assert clear.max() < 0.01 * tied.max()

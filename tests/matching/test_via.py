@@ -48,8 +48,8 @@ def test_what_both_fragments_show_is_found_and_matched(fragments, found):
     image, has = found.map.vertices, truth >= 0
     both, either = (image >= 0) & has, (image >= 0) | has
     assert source.vertex_areas[both].sum() > 0.8 * source.vertex_areas[either].sum()
-    apart = np.linalg.norm(target.vertices[image[both]] - target.vertices[truth[both]], axis=1)
-    assert apart.mean() < 0.04 * np.sqrt(target.area)
+    distance = np.linalg.norm(target.vertices[image[both]] - target.vertices[truth[both]], axis=1)
+    assert distance.mean() < 0.04 * np.sqrt(target.area)
     assert found.outcome is Outcome.PARTIAL
 
 

@@ -71,7 +71,7 @@ def test_turned_over_twice_is_the_same(part):
     shape = prepare(part)
     turned = turned_over(turned_over(shape))
     assert np.array_equal(turned.mesh_body.faces, shape.mesh_body.faces)
-    normals = (each.mesh_body.vertex_normals for each in (turned_over(shape), shape))
+    normals = (prepared.mesh_body.vertex_normals for prepared in (turned_over(shape), shape))
     np.testing.assert_allclose(next(normals), -next(normals), atol=1e-12)
 
 
