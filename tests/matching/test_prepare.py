@@ -172,7 +172,7 @@ def test_values_are_lifted_to_the_users_vertices_and_back(example, shape):
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["matrix", "function", "engine"])
 def test_given_distances_take_the_place_of_the_engine(kind):
-    """Distances are in the user's units and between the user's vertices, one of which is not in the body."""
+    """Distances have the user's units and vertices; one vertex is not in the body."""
     made = creature(1500).mesh
     mesh = Mesh(np.vstack([[9, 9, 9], 3 * made.vertices]), made.faces + 1)
     n = mesh.n_vertices
