@@ -1,4 +1,4 @@
-"""From two surfaces to a map: strategies are tried, each under its model, and the map that verifies best is taken."""
+"""From two surfaces to a map: strategies, models, and the choice between maps."""
 
 from isomatch._core.first_use import names_at_first_use
 

@@ -1,4 +1,4 @@
-"""Bending a shape onto another one by a map: the positions of its vertices, and how much it is stretched."""
+"""Bending a shape onto another one by a map, and measures of the bent shape."""
 
 from __future__ import annotations
 
@@ -53,17 +53,17 @@ class BentShape:
 
     @property
     def images(self) -> Int[BodyVertices, "n"]:
-        """For each vertex of the shape, the nearest corner of the triangle that contains its point."""
+        """For each vertex of the shape, the nearest corner of the triangle of its point."""
         nearest = self.points.barycentric.argmax(axis=1)
         return BodyVertices(self.points.corners[np.arange(len(nearest)), nearest])
 
     # Two measures tell how well a map can bend the shape, over edges e and vertices i:
     #     s = mean_e |log(|e| bent / |e| at rest)|     stretch
     #     g = mean_i |y_i − p_i|                       gap between the bent shape and the surface
-    # A right map between poses stretches only joints. A map that exchanges limbs needs a large s, or,
-    # where the shape resists, leaves a large g. The product has one unit for all maps of a pair and
-    # needs no weight. Of the scores compared on elastic maps, it separates wrong maps from right ones
-    # by the largest ratio (docs/lab/design_notes.md, the choice).
+    # A right map between poses stretches only joints. A map that exchanges limbs needs a large s,
+    # or, where the shape resists, leaves a large g. The product has one unit for all maps of a pair
+    # and needs no weight. Of the scores compared on elastic maps, it separates wrong maps from
+    # right ones by the largest ratio (docs/lab/design_notes.md, the choice).
     @property
     def stretch(self) -> float:
         """Mean |log| of the stretch of the edges."""
@@ -72,10 +72,10 @@ class BentShape:
 
     @property
     def turning(self) -> float:
-        """Mean angle, in radians, between rotations of neighbouring vertices, each fitted to two rings of edges."""
-        # This variation is an energy in Levi & Gotsman, Smooth rotation enhanced as-rigid-as-possible
-        # mesh animation, 2015. A wrong map may stretch as little as a right one, but turns joints the
-        # other way.
+        """Mean angle in radians between rotations of neighbours, each fitted to two rings."""
+        # This variation is an energy in Levi & Gotsman, Smooth rotation enhanced
+        # as-rigid-as-possible mesh animation, 2015. A wrong map may stretch as little as a right
+        # one, but turns joints the other way.
         i, j = self.rest.edges.T
         before, after = (mesh.vertices[j] - mesh.vertices[i] for mesh in (self.rest, self.mesh))
         n, ends = self.rest.n_vertices, (np.concatenate([i, j]), np.concatenate([j, i]))
@@ -100,19 +100,19 @@ class BentShape:
 class Bending:
     """Bends a shape onto surfaces: at a lower resolution, and then at full resolution."""
 
-    # Let x_i be the vertices of the shape at rest, a_i their areas, and p_i the points of the surface
-    # to which a map sends them. The bent shape y minimises
+    # Let x_i be the vertices of the shape at rest, a_i their areas, and p_i the points of the
+    # surface to which a map sends them. The bent shape y minimises
     #     Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − c_i R_i (x_i − x_j)|²,
     # where R_i are rotations, and c_i = 1, or a scale in [1/c, c] if pieces may grow (as similar as
     # possible instead of as rigid as possible). The second sum is from Sorkine & Alexa
-    # (As-rigid-as-possible surface modeling, SGP 2007). For fixed rotations, let x̂ minimise it. Then y
-    # satisfies
+    # (As-rigid-as-possible surface modeling, SGP 2007). For fixed rotations, let x̂ minimise it.
+    # Then y satisfies
     #     (1 + ℓ² Δ) (y − x̂) = p − x̂,
-    # so y differs from x̂ only by a version of p − x̂ that is smooth on the scale ℓ, and errors of the
-    # map on smaller scales have no effect. The lengths ℓ decrease from a third of √area, where limbs
-    # move as wholes, to a twentieth. Between two lengths, p_i moves to the nearest point of the
-    # surface, in space and normals. A hard landmark has the weight π ℓ² of a disc of radius ℓ instead
-    # of a_i, so that it moves the piece on which it lies.
+    # so y differs from x̂ only by a version of p − x̂ that is smooth on the scale ℓ, and errors of
+    # the map on smaller scales have no effect. The lengths ℓ decrease from a third of √area, where
+    # limbs move as wholes, to a twentieth. Between two lengths, p_i moves to the nearest point of
+    # the surface, in space and normals. A hard landmark has the weight π ℓ² of a disc of radius ℓ
+    # instead of a_i, so that it moves the piece on which it lies.
     def __init__(self, shape: Mesh, n_vertices: int) -> None:  # the shape has area 1
         self._coarse = Prolongation(shape, decimate(shape, n_vertices))
         self._coarse_registration = RigidRegistration(self._coarse.coarse.mesh, keeps=True)
@@ -144,7 +144,7 @@ class Bending:
         return bend_onto(self._full_registration, bent.onto, start, lengths, landmarks, most_scaled)
 
     def images(self, bent: BentShape, vertices: Int[IntArray, "q"]) -> Int[BodyVertices, "q"]:
-        """Map vertices of the shape to the nearest vertices of the surface, after coarse bending."""
+        """Map vertices to the nearest vertices of the surface, after coarse bending."""
         corners, weights = self._coarse.on_coarse
         points = PrecisePoints(corners[vertices], weights[vertices])
         onto, bent_points = with_normals(bent.onto.mesh), points.interpolated(with_normals(bent.mesh))
@@ -173,7 +173,8 @@ def bend_onto(
 class ElasticBending(Bending):
     """Bends one shape of a pair onto the other one."""
 
-    # back: whether the target is bent onto the source; landmarks: pairs of source and target vertices
+    # back: whether the target is bent onto the source; landmarks: pairs of source and target
+    # vertices
     def __init__(
         self, shape: PreparedShape, onto: PreparedShape, n_vertices: int, back: bool, landmarks: BodyVertices
     ) -> None:
@@ -189,7 +190,7 @@ class ElasticBending(Bending):
         held: Int[BodyVertices, "q 2"] | None = None,
         most_scaled: float = 1.0,
     ) -> BentShape:
-        """Bend the shape coarsely, starting from nearest points in coordinates; ``held`` pairs are landmarks, too."""
+        """Bend coarsely, starting from nearest points; ``held`` pairs are further landmarks."""
         of_shape, of_surface = coordinates[::-1] if self._back else coordinates
         start = self._onto.mesh.vertices[self._onto.index.vertices(of_surface, of_shape[self.vertices])]
         pairs = self._landmarks if held is None else np.concatenate([self._landmarks, held])
@@ -206,7 +207,7 @@ class ElasticBending(Bending):
         return self.bend_in_full(bent, lengths, self._hard_landmarks(self._landmarks), most_scaled)
 
     def pairs(self, bent: BentShape) -> Int[BodyVertices, "n 2"]:
-        """Pairs of all vertices of the bent shape and their images, as source and target vertices."""
+        """Pairs of all vertices and their images, as source and target vertices."""
         both = np.column_stack([self._all_vertices, self.images(bent, self._all_vertices)])
         return BodyVertices(both[:, ::-1] if self._back else both)
 

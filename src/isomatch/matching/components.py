@@ -1,4 +1,4 @@
-"""Shapes of several components, such as bodies with eyes and clothes: find partners, and make one map of all."""
+"""Shapes of several components, such as bodies with eyes: find partners, make one map."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class _Components:
         self.failed: list[str] = []  # notes on components between which no map was found
 
     def match_large(self) -> tuple[list[ComponentMatch], bool]:
-        """Match the largest components, and similar ones; also say whether another assignment fits as well."""
+        """Match the large components; also say whether another assignment fits as well."""
         rows, columns = (self._runners_up(side) for side in (self.sources, self.targets))
         joined = self.priors.joined[: len(rows), : len(columns)]
         if len(rows) == len(columns) == 1:
@@ -92,7 +92,7 @@ class _Components:
         return [i for i, shape in enumerate(side[: COMPONENTS.max_runners_up]) if shape.share >= least]
 
     def match_carried(self, matches: list[ComponentMatch]) -> list[ComponentMatch]:
-        """Match the remaining components that lie near a partner when matched components carry them."""
+        """Match the remaining components that lie near a partner when they are carried along."""
         rows = numbers_without(self.sources, [match.pair.source for match in matches])
         columns = numbers_without(self.targets, [match.pair.target for match in matches])
         carrier = Carrier.of([match.solution for match in matches])
@@ -106,7 +106,7 @@ class _Components:
         return [match for i, j in partners if (match := self._try_match(i, j, carrier))]
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
-        """Return the cost of two partners by place, size and spectrum; negative if priors join them."""
+        """Cost of two partners by place, size and spectrum; negative if priors join them."""
         joined = self.priors.joined
         if joined[i].any() or joined[:, j].any():
             return -float(joined[i, j]) if joined[i, j] else NO_PARTNERS
@@ -134,7 +134,7 @@ class _Components:
             return None
 
     def _match(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
-        """Match two components, by themselves or starting from the place to which one is carried."""
+        """Match two components, by themselves or starting from where one is carried."""
         pair = replace(self.pair, source=self.sources[i], target=self.targets[j])
         priors = self.priors.on(pair)
         with self.timer.within(f"component {i + 1}"):
@@ -146,8 +146,9 @@ class _Components:
 
     def _match_near_place(self, pair: Problem, carrier: Carrier) -> ComponentMatch:
         """Match two components that are close when one is carried along."""
-        # A rigid component, such as an eye or a helmet, lies where it is carried; any other map starts
-        # there. If the component is close to what carries it, its place decides between symmetric maps.
+        # A rigid component, such as an eye or a helmet, lies where it is carried; any other map
+        # starts there. If the component is close to what carries it, its place decides between
+        # symmetric maps.
         is_held = carrier.gap(pair.target) <= COMPONENTS.max_held_distance
         placed = self._place_rigidly(pair, carrier)
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
@@ -172,7 +173,7 @@ class _Components:
         return ComponentMatch(by_place, "symmetric by itself, decided by its place")
 
     def _place_rigidly(self, pair: Problem, carrier: Carrier) -> Solution | None:
-        """Carry a component rigidly and map it to the nearest points; None if it does not fit there."""
+        """Carry a component rigidly to the nearest points; None if it does not fit there."""
         moved, target = carrier.move_rigidly(pair.source), cast(Mesh, pair.target.body).vertices
         points = pair.target.index.points(target, moved)
         gap = np.linalg.norm(points.interpolation(len(target)) @ target - moved, axis=1)
@@ -186,7 +187,7 @@ class _Components:
 
 
 def _assignment_rank(matches: list[ComponentMatch]) -> tuple[int, int, float]:
-    """Sort key of an assignment, least for the best: number of pairs, then the least sure one, then residuals."""
+    """Sort key of an assignment: number of pairs, then the least sure one, then residuals."""
     residuals = np.nan_to_num([match.solution.quality.spectral_residual for match in matches], nan=np.inf)
     sureness = min(match.solution.outcome.sureness for match in matches)
     spread = np.std([np.log(match.pair.source.scale / match.pair.target.scale) for match in matches])
@@ -272,7 +273,7 @@ def compose_matches(
 
 
 def _find_unpartnered(side: str, matched: list[PreparedShape], pair: Problem) -> tuple[float, list[str]]:
-    """Find the unmatched components of a shape: their share of its area or vertices, and a note on each."""
+    """Find unmatched components of a shape: their share of area or vertices, and notes."""
     components = components_of(getattr(pair, side))
     unmatched = [components[i] for i in numbers_without(components, matched)]
     notes = [
@@ -360,7 +361,7 @@ class ComponentPriors:
 
 @dataclass(frozen=True, eq=False)
 class Carrier:
-    """A motion of space that follows a map: near each point it moves rigidly with the closest matched points."""
+    """A motion of space that follows a map: rigid near each point, as matched points move."""
 
     points: Float[FloatArray, "m 3"]  # matched points of the source, in units of its shape
     images: Float[FloatArray, "m 3"]  # their images, in units of the target
@@ -390,27 +391,27 @@ class Carrier:
         return carry_along(samples, self.points, self.images, scale=self.scale, mirrored=self.side < 0)
 
     def gap(self, target: PreparedShape) -> float:
-        """Distance of a component of the target from the surface that carries it, in √area of the component."""
+        """Distance of a component from the surface that carries it, in √area of the component."""
         centre = _positions(target, self.units[1]).mean(axis=0)
         return float(cKDTree(self.images).query(centre)[0] * self.units[1] / target.scale)
 
     def offset(self, centre: FloatArray, target: PreparedShape) -> float:
-        """Distance between a carried centre and the centre of a component, over √area of the component × (1 + gap)."""
+        """Distance of a carried centre from a component, in its √area × (1 + gap)."""
         shift = centre - _positions(target, self.units[1]).mean(axis=0)
         return float(np.linalg.norm(shift) / ((1 + self.gap(target)) * target.scale / self.units[1]))
 
     def move_rigidly(self, source: PreparedShape) -> Float[FloatArray, "n 3"]:
-        """Turn the body of a component rigidly as it is carried; its centre stays at 0 and its area 1."""
+        """Turn the body of a component rigidly as it is carried, about its centre."""
         body, moved = cast(Mesh, source.body).vertices, self.move(source)
         covariance = body[source.sample_vertices].T @ (moved - moved.mean(axis=0))
         return np.asarray(body @ nearest_rotation(covariance, self.side < 0))
 
     def length_ratio(self, source: PreparedShape, target: PreparedShape) -> float:
-        """√area of a component when it is carried along, over √area of a component of the target."""
+        """√area of a carried component over √area of a component of the target."""
         return self.scale * source.scale / self.units[0] / (target.scale / self.units[1])
 
     def image(self, source: PreparedShape, target: PreparedShape) -> Int[UserVertices, "n_source"]:
-        """Carry the samples of a component and map them to the nearest of its partner; −1 at other vertices."""
+        """Map carried samples of a component to the nearest of its partner; others to −1."""
         moved, samples = self.move(source), _positions(target, self.units[1])
         nearest = cKDTree(samples - samples.mean(axis=0)).query(moved - moved.mean(axis=0))[1]
         image = np.full(source.surface.n_vertices, UNMATCHED)

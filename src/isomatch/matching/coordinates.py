@@ -1,4 +1,4 @@
-"""Joint coordinates: functions, signatures and positions under a map, in which images are nearest points."""
+"""Joint coordinates: functions, signatures and positions in which images are nearest points."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def iterate_images(
     coordinates: Callable[[M, S], Embedding],
     nearest: Callable[[Embedding, S], tuple[IntArray, M]],
 ) -> tuple[M, float]:
-    """Alternate coordinates and nearest points; return the images and the mean distance of nearest vertices."""
+    """Alternate coordinates and nearest points; return images and mean distance of vertices."""
     spectral_residual = np.inf
     for step in steps:
         embedding = coordinates(image, step)
@@ -72,7 +72,7 @@ def refine_images(
 
 
 def register_map(pair: SmoothPair, image: Int[BodyVertices, "r"], side: float, smooth: bool) -> Embedding:
-    """Coordinates of all vertices of both bodies under a map, with all functions, after registration."""
+    """Joint coordinates of all vertices of both bodies, after registration."""
     settings, k = pair.config.refining, pair.n_functions
     all_vertices = np.arange(pair.source.body.n_vertices)
     embedding = joint_coordinates(pair, PrecisePoints.at_vertices(image), k, side, all_vertices)
@@ -100,18 +100,20 @@ def joint_coordinates(
     They are spectral coordinates of the first k functions, signatures, and, unless ``side`` is 0, positions and
     normals. O(n K²).
     """
-    # Let f be the map of the refinement vertices R, and Φ the Laplace–Beltrami functions (K columns).
+    # Let f be the map of the refinement vertices R, and Φ the Laplace–Beltrami functions (K
+    # columns).
     #   F = arg min ‖Φ_s[R, :k] F − Φ_t[f, :k]‖   (k, k): functional map (Ovsjanikov et al. 2012)
-    #   c = arg min ‖Φ_s[R, :k] c − x_t[f]‖       (k, 3): target positions as functions on the source
-    # The indicator of a vertex has the row of Φ as coefficients, and F carries the row of f(i) to the
-    # row of i. So the spectral coordinates, for k grown by 5 as in ZoomOut (Melzi et al. 2019), are
+    #   c = arg min ‖Φ_s[R, :k] c − x_t[f]‖       (k, 3): target positions on the source
+    # The indicator of a vertex has the row of Φ as coefficients, and F carries the row of f(i) to
+    # the row of i. So the spectral coordinates, for k grown by 5 as in ZoomOut (Melzi et al. 2019),
+    # are
     #   Φ_s[i]  and  Φ_t[f(i)] Fᵀ.
     # Positions and normals are further columns, as in Smooth Shells (Eisenberger et al. 2020):
     #   Φ_s c  and  Φ_t Φ_t⁺ x_t,
-    # which is the target drawn on the source, and the target, both smoothed to k functions. Both come
-    # from the target, so the pose of the source does not matter. A mirror image turns the drawn copy
-    # inside out, so side = −1 turns its normals.
-    # The factor 1/√k makes the mean square of the spectral columns independent of k.
+    # which is the target drawn on the source, and the target, both smoothed to k functions. Both
+    # come from the target, so the pose of the source does not matter. A mirror image turns the
+    # drawn copy inside out, so side = −1 turns its normals. The factor 1/√k makes the mean square
+    # of the spectral columns independent of k.
     settings, source, target = pair.config.refining, pair.source, pair.target
     basis, onto = pair.spectra.source, target.triangles
     with_positions = side != 0 and source.triangles is not None and onto is not None

@@ -1,4 +1,4 @@
-"""Exchange of regions: a map takes regions, such as two legs, from other maps that verify better there."""
+"""Exchange of regions: a map takes regions, such as two legs, from other maps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from isomatch.surfaces import connected_regions, label_components
 def exchange_regions(
     pair: Problem, image: Int[BodyVertices, "n_s"], cost: float, others: Sequence[Int[BodyVertices, "n_s"]]
 ) -> Int[BodyVertices, "n_s"] | None:
-    """Take regions from other maps while the known cost of a map falls; None if no exchange lowers it."""
+    """Take regions from other maps while the cost of a map falls; None if it never does."""
     exchange = _Exchange(pair, others)
     best = image
     for _ in range(EXCHANGE.max_exchanges if np.isfinite(cost) else 0):
@@ -39,7 +39,7 @@ class _Exchange:
         self.mesh, self.areas = pair.source.mesh_body, pair.source.body.vertex_areas / pair.source.body.area
 
     def moves(self, image: BodyVertices) -> Iterator[BodyVertices]:
-        """Take regions from other maps, unless their images look unlike them or cost more at a low resolution."""
+        """Take regions from other maps, unless images look unlike them or the coarse cost rises."""
         cost, distances = self.coarse(image).cost, self.verifier.descriptor_distances(image)
         for other, other_distances in self.others:
             for region in self._regions(image, other):
@@ -53,7 +53,7 @@ class _Exchange:
                         yield BodyVertices(moved)
 
     def _regions(self, image: BodyVertices, other: BodyVertices) -> list[IntArray]:
-        """Find connected regions in which maps differ, and unions of regions that take each other's images."""
+        """Find regions in which maps differ, joining those that take each other's images."""
         both = (image >= 0) & (other >= 0)
         differs = np.zeros(len(image), dtype=bool)
         differs[both] = self.pair.target.distance(image[both], other[both]) > EXCHANGE.other_place

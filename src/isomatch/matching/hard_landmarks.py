@@ -1,4 +1,4 @@
-"""Landmarks that hold: a map is bent smoothly around landmarks until their images are their targets."""
+"""Landmarks that hold: a map is bent smoothly until their images are their targets."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class _LandmarkWarp:
     def bend(
         self, landmarks: Int[UserVertices, "m 2"], tolerance: float
     ) -> tuple[Correspondence, Float[FloatArray, "m"]]:
-        """Move the images of landmarks to their targets; return the map, and the former errors in √area."""
+        """Move images of landmarks to their targets; return map and former errors in √area."""
         body, coordinates = _full_body(self._target), _coordinates(self._target)
         axes = slice(None if isinstance(body, Graph) else 3)
         rows, goal_vertices = landmarks[:, 0], self._target_vertex[landmarks[:, 1]]
@@ -134,13 +134,13 @@ def _coordinates(shape: PreparedShape) -> Float[FloatArray, "n_full q"]:
 def _weights(
     shape: PreparedShape, landmarks: Int[IntArray, "m"], gap: float
 ) -> Float[FloatArray, "n_full m"]:
-    """Weights with which vertices follow each landmark: 1 at it, 0 at other landmarks and far away."""
+    """Weights with which vertices follow a landmark: 1 at it, 0 at others and far away."""
     # Shifts are interpolated by heat kernels of width w on the source,
     #     h(i, l) = Σ_j e^{−λ_j w² / 2} φ_j(i) φ_j(l),
-    # each column divided by its peak. With H the kernel between landmarks, W = h H⁺ is 1 at one landmark
-    # and 0 at the others. W ≥ 0 and Σ W ≤ 1 are enforced, so that no vertex moves farther than a
-    # landmark. The width grows with the gap, so that no face turns over, but is at most the distance
-    # between landmarks.
+    # each column divided by its peak. With H the kernel between landmarks, W = h H⁺ is 1 at one
+    # landmark and 0 at the others. W ≥ 0 and Σ W ≤ 1 are enforced, so that no vertex moves farther
+    # than a landmark. The width grows with the gap, so that no face turns over, but is at most the
+    # distance between landmarks.
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     points = PrecisePoints.at_vertices(landmarks)
     if shape.detail:

@@ -1,4 +1,4 @@
-"""`judge`: whether a map of any tool is right, by comparison with another map of the same shapes."""
+"""`judge`: whether a map of any tool is right, compared with another map."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def judge(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Judge whether a map of any tool is right, by comparison with isomatch's own map or another reference.
+    """Judge whether a map of any tool is right, compared with isomatch's own or another map.
 
     Both maps are verified, see `verify`, and compared vertex by vertex. A map is wrong if it sends a region to a
     different place and costs clearly more than the reference. It is right if it agrees with the reference almost
@@ -219,7 +219,7 @@ class _Comparison:
     def _regions(
         self, differs: BoolArray, distance: FloatArray, areas: FloatArray
     ) -> Iterator[DoubtfulRegion]:
-        """Find connected regions in which the maps differ, largest first, with vertices sorted by distance."""
+        """Find connected regions in which maps differ, largest first, farthest vertices first."""
         source, (_, other) = self.pair.source, self.images
         found = connected_regions(source.mesh_body.edges, differs, areas)
         for members, share in islice(found, JUDGING.max_regions):

@@ -1,4 +1,4 @@
-"""Maps during a match: candidates, which are first maps, and fits, which a model refines and measures."""
+"""Maps during a match: candidates, which are first maps, and fits, which are refined."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from isomatch.correspondence import Alignment
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A first map of the search vertices, after iterative closest points, and its measures once it is screened.
+    """A first map of the search vertices after closest points, with measures once screened.
 
     Parameters
     ----------

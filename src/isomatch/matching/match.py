@@ -1,4 +1,4 @@
-"""`match`, `match_both`, `continue_with`: prepare two shapes, and match them or their components."""
+"""`match`, `match_both`, `continue_with`: match two shapes, or their components."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def _complete_problem(
     starts: Sequence[Start] | None,
     relation: Callable[[Problem], MatchingModel[Any, Any]] | None,
 ) -> Problem:
-    """Add functions, refinement, starts and relation to a problem; the settings name the default refinement."""
+    """Add functions, starts, relation, and a refinement, by default from the settings."""
     return replace(
         problem,
         functions=known_functions(problem.source, problem.target, functions, problem.config),
@@ -344,7 +344,7 @@ def _reverse_priors(problem: Problem, user_priors: UserPriors) -> UserPriors:
 
 
 def _reverse_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Problem) -> list[Candidate]:
-    """Invert the refined maps, best first, and the best candidates, as maps of the target's search vertices."""
+    """Invert refined maps, best first, and the best candidates, on the search vertices."""
     fits = isometric.ranking.best, *isometric.ranking.others
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
     tried = [fit.candidate.alignment for fit in fits if fit.candidate]
@@ -370,7 +370,7 @@ def continue_with(
     landmarks: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> MatchResult:
-    """Refine an alternative of a result and measure it; the previous map becomes the first alternative.
+    """Refine an alternative of a result; the previous map becomes the first alternative.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A model claims how two shapes are related, and finds, refines, ranks and measures maps under this claim."""
+"""A model claims how two shapes are related, and finds and measures maps under this claim."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Match(Generic[M, C]):
 
 
 class MatchingModel(ABC, Generic[M, C]):
-    """A claim about two shapes, and the steps that find, refine, rank, measure and sum up maps under this claim.
+    """A claim about two shapes, and the steps of a match under this claim.
 
     A model is built from one problem and serves only that; `match_under` calls its methods one after the other.
     """
@@ -112,7 +112,7 @@ class MatchingModel(ABC, Generic[M, C]):
 
     @abstractmethod
     def image(self, best: M) -> Int[BodyVertices, "n_s"]:
-        """Approximate image of each vertex of the source's body: vertex of the target's body, or −1."""
+        """Approximate image of each vertex of the source's body, or −1."""
 
     def verified(self, best: M) -> Verification:
         """Verify a map, see `verify`; this cost decides between maps that tie."""
@@ -131,15 +131,15 @@ class MatchingModel(ABC, Generic[M, C]):
         """Sum up a measured map, with the evidence for it, expected errors and alternatives."""
 
     def complete(self, match: Match[M, C], solution: Solution, timer: StageTimer) -> Solution:
-        """Do for the map that is returned what ``sum_up`` left undone while other strategies were tried."""
+        """Do for the returned map what ``sum_up`` omits while strategies are tried."""
         return solution
 
     def require_suitable(self) -> None:
-        """Raise an `IsomatchError` unless the shapes, the priors and the settings suit the model."""
+        """Raise an `IsomatchError` unless shapes, priors and settings suit the model."""
         self.require_priors()
 
     def require_sides(self) -> None:
-        """Raise `SettingError` unless the shapes have an inside and an outside, which the map should preserve."""
+        """Raise `SettingError` unless shapes have an inside, and the orientation is kept."""
         name, orientation = type(self).__name__, self.pair.config.orientation
         if not self.pair.oriented:
             raise SettingError(
@@ -153,7 +153,7 @@ class MatchingModel(ABC, Generic[M, C]):
             )
 
     def require_no_descriptors(self, shapes: str) -> None:
-        """Raise `DescriptorError` if descriptors were given, because ``shapes`` have no functions in common."""
+        """Raise `DescriptorError` if there are descriptors: ``shapes`` share no functions."""
         if self.priors.has_functions:
             raise DescriptorError(
                 f"initial descriptors were given, but relation = {type(self).__name__} cannot use them: {shapes} cannot "
@@ -170,7 +170,7 @@ class MatchingModel(ABC, Generic[M, C]):
 
     @property
     def searches_by_anchors(self) -> bool:
-        """Whether a part or an elastic map is searched by anchors, and not only from other starts or priors."""
+        """Whether a part or elastic map is searched by anchors, not only other starts or priors."""
         starts, config, priors = self.problem.starts, self.pair.config, self.priors
         only_given = config.hypotheses == "given"
         # landmarks are used as anchors, unless only a complete map that is also given may win
@@ -180,7 +180,7 @@ class MatchingModel(ABC, Generic[M, C]):
         return not only_given and (starts is None or starts_from_anchors in starts)
 
     def first_maps_handed_in(self) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
-        """First maps from the user's starts, for a part or an elastic map; none if only priors may win."""
+        """First maps of the user's starts, or none if only priors may win."""
         starts = () if self.pair.config.hypotheses == "given" else self.problem.starts or ()
         return first_maps_of([start for start in starts if start not in default_starts], self.problem)
 
@@ -213,7 +213,7 @@ class RefiningModel(MatchingModel[F, C]):
         return self.pair.refinement_vertices
 
     def refine(self, fits: Sequence[F]) -> list[F]:
-        """Refine maps by the refinement of the match, in rounds of the model if it asks for these."""
+        """Refine maps by the refinement of the match, in rounds if it asks for these."""
         if self.refinement.in_rounds:
             return self.refine_jointly(fits)
         return parallel_map(self._refine_by_user, fits)
@@ -223,7 +223,7 @@ class RefiningModel(MatchingModel[F, C]):
         return self.refine_jointly_again(fit) if self.refinement.in_rounds else self._refine_by_user(fit)
 
     def _refine_by_user(self, fit: F) -> F:
-        """Refine a map by a refinement that does not use the model, check the images, and measure the map."""
+        """Refine a map by a refinement that ignores the model, and check and measure the result."""
         image = np.asarray(self.refinement(self.pair, fit))
         n_mapped, n_target = len(self.vertices), self.target.body.n_vertices
         expected = f"expected ({n_mapped},) vertices of a body of {n_target} vertices"
@@ -237,7 +237,7 @@ class RefiningModel(MatchingModel[F, C]):
         return SettingError(f"the refinement {type(self.refinement).__name__} {how}")
 
     def everywhere(self, fit: F) -> Embedding:
-        """Coordinates of all vertices by the refinement of the match; `SettingError` if their shapes are wrong."""
+        """Coordinates of all vertices by the refinement; `SettingError` if shapes are wrong."""
         embedding = Embedding(*self.refinement.everywhere(self.pair, fit, partial(self.embedding, fit)))
         sizes = self.source.body.n_vertices, self.target.body.n_vertices
         shapes = tuple(np.shape(points) for points in embedding)
@@ -249,7 +249,7 @@ class RefiningModel(MatchingModel[F, C]):
         return embedding
 
     def descriptor_distance(self, fit: F) -> Float[FloatArray, "r"]:
-        """Descriptor distance of each mapped vertex and its image, see `BallSignature`; nan where unknown."""
+        """Descriptor distance of each mapped vertex and its image; nan where unknown."""
         of_source, of_target = self.source.balls, self.target.balls
         if of_source is None or of_target is None:
             return np.full(len(self.vertices), np.nan)
@@ -260,7 +260,7 @@ class RefiningModel(MatchingModel[F, C]):
         return deviation_of(*(shape.balls for shape in (self.source, self.target) if shape.balls))
 
     def weigh(self, fits: Sequence[F], costs: Sequence[float], eligible: Sequence[bool]) -> list[float]:
-        """Weigh the costs of maps by their descriptor distance where they differ, see `weigh_costs`."""
+        """Weigh costs by descriptor distances where maps differ, see `weigh_costs`."""
         if not self.descriptor_weight:
             return list(costs)
         distances, weight = parallel_map(self.descriptor_distance, fits), self.descriptor_weight
@@ -282,11 +282,11 @@ class RefiningModel(MatchingModel[F, C]):
 
     @abstractmethod
     def measure_fit(self, fit: F, image: Int[BodyVertices, "r"]) -> F:
-        """Replace the images of a fit, and measure the spectral residual and the score of the new map."""
+        """Replace the images of a fit; measure spectral residual and score."""
 
     @abstractmethod
     def embedding(self, fit: F) -> Embedding:
-        """Coordinates of all vertices of both bodies, in which the image of a vertex is the nearest point."""
+        """Coordinates of all vertices of both bodies in which images are nearest points."""
 
 
 def origin_of(problem: Problem, winner: Fit) -> str:

@@ -77,8 +77,8 @@ class ScreeningParameters:
     sure_fraction: float = 0.75  # fraction of outcome.poor_…
     # maps of the orientation that is not allowed are refined for comparison; chosen
     max_mirrored: int = 3  # maps
-    # a shape with at least this many rotations is round: no automatic map can be told from the others;
-    # discs and balls have 11 to 40, bodies at most 6
+    # a shape with at least this many rotations is round: no automatic map can be told from the
+    # others; discs and balls have 11 to 40, bodies at most 6
     min_rotations_of_round: int = 11  # symmetries
 
 
@@ -218,8 +218,8 @@ class PartUnitParameters:
     unit_step_ratio: float = 1.1  # ratio: of consecutive units that are tried
     # the smallest part if the units of the files say nothing; single views show 16 % and more
     min_area_share: float = 0.1  # share of the whole's area
-    # the unit differs from the unit of the files at most by this factor; remeshed bodies of one person
-    # in FAUST differ by up to 1.2
+    # the unit differs from the unit of the files at most by this factor; remeshed bodies of one
+    # person in FAUST differ by up to 1.2
     max_unit_ratio: float = 1.4  # ratio
     # a part is no larger than the whole; the excess allows for errors of the measurement
     max_unit: float = 1.05  # √area of the whole
@@ -257,8 +257,8 @@ class PartSearchParameters:
     ball_radii: tuple[float, ...] = (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9)  # √area
     ball_tolerance: float = 0.15  # share: areas of balls may differ by this
     max_ball_cost: float = 0.7  # cost: the area of a ball costs at most this
-    # a unit that differs from the unit of the files costs this × the squared logarithm of the ratio;
-    # chosen on single views, not measured
+    # a unit that differs from the unit of the files costs this × the squared logarithm of the
+    # ratio; chosen on single views, not measured
     unit_change_weight: float = 0.05  # cost
     # regions are grown from this many anchors; chosen with all below on single views
     n_roots: int = 24  # anchors
@@ -472,7 +472,8 @@ class ErrorsParameters:
     # the mean of a neighbourhood is known if this share of it is known; chosen
     min_known_share: float = 0.5  # share of a neighbourhood
     min_region_area: float = 0.005  # share of the surface: smaller ones are not named; chosen: half a hand
-    # vertices that look unlike their images have this error; docs/lab/benchmarks.md, regions of doubt
+    # vertices that look unlike their images have this error; docs/lab/benchmarks.md, regions of
+    # doubt
     unlike_error: float = 0.5  # mean error over √(area of the region)
     max_named_landmarks: int = 5  # landmarks: named in a note; chosen
     # normals are compared on surfaces smoothed to this many functions; chosen with

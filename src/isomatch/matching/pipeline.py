@@ -29,7 +29,7 @@ def search_under(model: MatchingModel[M, C], timer: StageTimer | None = None) ->
 
 
 def finish(match: Match[M, C], timer: StageTimer, is_last: bool = True) -> Solution:
-    """Compute precise images, measure the map and sum it up; complete it if no other strategy follows."""
+    """Compute precise images, measure and sum up the map; complete it if it is the last."""
     if match.model.last_stage:
         timer.start(match.model.last_stage)
     _ = match.coordinates  # computed now, so that their time counts for this stage

@@ -1,4 +1,4 @@
-"""Priors of the user: landmarks, another method's map and functions, checked and carried to the bodies."""
+"""Priors of the user: landmarks, another method's map, functions; on the bodies."""
 
 from __future__ import annotations
 
@@ -99,7 +99,8 @@ class Priors:
         if initial_map is not None:
             image = checked_initial_map(initial_map, *sizes)
             pairs = UserVertices(np.column_stack([np.arange(sizes[0]), image])[image != UNMATCHED])
-            # where vertices were merged into one of a coarser body, its nearest vertex counts, or the first
+            # where vertices were merged into one of a coarser body, its nearest vertex counts, or
+            # the first
             is_farther = source.user_vertex[source.body_vertex[pairs[:, 0]]] != pairs[:, 0]
             order = np.argsort(is_farther, kind="stable")
             _, joined = _on_bodies(source, target, UserVertices(pairs[order]))
@@ -230,7 +231,7 @@ def known_functions(
     functions: tuple[ArrayLike, ArrayLike] | None,
     config: Config,
 ) -> Embedding | None:
-    """Check and weigh the functions given to `match`; `DescriptorError` if they do not fit the shapes."""
+    """Check and weigh functions given to `match`; `DescriptorError` if they do not fit."""
     if functions is None:
         return None
     sides = (numbers_of(values, "functions", DescriptorError) for values in functions)

@@ -1,4 +1,4 @@
-"""The problem of a match: two prepared shapes, priors of their map, and how maps are proposed and refined."""
+"""The problem of a match: two shapes, priors, and how maps are proposed and refined."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 
 Start: TypeAlias = "Callable[[Problem], Iterable[IntArray]]"
-"""Proposes first maps of a problem: arrays (q, 2) of vertices of both bodies that may correspond."""
+"""Proposes first maps of a problem: arrays (q, 2) of vertices of both bodies."""
 
 
 class Refinement(ABC):
@@ -47,9 +47,9 @@ class Refinement(ABC):
     """
 
     searches_further: ClassVar[bool] = True
-    """Whether a match also searches maps of parts, elastic maps, and alternatives to maps from priors."""
+    """Whether maps of parts, elastic maps, and alternatives to priors are searched, too."""
     polishes: ClassVar[bool] = False
-    """Whether the map of a large mesh is refined by joint coordinates on a finer level, after it is carried there."""
+    """Whether the map of a large mesh is refined by joint coordinates on a finer level."""
     in_rounds: ClassVar[bool] = False
     """Whether each model refines in its own rounds, and drops hopeless maps after each."""
     smooth: ClassVar[bool] = False
@@ -57,13 +57,13 @@ class Refinement(ABC):
 
     @abstractmethod
     def __call__(self, problem: Problem, fit: Fit) -> Int[IntArray, "r"]:
-        """Refine one map, ``fit.image``: vertices of the target's body for ``problem.refinement_vertices``.
+        """Refine ``fit.image``: target vertices for ``problem.refinement_vertices``.
 
         Return the refined images; the model measures them. In a match of a part, the source of ``problem`` is the part.
         """
 
     def everywhere(self, problem: Problem, fit: Fit, coordinates: Callable[[], Embedding]) -> Embedding:
-        """Coordinates of all vertices in which images are nearest points; by default the model decides."""
+        """Coordinates of all vertices in which images are nearest points."""
         return coordinates()
 
 
@@ -219,17 +219,17 @@ class Problem(SmoothPair):
 
     @property
     def limbless(self) -> bool:
-        """Whether a shape has too few extremities to determine a map, or both have a long boundary."""
+        """Whether a shape has too few extremities for a map, or both have a long boundary."""
         return self.both_open or not self.extremity_assignments
 
     @property
     def sideless(self) -> bool:
-        """Whether the target has symmetries but no inside, so that rotations look like mirror images."""
+        """Whether the target has symmetries but no inside, so rotations look like mirror images."""
         return bool(self.target.symmetries) and self.target.one_sided
 
     @property
     def round(self) -> bool:
-        """Whether both shapes have many rotations, as if they had a continuous group of them, like a ball."""
+        """Whether both shapes seem to have a continuous group of rotations, like a ball."""
         symmetries = self.source.symmetries, self.target.symmetries
         n_rotations = [sum(symmetry.orientation >= 0 for symmetry in group) for group in symmetries]
         return min(n_rotations) >= SCREENING.min_rotations_of_round
@@ -252,13 +252,13 @@ class Problem(SmoothPair):
     def distances_between_maps(
         self, target_row: Int[SearchRows, "m_s"], others: Sequence[Int[SearchRows, "m_s"]]
     ) -> Float[FloatArray, "q"]:
-        """Mean geodesic distance between the images of a map and the images of each other map, in √area."""
+        """Mean geodesic distance between images of a map and of each other map, in √area."""
         if not others:
             return np.zeros(0)
         return np.asarray(self._target_row_distances[np.array(others), target_row].mean(axis=1))
 
     def inverted(self, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_t"]:
-        """Invert a map: for each search vertex of the target, find the row whose image is nearest."""
+        """Invert a map: for each target search vertex, find the row with the nearest image."""
         return SearchRows(self._target_row_distances[:, target_row].argmin(axis=1))
 
     def differs(
@@ -269,7 +269,7 @@ class Problem(SmoothPair):
 
 
 def name_of(handed_in: object) -> str:
-    """Name of a start or a relation: the name of its class, or of its function without "starts_from_"."""
+    """Name of a start or relation: its class, or its function without "starts_from_"."""
     function = getattr(handed_in, "func", handed_in)  # the function of a `functools.partial`
     return str(getattr(function, "__name__", type(function).__name__)).removeprefix("starts_from_")
 
@@ -286,7 +286,7 @@ def prepare_pair(
     seed: int = 0,
     timer: StageTimer | None = None,
 ) -> Problem:
-    """Prepare two shapes in parallel, unless they are prepared, and make a problem of them. Errors as of `match`.
+    """Prepare two shapes in parallel, unless they are prepared. Errors as of `match`.
 
     By default, a prepared shape decides the settings. The problem has no priors and refines by `Joint`, whatever the
     settings name; `dataclasses.replace` sets priors, refinement, starts and relation.

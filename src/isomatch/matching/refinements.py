@@ -30,7 +30,7 @@ from isomatch.surfaces import Mesh
 
 
 class Smooth(Joint):
-    """The joint refinement with more steps of registration: its maps are smooth and nearly one to one."""
+    """The joint refinement with more registration: its maps are smooth, nearly one to one."""
 
     smooth: ClassVar[bool] = True
 
@@ -76,10 +76,10 @@ def descriptor_embedding(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> E
 def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
     """Post-process a map by iterative closest points in the Laplace–Beltrami basis."""
     # In the post-processing of Shamai & Kimmel 2017, the functional map F is orthogonal and has its
-    # final size from the start. Here F is fitted by least squares, because it is not orthogonal where
-    # shapes stretch, and grows as in Melzi et al. 2019. Small first sizes repair large errors of the
-    # start, larger ones keep limbs separate. Several are tried up to a middle size; the map of least
-    # energy that keeps the orientation of the start grows on.
+    # final size from the start. Here F is fitted by least squares, because it is not orthogonal
+    # where shapes stretch, and grows as in Melzi et al. 2019. Small first sizes repair large errors
+    # of the start, larger ones keep limbs separate. Several are tried up to a middle size; the map
+    # of least energy that keeps the orientation of the start grows on.
     settings, spectra, vertices = pair.config.refining, pair.spectra, pair.refinement_vertices
     weights = pair.source.laplace.weights
     rows = spectra.nearest(start.target, start.source[vertices])

@@ -156,7 +156,7 @@ def _restore_fields(summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
-    """Make the settings of `match`, or of a baseline that was imported; no module named in a file is imported."""
+    """Make the settings of `match` or of an imported baseline; a file imports nothing."""
     kinds = [Settings]
     for kind in kinds:
         kinds.extend(kind.__subclasses__())
@@ -233,7 +233,7 @@ class MatchResult(Shown):
     target_size: float = math.nan
 
     def __str__(self) -> str:
-        """Say what was found, how sure it is and what to do, see `isomatch.visualization.summary_of`."""
+        """Say what was found, how sure it is and what to do."""
         return str(visualization().summary_of(self))
 
     def __repr__(self) -> str:
@@ -241,16 +241,16 @@ class MatchResult(Shown):
 
     @property
     def confidence(self) -> FloatArray:
-        """(n_source,) confidence in each image: 1 for no expected error, ½ for 0.05 √area; nan where unmatched."""
+        """(n_source,) confidence in each image: ½ at an expected error of 0.05 √area."""
         return 1 / (1 + self.expected_error / HALF_CONFIDENCE_ERROR)
 
     @property
     def overlap(self) -> tuple[float, float]:
-        """Shares of source and target that correspond: ``quality.matched`` and ``quality.coverage``."""
+        """Shares that correspond: ``quality.matched`` and ``quality.coverage``."""
         return self.quality.matched, self.quality.coverage
 
     def plot(self, source: SurfaceLike = None, target: SurfaceLike = None, **options: Any) -> Figure:
-        """Draw both surfaces side by side, with the same colour at corresponding points, see `Correspondence.plot`."""
+        """Draw both surfaces side by side, with the same colour at corresponding points."""
         return self.map.plot(source, target, **options)
 
     def show(
@@ -261,7 +261,7 @@ class MatchResult(Shown):
         landmarks: ArrayLike | None = None,
         height: int = 720,
     ) -> Any:
-        """Show both shapes in 3D in a notebook, with layers of colour and landmarks to click, as in the report.
+        """Show both shapes in 3D in a notebook, with layers of colour and landmarks to click.
 
         Parameters
         ----------
@@ -281,11 +281,11 @@ class MatchResult(Shown):
         return visualization().show_result(self, *surfaces, landmarks=landmarks, height=height)
 
     def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
-        """Bend the source onto the target, see `isomatch.wrap`; `MapError` if other surfaces were matched."""
+        """Bend the source onto the target, see `isomatch.wrap`; `MapError` for other surfaces."""
         return wrap(self.map, source, target).mesh
 
     def to_pyvista(self, source: SurfaceLike = None, target: SurfaceLike = None) -> Any:
-        """Make a ``pyvista.PolyData`` of the source mesh, with images and expected errors as point data."""
+        """Make a ``pyvista.PolyData`` of the source, with images and expected errors."""
         values = {"image": self.map.vertices, "expected error": self.expected_error}
         mesh = mesh_from(self.map.surfaces(source, target)[0])
         return to_pyvista(
@@ -293,7 +293,7 @@ class MatchResult(Shown):
         )
 
     def save(self, path: str | Path) -> None:
-        """Write the result, with its alternatives, to an ``.npz`` file; `Correspondence.load` reads its map."""
+        """Write the result to an ``.npz`` file; `Correspondence.load` reads its map."""
         stacked = {}
         for name in MAP_ARRAYS:
             array = getattr(self.map, name)
@@ -362,7 +362,7 @@ class MatchResult(Shown):
 
     @classmethod
     def from_dict(cls, summary: dict[str, Any], found: Correspondence, config: MatchSettings) -> MatchResult:
-        """Restore a result from ``to_dict``, without alternatives and the expected errors of vertices."""
+        """Restore a result from ``to_dict``, without alternatives and expected errors."""
         quality = {name: math.nan if value is None else value for name, value in summary["quality"].items()}
         return cls(
             map=found,
@@ -376,7 +376,7 @@ class MatchResult(Shown):
         )
 
     def _describe_errors(self) -> dict[str, float | None]:
-        """Mean and 95th percentile of the expected error; share of vertices whose confidence is below ½."""
+        """Mean and 95th percentile of expected errors; share of confidences below ½."""
         errors = self.expected_error[np.isfinite(self.expected_error)]
         if not len(errors):
             return {"mean": None, "p95": None, "below_half": None}
@@ -417,7 +417,7 @@ class MatchResult(Shown):
 
 
 class Outcome(Shown, Enum):
-    """How a match ended; ``advice`` says what it means and what to do. If several apply, it is the first of them."""
+    """How a match ended; ``advice`` says what to do. If several apply, it is the first."""
 
     PRIORS_CONTRADICTED = "priors contradicted"
     MIRROR_IMAGE = "mirror image"

@@ -1,4 +1,4 @@
-"""Selection among maps: which differ, which are refined, which are kept, which wins, and which is the runner-up."""
+"""Selection among maps: which differ, which are refined, which wins, and the runner-up."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def keep_distinct(
     most: int | None = None,
     before: Sequence[V] = (),
 ) -> list[T]:
-    """Keep the first maps that differ from each other and from the images ``before``, at most ``most``."""
+    """Keep the first maps, at most ``most``, that differ from each other and ``before``."""
     kept: list[T] = []
     images = list(before)
     for candidate in maps:
@@ -61,8 +61,8 @@ def rank_candidates(
     def rank(candidate: Candidate, wanted: Orientation = orientation) -> int:
         return _orientation_rank(candidate, wanted, settings)
 
-    # without landmarks: first the wanted orientation, then unclear ones, then the other orientation;
-    # within each group by energy
+    # without landmarks: first the wanted orientation, then unclear ones, then the other
+    # orientation; within each group by energy
     if not landmarks:
         return sorted(candidates, key=lambda c: (rank(c), c.energy))
     slack = min((c.landmark_error for c in candidates), default=0.0) + TIES.landmark_slack
@@ -76,7 +76,7 @@ def rank_candidates(
 def select_contenders(
     order: Sequence[Candidate], orientation: Orientation, settings: SelectionSettings
 ) -> list[Candidate]:
-    """Select candidates for refinement: of comparable energy, and not clearly of the other orientation."""
+    """Select candidates for refinement: comparable in energy, not of the other orientation."""
     if not order:
         return []
     # where limbs touch, a right map may have a small orientation through few functions, so a
@@ -112,7 +112,7 @@ def select_survivors(
     with_normals: bool,
     both_sides: bool,
 ) -> list[tuple[int, int]]:
-    """Select the fits that are refined further: the index of each, best first, and of the candidate it represents."""
+    """Select the fits to refine further: index of each, and of the candidate it represents."""
     indices, oriented = range(len(fits)), settings.orientation_threshold
     # without normals, a twisted map may fit well: it does not set the limit, and replaces no other
     clear = [i for i in indices if with_normals or abs(fits[i].orientation) > oriented] or list(indices)
@@ -148,9 +148,9 @@ def weigh_costs(
     eligible: Sequence[bool],
     weight: float,
 ) -> list[float]:
-    """Weigh the costs of maps by the descriptor distance of their images, where they differ from the best map."""
-    # Let two maps i, j differ in a region R, where their images are > MAP_DISTANCE.other_place apart.
-    # With m̄ the mean descriptor distance over R, they are compared by
+    """Weigh costs of maps by descriptor distances where they differ from the best map."""
+    # Let two maps i, j differ in a region R, where their images are > MAP_DISTANCE.other_place
+    # apart. With m̄ the mean descriptor distance over R, they are compared by
     #   c_i / c_j · exp(w (m̄_i − m̄_j)),
     # so that comparing j with i gives the inverse. docs/lab/design_notes.md
     n = len(costs)
@@ -163,7 +163,8 @@ def weigh_costs(
                 exponent[i, j] = weight * differences[region].mean()
                 exponent[j, i] = -exponent[i, j]
     # R depends on the pair, so three maps may beat each other in a cycle. The best is the eligible
-    # map with the least worst ratio, min_i max_j c_i exp(e_ij) / c_j; all costs are weighed against it.
+    # map with the least worst ratio, min_i max_j c_i exp(e_ij) / c_j; all costs are weighed against
+    # it.
     weighed = np.array(costs)[:, None] * np.exp(exponent)
     ratios = weighed / np.maximum(costs, np.finfo(float).tiny)
     may_win = sorted(np.flatnonzero(eligible).tolist(), key=lambda i: costs[i])
@@ -216,7 +217,8 @@ class Ranking(Generic[M]):
 
     best: M
     others: tuple[M, ...]  # all others, best first
-    # score of the runner-up over the winner's; 1: tie, inf: no other map is close, nan: none was tried
+    # score of the runner-up over the winner's; 1: tie, inf: no other map is close, nan: none was
+    # tried
     runner_up: float
     mirrored: float  # score of the best map of the other orientation over the winner's
     against: M | None = None  # the runner-up: the best map that differs from the winner
@@ -234,7 +236,7 @@ def select(
     far_shares: Float[FloatArray, "q q"] | None = None,  # of vertices that two maps send far apart
     n_tried: int = 2,
 ) -> Ranking[R]:
-    """Select the eligible map of least score; among maps that tie with it, one nearest to the priors."""
+    """Select the eligible map of least score; priors decide among maps that tie with it."""
     costs = [fit.score for fit in fits] if scores is None else list(scores)
     noisy = [max(cost, rules.score_noise) for cost in costs]
     may_win = [i for i in range(len(fits)) if eligible is None or eligible[i]]

@@ -46,7 +46,7 @@ class SmoothPair:
 
     @cached_property
     def spectra(self) -> SpectralPair:
-        """The Laplace–Beltrami bases of both shapes, for maps from refinement vertices to target vertices."""
+        """The Laplace–Beltrami bases, for maps from refinement vertices to target vertices."""
         return SpectralPair(
             self.source.sampled_basis(self.source.config.n_refine),
             self.target.laplace.vectors,
@@ -60,5 +60,5 @@ class SmoothPair:
 
     @property
     def oriented(self) -> bool:
-        """Whether both shapes have an inside and an outside, so that normals and curvature can be compared."""
+        """Whether both shapes have an inside, so that normals and curvature can be compared."""
         return self.source.triangles is not None and self.target.triangles is not None

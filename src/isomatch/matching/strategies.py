@@ -1,4 +1,4 @@
-"""Solve a problem of connected shapes: strategies are tried until one is sure, and the best verified map is returned."""
+"""Solve a problem of connected shapes: try strategies, and return the best verified map."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Strategy:
 
 
 def part_of(problem: Problem) -> PartSide | Literal["both"] | None:
-    """Say which shape is a part of the other; "both" if they are parts of a body that neither shows."""
+    """Say which shape is a part of the other; "both" if they are parts of one body."""
     # a part has a long boundary; maps of parts preserve the orientation
     config, shapes = problem.config, (problem.source, problem.target)
     searches_further = problem.refinement.searches_further and config.orientation == "preserve"
@@ -115,7 +115,7 @@ def has_own_distances(problem: Problem) -> bool:
 
 
 def handles_of(problem: Problem) -> tuple[int, int]:
-    """Count the handles of both shapes that may come from self-contacts; 0 if these are not looked for."""
+    """Count the handles of both shapes, if they may come from self-contacts."""
     settings = problem.config.preparation
     looks_for_contacts = (
         problem.oriented and problem.refinement.searches_further and settings.self_contact_concavity
@@ -150,7 +150,7 @@ def _cap_holes(problem: Problem, timer: StageTimer) -> Isometry:
 
 
 def _cut_self_contacts(problem: Problem, most: tuple[int, int], timer: StageTimer) -> Isometry | None:
-    """Cut the shapes along their self-contacts, at most ``most`` of each, and cap them; None if there is none."""
+    """Cut the shapes along at most ``most`` self-contacts, and cap them; None without any."""
     timer.start("prepare")
     shapes = problem.source, problem.target
     variants = [cut_shape(shape, n) for shape, n in zip(shapes, most)]
@@ -161,7 +161,7 @@ def _cut_self_contacts(problem: Problem, most: tuple[int, int], timer: StageTime
 
 
 def _cut_creases(problem: Problem, before: IsometricMatch | None, timer: StageTimer) -> Isometry | None:
-    """Cut the shape that has more handles along its creases, or along those that an earlier map tears."""
+    """Cut the shape with more handles along its creases, or those that a map tears."""
     # a natural fold is a crease, too; if both of its sides have close images, it is no self-contact
     surplus, shapes = surplus_of(problem), (problem.source, problem.target)
     side = int(surplus[1] > surplus[0])
@@ -184,21 +184,21 @@ def _open_limbs(problem: Problem, timer: StageTimer) -> Part | None:
 
 
 def _elastic(problem: Problem, attempts: Attempts, timer: StageTimer) -> Elastic | None:
-    """Let limbs stretch, starting from the best isometry; None if that fits and hardly stretches."""
+    """Let limbs stretch, starting from the best isometry; None if that is good enough."""
     elastic = Elastic(problem, attempts.matches[ISOMETRIC.name])
     timer.start("bending")
     return None if elastic.is_needless else elastic
 
 
 def _part_from_closed(problem: Problem, attempts: Attempts) -> Part:
-    """Take one shape for a part, and start from the map with the holes capped instead of a search."""
+    """Take one shape for a part, and start from the map with the holes capped."""
     match, side = attempts.matches[CAPPED.name], cast(PartSide, part_of(problem))
     origin = origin_of(problem, match.ranking.best)
     return Part(problem, side, (image_of(match, side), origin, match.ranking.runner_up))
 
 
 def _may_be_searched_from_target(problem: Problem) -> bool:
-    """Whether isometries may also be searched from the target: without priors and starts of the user."""
+    """Whether isometries may be searched from the target: no priors, no user's starts."""
     return problem.starts is None and problem.refinement.searches_further and problem.is_sided
 
 
@@ -430,7 +430,7 @@ def _match_by_relation(problem: Problem, timer: StageTimer) -> Solution:
 
 
 def _select_verified(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
-    """Select the map that verifies best, and among those that tie the surest; its lead limits how sure it is."""
+    """Select the map that verifies best, and the surest of ties; limit its lead."""
     timer.start("quality")
     solutions, target = attempts.solutions, problem.target
     images = [on_bodies(problem, UserVertices(solution.map.vertices)) for solution in solutions]
@@ -461,7 +461,7 @@ def _select_verified(problem: Problem, attempts: Attempts, timer: StageTimer) ->
 
 
 def _mirror_image_fits(problem: Problem, capped: IsometricMatch, cost: float, timer: StageTimer) -> bool:
-    """Whether the mirror image of the source verifies clearly better, if one shape is a part of the other."""
+    """Whether the mirror image of the source verifies clearly better, for a part."""
     # the best map between the capped shapes that reverses the orientation is refined as a part
     if problem.priors.any:
         return False
@@ -478,7 +478,7 @@ def _mirror_image_fits(problem: Problem, capped: IsometricMatch, cost: float, ti
 
 
 def side_to_turn(problem: Problem) -> Literal["source", "target"] | None:
-    """Say which shape seems to be inside out, if only one does; two such shapes agree with each other."""
+    """Say which shape seems to be inside out, if only one of them does."""
     if problem.config.orientation == "any" or not problem.oriented:
         return None
     source, target = problem.source.seems_inside_out, problem.target.seems_inside_out
@@ -486,7 +486,7 @@ def side_to_turn(problem: Problem) -> Literal["source", "target"] | None:
 
 
 def solve(problem: Problem, timer: StageTimer) -> Solution:
-    """Match two shapes; if only one seems to be inside out, also turn its faces over, and keep the better map."""
+    """Match two shapes; if one seems inside out, also turn its faces, and keep the better map."""
     side = side_to_turn(problem)
     if side is None:
         return try_strategies(problem, Attempts(), timer)

@@ -88,7 +88,7 @@ class Verification(Shown):
 
     @property
     def cost(self) -> float:
-        """√(bending × bending back) × (turning / 0.1)^¼ × exp(6 × descriptor distance) / support²: lower is better."""
+        """√(bending × back) × (turning / 0.1)^¼ × exp(6 × descriptor distance) / support²."""
         bending = np.sqrt(self.bending * self.bending_back)
         if not (self.support and np.isfinite(bending)):
             return np.inf
@@ -166,7 +166,7 @@ def prepare_meshes(
 
 
 def images_of(map: Correspondence | ArrayLike | str | Path, pair: Problem) -> Int[UserVertices, "n_source"]:
-    """Target vertex of each source vertex, from a map, an array or a file; `MapError` if it does not fit."""
+    """Read target vertices from a map, an array or a file; `MapError` if they do not fit."""
     sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
     if isinstance(map, (str, Path)):
         map = read_map(map, *sizes[::-1]).map
@@ -177,7 +177,7 @@ def images_of(map: Correspondence | ArrayLike | str | Path, pair: Problem) -> In
 
 
 def on_bodies(pair: Problem, vertices: Int[UserVertices, "n_source"]) -> Int[BodyVertices, "n_s"]:
-    """Turn a map between the users' vertices into one between the bodies; −1 where there is no image."""
+    """Turn a map of the users' vertices into one of the bodies; −1 without an image."""
     image = vertices[pair.source.user_vertex]
     return BodyVertices(np.where(image >= 0, pair.target.body_vertex[image], UNMATCHED))
 
@@ -205,7 +205,7 @@ class Verifier:
         self.unit = ratio if is_trusted else 1.0
 
     def __call__(self, image: Int[BodyVertices, "n_s"]) -> Verification:
-        """Verify a map: vertex of the target's body for each of the source's, −1 where it has none."""
+        """Verify a map: target vertex for each source vertex, or −1."""
         started = time.perf_counter()
         source, target = self.shapes
         matched = image >= 0
@@ -253,7 +253,7 @@ class Verifier:
         return np.where(image >= 0, distance, np.nan)
 
     def unit_of(self, image: Int[BodyVertices, "n_s"]) -> float:
-        """Measure the unit: the median ratio of distances between images and between near samples."""
+        """Measure the unit: median ratio of distances of images and of near samples."""
         source, target = self.shapes
         if self.are_whole:
             return self.unit
@@ -279,7 +279,7 @@ class Verifier:
         return RigidRegistration(self._coarse(way).coarse.mesh, keeps=True)
 
     def _bend(self, image: Int[BodyVertices, "n"], unit: float, way: int) -> tuple[float, float]:
-        """Bend the largest piece of one shape that has images: bending and turning; nan if it is too small."""
+        """Bend the largest mapped piece of one shape: bending and turning, or nan."""
         coarse, mesh = self._coarse(way), self._coarse(way).coarse.mesh
         onto = Surroundings(self._meshes[1 - way], self.shapes[1 - way].index, unit)
         images = image[coarse.nearest_members]
@@ -306,7 +306,7 @@ def _ball_signature(shape: PreparedShape, length: float) -> BallSignature:
 def invert_map(
     target: PreparedShape, image: Int[BodyVertices, "n_s"]
 ) -> tuple[Int[BodyVertices, "n_t"], Float[FloatArray, "n_t"]]:
-    """Find for each target vertex the source vertex whose image is nearest, and its distance in √area."""
+    """Find the source vertex whose image is nearest to each target vertex; its distance."""
     known = np.flatnonzero(image >= 0)[::-1]
     source_vertex = np.zeros(target.body.n_vertices, dtype=np.int64)
     source_vertex[image[known]] = known

@@ -1,4 +1,4 @@
-"""Matching through intermediate shapes: two fragments through a complete shape like both, or through one like each."""
+"""Matching through intermediate shapes: fragments through one whole, or two."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from isomatch.shapes import PreparedShape, prepare
 
 Whole: TypeAlias = "SurfaceLike | PreparedShape"
 Via: TypeAlias = "Whole | tuple[Whole, ...] | list[Whole | tuple[Whole, ...]]"
-"""A shape, a chain of shapes, or a list of alternatives of which the one that verifies best is used."""
+"""A shape, a chain of shapes, or a list of these, of which the best verified is used."""
 
 
 def chains_of(via: Via) -> list[tuple[Whole, ...]]:
@@ -40,7 +40,7 @@ def chains_of(via: Via) -> list[tuple[Whole, ...]]:
 
 
 def solve_via(problem: Problem, via: Via, solve: Callable[[Problem], Solution]) -> Solution:
-    """Match two shapes through others; if several chains are given, return the map that verifies best."""
+    """Match two shapes through others; of several chains, return the best verified map."""
     if not problem.oriented:
         raise MeshError("via: maps are composed and verified on triangles; give meshes")
     chains = [
@@ -59,13 +59,13 @@ def solve_via(problem: Problem, via: Via, solve: Callable[[Problem], Solution]) 
 def _match_along_chain(
     problem: Problem, chain: Sequence[PreparedShape], solve: Callable[[Problem], Solution]
 ) -> tuple[Solution, Verification]:
-    """Match each shape to the next, and compose the maps; the least sure map decides how sure the result is."""
+    """Match each shape to the next, and compose the maps; the least sure one counts."""
     pair, shapes = problem, [problem.source, *chain, problem.target]
     legs = [solve(replace(problem, source=source, target=target)) for source, target in pairwise(shapes)]
     image, errors = legs[0].map, legs[0].expected_error
     for leg in legs[1:]:
-        # errors of both maps are independent; the first are in √area of the intermediate shape, which
-        # is worth ``unit`` on the next one
+        # errors of both maps are independent; the first are in √area of the intermediate shape,
+        # which is worth ``unit`` on the next one
         unit = verifier_of(leg.pair).unit_of(on_bodies(leg.pair, UserVertices(leg.map.vertices)))
         largest = np.nanmax(leg.expected_error, initial=0.0)  # used next to vertices without an image
         leg_errors = image.pull_back(leg.expected_error)

@@ -26,15 +26,15 @@ MIN_LENGTH = 1e-12  # lengths and squared slopes below are not divided by
 def expected_errors(
     pair: SmoothPair, points: PrecisePoints, doubt: Float[FloatArray, "n_s"] | None = None, unit: float = 1.0
 ) -> Float[FloatArray, "n_s"]:
-    """Estimate the geodesic error of a map of bodies at each vertex, in √area of the source. O(n K²).
+    """Estimate the geodesic error of a map at each vertex, in √area of the source. O(n K²).
 
     ``doubt`` is added to it: the error expected because another map may be right. ``unit`` is what √area of the source
     is worth in √area of the target, 1 except for parts. If a map is wrong as a whole, for example exchanges left and
     right, the estimate covers only what does not fit.
     """
-    # Φ_t ∘ f maps the source into the space of the K functions; its smooth part is the fit Φ_s F. For
-    # an isometry both are equal, and F is orthogonal. If an image is displaced by δ, the residual
-    # r = Φ_t(f(i)) − Φ_s(i) F has to first order the size |∇(Φ_s F)| · δ. So
+    # Φ_t ∘ f maps the source into the space of the K functions; its smooth part is the fit Φ_s F.
+    # For an isometry both are equal, and F is orthogonal. If an image is displaced by δ, the
+    # residual r = Φ_t(f(i)) − Φ_s(i) F has to first order the size |∇(Φ_s F)| · δ. So
     #   δ(i) = ‖r‖ / |∇(Φ_s F)|                  is a length,
     #   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)        is a strain, 0 if F is orthogonal,
     # and the expected error is scale · √(δ |ε|), smoothed by the heat kernel.
@@ -64,7 +64,7 @@ def doubt_of(
 
 
 def nearest_of(shape: SmoothShape, vertices: Int[IntArray, "m"]) -> Int[SampleRows, "n_body"]:
-    """Find for each vertex of a body the nearest of given vertices along edges: its number among these."""
+    """For each vertex of a body, find the number of the nearest of given vertices along edges."""
     number = np.zeros(shape.body.n_vertices, dtype=np.int64)
     number[vertices] = np.arange(len(vertices))
     return SampleRows(number[distance_along_edges_to_nearest(shape.body, vertices)[1]])
@@ -73,7 +73,7 @@ def nearest_of(shape: SmoothShape, vertices: Int[IntArray, "m"]) -> Int[SampleRo
 def _squared_slopes(
     x: Float[FloatArray, "n k"], edges: Int[IntArray, "e 2"], lengths: Float[FloatArray, "e"]
 ) -> Float[FloatArray, "n"]:
-    """Sum of the squared slopes of all functions along edges, averaged over the edges at each vertex."""
+    """Sum of squared slopes of all functions along edges, averaged over edges at each vertex."""
     squared = np.zeros(len(edges))
     _fill_squared(x, edges, squared)
     ends = edges.ravel()
@@ -83,7 +83,7 @@ def _squared_slopes(
 
 @compiled()
 def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
-    """Sum the squared differences of all functions between the ends of each edge, without copying the functions."""
+    """Sum squared differences of all functions between the ends of each edge, without a copy."""
     for e in range(len(edges)):
         i, j = edges[e, 0], edges[e, 1]
         for c in range(x.shape[1]):
@@ -92,8 +92,9 @@ def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
 
 
 def diffuse(shape: SmoothShape, values: Float[FloatArray, "n"], radius: float) -> Float[FloatArray, "n"]:
-    """Smooth values by heat diffusion over a radius; no result is less than half the least value."""
-    # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean square distance 4 t
+    """Smooth values by heat diffusion over a radius; none falls below half the least value."""
+    # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean
+    # square distance 4 t
     laplace, time = shape.laplace, radius**2 / 4
     coefficients = np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
     return np.asarray(np.maximum(laplace.vectors @ coefficients, 0.5 * values.min()))
@@ -130,7 +131,7 @@ class DoubtfulRegion:
         return f"{self.area:.1%} of the area around vertex {self.vertices[0]}: {self.reason}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return area, size, reason, and the most doubtful vertex with its image under the other map."""
+        """Return area, size, reason, and the most doubtful vertex with its other image."""
         return {
             "area": self.area,
             "n_vertices": len(self.vertices),
@@ -152,7 +153,7 @@ def regions_of_doubt(
     descriptor_distance: Float[FloatArray, "n_s"] | None = None,  # of each vertex and its image
     tied_images: tuple[Int[BodyVertices, "r"], Int[BodyVertices, "r"]] | None = None,  # under two maps
 ) -> tuple[DoubtfulRegion, ...]:
-    """Find the connected regions of the source's body where a map is doubtful, the largest first."""
+    """Find the connected regions of the source's body where a map is doubtful, largest first."""
     source, target, bounds = pair.source, pair.target, pair.config.outcome
     doubts, runner_up = {}, None  # doubt of each vertex, by reason; a vertex is doubtful above 1
     if tied_images is not None:
@@ -220,7 +221,7 @@ def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> Float[FloatA
 
 
 def pack_regions(regions: Sequence[DoubtfulRegion]) -> dict[str, IntArray]:
-    """Make arrays for a file: sizes (r,), and concatenated vertices and runners-up (d,), −1 if there are none."""
+    """Make arrays for a file: sizes (r,), concatenated vertices and runners-up (d,), or −1."""
     vertices = [region.vertices for region in regions]
     nowhere = (np.full(len(region.vertices), UNMATCHED) for region in regions)
     runners_up = [none if r.runner_up is None else r.runner_up for r, none in zip(regions, nowhere)]

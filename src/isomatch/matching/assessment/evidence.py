@@ -64,7 +64,7 @@ def lower_outcome(outcome: Outcome, *evidence: Evidence) -> Outcome:
 def measured_evidence(
     pair: Problem, quality: Quality, wanted: Orientation, with_priors: bool = False, far: bool = False
 ) -> Evidence:
-    """Compare the measures of a map with the bounds of ``pair.config.outcome``; ``wanted`` is its orientation.
+    """Compare the measures of a map with bounds; ``wanted`` is its orientation.
 
     Priors may lead to the other orientation. If shapes are ``far`` from isometric, a right map does not keep distances,
     so the bending of the shapes is measured instead.
@@ -93,7 +93,7 @@ def measured_evidence(
 
 
 def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
-    """Whether a map of complete shapes does not keep distances, as a right map of isometric shapes does."""
+    """Whether a map does not keep distances as well as a right map of isometric shapes."""
     return (
         quality.spectral_residual > bounds.poor_spectral_residual
         or quality.residual > bounds.poor_residual
@@ -102,7 +102,7 @@ def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
 
 
 def bends_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
-    """Whether a map bends shapes too much that are far from isometric, or their descriptors disagree."""
+    """Whether a map between shapes far from isometric bends too much, or descriptors disagree."""
     bends_well = quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
     return not bends_well or quality.descriptor_distance > bounds.poor_far_descriptor_distance
 
@@ -122,13 +122,14 @@ def mirror_image_fits(quality: Quality, bounds: OutcomeSettings) -> bool:
 
 
 def contradicts(quality: Quality, bound: float) -> bool:
-    """Whether a map is farther than a bound, in √area, from its landmarks or from the initial map."""
+    """Whether a map is farther than a bound, in √area, from landmarks or initial map."""
     return quality.landmark_error > bound or quality.initial_map_error > bound
 
 
 def part_contradicts(landmark_errors: Float[FloatArray, "m"], initial_map_error: float, bound: float) -> bool:
-    """Whether the map of a part is farther than a bound from most of its landmarks, or from the initial map."""
-    # a right map may miss single landmarks: where limbs touch, the nearest vertex may be on another limb
+    """Whether the map of a part is far from most of its landmarks, or from the initial map."""
+    # a right map may miss single landmarks: where limbs touch, the nearest vertex may be on another
+    # limb
     misses_most = len(landmark_errors) and np.median(landmark_errors) > bound
     return bool(initial_map_error > bound or misses_most)
 
@@ -145,13 +146,13 @@ class PartDoubt:
     @property
     def doubt(self) -> float:
         """The score if no other map is close; it grows to infinity towards a tie."""
-        # 1 / doubt = 1 / score − 1 / score′ with score′ the score of the best different map: the evidence
-        # 1 / score for this map, less the evidence for the other
+        # 1 / doubt = 1 / score − 1 / score′ with score′ the score of the best different map: the
+        # evidence 1 / score for this map, less the evidence for the other
         return self.score / max(1 - 1 / self.runner_up, MIN_LEAD)
 
     @property
     def is_clear(self) -> bool:
-        """Whether enough distances are known, or the lead is large: otherwise a wrong map may fit as well."""
+        """Whether enough distances are known, or the lead is large enough without them."""
         return self.known_share >= self.settings.little_trusted or self.runner_up >= self.settings.clear
 
     @property
@@ -163,7 +164,7 @@ class PartDoubt:
         return Evidence(ambiguous=tied, poor=not (tied or sure), partial=True)
 
     def with_lead(self, lead: float) -> Self:
-        """Limit the lead by the lead over a map of another strategy, which costs ``lead`` times as much."""
+        """Limit the lead if a map of another strategy costs only ``lead`` times as much."""
         return replace(self, runner_up=min(self.runner_up, lead))
 
     def notes(self, with_priors: bool) -> list[str]:
@@ -197,7 +198,7 @@ class CommonDoubt:
         return np.nan
 
     def with_lead(self, lead: float) -> Self:
-        """Limit the lead by the lead over a map of another strategy, which costs ``lead`` times as much."""
+        """Limit the lead if a map of another strategy costs only ``lead`` times as much."""
         return replace(self, runner_up=min(self.runner_up, lead))
 
     @property
@@ -218,7 +219,7 @@ class CommonDoubt:
 
 
 def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float) -> tuple[Evidence, ...]:
-    """Evidence about a map that was bent until landmarks hold; if it contradicted them before, it is poor."""
+    """Evidence about a map bent until landmarks hold; poor if it contradicted them before."""
     if contradicts(quality, bound):
         return evidence
     return tuple(replace(e, contradicted=False, poor=e.poor or e.contradicted) for e in evidence)
@@ -226,7 +227,7 @@ def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A map between the users' vertices with its evidence, from which a result is made; fields as in `MatchResult`."""
+    """A map between the users' vertices with its evidence; fields as in `MatchResult`."""
 
     pair: Problem
     map: Correspondence

@@ -52,7 +52,7 @@ class Measured:
         points: PrecisePoints | None = None,
         regions: Sequence[DoubtfulRegion] = (),
     ) -> Solution:
-        """Sum up the map in the users' vertices; a vertex without an image has no expected error."""
+        """Sum up the map in the users' vertices; a vertex without image has no expected error."""
         source, between, distances = pair.source, level or pair, self.descriptor_distance
         result = between.source.correspondence(between.target, points or self.points, self.matched)
         known = None if distances is None else np.where(result.matched, source.lift(distances), np.nan)

@@ -20,7 +20,7 @@ from isomatch.surfaces import Graph, Surface, label_components
 
 
 def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] | None = None) -> Quality:
-    """Measure a map of bodies, given by the images ``points`` of source vertices, and its ranking if there is one."""
+    """Measure a map of bodies: the images ``points`` of source vertices, and its ranking."""
     source, target, settings = pair.source, pair.target, pair.config.outcome
     image = BodyVertices(points.corners[:, 0])
     vertices = pair.refinement_vertices
@@ -61,7 +61,7 @@ def descriptor_distance_of(
     image: Int[IntArray, "n_s"],
     matched: Bool[BoolArray, "n_s"] | None = None,
 ) -> Float[FloatArray, "n_s"] | None:
-    """Descriptor distance in space of each vertex and its image, nan where unknown; None without triangles."""
+    """Descriptor distance of each vertex and its image, or nan; None without triangles."""
     if source is None or target is None:
         return None
     distance = source.descriptor_distance(target.at(image), deviation_of(source, target))
@@ -84,7 +84,7 @@ def covered_share(surface: Surface, images: Int[IntArray, "q"], radius: float = 
 
 
 def _coverage(pair: Problem, points: PrecisePoints) -> float:
-    """Coverage of the target by the images of source vertices; for variants, between their originals."""
+    """Coverage of the target by the images of source vertices; of variants, between originals."""
     source, target, radius = pair.source, pair.target, pair.config.outcome.coverage_radius
     if source.original:
         n = source.original.body.n_vertices
@@ -111,7 +111,7 @@ def edge_stretch(
     unit: float = 1.0,
     matched: Bool[BoolArray, "n_s"] | None = None,
 ) -> float:
-    """Dirichlet energy of a map on edges: squared lengths of their images over their own; nan without positions."""
+    """Dirichlet energy of a map: squared lengths of edges' images over their own, or nan."""
     # Σ_e min(|f(e)|², torn |e|²) / Σ_e |e|² over edges e between matched vertices, where lengths of
     # the source are multiplied by the unit
     if isinstance(source, Graph) or images is None:
@@ -124,7 +124,7 @@ def edge_stretch(
 def torn_off_share(
     source: Surface, target_area: float, images: FloatArray | None, max_growth: float
 ) -> float:
-    """Share of the area in the largest piece that a map tears from the rest; nan without positions of images."""
+    """Share of the area in the largest piece that a map tears from the rest, or nan."""
     # an edge is torn if |f(e)| / √A_t − |e| / √A_s > max_growth; other edges connect a piece
     if isinstance(source, Graph) or images is None:
         return np.nan
@@ -158,7 +158,7 @@ def prior_errors(
 
 
 def contradicted_landmarks(pair: Problem, points: PrecisePoints) -> list[str]:
-    """Make a note that names the landmarks that a map contradicts, in the users' vertices; none if it agrees."""
+    """Make a note on the landmarks that a map contradicts, in the users' vertices."""
     priors = pair.priors
     errors = distances_to_priors(pair, BodyVertices(points.corners[:, 0]), priors.landmarks)
     contradicted = np.flatnonzero(errors > pair.config.outcome.contradiction)

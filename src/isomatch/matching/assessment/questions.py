@@ -1,4 +1,4 @@
-"""Questions: points of the source whose images, once known, decide between the map and its alternatives."""
+"""Questions: points whose images, once known, decide between a map and its alternatives."""
 
 from __future__ import annotations
 
@@ -82,7 +82,8 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
     open_pairs, asked = np.ones(len(pairs), dtype=bool), list[int]()
     to_questions = np.full(len(vertices), np.inf)  # distance to the nearest question
     for _ in range(most):
-        # pairs not yet separated count most, and all pairs a little, so that answers confirm each other
+        # pairs not yet separated count most, and all pairs a little, so that answers confirm each
+        # other
         gain = separation[open_pairs].sum(axis=0) + separation.mean(axis=0)
         gain = gain * np.minimum(to_questions / (ERRORS.question_distance * size[0]), 1.0)
         best = int(gain.argmax())

@@ -59,7 +59,8 @@ class StretchedFit(Fit):
 
     coefficients: Coefficients  # of the smooth maps both ways
     images: Images | None = None  # images of the samples of the coarse fit, both ways
-    # the source bent onto the target, and the target bent onto the source; empty before they are bent
+    # the source bent onto the target, and the target bent onto the source; empty before they are
+    # bent
     bent: tuple[BentShape, ...] = ()
     is_isometric: bool = False  # whether it is the map found under the isometric model
     is_initial_map: bool = False  # whether it is the user's initial map, which holds large pieces
@@ -179,7 +180,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return self.verified(fit).cost
 
     def image(self, best: StretchedFit) -> Int[BodyVertices, "n_s"]:
-        """Vertex of the target's body for each vertex of the source's, bent at the lower resolution."""
+        """Target vertex for each source vertex, bent at the lower resolution."""
         return self._bendings[0].images(best.bent[0], np.arange(self.source.body.n_vertices))
 
     @property
@@ -192,7 +193,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return max(shape.stretch for shape in bent) < ELASTIC_FIT.max_isometric_stretch
 
     def keeps_lengths(self, winner: StretchedFit) -> bool:
-        """Whether a winner is the isometric map and hardly stretches the shapes, so that it is kept as it is."""
+        """Whether the winner is the isometric map, hardly stretches, and so is kept as it is."""
         most = ELASTIC_FIT.max_isometric_stretch
         if self.isometric_map_fits:
             most = ELASTIC_FIT.max_isometric_stretch_of_winner
@@ -251,7 +252,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return of_source, of_target
 
     def _step(self, fit: StretchedFit, step: Step) -> StretchedFit | None:
-        """Take a coarse step; None if the map reverses the orientation, or is twisted afterwards."""
+        """Take a coarse step; None if the map reverses the orientation or is then twisted."""
         coarse = self._coarse
         images = fit.images or coarse.images(fit.coefficients)
         if images.orientation < 0:
@@ -259,8 +260,9 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         coefficients, images = coarse.run(fit.coefficients, (step,), images)
         if images.orientation < ELASTIC_SEARCH.min_orientation:
             return None
-        # score = spectral residual × (unit + asymmetry)^exponent: among equally good fits, a map that
-        # commutes with the mirror images is right; an asymmetry below the unit may come from the shapes
+        # score = spectral residual × (unit + asymmetry)^exponent: among equally good fits, a map
+        # that commutes with the mirror images is right; an asymmetry below the unit may come from
+        # the shapes
         asymmetry = ELASTIC_SEARCH.asymmetry_unit + coarse.asymmetry(images)
         penalty = asymmetry**ELASTIC_SEARCH.asymmetry_exponent
         image, residual = BodyVertices(coarse.target.targets[images.forth]), images.spectral_residual
@@ -289,7 +291,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return BodyVertices(image[self.vertices])
 
     def refine_jointly(self, fits: Sequence[StretchedFit]) -> list[StretchedFit]:
-        """Bend both shapes onto each other by each map, at a low resolution, and take nearest points as images."""
+        """Bend both shapes onto each other, at a low resolution; images are nearest points."""
         # halfway, maps with much worse scores are dropped, unless they were known before
         halfway = parallel_map(self._bend_halfway, fits)
         most = ELASTIC_FIT.hopeless_ratio * min((fit.score for fit in halfway), default=0.0)
@@ -321,7 +323,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return replace(self._bend_further(self._bend_halfway(drawn)), is_isometric=is_isometric)
 
     def embedding(self, fit: StretchedFit) -> Embedding:
-        """Joint coordinates, with positions and normals of the target and of the source bent onto it in full.
+        """Joint coordinates, with positions and normals of the target and the bent source.
 
         The smooth maps are fitted again, with all functions, to both bent shapes. By them the source is bent in full, as
         similarly as possible. Then the joint refinement takes its last step, starting from nearest points, and from a
@@ -340,7 +342,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return self._add_positions(image, positions)
 
     def _known_before(self, fit: StretchedFit, image: BodyVertices) -> Int[BodyVertices, "r"] | None:
-        """Images of the initial map, or of an isometric map that fits, if it is the same map up to details."""
+        """Images of the initial map, or of an isometric map that fits, if it is the same map."""
         if len(self.priors.initial_pairs) and fit.prior_error < MAP_DISTANCE.same_map:
             return BodyVertices(np.where(self._initial_images >= 0, self._initial_images, image))
         if self.isometric_map is None or not self.isometric_map_fits:
@@ -349,7 +351,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return self.isometric_map.image if is_same else None
 
     def _bend_in_full(self, fit: StretchedFit) -> BentShape:
-        """Bend the source onto the target in full, starting from both shapes bent at the low resolution."""
+        """Bend the source onto the target in full, starting from both coarsely bent shapes."""
         settings, bending = self.pair.config.elastic, self._bendings[0]
         pairs = np.concatenate([bending.pairs(bent) for bending, bent in zip(self._bendings, fit.bent)])
         coefficients, _ = self._fine.run(self._fine.from_pairs(BodyVertices(pairs), LAST_STEP), (LAST_STEP,))
@@ -367,7 +369,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return Embedding(*(np.hstack([x, ELASTIC_FIT.position_weight * y]) for x, y in zip(joint, positions)))
 
     def measure(self, match: Match[StretchedFit, Embedding]) -> Measured:
-        """Map vertices to the nearest points, and measure the map; an isometric map was measured before."""
+        """Map vertices to nearest points, and measure the map, unless it was measured before."""
         ranking, winner = match.ranking, match.ranking.best
         if self.found and self.keeps_lengths(winner):
             before = self.found.measured
@@ -396,8 +398,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
 
 def _score(bent: tuple[BentShape, ...]) -> float:
-    # √(s g · s′ g′), see `BentShape`. Both directions count: the source bends well onto a target even if
-    # one limb of the target is left out
+    # √(s g · s′ g′), see `BentShape`. Both directions count: the source bends well onto a target
+    # even if one limb of the target is left out
     source, target = bent
     return max(float(np.sqrt(source.bending_cost * target.bending_cost)), MIN_SCORE)
 

@@ -1,4 +1,4 @@
-"""Smooth maps between shapes that stretch: first maps, the fit of maps in both directions, and mirror images."""
+"""Smooth maps between shapes that stretch: first maps, fits both ways, mirror images."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ class ElasticShape:
 
     @cached_property
     def canonical(self) -> Float[FloatArray, "n d"]:
-        """Canonical coordinates: classical scaling of the farthest points, extended to all vertices."""
-        # De Silva & Tenenbaum, Sparse multidimensional scaling using landmark points, 2004. Let D² be
-        # the squared distances between p points, and −½ J D² J = V Λ Vᵀ with J = 1 − 1/p. The points
-        # have the coordinates V Λ^½. A vertex with squared distances δ from the points has
+        """Canonical coordinates: classical scaling of farthest points, extended to all vertices."""
+        # De Silva & Tenenbaum, Sparse multidimensional scaling using landmark points, 2004. Let D²
+        # be the squared distances between p points, and −½ J D² J = V Λ Vᵀ with J = 1 − 1/p. The
+        # points have the coordinates V Λ^½. A vertex with squared distances δ from the points has
         #     −½ Λ^−½ Vᵀ (δ − δ̄),   δ̄ the mean of D² over the points,
         # which agrees at the points. Only axes of the largest positive eigenvalues are kept.
         squares = self.prepared.columns.astype(np.float64) ** 2
@@ -72,14 +72,14 @@ class ElasticShape:
 
     @cached_property
     def mirror_distance(self) -> Float[FloatArray, "n"]:
-        """Distance of each vertex from its mirror image in canonical coordinates; 0 without mirror images."""
+        """Distance of each vertex from its mirror image in canonical coordinates, or 0."""
         if self.mirrored is None:
             return np.zeros(self.mesh.n_vertices)
         d = self.canonical.shape[1]
         return np.asarray(np.linalg.norm(self.canonical - self.mirrored[:, :d], axis=1))
 
     def sample(self, count: int, everywhere: bool) -> Samples:
-        """Take ``count`` samples; images of others are searched among these, or among all vertices."""
+        """Take ``count`` samples; the candidates are these, or all vertices."""
         vertices, mesh = BodyVertices(self.prepared.sample_vertices[:count]), self.mesh
         if everywhere:
             ring, sought, faces = np.arange(mesh.n_vertices), np.arange(mesh.n_vertices), mesh.faces
@@ -137,7 +137,7 @@ class Coefficients(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A step of the fit: functions, smoothness, iterations, and whether maps should respect mirror images."""
+    """A step of the fit: functions, smoothness, iterations, and respect of mirror images."""
 
     n_functions: int
     smoothness: float  # μ in `ElasticFit`; its square root is a length in √area
@@ -145,8 +145,8 @@ class Step(NamedTuple):
     symmetric: bool
 
 
-# Steps of the coarse fit; after each, only the best maps are kept. The functions represent limbs but
-# no details, and the smoothness was chosen with them; docs/lab/design_notes.md
+# Steps of the coarse fit; after each, only the best maps are kept. The functions represent limbs
+# but no details, and the smoothness was chosen with them; docs/lab/design_notes.md
 COARSE_STEPS = Step(20, 0.01, 2, True), Step(20, 0.01, 2, True), Step(30, 0.007, 4, True)
 
 
@@ -172,21 +172,21 @@ class _Copy(NamedTuple):
 class ElasticFit:
     """Fits smooth maps in both directions, by alternating between images and functions."""
 
-    # After Ezuz, Solomon & Ben-Chen, Reversible harmonic maps between discrete surfaces, 2019. Let c be
-    # canonical coordinates and positions (`values`), Φ and Ψ the first Laplace–Beltrami functions of
-    # source and target. Let X = Φ A be a smooth map into the values of the target, and Y = Ψ B one into
-    # the values of the source. Together with images T of the source's samples and S of the target's
-    # samples, they minimise
+    # After Ezuz, Solomon & Ben-Chen, Reversible harmonic maps between discrete surfaces, 2019. Let
+    # c be canonical coordinates and positions (`values`), Φ and Ψ the first Laplace–Beltrami
+    # functions of source and target. Let X = Φ A be a smooth map into the values of the target, and
+    # Y = Ψ B one into the values of the source. Together with images T of the source's samples and
+    # S of the target's samples, they minimise
     #     μ (tr Aᵀ Λ_s A + tr Bᵀ Λ_t B)                                     Dirichlet energies
     #     + mean_x |X(x) − c(T x)|² + mean_y |Y(y) − c(S y)|²              maps agree with images
     #     + mean_y |X(S y) − c(y)|² + mean_x |Y(T x) − c(x)|²              maps are inverse
-    # Here ∫ |∇X|² = tr Aᵀ Λ A, because ∫ ∇φ_i · ∇φ_j = λ_i δ_ij. Given the images, A and B are two linear
-    # fits (`_fit_smooth`). Given A and B, the image of x is the y with the least
+    # Here ∫ |∇X|² = tr Aᵀ Λ A, because ∫ ∇φ_i · ∇φ_j = λ_i δ_ij. Given the images, A and B are two
+    # linear fits (`_fit_smooth`). Given A and B, the image of x is the y with the least
     #     |X(x) − c(y)|² + |c(x) − Y(y)|²,
-    # which is the nearest point in the coordinates (X, c) of the source and (c, Y) of the target. Both
-    # terms of x are in it, so each half of an iteration decreases the sum. Normals, signatures and
-    # landmarks are added with their own weights, to separate sheets that are close. Positions are
-    # fitted only to compute normals.
+    # which is the nearest point in the coordinates (X, c) of the source and (c, Y) of the target.
+    # Both terms of x are in it, so each half of an iteration decreases the sum. Normals, signatures
+    # and landmarks are added with their own weights, to separate sheets that are close. Positions
+    # are fitted only to compute normals.
     source: Samples
     target: Samples
     signatures: Embedding  # of all vertices of both shapes
@@ -225,8 +225,8 @@ class ElasticFit:
             images = [other.targets[forth], other.vertices, held[:, 1]]
             values = [other.shape.values[image] for image in images]
             if symmetric:
-                # Let σ map each shape to its mirror image. A map that respects σ has T = σ T σ, so at x,
-                # X should also be the value at σ T σ x.
+                # Let σ map each shape to its mirror image. A map that respects σ has T = σ T σ, so
+                # at x, X should also be the value at σ T σ x.
                 mirrored = other.shape.mirrored
                 assert mirrored is not None
                 vertices += [onto.vertices]
@@ -291,7 +291,7 @@ class ElasticFit:
         return single(np.stack([((row - b) ** 2).sum(axis=1) for row in a]))
 
     def _nearest_anywhere(self, copies: tuple[_Copy, _Copy]) -> tuple[SoughtRows, SoughtRows, float]:
-        """Find images of the samples in both directions among all vertices, and the sum of their mean distances."""
+        """Find images both ways among all vertices, and the sum of their mean distances."""
         source, target, (a, b) = self.source, self.target, self._embedding(copies)
         from_source, from_target = a[source.row], b[target.row]
         forth = SoughtRows(target.shape.prepared.index.vertices(b, from_source))
@@ -313,7 +313,7 @@ class ElasticFit:
         return forth, back, float(spectral_residual)
 
     def asymmetry(self, images: Images) -> float:
-        """Mean distance between T σ x and σ T x in canonical coordinates; 0 unless both shapes have mirror images."""
+        """Mean distance between T σ x and σ T x, or 0 without mirror images of both shapes."""
         distances = []
         both = (self.source, self.target, images.forth), (self.target, self.source, images.back)
         for onto, other, image in both:
@@ -327,7 +327,7 @@ class ElasticFit:
 
 
 def _copy_shape(onto: Samples, coefficients: FloatArray) -> _Copy:
-    """Copy the other shape to the candidates: canonical coordinates, and normals of the copied faces."""
+    """Copy the other shape to the candidates: canonical coordinates and normals."""
     k = len(coefficients)
     canonical = onto.functions_sought[:, :k] @ coefficients[:, :-3]
     normals = vertex_normals(onto.functions[:, :k] @ coefficients[:, -3:], onto.faces)
@@ -341,7 +341,7 @@ def _fit_smooth(
     weights: Float[FloatArray, "q"],
     step: Step,
 ) -> Float[FloatArray, "k v"]:
-    """Minimise the mean weighted squared error from values + μ × Dirichlet energy over coefficients."""
+    """Minimise mean weighted squared error from values + μ × Dirichlet energy."""
     # the gradient of Σ_i w_i |Φ_i A − v_i|² / Σ w + μ tr Aᵀ Λ A vanishes where
     #     (Φᵀ W Φ + μ Λ) A = Φᵀ W V,   W = diag(w / Σ w)
     laplace, k = shape.prepared.laplace, step.n_functions
@@ -361,13 +361,14 @@ def anchor_starts(
     shapes: tuple[ElasticShape, ElasticShape] | None = None,
 ) -> list[Int[BodyVertices, "_ 2"]]:
     """Assign anchors of the source to points of the target."""
-    # A distance d that should be u costs (`IntervalCost` with lower = upper = u, in average distances)
+    # A distance d that should be u costs (`IntervalCost` with lower = upper = u, in average
+    # distances)
     #     min(max(|d − u| − forgiven u, 0) + inside |d − u|, most) / (soft + u).
-    # It is small up to a factor, because limbs stretch, and bounded, so that a tail of twice the length
-    # does not outweigh everything else. Limbs of any length agree in their remoteness, as a share of
-    # the area. If both shapes are symmetric, they also agree in the distance from their mirror image:
-    # heads and tails lie in the plane of symmetry, legs do not. Some starts ignore this distance,
-    # because mirror images may be wrong in places.
+    # It is small up to a factor, because limbs stretch, and bounded, so that a tail of twice the
+    # length does not outweigh everything else. Limbs of any length agree in their remoteness, as a
+    # share of the area. If both shapes are symmetric, they also agree in the distance from their
+    # mirror image: heads and tails lie in the plane of symmetry, legs do not. Some starts ignore
+    # this distance, because mirror images may be wrong in places.
     source, target, settings = pair.source, pair.target, pair.config.elastic
     anchors, between = _anchors(source, BodyVertices(landmarks[:, 0]), ELASTIC_SEARCH.n_anchors)
     samples = target.sample_vertices[: ELASTIC_SEARCH.n_candidates]
@@ -407,7 +408,7 @@ def anchor_starts(
 def _anchors(
     shape: PreparedShape, first: Int[BodyVertices, "l"], count: int
 ) -> tuple[Int[BodyVertices, "m"], Float[FloatArray, "m m"]]:
-    """Select vertices far from each other; return them, and their distances in average distances."""
+    """Select vertices far from each other, with their distances in average distances."""
     vertices = np.concatenate([first, shape.extremities, shape.column_vertices])
     vertices = vertices[np.sort(np.unique(vertices, return_index=True)[1])]
     distances = shape.distances_between(vertices)
@@ -417,7 +418,7 @@ def _anchors(
 
 
 def _remoteness(shape: PreparedShape) -> Float[FloatArray, "n"]:
-    """Share of the area that is less remote than each vertex; it does not depend on the length of limbs."""
+    """Share of the area less remote than each vertex, whatever the length of limbs."""
     order = np.argsort(shape.average_distance, kind="stable")
     share = np.zeros(len(order))
     share[order] = np.cumsum(shape.body.vertex_areas[order]) / shape.body.area
@@ -425,7 +426,7 @@ def _remoteness(shape: PreparedShape) -> Float[FloatArray, "n"]:
 
 
 def find_mirror_images(prepared: PreparedShape, config: Config) -> ElasticShape:
-    """Find the mirror images of a shape: its best map to itself that reverses the orientation, if one fits well."""
+    """Find the mirror images of a shape by its best orientation-reversing self-map."""
     # side = −1 excludes the identity
     settings = config.elastic
     shape = ElasticShape(prepared, settings)

@@ -1,4 +1,4 @@
-"""Both sides: if no isometry is sure, search also from the target, and exchange regions between maps."""
+"""Both sides: search also from the target, and exchange regions between maps."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class VerifiedFit:
 
 
 class BothSides(Isometry):
-    """An isometry that is not sure, improved by maps found from the target and by regions of other maps.
+    """An unsure isometry, improved by maps found from the target and by regions of others.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class BothSides(Isometry):
     def rank(
         self, maps: list[Fit], rivals: list[Fit], proposals: Proposals[Fit], timer: StageTimer
     ) -> Ranking[Fit]:
-        """Select the best verified map among ties, maps found from the target, and an exchange of regions."""
+        """Select the best verified map: ties, maps from the target, and an exchange of regions."""
         ranking = self.found.ranking
         first = ranking.best
         tied = [*self.find_tied(ranking), *self._search_from_target(first.side)]
@@ -75,7 +75,7 @@ class BothSides(Isometry):
         return self.found.coordinates if best is self.found.ranking.best else super().coordinates(best)
 
     def _search_from_target(self, side: float) -> list[Fit]:
-        """Search maps from the target to the source, invert those that tie, and refine them locally."""
+        """Search from target to source; invert the maps that tie, and refine them locally."""
         model = Isometry(self.pair.turned)
         maps = model.refine(model.propose(StageTimer()).contenders)
         tied = model.find_tied(model.select_fit(maps, [True] * len(maps)))

@@ -76,8 +76,9 @@ def energy_of(
     rank: int | None = None,
 ) -> float:
     """Energy of a map of body vertices: descriptor residual × curvature difference²."""
-    # E = R · M². The residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors (Shamai & Kimmel
-    # 2017) finds every error except near-symmetries, which keep distances. These are found by
+    # E = R · M². The residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors (Shamai &
+    # Kimmel 2017) finds every error except near-symmetries, which keep distances. These are found
+    # by
     #   M = mean |H_t(f(i)) − H_s(i)| + mean ‖known_t(f(i)) − known_s(i)‖₁ / weight,
     # H the standardised signed mean curvature, because a mirror image or a twist puts hollows on
     # bumps. Without curvature, the first term is 1. The weight is the one of the joint refinement.
@@ -106,7 +107,8 @@ def extend_map(
     pair: Problem, target_row: Int[SearchRows, "m_s"], source_vertex: Int[BodyVertices, "q"]
 ) -> Int[BodyVertices, "q"]:
     """Extend a map of the search vertices to given source vertices, through a few functions."""
-    # F = Φ_s⁺ Φ_t(f) (k, k) on the search vertices; the image of i is the row of Φ_t Fᵀ nearest to Φ_s(i)
+    # F = Φ_s⁺ Φ_t(f) (k, k) on the search vertices; the image of i is the row of Φ_t Fᵀ nearest to
+    # Φ_s(i)
     k = min(pair.config.selection.extension_functions, pair.n_functions)
     functional_map = pair.search_spectra.functional_map(target_row, k)
     of_source, of_target = spectral_embedding(
@@ -118,7 +120,7 @@ def extend_map(
 def first_map(
     pair: Problem, source_vertex: Int[IntArray, "q"], orientation: Orientation
 ) -> tuple[Int[BodyVertices, "q"], str]:
-    """Map source vertices by the best hypothesis, and return its origin; only priors count if there are any."""
+    """Map source vertices by the best hypothesis, of priors if there are any; its origin."""
     hypotheses = hypotheses_from_priors(pair) if pair.priors.any else search(pair, [])
     candidates, with_landmarks = Screening(pair)(hypotheses), bool(len(pair.priors.landmarks))
     order = rank_candidates(candidates, orientation, pair.config.selection, with_landmarks)

@@ -66,7 +66,7 @@ IsometricMatch: TypeAlias = Match[Fit, Embedding]
 
 
 def image_of(match: IsometricMatch, side: str) -> BodyVertices:
-    """Vertex of the other shape for each vertex of one ``side``; for variants, between their originals."""
+    """Other shape's vertex for each vertex of a ``side``; of variants, between originals."""
     sides = zip((match.model.source, match.model.target), match.coordinates)
     (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
     n = (part.original or part).body.n_vertices
@@ -75,7 +75,7 @@ def image_of(match: IsometricMatch, side: str) -> BodyVertices:
 
 
 def find_torn_vertices(match: IsometricMatch, side: int, distance: float) -> Bool[BoolArray, "n_original"]:
-    """Find vertices of a body that was cut whose copies have images farther apart than a distance, in √area."""
+    """Find vertices of a cut body whose copies have images farther apart, in √area."""
     order = 1 if side == 0 else -1
     shape, other = (match.model.source, match.model.target)[::order]
     of_shape, of_other = match.coordinates[::order]
@@ -153,7 +153,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def candidates(
         self, may_win: Sequence[Candidate], only_runners_up: Sequence[Candidate] = ()
     ) -> tuple[list[Candidate], list[Candidate]]:
-        """Screen hypotheses and symmetric variants of the best; return what may win, and runners-up, best first."""
+        """Screen hypotheses and symmetric variants; return what may win, and runners-up."""
         if not may_win:
             raise SettingError(
                 "the starts gave no first map, and there are no priors; add *default_starts to them"
@@ -181,7 +181,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         ]
 
     def refine_jointly(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Upsample spectrally, joint with signatures, positions and normals, see `joint_coordinates`.
+        """Upsample spectrally, jointly with signatures, positions and normals.
 
         There are three rounds, the first without positions and normals. After each, a map is dropped if it coincides
         with a better one or fits much worse, see ``select_survivors``. The best are then refined again from few
@@ -197,7 +197,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return self._refine_ties_again([replace(fit, score=self.cost(fit)) for fit in refined])
 
     def _refine_ties_again(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Refine maps that tie with the best again, from few functions; keep the better of both maps."""
+        """Refine maps that tie with the best from few functions; keep the better ones."""
         # a limb that is twisted in its place can turn back when few functions are used
         settings = self.pair.config.refining
         last, with_positions = settings.last_step
@@ -217,7 +217,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return replace(fit, image=image, spectral_residual=spectral_residual)
 
     def measure_fit(self, fit: Fit, image: Int[BodyVertices, "r"]) -> Fit:
-        """Measure a map; its spectral residual is measured after one more last step of the joint refinement."""
+        """Measure a map, with its spectral residual after one more step of the refinement."""
         step = self.pair.config.refining.last_step
         _, spectral_residual = refine_images(self.pair, image, fit.side, *step)
         fit = replace(fit, image=image, spectral_residual=spectral_residual)
@@ -248,8 +248,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         )
 
     def _reconsider_dropped(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
-        """If the winner is not sure, refine the candidates that were dropped, and add those that differ."""
-        # a half turn of an ant is dropped at 1.15 times the spectral residual, but ties by its score
+        """If the winner is not sure, refine dropped candidates, and add maps that differ."""
+        # a half turn of an ant is dropped at 1.15 times the spectral residual, but ties by its
+        # score
         first, config = ranking.best, self.pair.config
         if not self.pair.is_sided or first.candidate is None or is_sure(self, ranking):
             return ranking
@@ -262,7 +263,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _verify_tied(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
         """Select the best verified map among ties."""
-        # capped shapes are not verified: their distances cross the caps; docs/lab/design_notes.md, both sides
+        # capped shapes are not verified: their distances cross the caps; docs/lab/design_notes.md,
+        # both sides
         first = ranking.best
         capped = any(shape.original for shape in (self.source, self.target))
         tied = [first] if capped or not self.pair.is_sided else self.find_tied(ranking)
@@ -295,7 +297,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _compare_with_mirror_image(
         self, ranking: Ranking[Fit], candidates: Sequence[Candidate]
     ) -> Ranking[Fit]:
-        """Compare the winner with the best map of the other orientation, if that seems to fit better."""
+        """Compare the winner with the best map of the other orientation if that seems better."""
         if not self.pair.is_sided:
             return ranking
         config = self.pair.config
@@ -396,7 +398,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return self._with_rivals(match, match.measured, solution)
 
     def _with_rivals(self, match: IsometricMatch, map_: Measured, solution: Solution) -> Solution:
-        """Add alternatives; a sure map is ambiguous if its composition with a near-symmetry fits as well."""
+        """Add alternatives; a map is ambiguous if its composition with a near-symmetry fits."""
         rivals = self._find_symmetric_rivals(map_) if solution.outcome is Outcome.CONVERGED else []
         if rivals:
             solution = solution.with_evidence(Evidence(ambiguous=True))
@@ -404,7 +406,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return replace(solution, alternatives=self._alternatives(match, rivals))
 
     def _find_symmetric_rivals(self, map_: Measured) -> list[Candidate]:
-        """Compose the map with near-symmetries of the shapes, and return maps that fit about as well."""
+        """Compose the map with near-symmetries; return maps that fit about as well."""
         pair, config = self.pair, self.pair.config
         # given hypotheses come from a map that was already compared with its symmetric rivals
         searches = self.refinement.searches_further and self.problem.starts is None and self._found is None
@@ -426,7 +428,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
         ]
         if not turned:
             return []
-        # the winner and its rivals are compared after the same refinement, even if the winner was bent
+        # the winner and its rivals are compared after the same refinement, even if the winner was
+        # bent
         first = map_.fit or self.refine(self.begin([winner]))[0]
         fits = self.refine(self.begin(keep_distinct_maps(pair, turned, SYMMETRIC.max_maps)))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
@@ -439,7 +442,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _polish_points(
         self, measured: Measured, timer: StageTimer
     ) -> tuple[SmoothPair, PrecisePoints, tuple[str, ...]]:
-        """Polish the images at the finest level of the shapes; return the level, the images and a note."""
+        """Polish images at the finest level of the shapes: level, images, note."""
         pair, fit = self.pair, measured.fit
         if not (pair.has_finer and fit and self.refinement.polishes):
             return pair, measured.points, ()

@@ -1,4 +1,4 @@
-"""Hypotheses of an isometry: first maps, improved by iterative closest points, and flips of the best."""
+"""Hypotheses of an isometry: first maps after iterative closest points, and flips."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from isomatch.matching.proposals.starts import default_starts, first_maps_of
 
 def hypotheses_from_priors(pair: Problem) -> list[Candidate]:
     """Hypotheses from priors, improved by iterative closest points."""
-    # landmarks at extremities do not separate front and back of a thin body: with
-    # hypotheses = "given", flips of the map from landmarks contend, otherwise automatic hypotheses do
+    # landmarks at extremities do not separate front and back of a thin body: with hypotheses =
+    # "given", flips of the map from landmarks contend, otherwise automatic hypotheses do
     settings = pair.config.search
     from_priors = [
         Candidate(
@@ -35,14 +35,14 @@ def hypotheses_from_priors(pair: Problem) -> list[Candidate]:
 def search(
     pair: Problem, from_priors: list[Candidate], starts: Sequence[Start] | None = None
 ) -> list[Candidate]:
-    """Collect distinct hypotheses from priors and starts, and flips of the best; least residual first."""
+    """Collect distinct hypotheses from priors, starts and flips; least residual first."""
     settings, starts = pair.config.search, default_starts if starts is None else starts
     pool = Pool(pair, SCREENING.max_hypotheses_without_limbs if pair.limbless else settings.n_hypotheses)
     pool.merge(from_priors)
     for start in starts:
         rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
-        # closest points do not converge reliably on round shapes, and `relax_spectrally` has already
-        # improved the maps from anchors
+        # closest points do not converge reliably on round shapes, and `relax_spectrally` has
+        # already improved the maps from anchors
         pool.add(rows, 0 if start is starts_from_anchors else settings.start_steps, name_of(start))
     if any(start in default_starts for start in starts):  # a user's own starts are not flipped
         pool.flip(pool.hypotheses[: settings.flipped], "flip")

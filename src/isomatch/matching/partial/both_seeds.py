@@ -1,4 +1,4 @@
-"""Regions that two parts of a body may have in common, grown from seeds and ranked by appearance."""
+"""Regions that two parts of a body may share, grown from seeds, ranked by appearance."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ class BothSide:
     @cached_property
     def intervals(self) -> Intervals:
         """Bounds of distances on the body between the samples."""
-        # For the bounds see `PartPair.of`. As both shapes are parts, both have intervals, and images
-        # of two samples are possible if their intervals overlap.
+        # For the bounds see `PartPair.of`. As both shapes are parts, both have intervals, and
+        # images of two samples are possible if their intervals overlap.
         vertices = self.vertices
         along = np.maximum(self.shape.distances.between(vertices, vertices), 0.0)
         along = np.where(vertices[:, None] == vertices, 0.0, along)
@@ -77,7 +77,7 @@ class BothSide:
 
     @cached_property
     def ball_areas(self) -> tuple[Float[FloatArray, "s radii"], Bool[BoolArray, "s radii"]]:
-        """Logarithms of the areas of balls around the samples, and which balls lie inside the boundary."""
+        """Logarithms of areas of balls around samples, and which lie inside the boundary."""
         radii, along = np.array(AREA_RADII), self.intervals.upper
         areas = np.stack([(along < radius) @ self.areas for radius in radii], axis=1)
         whole = radii <= self.to_boundary[self.vertices, None] + SEEDS.max_overhang
@@ -95,7 +95,7 @@ def two_sides(
     same_area: bool,
     landmarks: Int[BodyVertices, "m 2"] = NO_LANDMARKS,
 ) -> tuple[BothSide, BothSide]:
-    """Put both parts in one unit: the unit of the files, unless sizes differ too much or areas should be equal."""
+    """Put both parts in one unit, from the files unless areas are taken as equal."""
     lengths = np.array([source.scale, target.scale])
     if same_area or lengths.max() > SEEDS.max_length_ratio * lengths.min():
         lengths[:] = 1.0
@@ -108,7 +108,7 @@ def two_sides(
 def signed_triangles(
     source: BothSide, rows: Int[SampleRows, "q"], target: BothSide, images: Int[BodyVertices, "q"]
 ) -> float:
-    """Mean sign of small triangles of samples: 1 if their images keep the winding, −1 if they reverse it."""
+    """Mean sign of small triangles of samples: 1 if images keep the winding, −1 if not."""
     if len(rows) <= SEEDS.n_neighbours:
         return 0.0
     distances = source.intervals.upper[np.ix_(rows, rows)]
@@ -127,7 +127,7 @@ def signed_triangles(
 def _sum_over_radii(
     source: BallSignature, target: BallSignature, deviation: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """Sum the descriptor distances of all pairs over the radii known at both, and count these radii."""
+    """Sum descriptor distances of all pairs over radii known at both, and count these."""
     known = source.known[:, None] & target.known[None]
     total, most = np.zeros(known.shape[:2]), SEEDS.max_descriptor_distance
     for j in range(known.shape[2]):
@@ -199,20 +199,20 @@ class CommonRegions:
 
     @cached_property
     def _surprise(self) -> Float[FloatArray, "s_s s_t"]:
-        """−log of the rank, from 0 to 1, of each sample of the target by similarity to a sample of the source."""
+        """−log of the rank (0 to 1) of each target sample by similarity to a source sample."""
         distances = self._pair_distances
         rank = distances.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
         return np.asarray(-np.log((rank + SEEDS.rank_offset) / distances.shape[1]))
 
     def evidence(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Measure how much more alike a region looks than a random one, as an area."""
-        # Let u be the rank, from 0 to 1, of the image of a sample x among all samples of the target, by
-        # descriptor distance. For a random image u is uniform, so −log u has mean 1 (as in Fisher's sum of
-        # log p-values). The evidence is
+        # Let u be the rank, from 0 to 1, of the image of a sample x among all samples of the
+        # target, by descriptor distance. For a random image u is uniform, so −log u has mean 1 (as
+        # in Fisher's sum of log p-values). The evidence is
         #     Σ_x area(x) max(mean_{x′ near x} −log u(x′) − chance_surprise, 0),
-        # where the mean averages errors of single samples. A common appearance has no low rank, so it is
-        # no evidence. Ranks also work for shapes of two kinds, which look unlike everywhere. A larger
-        # region wins only if the additional area itself looks alike.
+        # where the mean averages errors of single samples. A common appearance has no low rank, so
+        # it is no evidence. Ranks also work for shapes of two kinds, which look unlike everywhere.
+        # A larger region wins only if the additional area itself looks alike.
         surprise = self._surprise[rows, self.target.nearest_sample[images]]
         around = self._around[np.ix_(rows, rows)]
         mean = around @ surprise / around.sum(axis=1)
@@ -220,11 +220,11 @@ class CommonRegions:
 
     def net_evidence(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Evidence for a region, less the area that should belong to it and does not."""
-        # Let x be in the region, with an image T(x) at distance b(T x) from the boundary of the target. The
-        # target contains the whole ball of this radius around T(x), so each sample y of the source with
-        # d(x, y) < b(T x) must have an image. In the same way, each sample of the target that is closer to
-        # T(x) than x is to the boundary of the source must be an image. The area of samples that violate
-        # this is subtracted.
+        # Let x be in the region, with an image T(x) at distance b(T x) from the boundary of the
+        # target. The target contains the whole ball of this radius around T(x), so each sample y of
+        # the source with d(x, y) < b(T x) must have an image. In the same way, each sample of the
+        # target that is closer to T(x) than x is to the boundary of the source must be an image.
+        # The area of samples that violate this is subtracted.
         source, target = self.source, self.target
         if not len(rows):
             return 0.0
@@ -309,16 +309,20 @@ class CommonRegions:
     def place(
         self, rows: Int[SampleRows, "q"], columns: Int[SampleRows, "q"], n: int, most: float
     ) -> tuple[Int[SampleRows, "n"], Bool[BoolArray, "n"]]:
-        """Map the first n samples by trilateration, and say which images agree and map back to the sample."""
+        """Map the first n samples by trilateration; say which images agree and map back."""
         source, target = self.source, self.target
         all_rows, all_columns = (np.arange(min(n, len(side.vertices))) for side in (source, target))
         of_source, of_target = source.intervals.at(rows, all_rows), target.intervals.at(columns, all_columns)
-        # a sample whose true image is missing is placed somewhere, but this point does not map back to it
+        # a sample whose true image is missing is placed somewhere, but this point does not map back
+        # to it
         placed, costs = trilaterate(of_source, of_target, COST, SEEDS.trilateration_distance)
         accepted = costs < most
         images, of_image = np.unique(placed[accepted], return_inverse=True)
         back, _ = trilaterate(
-            of_target.map_bounds(lambda bound: bound[:, images]), of_source, COST, SEEDS.trilateration_distance
+            of_target.map_bounds(lambda bound: bound[:, images]),
+            of_source,
+            COST,
+            SEEDS.trilateration_distance,
         )
         round_trip = source.intervals.upper[all_rows[accepted], back[of_image]]
         accepted[accepted] = round_trip < SEEDS.max_round_trip
@@ -337,7 +341,7 @@ class CommonRegions:
         return CommonRegion(images, accepted, evidence, orientation, origin)
 
     def find_best(self, count: int) -> list[CommonRegion]:
-        """Find the regions with the most evidence, and extend them to all samples, dropping the worst on the way."""
+        """Find the regions with most evidence, extending the best step by step to all samples."""
         starts = [
             (rows := SampleRows(np.flatnonzero(region >= 0)), SampleRows(region[rows]))
             for region in self.grow()
@@ -382,6 +386,6 @@ class CommonRegions:
     def region_around(
         self, image: Int[BodyVertices, "n_s"], near: Bool[BoolArray, "n_s"], origin: str
     ) -> CommonRegion:
-        """Make the region of the vertices in ``near``, given images of all vertices of the source."""
+        """Make the region of the vertices in ``near``, given images of all source vertices."""
         vertices = self.source.vertices
         return replace(self.region(BodyVertices(image[vertices]), near[vertices]), origin=origin)

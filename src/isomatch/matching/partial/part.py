@@ -1,4 +1,4 @@
-"""Part: one shape is a part of the other, so distances on the whole are known only up to intervals."""
+"""Part: one shape is a part of the other, so distances are known up to intervals."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ PartSide = Literal["source", "target"]
 
 
 class Part(RefiningModel[PartFit, BentPart]):
-    """One shape is a part of the other; maps lead from the part to the whole, whichever of both is the source.
+    """One shape is a part of the other; maps lead from the part to the whole.
 
     Parameters
     ----------
@@ -141,13 +141,13 @@ class Part(RefiningModel[PartFit, BentPart]):
         return bool(pair.knows_unit and pair.share >= least)
 
     def require_suitable(self) -> None:
-        """Raise an `IsomatchError` unless the shapes are meshes to be kept in orientation, without descriptors."""
+        """Raise an `IsomatchError` unless shapes, orientation and priors suit a part."""
         self.require_sides()
         self.require_priors()
         self.require_no_descriptors("a whole and its part")
 
     def propose(self, timer: StageTimer) -> Proposals[PartFit]:
-        """Search by anchors, refine roughly, and prepare the best, and known maps, for refinement."""
+        """Search by anchors, refine roughly, and prepare the best and known maps."""
         timer.start("search")
         config, settings = self.pair.config, self.pair.config.parts
         first_maps = self._first_maps()
@@ -168,7 +168,7 @@ class Part(RefiningModel[PartFit, BentPart]):
     def rank(
         self, maps: list[PartFit], rivals: list[PartFit], proposals: Proposals[PartFit], timer: StageTimer
     ) -> Ranking[PartFit]:
-        """Refine the best from the bent part, and select by cost; if maps are in doubt, by `verify`."""
+        """Refine the best from the bent part, and select by cost, or by `verify` if in doubt."""
         settings = self.pair.config.parts
         fits, costs = self._by_cost(maps)
         timer.start("settling")
@@ -242,7 +242,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         )
 
     def _rough_fits(self, first_maps: list[tuple[PartPair, BodyVertices, str]]) -> list[PartFit]:
-        """Refine starts and first maps roughly, and compose the best with self-maps of the whole; best first."""
+        """Refine starts and first maps roughly, also composed with self-maps; best first."""
         rough_cost, fits_of = attrgetter("rough_cost"), self.fits
         fits = [
             *(self._refined_starts if self.known_map is None else []),
@@ -270,7 +270,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         return parallel_map(self.fits.refine_start, PartStarts(self.fits.pair, signatures, self._self_maps)())
 
     def _first_maps(self) -> list[tuple[PartPair, BodyVertices, str]]:
-        """First maps of the rough vertices, from a known map, priors and starts, each in its unit and with its origin."""
+        """First maps of the rough vertices, from a known map, priors and starts, with origins."""
         images: list[tuple[BodyVertices, str]] = []
         if self.known_map:
             images.append(self.known_map[:2])
@@ -311,7 +311,7 @@ class Part(RefiningModel[PartFit, BentPart]):
             return self.problem.source.correspondence(self.problem.target, points, matched)
 
     def _directed(self, fit: PartFit, bent: BentPart) -> tuple[PrecisePoints, Bool[BoolArray, "n_s"], float]:
-        """Map of a bent part in the direction of the problem, which vertices have an image, and its unit."""
+        """Map of a bent part in the problem's direction, which vertices it maps, its unit."""
         if self.side == "target":
             return *bent.onto_part(), 1 / fit.pair.unit
         return bent.points, np.ones(self.source.body.n_vertices, dtype=bool), fit.pair.unit
@@ -411,7 +411,7 @@ def contradiction_evidence(problem: Problem, measured: Measured) -> Evidence:
 def fill_images(
     part: PreparedShape, pairs: Int[IntArray, "q 2"]
 ) -> tuple[Int[BodyVertices, "n_part"], Float[FloatArray, "n_part"]]:
-    """Image of each vertex under a map of some vertices, taken from the nearest of these, and its distance."""
+    """Image of each vertex, taken from the nearest mapped vertex, and its distance."""
     gap, nearest = distance_along_edges_to_nearest(part.body, np.unique(pairs[:, 0]))
     image = np.zeros(part.body.n_vertices, dtype=np.int64)
     image[pairs[::-1, 0]] = pairs[::-1, 1]

@@ -1,4 +1,4 @@
-"""A part and a whole in common units: bounds of distances on the whole, and comparable signatures."""
+"""A part and a whole in common units: bounds of distances, comparable signatures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from isomatch.surfaces import Mesh
 
 @dataclass(frozen=True)
 class PartPair:
-    """A part with ``m`` anchors and a whole; lengths are in √area of the whole. Equal if shapes and units are."""
+    """A part with ``m`` anchors and a whole, of √area 1. Equal if shapes and units are."""
 
     part: PreparedShape
     whole: PreparedShape
@@ -48,19 +48,19 @@ class PartPair:
         landmarks: Int[IntArray, "l 2"] = NO_LANDMARKS,
         functions: Embedding | None = None,
     ) -> PartPair:
-        """Make the pair in the unit of the files; landmarks are pairs of vertices of part and whole."""
+        """Make the pair in the unit of the files; landmarks are pairs of vertices."""
         mesh, n = part.mesh_body, PART_UNIT.n_anchors
         engine = distance_engine(mesh, part.config.engine, weld=False)
         missing = MissingRegion.of(mesh, engine, PART_UNIT.n_boundary_vertices)
         anchors = PartVertices(np.concatenate([landmarks[:, 0], part.column_vertices[:n]]))
-        # The distance D(x, y) on the whole between two points of the part is unknown, but bounded. A path
-        # along the part is a path on the whole, so
+        # The distance D(x, y) on the whole between two points of the part is unknown, but bounded.
+        # A path along the part is a path on the whole, so
         #     D(x, y) ≤ d(x, y).
-        # A shorter path leaves the part at a boundary point b and returns at c, and is not shorter in
-        # between than the straight line, so
+        # A shorter path leaves the part at a boundary point b and returns at c, and is not shorter
+        # in between than the straight line, so
         #     D(x, y) ≥ min(d(x, y), min_{b, c} d(x, b) + |b − c| + d(c, y))
-        # (a criterion of Bracha, Dagès & Kimmel, Wormhole loss for partial shape matching, 2024, used as
-        # a bound). If both bounds agree, D is known.
+        # (a criterion of Bracha, Dagès & Kimmel, Wormhole loss for partial shape matching, 2024,
+        # used as a bound). If both bounds agree, D is known.
         along = part.columns[:n].astype(np.float64)
         if len(landmarks):
             along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
@@ -68,16 +68,17 @@ class PartPair:
         if part.origin is None:
             lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
         else:
-            # Fused limbs were separated by a cut of no width. A path through the cut continues on its
-            # other side, so D is at least the distance on the fused surface, whose vertices are welded.
+            # Fused limbs were separated by a cut of no width. A path through the cut continues on
+            # its other side, so D is at least the distance on the fused surface, whose vertices are
+            # welded.
             fused = distance_engine(mesh, part.config.engine)
             lower = np.minimum(fused.distances_from(anchors), along)
         functions = functions or SmoothPair(part, whole, config).known
         bounds, known_images = (lower, along), BodyVertices(landmarks[:, 1])
         pair = cls(part, whole, unit, config, missing, anchors, *bounds, known_images, (), functions)
-        # A ball of radius r in √area of the whole has radius r / unit in √area of the part. Balls of the
-        # part are integrated once, for radii from the least r / largest unit to the largest r / least
-        # unit, in small steps; `signature` interpolates between these for any unit.
+        # A ball of radius r in √area of the whole has radius r / unit in √area of the part. Balls
+        # of the part are integrated once, for radii from the least r / largest unit to the largest
+        # r / least unit, in small steps; `signature` interpolates between these for any unit.
         units = pair.units
         first, last = RADII[0] / max(*units, PART_UNIT.max_unit), RADII[-1] / min(units)
         radii = np.geomspace(
@@ -97,8 +98,9 @@ class PartPair:
     @property
     def cost(self) -> IntervalCost:
         """Cost of distances on the whole."""
-        # c(D; l, u) = min(v + inside |D − u|, most) / (soft + u). As most and soft are multiplied by the
-        # unit t like l and u, c(t D; t l, t u) = c(D; l, u), so costs in different units can be compared.
+        # c(D; l, u) = min(v + inside |D − u|, most) / (soft + u). As most and soft are multiplied
+        # by the unit t like l and u, c(t D; t l, t u) = c(D; l, u), so costs in different units can
+        # be compared.
         return IntervalCost(
             most=PART_UNIT.max_distance_cost * self.unit, soft=PART_UNIT.short_distance * self.unit
         )
@@ -111,7 +113,7 @@ class PartPair:
     def intervals(
         self, vertices: Int[PartVertices, "q"]
     ) -> tuple[Float[FloatArray, "m q"], Float[FloatArray, "m q"]]:
-        """Lower and upper bounds of distances on the whole between the anchors and some vertices."""
+        """Lower and upper bounds of distances between the anchors and some vertices."""
         return self.lower[:, vertices] * self.unit, self.along[:, vertices] * self.unit
 
     @cached_property
@@ -155,7 +157,7 @@ class PartPair:
 
     @cached_property
     def keeps_unit(self) -> bool:
-        """Whether the unit is fixed by the settings, or because too few distances are known to measure it."""
+        """Whether the settings fix the unit, or too few distances are known to measure it."""
         cannot_measure = self.config.scale == "auto" and self.is_hardly_known
         return self.config.scale in ("same", "area") or (cannot_measure and self.knows_unit)
 
@@ -164,22 +166,24 @@ class PartPair:
         """Units of the part in which maps are searched."""
         if self.keeps_unit:
             return (min(self.unit, 1.0),)
-        # The true unit is √(area of the part / area of the whole) ≤ 1. If the files have no plausible
-        # unit, the share of the area is at least `min_area_share`. Otherwise the unit differs from the
-        # one of the files at most by the factor `max_unit_ratio`, because people grow and scanners differ.
+        # The true unit is √(area of the part / area of the whole) ≤ 1. If the files have no
+        # plausible unit, the share of the area is at least `min_area_share`. Otherwise the unit
+        # differs from the one of the files at most by the factor `max_unit_ratio`, because people
+        # grow and scanners differ.
         first, last = np.sqrt(PART_UNIT.min_area_share), 1.0
         if self.knows_unit:
             first = self.unit / PART_UNIT.max_unit_ratio
             last = min(self.unit * PART_UNIT.max_unit_ratio, 1.0)
-        # In a geometric series of ratio q = 1.1, any unit is within a factor √q = 1.05 of one that is
-        # tried, which is the tolerance of `IntervalCost`. Then `unit_of` measures the unit.
+        # In a geometric series of ratio q = 1.1, any unit is within a factor √q = 1.05 of one that
+        # is tried, which is the tolerance of `IntervalCost`. Then `unit_of` measures the unit.
         count = 1 + max(round(np.log(last / first) / np.log(PART_UNIT.unit_step_ratio)), 0)
         return tuple(float(unit) for unit in np.geomspace(first, last, count))
 
     def unit_of(self, images: Int[BodyVertices, "m"]) -> float:
         """Measure the unit by images of anchors whose distances on the whole are known."""
-        # If a distance is known, its ratio to the distance of the images is the error of the unit. The
-        # median tolerates up to half of the images being wrong. Short distances are mostly noise.
+        # If a distance is known, its ratio to the distance of the images is the error of the unit.
+        # The median tolerates up to half of the images being wrong. Short distances are mostly
+        # noise.
         lower, upper = self.anchor_intervals
         exact = (lower >= PART_UNIT.known_ratio * upper) & (upper > PART_UNIT.min_distance * self.unit)
         if exact.sum() < PART_UNIT.min_known_distances:
@@ -188,7 +192,7 @@ class PartPair:
         return self.nearest_allowed_unit(self.unit * float(np.median(distances[exact] / upper[exact])))
 
     def in_unit_of(self, image: Int[BodyVertices, "n_part"]) -> PartPair:
-        """Return the pair in the unit that a map measures, limited to the range of searched units."""
+        """Return the pair in the unit that a map measures, within the searched range."""
         units, unit = self.units, self.unit_of(BodyVertices(image[self.anchors]))
         return self.with_unit(float(np.clip(unit, units[0], units[-1])))
 
@@ -234,7 +238,8 @@ class WholeSignatures:
 
     # The wave kernel signature of Aubry, Schlickewei & Cremers (ICCV Workshops 2011) is
     #     Σ_k φ_k(x)² f_e(λ_k) / Σ_k f_e(λ_k),   f_e(λ) = exp(−(e − log λ)² / 2σ²).
-    # The denominator is a sum over the spectrum, which differs between part and whole; it is omitted.
+    # The denominator is a sum over the spectrum, which differs between part and whole; it is
+    # omitted.
     def _waves(
         self, vectors: Float[FloatArray, "n k"], values: Float[FloatArray, "k"]
     ) -> Float[FloatArray, "n 20"]:
@@ -282,13 +287,13 @@ class WholeSignatures:
         whole_values, distance = self.whole.laplace.values[1:], pair.to_boundary[vertices, None]
         waves, curvatures = self._raw
         vectors, values = part.laplace.vectors[vertices, 1:], part.laplace.values[1:]
-        # If the part is scaled by the unit u, then ∫ φ² = 1 requires φ / u, eigenvalues are divided by u²
-        # and curvatures by u. By Weyl's law, λ_k ≈ 4πk / area, the part has about u² k functions up to
-        # the k-th eigenvalue of the whole.
+        # If the part is scaled by the unit u, then ∫ φ² = 1 requires φ / u, eigenvalues are divided
+        # by u² and curvatures by u. By Weyl's law, λ_k ≈ 4πk / area, the part has about u² k
+        # functions up to the k-th eigenvalue of the whole.
         of_part = self._waves(vectors / pair.unit, values / pair.share)
         signatures = [self._weights[0] * _standardise(of_part, waves)]
-        # A function of eigenvalue λ = exp(energy) has wavelength 2π / √λ. Up to about this distance from
-        # the boundary it differs from the function of the whole, so its weight there is small:
+        # A function of eigenvalue λ = exp(energy) has wavelength 2π / √λ. Up to about this distance
+        # from the boundary it differs from the function of the whole, so its weight there is small:
         # 1 − exp(−(distance √λ / reach)²).
         weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / PART_UNIT.boundary_reach) ** 2))]
         for column, size in zip(curvatures.T, sizes):

@@ -1,4 +1,4 @@
-"""Registration of a part: refine its map by functions of the whole, and bend the part onto the whole."""
+"""Registration of a part: refine its map by functions of the whole, and bend it."""
 
 from __future__ import annotations
 
@@ -45,8 +45,9 @@ class _Smooth(NamedTuple):
 class WholeCoordinates:
     """Coordinates of a whole in which images are searched; they do not depend on a map."""
 
-    # The cache holds coordinates for each number of functions in the settings, and features for each
-    # unit of a part, which are few because units are rounded (`PartPair.nearest_allowed_unit`).
+    # The cache holds coordinates for each number of functions in the settings, and features for
+    # each unit of a part, which are few because units are rounded
+    # (`PartPair.nearest_allowed_unit`).
     def __init__(
         self,
         whole: PreparedShape,
@@ -68,7 +69,7 @@ class WholeCoordinates:
 
     @cached_method
     def features_of_part(self, pair: PartPair) -> PartSignatures:
-        """Features of a part in the unit of a pair; a distance from a landmark counts only where it is known."""
+        """Features of a part in the unit of a pair; distances count only where known."""
         signatures, n, bounds = self.signatures.of_part(pair), len(self._landmarks), (pair.lower, pair.along)
         lower, upper = (np.minimum(pair.unit * bound[:n].T, PART_FIT.landmark_reach) for bound in bounds)
         return PartSignatures(
@@ -102,7 +103,7 @@ class NearPairs:
 
     @cached_property
     def measures(self) -> tuple[Bool[BoolArray, "q q"], Bool[BoolArray, "near"], Float[FloatArray, "near"]]:
-        """Which pairs are close, which of these have a known distance on the whole, and their distances."""
+        """Which pairs are close, which of these have a known distance, and all distances."""
         pair, config = self.pair, self.pair.config
         vertices = pair.part.sample_vertices[
             : min(config.n_search, config.n_refine, PART_FIT.n_rough_vertices)
@@ -118,12 +119,12 @@ class NearPairs:
 class PartRefinement:
     """Refines maps of some vertices of the part in one unit."""
 
-    # A map T: part → whole pulls the first k functions Φ of the whole back to the part, Φ ∘ T ≈ Ψ F,
-    # where Ψ are functions of the part, and F is the functional map, fitted at the samples. Then T(x) is
-    # the point of the whole nearest to Ψ(x) F in Φ, with more functions each time (ZoomOut: Melzi et al.
-    # 2019; partial functional maps: Rodolà et al. 2017). Functions are pulled from the whole to the part,
-    # because functions of the part have no values beyond its boundary. So coordinates of the whole do
-    # not depend on the map.
+    # A map T: part → whole pulls the first k functions Φ of the whole back to the part, Φ ∘ T ≈ Ψ
+    # F, where Ψ are functions of the part, and F is the functional map, fitted at the samples. Then
+    # T(x) is the point of the whole nearest to Ψ(x) F in Φ, with more functions each time (ZoomOut:
+    # Melzi et al. 2019; partial functional maps: Rodolà et al. 2017). Functions are pulled from the
+    # whole to the part, because functions of the part have no values beyond its boundary. So
+    # coordinates of the whole do not depend on the map.
     def __init__(self, pair: PartPair, coordinates: WholeCoordinates, near: NearPairs, n_rows: int) -> None:
         self._pair, self._whole, self._near = pair, coordinates, near
         self._features = coordinates.features_of_part(pair)
@@ -132,9 +133,9 @@ class PartRefinement:
 
     def n_functions(self, k: int) -> int:
         """Count the functions of the part that correspond to the first k functions of the whole."""
-        # The functional map of a part is not diagonal: by Weyl's law, λ_j ≈ 4πj / area, its slope is the
-        # share of the area (Rodolà et al., Partial functional correspondence, 2017). Counting functions up
-        # to an eigenvalue, in units of the whole, does not need this slope.
+        # The functional map of a part is not diagonal: by Weyl's law, λ_j ≈ 4πj / area, its slope
+        # is the share of the area (Rodolà et al., Partial functional correspondence, 2017).
+        # Counting functions up to an eigenvalue, in units of the whole, does not need this slope.
         part, whole = self._pair.part.laplace, self._pair.whole.laplace
         top = PART_FIT.function_ratio * whole.values[min(k, len(whole.values)) - 1]
         most = min(len(part.values), len(self.vertices) // 3)
@@ -145,7 +146,7 @@ class PartRefinement:
     def refine(
         self, image: Int[BodyVertices, "r"], sizes: Iterable[int], with_positions: bool = True
     ) -> tuple[Int[BodyVertices, "r"], float]:
-        """Refine the images of the vertices; return them, and their mean distance in the last coordinates."""
+        """Refine images; return them, and their mean distance in the last coordinates."""
 
         def nearest(embedding: Embedding, _: int) -> tuple[BodyVertices, BodyVertices]:
             row = BodyVertices(self._pair.whole.index.vertices(embedding.target, embedding.source))
@@ -157,7 +158,7 @@ class PartRefinement:
         return iterate_images(image, sizes, coordinates, nearest)
 
     def extend(self, image: BodyVertices, k: int, vertices: PartVertices | None = None) -> BodyVertices:
-        """Extend a map of the first samples to vertices, by default of this refinement, through k functions."""
+        """Extend a map of the first samples through k functions, by default to all samples."""
         vertices = self.vertices if vertices is None else vertices
         basis = self._pair.part.sampled_basis(len(image))
         functions = self._pair.whole.laplace.vectors[:, :k]
@@ -166,7 +167,7 @@ class PartRefinement:
         return BodyVertices(self._pair.whole.index.vertices(functions, pulled_back))
 
     def local_unit(self, image: Int[BodyVertices, "r"]) -> float:
-        """Measure the unit: the median ratio of distances between images and of close known distances."""
+        """Measure the unit: median ratio of distances of images and close known distances."""
         if self._pair.keeps_unit:
             return self._pair.unit
         near, exact, along = self._near.measures
@@ -177,7 +178,7 @@ class PartRefinement:
         return self._pair.nearest_allowed_unit(float(np.median((of_images / along)[exact])))
 
     def orientation(self, image: Int[BodyVertices, "r"], k: int) -> float:
-        """Mean cosine between normals of the whole and of its copy that is pulled back to the part."""
+        """Mean cosine between normals of the whole and of its copy on the part."""
         smooth = self._whole.smooth(k)
         normals = self._pulled_back(smooth.vertices[image], self.n_functions(k))[1]
         return float(np.einsum("ij,ij->i", normals[self.vertices], smooth.normals[image]).mean())
@@ -220,13 +221,13 @@ class BentPart(BentShape):
     pair: PartPair  # in the unit of the map
 
     def onto_part(self) -> tuple[PrecisePoints, Bool[BoolArray, "n_whole"]]:
-        """Map the vertices of the whole to nearest points of the part, and find which of them the part covers."""
+        """Map vertices of the whole to nearest points of the part, and find the covered ones."""
         bent, whole, settings = self.mesh, self.onto.mesh, self.pair.config.parts
         points = nearest_with_normals(whole, bent, self.pair.part.index)
         gap = np.linalg.norm(points.interpolated(bent.vertices) - whole.vertices, axis=1)
-        # A vertex beyond the boundary has its nearest point on the boundary, and may be close to it. A
-        # vertex over the interior is off only by the error of bending. So the tolerance is smaller at
-        # the boundary, unless too few distances are known for an exact map.
+        # A vertex beyond the boundary has its nearest point on the boundary, and may be close to
+        # it. A vertex over the interior is off only by the error of bending. So the tolerance is
+        # smaller at the boundary, unless too few distances are known for an exact map.
         boundary_tolerance = settings.off if self.pair.is_hardly_known else settings.rim
         return points, gap <= np.where(Boundary(bent).holds(points), boundary_tolerance, settings.off)
 
@@ -234,14 +235,14 @@ class BentPart(BentShape):
 class PartBending(Bending):
     """Bends a part onto a whole by maps."""
 
-    # The energy of `Bending`, with lengths of the part times the unit. A map by functions crowds images at
-    # the boundary, because functions of the part have Neumann conditions there and functions of the
-    # whole do not. The bent part keeps its spacing up to the boundary, so its nearest points are better
-    # images than the map that bent it.
+    # The energy of `Bending`, with lengths of the part times the unit. A map by functions crowds
+    # images at the boundary, because functions of the part have Neumann conditions there and
+    # functions of the whole do not. The bent part keeps its spacing up to the boundary, so its
+    # nearest points are better images than the map that bent it.
     def lay(
         self, pair: PartPair, refinement: PartRefinement, image: BodyVertices, lengths: tuple[float, ...]
     ) -> BentPart:
-        """Bend the part coarsely onto the whole, starting from a map of the vertices of a refinement."""
+        """Bend the part coarsely onto the whole, starting from a map."""
         onto = Surroundings(pair.meshes[1], pair.whole.index, pair.unit)
         of_part, of_whole = refinement.embedding(image, ALL_FUNCTIONS, PartVertices(self.vertices))
         start = onto.index.points(of_whole, of_part).interpolated(onto.mesh.vertices)
@@ -298,15 +299,16 @@ class PartFit(Fit):
     def cost(self) -> float:
         """Cost among other maps: spectral residual × a power of the stress of distances."""
         # r σ^¼ with the spectral residual r and the stress σ. Only ratios of costs are compared, so
-        # log cost = log r + ¼ log σ can weigh two quantities with different units. The residual measures
-        # detail after a smooth fit; the stress measures distances, to which no map was fitted.
+        # log cost = log r + ¼ log σ can weigh two quantities with different units. The residual
+        # measures detail after a smooth fit; the stress measures distances, to which no map was
+        # fitted.
         return max(float(self.spectral_residual * self.stress**PART_FIT.stress_exponent), MIN_COST)
 
     @property
     def cost_with_bending(self) -> float:
         """Cost of the map by itself, if no other is close: the cost × the cost of bending."""
-        # r σ^¼ × (stretch × gap). No map was selected by the last factor, so it is independent evidence
-        # about the best one.
+        # r σ^¼ × (stretch × gap). No map was selected by the last factor, so it is independent
+        # evidence about the best one.
         return max(self.cost * self.bent.bending_cost, MIN_COST)
 
     @property
@@ -315,10 +317,10 @@ class PartFit(Fit):
         # cost / √o × exp(w m), with
         #   o   mean cosine of the normals. A map that is inside out over a share t of the part has
         #       o ≈ 1 − 2t. The fine refinement repairs small twists, so they are penalised only by
-        #       1 / √o ≈ 1 + t. This factor is at most 1 / √0.1 ≈ 3.2, slightly above
-        #       `PartSettings.hopeless`, from which a map is dropped. Mirror images, o < 0, were dropped.
-        #   m   mean descriptor distance of balls, w = `PartSettings.descriptor_weight`. If the log ratio
-        #       of its densities at right and wrong images is linear in m, exp(w Δm) is the likelihood
+        #       1 / √o ≈ 1 + t. This is at most 1 / √0.1 ≈ 3.2, slightly above `PartSettings.hopeless`,
+        #       from which a map is dropped. Mirror images, o < 0, were dropped before.
+        #   m   mean descriptor distance, w = `PartSettings.descriptor_weight`. If the log ratio of
+        #       its densities at right and wrong images is linear in m, exp(w Δm) is the likelihood
         #       ratio of two maps. The mean is over the whole part, because rough maps differ nearly
         #       everywhere; fine maps are compared only where they differ (`weigh_costs`).
         twist = max(self.orientation, PART_FIT.min_orientation)
@@ -327,7 +329,7 @@ class PartFit(Fit):
 
 
 class PartFits:
-    """Refines maps of a part, first roughly, then finely; starts in the same unit share what is computed."""
+    """Refines maps of a part, roughly and finely; starts in one unit share results."""
 
     # The cache holds two refinements for each unit.
     def __init__(

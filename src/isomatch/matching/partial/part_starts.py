@@ -48,7 +48,7 @@ class PartStart:
 
 
 def _trilaterate_points(pair: PartPair, points: Intervals, to_samples: FloatArray) -> BodyVertices:
-    """Map points by trilateration from anchors, given distances between their images and the samples of the whole."""
+    """Map points by trilateration from the distances of anchors' images to samples."""
     distances = np.maximum(to_samples, 0.0)
     rows, _ = trilaterate(points, Intervals(distances, distances), pair.cost)
     return BodyVertices(pair.whole.sample_vertices[rows])
@@ -60,7 +60,7 @@ def complete_anchors(
     rounds: int,
     to_samples: Callable[[BodyVertices], FloatArray] | None = None,
 ) -> Int[BodyVertices, "m"]:
-    """Map all anchors by trilateration, several times, starting from the known images (−1: unknown)."""
+    """Map all anchors by repeated trilateration from known images (−1: unknown)."""
     to_samples = to_samples or partial(pair.whole.distances.between, columns=pair.whole.sample_vertices)
     for _ in range(rounds):
         rows = np.flatnonzero(images >= 0)
@@ -80,7 +80,7 @@ def compose_with_self_map(
 
 
 class PartStarts:
-    """The search for images of the anchors in several units, also composed with self-maps of the whole."""
+    """The search for images of anchors in several units, also composed with self-maps."""
 
     def __init__(self, pair: PartPair, signatures: WholeSignatures, self_maps: list[SearchRows]) -> None:
         self._pair, self._signatures, self._self_maps = pair, signatures, self_maps
@@ -122,7 +122,7 @@ class PartStarts:
         ]
 
     def _grow_starts(self) -> list[PartStart]:
-        """Grow regions from the anchors farthest from the boundary, each at the most similar candidates."""
+        """Grow regions from anchors far from the boundary, at the most similar candidates."""
         pair, candidates, whole = self._at(min(self._pair.unit, 1.0)), self._candidates, self._pair.whole
         if whole.balls is None or len(pair.landmarks):
             return []
@@ -160,7 +160,7 @@ class PartStarts:
     def _descriptor_distances(
         self, pair: PartPair, of_whole: BallSignature
     ) -> Float[FloatArray, "m candidates"]:
-        """Descriptor distance of each anchor and candidate, averaged with a neutral value where little is known."""
+        """Descriptor distance of anchors and candidates, neutral where little is known."""
         anchors, candidates = pair.signature.at(pair.anchors), of_whole.at(self._candidates)
         n_radii = (anchors.known[:, None] & candidates.known[None]).sum(axis=2)
         a, b = np.indices((len(anchors.values), len(candidates.values))).reshape(2, -1)
@@ -180,8 +180,8 @@ class PartStarts:
         rows, costs = assign_points(
             *self._sides(pair), unary, pair.cost, PART_SEARCH.beam_width, self._same_distance
         )
-        # Σ_a unary_a + Σ_{a<b} c_ab divided by the number of pairs m (m − 1) / 2 is the mean of c plus
-        # 2 / (m − 1) × the mean of the unary costs. `_complete_start` uses the same weights.
+        # Σ_a unary_a + Σ_{a<b} c_ab divided by the number of pairs m (m − 1) / 2 is the mean of c
+        # plus 2 / (m − 1) × the mean of the unary costs. `_complete_start` uses the same weights.
         costs = costs / (n * (n - 1) / 2) + self._unit_cost(unit)
         return [PartStart(pair, BodyVertices(candidates[row]), float(cost)) for row, cost in zip(rows, costs)]
 
@@ -215,10 +215,10 @@ class PartStarts:
         return self._to_samples[np.searchsorted(self._places, places)]
 
     def _unary(self, pair: PartPair, anchors: IntArray, places: IntArray) -> FloatArray:
-        """Cost of sending anchors to places, both given by numbers, by areas of balls and signatures."""
+        """Cost of sending anchors to places (numbers), by areas of balls and signatures."""
         least, most = self._balls_of_part(pair)
-        # the error of ball areas is divided by the mean area, and the distance of signatures, weighted
-        # by how little the boundary disturbs them, by twice their mean size
+        # the error of ball areas is divided by the mean area, and the distance of signatures,
+        # weighted by how little the boundary disturbs them, by twice their mean size
         below = least[anchors] * (1 - PART_SEARCH.ball_tolerance) - self._balls[places]
         above = self._balls[places] - most[anchors] * (1 + PART_SEARCH.ball_tolerance)
         violation = np.maximum(np.maximum(below, above), 0.0) / self._balls.mean(axis=0)
@@ -246,7 +246,7 @@ class PartStarts:
 
 
 def find_self_maps(whole: PreparedShape, config: Config) -> list[Int[SearchRows, "m_t"]]:
-    """Find distinct self-maps of the whole: its symmetries, and flips of its identity; images of search vertices."""
+    """Find distinct self-maps of the whole: symmetries, and flips of the identity."""
     pair = Problem(whole, whole, config)
     rows = np.arange(len(pair.source_vertices))
     identity = Candidate(Alignment(rows, np.eye(1), 0.0), "identity")

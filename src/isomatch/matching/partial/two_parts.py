@@ -67,8 +67,9 @@ class RefinedRegion:
 
     @cached_property
     def matched(self) -> Bool[BoolArray, "n_s"]:
-        """Which vertices of the source lie near the target when they are bent at the lower resolution."""
-        # a bent region keeps its lengths beyond the boundary of the target, and so lies off the target
+        """Which source vertices lie near the target, bent at the lower resolution."""
+        # a bent region keeps its lengths beyond the boundary of the target, and so lies off the
+        # target
         near = self.fit.bending.interpolate(lies_on_target(self.fit.bent).astype(np.float64)) > 0.5
         matched = np.zeros(len(self.image), dtype=bool)
         matched[self.vertices] = near
@@ -108,15 +109,16 @@ class RefinedRegion:
     @property
     def cost(self) -> float:
         """Cost among other maps: −net evidence × orientation; 0 if the region has neither."""
-        # A mean per-point cost would favour tiny, perfectly fitting regions, because unmatched area is
-        # not penalised; net evidence is an area. The orientation is 1 − 2t if a share t of the region
-        # is turned inside out. A power of the spectral residual as a further factor selected no better
-        # maps, docs/lab/design_notes.md.
+        # A mean per-point cost would favour tiny, perfectly fitting regions, because unmatched area
+        # is not penalised; net evidence is an area. The orientation is 1 − 2t if a share t of the
+        # region is turned inside out. A power of the spectral residual as a further factor selected
+        # no better maps, docs/lab/design_notes.md.
         return -max(self.net_evidence, 0.0) * max(self.fit.orientation, 0.0)
 
     def grow_again(self, most: float) -> CommonRegion:
         """Extend the region from its samples to all samples that cost at most ``most``."""
-        # samples that look unlike their images do not place others, but may be placed by others again
+        # samples that look unlike their images do not place others, but may be placed by others
+        # again
         source, target = self.regions.source, self.regions.target
         at_samples = np.full(len(source.vertices), UNMATCHED)
         alike = self.rows[self.descriptor_distances < TWO_PARTS.max_descriptor_distance]
@@ -146,7 +148,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         self.left_out: list[str] = []  # reasons why regions could not be refined
 
     def require_suitable(self) -> None:
-        """Raise an `IsomatchError` unless the shapes are meshes to be kept in orientation, without descriptors."""
+        """Raise an `IsomatchError` unless shapes, orientation and priors suit a part."""
         self.require_sides()
         self.require_priors()
         self.require_no_descriptors("two parts")
@@ -178,7 +180,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         proposals: Proposals[RefinedRegion],
         timer: StageTimer,
     ) -> Ranking[RefinedRegion]:
-        """Select the first region, and compare it with the next different one that holds as many landmarks."""
+        """Select the first region; compare it with the next different one as good on landmarks."""
         best, *rest = maps
         others = tuple(
             region
@@ -268,7 +270,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         return [region for region in regions if region.accepted.any()]
 
     def _alternatives(self, regions: Sequence[RefinedRegion]) -> tuple[Alternative, ...]:
-        """Return maps of other regions that differ from each other, with the precision of their refinement."""
+        """Return maps of other regions that differ from each other, without bending in full."""
         kept: list[RefinedRegion] = []
         for region in regions:
             if len(kept) < self.pair.config.selection.most_alternatives:

@@ -14,11 +14,12 @@ from isomatch.shapes import EXACTLY, farthest_rows
 
 def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
     """First maps from points far from each other, if a shape has no limbs."""
-    # A beam search assigns anchors a_1 … a_6 to points b_1 … b_6 of the target, one after the other.
-    # Its cost is the error of d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each point p
+    # A beam search assigns anchors a_1 … a_6 to points b_1 … b_6 of the target, one after the
+    # other. Its cost is the error of d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each
+    # point p
     #   w_e |ē(a_p) − ē(b_p)| + w_σ ‖σ(a_p) − σ(b_p)‖,
-    # d in units of the average distance, ē the mean of d (eccentricity), σ the signatures. Each other
-    # vertex goes where its distances to the anchors fit best; the map is then relaxed.
+    # d in units of the average distance, ē the mean of d (eccentricity), σ the signatures. Each
+    # other vertex goes where its distances to the anchors fit best; the map is then relaxed.
     if not pair.limbless:
         return []
     source, target = pair.source, pair.target
@@ -44,9 +45,9 @@ def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
 
 def relax_spectrally(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_s"]:
     """Improve a map of the search vertices by signatures and a few functions."""
-    # Many maps between round shapes keep distances, and iterative closest points stop at any of them.
-    # A few functions leave a map free to move towards agreeing signatures: the image of i is the
-    # nearest row of (Φ_t Fᵀ / √k, σ_t) to row i of (Φ_s / √k, σ_s).
+    # Many maps between round shapes keep distances, and iterative closest points stop at any of
+    # them. A few functions leave a map free to move towards agreeing signatures: the image of i is
+    # the nearest row of (Φ_t Fᵀ / √k, σ_t) to row i of (Φ_s / √k, σ_s).
     spectra, signatures = pair.search_spectra, pair.search_signatures
     k = min(ANCHORS.n_relaxation_functions, pair.n_functions)
     for _ in range(ANCHORS.n_relaxation_steps):

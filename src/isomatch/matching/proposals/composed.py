@@ -34,7 +34,7 @@ def near_symmetric_variants(pair: Problem, target_row: SearchRows, most: float) 
 
 
 def _compose(pair: Problem, target_row: SearchRows, symmetries: Sequence[Symmetry]) -> list[Candidate]:
-    """Compose a map with symmetries of the target that may be used, and run iterative closest points."""
+    """Compose a map with allowed symmetries of the target, and run closest points."""
     settings, any_side = pair.config.search, pair.config.orientation == "any"
     starts = [s.image_row[target_row] for s in symmetries if any_side or s.orientation >= 0]
     if not starts:

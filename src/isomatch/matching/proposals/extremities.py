@@ -16,7 +16,7 @@ from isomatch.shapes import PreparedShape
 def extremity_assignments(
     source: PreparedShape, target: PreparedShape, settings: SearchSettings
 ) -> list[Int[BodyVertices, "q 2"]]:
-    """Assign extremal points of the source to extremal points of the target so that distances agree, best first."""
+    """Assign extremal points of both shapes so that distances agree, best first."""
     # for each number of points and both directions, without repetitions
     assignments: dict[tuple[tuple[int, int], ...], None] = {}
     for count in settings.extremity_counts:

@@ -21,7 +21,7 @@ GROUP_SIZE = 4  # maps that a thread handles together; fixed, so that threads do
 
 
 def find_flips(pair: Problem, hypothesis: Candidate, others: list[Candidate]) -> list[Candidate]:
-    """Flip one Laplace–Beltrami function at a time in a hypothesis; return maps that differ from ``others``."""
+    """Flip one Laplace–Beltrami function at a time; return maps that differ from ``others``."""
     pool = Pool(pair, pair.config.search.n_hypotheses)
     pool.merge([hypothesis])
     pool.flip([hypothesis], hypothesis.origin)
@@ -57,10 +57,10 @@ class Pool:
         self.merge([Candidate(alignment, origin) for alignment in self.converge(starts, steps)])
 
     def flip(self, parents: list[Candidate], origin: str) -> None:
-        """Turn the sign of one of the first Laplace–Beltrami functions in each map, and add the results."""
-        # The sign of Φ_j is arbitrary, and a symmetric shape has even and odd functions. So D F, with
-        # D = diag(1, …, −1 at j, …, 1), is close to the functional map of a mirror image, or of the map
-        # that exchanges front and back.
+        """Turn the sign of one of the first functions in each map, and add the results."""
+        # The sign of Φ_j is arbitrary, and a symmetric shape has even and odd functions. So D F,
+        # with D = diag(1, …, −1 at j, …, 1), is close to the functional map of a mirror image, or
+        # of the map that exchanges front and back.
         pair = self.pair
         n = min(self._settings.flipped_functions, pair.n_functions)
         grown = [pair.search_spectra.fit_and_upsample(parent.target_row, (n,) * 4) for parent in parents if n]
@@ -70,7 +70,7 @@ class Pool:
         self.add(starts, self._settings.flip_steps, origin)
 
     def converge(self, starts: list[Int[SearchRows, "m_s"]], steps: int) -> list[Alignment]:
-        """Run iterative closest points from many first maps; drop maps that meet another or a known one."""
+        """Run iterative closest points from many first maps; drop those that meet others."""
         settings, points = self._settings, self.pair.search_points
         known, converged = [h.target_row for h in self.hypotheses], list[SearchRows]()
         # most starts converge to few maps, so comparing them often, and moving converged maps no
@@ -95,7 +95,7 @@ def _map_in_groups(move: Callable[[Int[IntArray, "h m_s"]], Iterable[T]], maps: 
 
 
 def _flip_function(pair: Problem, functional_map: FloatArray, function: int) -> Int[SearchRows, "m_s"]:
-    """Turn the sign of one function in the leading block, and upsample the map to its previous size."""
+    """Turn the sign of one function in the leading block, and upsample to the same size."""
     # upsampling as in ZoomOut, two functions at a time: the j × j block of F gives a map of points,
     # from which the (j + 2) × (j + 2) block is fitted
     size, spectra = max(function + 1, 4), pair.search_spectra

@@ -32,8 +32,8 @@ def starts_from_priors(pair: Problem) -> Iterator[tuple[Int[SearchRows, "m_s"], 
 
 def start_from_pairs(pair: Problem, pairs: Int[BodyVertices, "_ 2"]) -> Int[SearchRows, "m_s"]:
     """First map of the search vertices from a map that is known at some vertices."""
-    # A search vertex without an image takes the image of the vertex that is nearest in descriptors. An
-    # image that is no search vertex of the target is replaced by the nearest one.
+    # A search vertex without an image takes the image of the vertex that is nearest in descriptors.
+    # An image that is no search vertex of the target is replaced by the nearest one.
     source, target = pair.search_points
     image, row = np.full(pair.source.body.n_vertices, -1), np.full(pair.target.body.n_vertices, -1)
     image[pairs[::-1, 0]] = pairs[::-1, 1]  # the first of welded vertices counts

@@ -1,4 +1,4 @@
-"""First maps from the pose: to nearest points in space, as the shapes lie or after a rigid motion."""
+"""First maps to nearest points in space, in the given pose or after a rigid motion."""
 
 from __future__ import annotations
 
