@@ -242,13 +242,6 @@ def test_wolf_without_landmarks(wolves):
     assert errors(found.map.vertices, other.new_vertex, other.mesh).mean() < 0.003
 
 
-def test_prepared_with_other_settings():
-    source, target = example_pair()
-    prepared = prepare(source.mesh, Config(rank=30))
-    with pytest.raises(SettingError, match="rank = 30"):
-        match(prepared, target.mesh, config=Config())
-
-
 @pytest.mark.long
 def test_given_needs_something_given():
     source, target = example_pair()

@@ -88,19 +88,14 @@ def test_the_first_outcome_that_holds_is_given():
     assert found == list(Outcome)
 
 
-def test_a_match_is_partial_if_something_has_no_counterpart_and_nothing_worse_is_found():
-    partial, names = Evidence(partial=True), ("contradicted", "mirrored", "poor", "ambiguous")
-    assert outcome_of([]) is outcome_of([Evidence()]) is Outcome.CONVERGED
-    assert outcome_of([Evidence(), partial]) is Outcome.PARTIAL
-    for name, worse in zip(names, Outcome):
-        assert outcome_of([partial, Evidence(**{name: True})]) is worse
-
-
-def test_no_piece_of_evidence_makes_a_map_surer():
-    pieces = [Evidence(*flags) for flags in product((False, True), repeat=4)]
+def test_the_least_sure_piece_of_evidence_decides_however_they_are_grouped():
+    names = [field.name for field in fields(Evidence)]
+    pieces = [Evidence(*flags) for flags in product((False, True), repeat=len(names))]
     for first, second in product(pieces, repeat=2):
         both = outcome_of([first, second])
         assert both.sureness == min(outcome_of([first]).sureness, outcome_of([second]).sureness)
+        merged = Evidence(**{name: getattr(first, name) or getattr(second, name) for name in names})
+        assert outcome_of([merged]) is both
 
 
 def test_a_cap_that_goes_to_the_other_pole_is_torn_off():

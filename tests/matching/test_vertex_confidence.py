@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isomatch import Graph, MatchResult, Mesh, PointCloud, match
+from isomatch import Graph, Mesh, PointCloud, match
 from isomatch.correspondence import PrecisePoints
 from isomatch.datasets import ground_truth
 from isomatch.evaluation import geodesic_errors
@@ -110,13 +110,6 @@ def test_confidence_is_one_half_at_a_twentieth(result):
     np.testing.assert_allclose([described["mean"], described["below_half"]], [0.5 / 3, 1 / 3])
     nothing = replace(result, expected_error=np.full(4, np.nan)).to_dict()["expected_error"]
     assert set(nothing.values()) == {None}
-
-
-def test_errors_are_saved_with_the_result(tmp_path, result):
-    errors = result.expected_error.copy()
-    errors[:3] = np.nan
-    replace(result, expected_error=errors).save(tmp_path / "result.npz")
-    np.testing.assert_array_equal(MatchResult.load(tmp_path / "result.npz").expected_error, errors)
 
 
 def assert_known_where_matched(found):
