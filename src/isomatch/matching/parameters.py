@@ -127,12 +127,9 @@ class ElasticSearchParameters:
     # those without another source: chosen together on pairs of animals
 
     n_coarse_samples: int = 300  # samples: of each shape in the coarse fit; enough for 30 functions
-    # signatures count beside canonical coordinates
-    signature_weight: float = 0.05  # weight
-    # normals count in the coarse fit
-    normal_weight: float = 0.05  # weight
-    # a landmark counts as this many samples; chosen
-    landmark_weight: float = 30.0  # samples
+    signature_weight: float = 0.05  # weight: signatures count beside canonical coordinates
+    normal_weight: float = 0.05  # weight: normals count in the coarse fit
+    landmark_weight: float = 30.0  # samples: a landmark counts as this many samples; chosen
     n_anchors: int = 12  # points: of the source, assigned to candidates of the target
     n_candidates: int = 150  # points: of the target, about 0.09 √area apart
     beam_width: int = 600  # partial assignments: the beam search keeps this many
@@ -144,8 +141,7 @@ class ElasticSearchParameters:
     short_distance: float = 0.2  # average distances
     # an anchor's remoteness counts: the share of the area that is less remote
     remoteness_weight: float = 0.5  # weight
-    # an anchor's signatures count in the assignment
-    anchor_signature_weight: float = 0.1  # weight
+    anchor_signature_weight: float = 0.1  # weight: an anchor's signatures count in the assignment
     # an anchor's distance from its mirror image counts in the assignment; chosen
     mirror_distance_weight: float = 1.0  # weight
     # a longer distance from the mirror image counts no more; chosen
@@ -157,8 +153,7 @@ class ElasticSearchParameters:
     max_mirror_spectral_residual: float = 0.26  # spectral residual
     # such a map has at least this agreement of its normals with the mirror image
     min_mirror_orientation: float = 0.5  # cosine, mean
-    # first maps of a shape to itself are tried; chosen
-    n_mirror_starts: int = 24  # starts
+    n_mirror_starts: int = 24  # starts: first maps of a shape to itself are tried; chosen
     # between a shape and its mirror image, lengths may differ by this share; chosen: less than
     # elastic.forgiven, because both are nearly isometric
     forgiven_of_mirror: float = 0.1  # share
@@ -406,8 +401,7 @@ class TwoPartsParameters:
     surface_tolerance: float = 0.04  # √area of the target
     # the same where the nearest point lies on the boundary of the target
     boundary_tolerance: float = 0.02  # √area of the target
-    # a rough refinement ranks regions as a full one does
-    n_rough_functions: int = 100  # functions
+    n_rough_functions: int = 100  # functions: a rough refinement ranks regions as a full one does
     n_final_lengths: int = 3  # lengths: the last of parts.bending, for the best region
 
 

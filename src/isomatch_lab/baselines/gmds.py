@@ -20,7 +20,7 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 from isomatch_lab.baselines.task import Task
 
-MIN_POINTS = 3  # needed to place another point by its distances
+FEWEST_POINTS = 3  # needed to place another point by its distances
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class GmdsConfig(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.levels or self.levels[0] < MIN_POINTS or sorted(set(self.levels)) != list(self.levels):
+        if not self.levels or self.levels[0] < FEWEST_POINTS or sorted(set(self.levels)) != list(self.levels):
             raise SettingError(
-                f"levels = {self.levels!r} are not increasing numbers of points, the first at least {MIN_POINTS}"
+                f"levels = {self.levels!r} are not increasing numbers of points, the first at least {FEWEST_POINTS}"
             )
 
 
@@ -124,7 +124,7 @@ def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
     pair, samples = task.pair, task.pair.source.column_vertices
     if len(task.priors.initial_pairs):
         at_samples = task.priors.initial_pairs[np.isin(task.priors.initial_pairs[:, 0], samples)]
-        return at_samples if len(at_samples) >= MIN_POINTS else task.priors.initial_pairs, "initial map"
+        return at_samples if len(at_samples) >= FEWEST_POINTS else task.priors.initial_pairs, "initial map"
     if len(task.priors.landmarks):
         return task.priors.landmarks, "landmarks"
     image, origin = first_map(pair, samples, config.orientation)
