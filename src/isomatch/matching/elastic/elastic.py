@@ -97,7 +97,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     >>> from isomatch.datasets import example_pair
     >>> from isomatch.matching import prepare_pair
     >>> problem = prepare_pair(*(animal.mesh for animal in example_pair()))
-    >>> Elastic(problem).ordinary is None
+    >>> Elastic(problem).isometric_map is None
     True
     """
 
