@@ -63,7 +63,7 @@ class BentShape:
     # A right map between poses stretches only joints. A map that exchanges limbs needs a large s,
     # or, where the shape resists, leaves a large g. The product has one unit for all maps of a pair
     # and needs no weight. Of the scores compared on elastic maps, it separates wrong maps from
-    # right ones by the largest ratio (docs/lab/design_notes.md, the choice).
+    # right ones by the largest ratio (decisions.md, elastic choice).
     @property
     def stretch(self) -> float:
         """Mean |log| of the stretch of the edges."""

@@ -13,7 +13,7 @@ from isomatch.correspondence import Embedding, nearest_of_few, register_nonrigid
 from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.surfaces import PrecisePoints, vertex_normals
 
-# steps of the registration that ends the smooth refinement; docs/lab/benchmarks.md, smoothness
+# steps of the registration that ends the smooth refinement; lab/benchmarks.md, smoothness
 SMOOTH_REGISTRATION_STEPS = 8
 
 ALL_VERTICES = slice(None)
@@ -46,7 +46,7 @@ def refine_images(
     # Without positions, images are samples of the target, and vertices in the last step. With them,
     # images are points of its triangles, which follow the coordinates continuously, while nearest
     # vertices jump: if coordinates are disturbed by 1e-9, fewer final images move
-    # (docs/lab/design_notes.md, rounding).
+    # (decisions.md, rounding).
     samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]
 

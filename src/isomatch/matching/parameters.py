@@ -42,17 +42,17 @@ class TiesParameters:
     # landmark errors that differ by less are equal; chosen: the spacing of the search vertices
     landmark_slack: float = 0.05  # √area
     # a map that is better by this factor counts, whatever the priors say;
-    # docs/lab/benchmarks.md, confidence
+    # lab/benchmarks.md, confidence
     clearly_better_ratio: float = 1.15  # ratio of scores
     # energies below are equal: otherwise one of the symmetric maps between two copies of a mesh
     # would seem better; two triangulations of one surface differ by 0.002 to 0.06,
-    # docs/lab/benchmarks.md, symmetry
+    # lab/benchmarks.md, symmetry
     energy_noise: float = 0.012  # energy
     # spectral residuals below are equal; two triangulations of one surface have 0.26 to 0.35,
-    # docs/lab/benchmarks.md, symmetry
+    # lab/benchmarks.md, symmetry
     spectral_residual_noise: float = 0.25  # spectral residual
     # scores below are equal; two triangulations of one surface have 0.04 to 0.09,
-    # docs/lab/benchmarks.md, symmetry
+    # lab/benchmarks.md, symmetry
     score_noise: float = 0.04  # score
     # costs below are equal; rotations of a flat ring onto itself cost up to 5e-6, maps between
     # poses at least 3e-4
@@ -68,12 +68,12 @@ class ScreeningParameters:
     # a hypothesis from priors is improved by closest points; chosen: most maps change little later
     n_prior_steps: int = 8  # iterations
     # a round shape keeps more hypotheses, because residuals say little before curvature is
-    # compared; docs/lab/robustness.md, shapes without limbs
+    # compared; lab/robustness.md, shapes without limbs
     max_hypotheses_without_limbs: int = 40  # hypotheses
     # each hypothesis is upsampled through these sizes; steps of 5 as in Melzi et al. 2019
     upsampling_sizes: tuple[int, ...] = (20, 25, 30, 35, 40, 45, 50)  # functions
     # a map is sure if its measures are below this fraction of the bounds of a poor map;
-    # docs/lab/design_notes.md
+    # decisions.md, given up and tried again
     sure_fraction: float = 0.75  # fraction of outcome.poor_…
     # maps of the orientation that is not allowed are refined for comparison; chosen
     max_mirrored: int = 3  # maps
@@ -90,7 +90,7 @@ class AnchorsParameters:
     n_anchors: int = 6  # points
     # points of the target that an anchor may go to; chosen: as for symmetries
     n_candidates: int = 200  # search vertices
-    # signatures count beside distances; docs/lab/robustness.md, shapes without limbs
+    # signatures count beside distances; lab/robustness.md, shapes without limbs
     signature_weight: float = 0.25  # weight
     # the beam search keeps this many partial assignments; chosen
     beam_width: int = 200  # partial assignments
@@ -101,7 +101,7 @@ class AnchorsParameters:
     # a first map is relaxed in this many functions; equal to the first of
     # ScreeningParameters.upsampling_sizes
     n_relaxation_functions: int = 20  # functions
-    # a first map is relaxed this often; docs/lab/robustness.md, shapes without limbs
+    # a first map is relaxed this often; lab/robustness.md, shapes without limbs
     n_relaxation_steps: int = 10  # steps
 
 
@@ -112,7 +112,7 @@ class StrategyParameters:
     # between shapes with capped holes, the flips of the best hypotheses are tried; mesh018–mesh014
     # with holes has an error of 30 with 3 of them
     n_flipped: int = 6  # hypotheses
-    # a shape is cut along its creases and matched again, at most; docs/lab/design_notes.md
+    # a shape is cut along its creases and matched again, at most; decisions.md, strategies that pay
     max_crease_cuts: int = 3  # times
     # a crease is a self-contact if the images of its two sides are farther apart; chosen
     self_contact_distance: float = 0.1  # √area
@@ -147,7 +147,7 @@ class ElasticSearchParameters:
     # a longer distance from the mirror image counts no more; chosen
     max_mirror_distance: float = 1.0  # average distances
     # where both shapes have mirror images, some starts ignore them;
-    # docs/lab/robustness.md, other species
+    # decisions.md, elastic starts
     n_plain_starts: int = 30  # starts
     # a map of a shape to itself gives its mirror images if its residual is at most this
     max_mirror_spectral_residual: float = 0.26  # spectral residual
@@ -157,9 +157,9 @@ class ElasticSearchParameters:
     # between a shape and its mirror image, lengths may differ by this share; chosen: less than
     # elastic.forgiven, because both are nearly isometric
     forgiven_of_mirror: float = 0.1  # share
-    # maps of a shape to itself are kept after each step; docs/lab/design_notes.md
+    # maps of a shape to itself are kept after each step; decisions.md, elastic choice
     n_mirror_maps_kept: tuple[int, ...] = (12, 4, 4)  # maps
-    # coarse fits are kept after each step, and the last are bent; docs/lab/design_notes.md
+    # coarse fits are kept after each step, and the last are bent; decisions.md, elastic choice
     n_maps_kept: tuple[int, ...] = (90, 40, 8)  # maps
     # a map may be this asymmetric, because shapes are
     asymmetry_unit: float = 0.1  # canonical coordinates
@@ -173,12 +173,12 @@ class ElasticSearchParameters:
 class ElasticFitParameters:
     """The bending of shapes whose limbs stretch, and the images taken from the bent shapes."""
 
-    # those without another source: docs/lab/design_notes.md
+    # those without another source: decisions.md, elastic steps
 
     # halfway, a map is given up if its score is above this multiple of the best
     hopeless_ratio: float = 1.5  # score over the least
     # normals count beside canonical coordinates in the last step;
-    # docs/lab/robustness.md, other species
+    # decisions.md, elastic steps
     fine_normal_weight: float = 0.15  # weight
     # a map that agrees with the priors wins up to this ratio
     prior_tie_ratio: float = 1.1  # score over the least
@@ -282,7 +282,7 @@ class PartFitParameters:
     # up to this multiple
     function_ratio: float = 1.75  # ratio
     extra_functions: int = 3  # functions: added to those
-    # distances from landmarks are coordinates up to this; docs/lab/robustness.md: parts
+    # distances from landmarks are coordinates up to this; lab/robustness.md, parts
     landmark_reach: float = 0.3  # √area
     # the unit of a map is measured by distances between these bounds
     min_near_distance: float = 0.08  # √area of the part
@@ -295,9 +295,9 @@ class PartFitParameters:
     n_fine_normal_functions: int = 60  # functions of the whole
     # the images of the anchors under a fine map are computed through this many functions
     n_anchor_functions: int = 200  # functions of the whole
-    # the best maps are refined from the bent part this often; docs/lab/robustness.md: parts
+    # the best maps are refined from the bent part this often; lab/robustness.md, parts
     n_bending_rounds: int = 2  # times
-    # stress counts with this power in the cost; 0.15 to 0.4 choose alike, docs/lab/design_notes.md
+    # stress counts with this power in the cost; 0.15 to 0.4 choose alike, decisions.md, cost of a part
     stress_exponent: float = 0.25  # exponent
     # a rough map with a lower orientation is not penalised more
     min_orientation: float = 0.1  # cosine, mean
@@ -466,7 +466,7 @@ class ErrorsParameters:
     # the mean of a neighbourhood is known if this share of it is known; chosen
     min_known_share: float = 0.5  # share of a neighbourhood
     min_region_area: float = 0.005  # share of the surface: smaller ones are not named; chosen: half a hand
-    # vertices that look unlike their images have this error; docs/lab/benchmarks.md, regions of
+    # vertices that look unlike their images have this error; lab/benchmarks.md, regions of
     # doubt
     unlike_error: float = 0.5  # mean error over √(area of the region)
     max_named_landmarks: int = 5  # landmarks: named in a note; chosen
@@ -484,7 +484,7 @@ class ErrorsParameters:
 class ExchangeParameters:
     """Maps found from the target, and regions that a map takes from others.
 
-    See docs/lab/design_notes.md, both sides.
+    See decisions.md, both sides.
     """
 
     # of the maps that tie in a search from the target, this many contend; chosen
@@ -513,7 +513,7 @@ class ExchangeParameters:
 class SymmetricParameters:
     """Maps composed with near-symmetries, which may fit as well as the winner.
 
-    See docs/lab/design_notes.md, individuals.
+    See decisions.md, individuals.
     """
 
     # such a map is refined up to this ratio; one at 1.07 fits as well, those from 1.5 cost twice as
@@ -553,7 +553,7 @@ class JudgingParameters:
 class SpectralParameters:
     """The refinements of the paper."""
 
-    # a functional map grows from each of these sizes; docs/lab/paper.md
+    # a functional map grows from each of these sizes; lab/paper.md
     first_sizes: tuple[int, ...] = (15, 20, 30, 40)  # functions
     choice_size: int = 50  # functions: the best is chosen at this size; chosen: equal to the rank
     size_step: int = 5  # functions: added in each step; Melzi et al. 2019

@@ -152,7 +152,7 @@ def weigh_costs(
     # Let two maps i, j differ in a region R, where their images are > MAP_DISTANCE.other_place
     # apart. With m̄ the mean descriptor distance over R, they are compared by
     #   c_i / c_j · exp(w (m̄_i − m̄_j)),
-    # so that comparing j with i gives the inverse. docs/lab/design_notes.md
+    # so that comparing j with i gives the inverse. decisions.md, descriptor weight
     n = len(costs)
     exponent = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
     for i in range(n):

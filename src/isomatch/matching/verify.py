@@ -28,13 +28,13 @@ from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, label_components
 
-# Numbers without another source: docs/lab/design_notes.md, one verification
+# Numbers without another source: decisions.md, one verification
 BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area: the shape resists bending below these
 # vertices of the bent shape; 1000 select the same map on 14 of 14 pairs of species and ants
 N_BENT_VERTICES = 500
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0  # 3 to 10 and 1 to 3 choose alike
 # the unit, in radians, is about the median turning of right maps;
-# docs/lab/design_notes.md, individuals
+# decisions.md, turning
 TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
 COVERAGE_DISTANCE = 0.05  # √area: a vertex this close to an image has a counterpart
 MIN_DISTANCE, MAX_DISTANCE = 0.08, 0.3  # √area of the source: distances that measure the unit

@@ -38,7 +38,7 @@ def expected_errors(
     #   δ(i) = ‖r‖ / |∇(Φ_s F)|                  is a length,
     #   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)        is a strain, 0 if F is orthogonal,
     # and the expected error is scale · √(δ |ε|), smoothed by the heat kernel.
-    # docs/lab/benchmarks.md, confidence
+    # lab/benchmarks.md, confidence
     source = pair.source
     k = pair.n_functions
     functions = source.functions[:, :k]  # (n_s, K)

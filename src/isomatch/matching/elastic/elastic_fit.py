@@ -146,7 +146,7 @@ class Step(NamedTuple):
 
 
 # Steps of the coarse fit; after each, only the best maps are kept. The functions represent limbs
-# but no details, and the smoothness was chosen with them; docs/lab/design_notes.md
+# but no details, and the smoothness was chosen with them; decisions.md, elastic choice
 COARSE_STEPS = Step(20, 0.01, 2, True), Step(20, 0.01, 2, True), Step(30, 0.007, 4, True)
 
 

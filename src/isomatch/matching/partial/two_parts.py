@@ -112,7 +112,7 @@ class RefinedRegion:
         # A mean per-point cost would favour tiny, perfectly fitting regions, because unmatched area
         # is not penalised; net evidence is an area. The orientation is 1 − 2t if a share t of the
         # region is turned inside out. A power of the spectral residual as a further factor selected
-        # no better maps, docs/lab/design_notes.md.
+        # no better maps, decisions.md, two parts.
         return -max(self.net_evidence, 0.0) * max(self.fit.orientation, 0.0)
 
     def grow_again(self, most: float) -> CommonRegion:
