@@ -1,5 +1,6 @@
 """Small collections: fixtures of the tests in ``cohort``, how these run them and compare their maps."""
 
+import csv
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch.cohort import Collection, PairMaps, workers
+from isomatch.cohort import Collection, PairMaps, finish, workers
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
 from shapes import icosphere
@@ -74,6 +75,18 @@ def run(collection, **options):
     """Run a collection in this process; its events."""
     with ThreadPoolExecutor(1) as executor:
         return list(collection.run(executor, 1, **options))
+
+
+def finished_names(collection):
+    """Finish a collection in this process; the names of the surfaces that were written."""
+    with ThreadPoolExecutor(1) as executor:
+        return [line.name for line in finish(collection, executor, 1)]
+
+
+def lines_of(path):
+    """The lines of a CSV file, as dicts."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
 
 
 def arrays_of(folder):

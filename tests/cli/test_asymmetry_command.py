@@ -10,7 +10,7 @@ import isomatch
 from corresponded import moved
 from data import real_file
 from isomatch.cli import main
-from isomatch.cohort.asymmetry import _below_error, _sides, _told
+from isomatch.cohort.asymmetry import _below_error, _sentences, _sides
 from isomatch.cohort.shape_statistics import CorrespondedShapes
 from isomatch_lab.procedural import creature
 from shapes import icosphere
@@ -55,7 +55,7 @@ def test_what_is_below_the_error_of_the_maps_is_not_shown():
         [shape("a", 0.1), c],
     )  # sides that were given have no error
     record = {"anova": [], "n_individuals": 1, "shapes": [a], "size_anova": [], "notes": ["n"]}
-    assert _told(record) == [_below_error([a])[0], "note: n"]
+    assert _sentences(record) == [_below_error([a])[0], "note: n"]
 
 
 def test_sides_are_left_and_right_where_all_pairs_of_landmarks_agree():

@@ -1,6 +1,5 @@
 """``isomatch statistics`` and ``isomatch asymmetry`` of landmarks: files, numbers, and one line for what is wrong."""
 
-import csv
 import json
 import re
 
@@ -19,6 +18,7 @@ from isomatch.cohort.shape_statistics import (
     shape_anova,
 )
 from isomatch.landmarks import Curve, read_specimens, write_specimens
+from small_collections import lines_of
 
 M = 12
 AGE = [*range(M)]
@@ -52,11 +52,6 @@ def marks(tmp_path):
     return tmp_path / "marks.tps"
 
 
-def rows(path):
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
 def refused(argv, capsys):
     """What a command complains of, which is one line."""
     assert main([str(each) for each in argv]) == 1
@@ -82,22 +77,22 @@ def test_a_model_of_several_terms(marks, tmp_path, capsys):
     model = ShapeModel.fit(shapes, "remove")
     table = {"size": np.log(centroid_sizes(shapes.vertices)), "group": GROUPS, "age": AGE}
     expected = shape_anova(model.aligned, ShapeDesign.of("size * group + age", table), model.weights)
-    assert [row["term"] for row in rows(out / "anova.csv")] == [
+    assert [row["term"] for row in lines_of(out / "anova.csv")] == [
         *("size", "group", "age", "size:group"),
         "residuals",
         "total",
     ]
-    for row, own in zip(rows(out / "anova.csv"), expected.rows, strict=True):
+    for row, own in zip(lines_of(out / "anova.csv"), expected.rows, strict=True):
         assert float(row["squares"]) == pytest.approx(own.squares)
         assert float(row["p_value"]) == pytest.approx(own.p_value, nan_ok=True)
-    pairs = rows(out / "pairs.csv")
+    pairs = lines_of(out / "pairs.csv")
     assert [(row["of"], row["first"], row["second"]) for row in pairs[:3]] == [
         ("group", *"ab"),
         ("group", *"ac"),
         ("group", *"bc"),
     ]
     assert [row["of"] for row in pairs[3:]] == ["size:group"] * 3
-    assert {row["group"] for row in rows(out / "classification.csv")} == {*"abc"}
+    assert {row["group"] for row in lines_of(out / "classification.csv")} == {*"abc"}
     modes = read_specimens(out / "modes.csv")
     assert [*modes] == ["mean", "mode_1_minus2sd", "mode_1_plus2sd"]
     np.testing.assert_allclose(modes["mode_1_plus2sd"].positions, model.vertices([2 * model.deviations[0]]))
@@ -134,15 +129,8 @@ def test_the_plane_and_missing_landmarks(tmp_path, capsys):
     flat = configurations(dim=2)
     flat[4, 1] = np.nan
     write_specimens(tmp_path / "wings.tps", {f"s{i}": Landmarks(at) for i, at in enumerate(flat)})
-    argv = [
-        "statistics",
-        str(tmp_path / "wings.tps"),
-        "-o",
-        str(tmp_path / "out"),
-        "--scale",
-        "remove",
-        "--tangent",
-    ]
+    argv = ["statistics", str(tmp_path / "wings.tps"), "-o", str(tmp_path / "out")]
+    argv += ["--scale", "remove", "--tangent"]
     assert main([*argv, "--quiet"]) == 0
     record = json.loads((tmp_path / "out" / "statistics.json").read_text())
     assert record["missing"] == {"s4": 0.125}
@@ -157,16 +145,10 @@ def test_semilandmarks_slide_without_meshes(tmp_path, capsys):
     specimens = {f"s{i}": Landmarks(at, curves=curve) for i, at in enumerate(configurations())}
     write_specimens(tmp_path / "marks.tps", specimens)
     for criterion in ("bending", "distance"):
-        argv = [
-            "statistics",
-            str(tmp_path / "marks.tps"),
-            "-o",
-            str(tmp_path / criterion),
-            "--slide",
-            criterion,
-        ]
+        argv = ["statistics", str(tmp_path / "marks.tps"), "-o", str(tmp_path / criterion)]
+        argv += ["--slide", criterion]
         assert main([*argv, "--quiet"]) == 0
-        slid = rows(tmp_path / criterion / "slid.csv")
+        slid = lines_of(tmp_path / criterion / "slid.csv")
         if criterion == "bending":
             assert all(float(row["energy_after"]) <= float(row["energy_before"]) for row in slid)
         assert any(float(row["largest"]) > 0.01 for row in slid)
@@ -183,25 +165,18 @@ def test_object_symmetry_with_replicates(tmp_path, capsys):
     write_specimens(tmp_path / "marks.csv", {f"s{i}": Landmarks(at) for i, at in enumerate(shapes)})
     (tmp_path / "sides.csv").write_text("left,right\n" + "".join(f"{i},{i + 4}\n" for i in range(1, 5)))
     (tmp_path / "of.csv").write_text("name,group\n" + "".join(f"s{i},i{i // 2}\n" for i in range(12)))
-    argv = [
-        "asymmetry",
-        tmp_path / "marks.csv",
-        "-o",
-        tmp_path / "out",
-        "--left-right",
-        tmp_path / "sides.csv",
-    ]
-    argv = [str(each) for each in [*argv, "--individuals", tmp_path / "of.csv"]]
+    argv = ["asymmetry", str(tmp_path / "marks.csv"), "-o", str(tmp_path / "out")]
+    argv += ["--left-right", str(tmp_path / "sides.csv"), "--individuals", str(tmp_path / "of.csv")]
     assert main([*argv, "--degrees", "dimensions"]) == 0
     assert "fluctuating asymmetry has" in " ".join(capsys.readouterr().out.split())
-    found = rows(tmp_path / "out" / "anova.csv")
+    found = lines_of(tmp_path / "out" / "anova.csv")
     # four pairs: 12 − 3 − 1 symmetric dimensions, 12 − 3 asymmetric
     assert [int(row["degrees"]) for row in found] == [5 * 8, 9, 5 * 9, 6 * 17]
     assert [float(row["p_value"]) for row in found[1:3]] == [2 / 64, 0.0002]
-    directional = rows(tmp_path / "out" / "landmarks.csv")
+    directional = lines_of(tmp_path / "out" / "landmarks.csv")
     length = [np.linalg.norm([float(row[f"directional_{x}"]) for x in "xyz"]) for row in directional]
     assert sorted(np.argsort(length)[-2:]) == [2, 6]
-    lines = rows(tmp_path / "out" / "individuals.csv")
+    lines = lines_of(tmp_path / "out" / "individuals.csv")
     assert [line["name"] for line in lines] == [f"i{i}" for i in range(6)]
     assert min(float(line["directional"]) for line in lines) > 0
     record = json.loads((tmp_path / "out" / "asymmetry.json").read_text())
@@ -218,15 +193,9 @@ def test_matching_symmetry_and_sizes(tmp_path, capsys):
     both = np.concatenate([right, 1.1 * right * [-1, 1, 1]])
     write_specimens(tmp_path / "marks.tps", {name: Landmarks(at) for name, at in zip(names, both)})
     (tmp_path / "pairs.csv").write_text("left,right\n" + "".join(f"left{i},right{i}\n" for i in range(8)))
-    argv = [
-        "asymmetry",
-        str(tmp_path / "marks.tps"),
-        "-o",
-        str(tmp_path / "out"),
-        "--pairs",
-        str(tmp_path / "pairs.csv"),
-    ]
-    assert main([*argv, "--weights", "uniform", "--json"]) == 0
+    argv = ["asymmetry", str(tmp_path / "marks.tps"), "-o", str(tmp_path / "out")]
+    argv += ["--pairs", str(tmp_path / "pairs.csv"), "--weights", "uniform", "--json"]
+    assert main(argv) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["symmetry"] == "matching"
     sizes = {row["source"]: row for row in record["size_anova"]}

@@ -1,6 +1,5 @@
 """New subjects of a finished collection: what they are to the old model, and that nothing else changes."""
 
-import csv
 import errno
 import json
 import os
@@ -8,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from hashlib import blake2b
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,14 +18,14 @@ import isomatch
 from isomatch._core import files as files_module
 from isomatch._core.errors import InputError, SettingError
 from isomatch.cli import main
-from isomatch.cohort import Collection, finish
+from isomatch.cohort import Collection
 from isomatch.cohort.ledger import PairRow, writing_ledger
 from isomatch.cohort.map_file import KEPT
 from isomatch.cohort.scoring import added
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.decimation import decimate
 from isomatch_lab.procedural import creature
-from small_collections import QUICK, arrays_of, lopsided_blob, run
+from small_collections import QUICK, arrays_of, finished_names, lines_of, lopsided_blob, run
 
 LEVEL, OLD, NEW = 2, ("b0", "b1", "b2", "b3"), ("b4", "b5")
 
@@ -43,8 +41,7 @@ def finished(folder, shapes, **options):
     """A collection that is finished, with its model."""
     collection = Collection.create(folder, shapes, **options)
     run(collection)
-    with ThreadPoolExecutor(1) as executor:
-        list(finish(collection, executor, 1))
+    finished_names(collection)
     (folder / "statistics").mkdir(exist_ok=True)
     ShapeModel.fit(read_shapes(folder)).save(folder / "statistics" / "model.npz")
     return collection
@@ -72,8 +69,7 @@ def cohort(made, tmp_path, in_threads):
 
 
 def table(folder):
-    with (folder / "added" / "scored.csv").open(newline="", encoding="utf-8") as file:
-        return {row["name"]: row for row in csv.DictReader(file)}
+    return {row["name"]: row for row in lines_of(folder / "added" / "scored.csv")}
 
 
 @pytest.mark.long

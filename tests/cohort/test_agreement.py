@@ -1,6 +1,5 @@
 """A small collection of creatures with a wrong map: found, replaced, and written so that nothing is done twice."""
 
-import csv
 import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
@@ -22,6 +21,7 @@ from isomatch.datasets import ground_truth
 from isomatch.matching import match_both
 from isomatch.shapes import PreparedShape
 from isomatch_lab.procedural import creature
+from small_collections import lines_of, run
 
 pytest.importorskip("skimage")
 pytestmark = pytest.mark.usefixtures("small_pictures")
@@ -43,8 +43,7 @@ def right(creatures, tmp_path_factory):
     for name, made in creatures.items():
         write_mesh(folder / f"{name}.ply", made.mesh)
     collection = Collection.create(folder / "all", folder, pairs="all")
-    with ThreadPoolExecutor(1) as executor:
-        list(collection.run(executor))
+    run(collection)
     return collection
 
 
@@ -65,8 +64,7 @@ def spoilt(right, mirrored, tmp_path):
     shutil.copytree(right.folder, tmp_path / "all", ignore=shutil.ignore_patterns("ledger*"))
     copy = Collection.open(tmp_path / "all")
     mirrored.save(copy.layout.maps(WRONG))
-    with ThreadPoolExecutor(1) as executor:
-        list(copy.run(executor))
+    run(copy)
     return copy
 
 
@@ -110,16 +108,14 @@ def test_the_wrong_map_is_replaced(spoilt, right, creatures):
     assert error(creatures, spoilt, WRONG[::-1]) < 1.2 * error(creatures, right, WRONG[::-1]) + 0.005
     assert agreed(spoilt) == []
     assert spoilt.rows() == rows
-    with ThreadPoolExecutor(1) as executor:
-        assert list(spoilt.run(executor)) == []
+    assert run(spoilt) == []
 
 
 def test_without_prepared_shapes_nothing_is_compared(tmp_path):
     for name in "abc":
         (tmp_path / f"{name}.ply").write_text("no shape")
     broken = Collection.create(tmp_path / "all", tmp_path, pairs="all")
-    with ThreadPoolExecutor(1) as executor:
-        assert [event.state for event in broken.run(executor)] == ["failed"] * 3
+    assert [event.state for event in run(broken)] == ["failed"] * 3
     assert agreed(broken) == []
 
 
@@ -142,7 +138,7 @@ def test_shards_and_agreement_exclude_each_other(spoilt):
 @pytest.mark.long
 def test_low_confidence_is_tried_again_where_a_shard_has_the_row_too(spoilt, monkeypatch):
     shutil.copy(spoilt.layout.ledger(), spoilt.layout.ledger((0, 2)))
-    monkeypatch.setattr(combine_module, "MOST_PATHS", 0)
+    monkeypatch.setattr(combine_module, "MAX_PATHS", 0)
     agreed(spoilt)
     assert spoilt.rows().pairs[WRONG].verdict == "low"
     assert spoilt.retry("low") == [WRONG]
@@ -170,12 +166,10 @@ def test_killed_before_the_row_of_a_newer_version_was_written(spoilt):
     agreed(spoilt)
     with writing_ledger(spoilt.layout.ledger()) as ledger:
         ledger.put(
-            WRONG,
-            replace(ledger.rows.pairs[WRONG], key="of an older version", replaced_by=("w", "x", "y")),
+            WRONG, replace(ledger.rows.pairs[WRONG], key="of an older version", replaced_by=("w", "x", "y"))
         )
     assert agreed(spoilt) == []
-    with ThreadPoolExecutor(1) as executor:
-        assert [event.name for event in spoilt.run(executor)] == [WRONG]
+    assert [event.name for event in run(spoilt)] == [WRONG]
 
 
 @pytest.mark.long
@@ -183,7 +177,7 @@ def test_what_stays_contradicted_has_low_confidence(spoilt, monkeypatch):
     own = spoilt.rows().pairs[WRONG].ending
     assert own != "LOW_CONFIDENCE"
     with monkeypatch.context() as patched:
-        patched.setattr(combine_module, "MOST_PATHS", 0)
+        patched.setattr(combine_module, "MAX_PATHS", 0)
         assert agreed(spoilt) == []
     rows = spoilt.rows()
     assert agreement_of(rows).contradicted == [WRONG]
@@ -203,12 +197,11 @@ def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, m
     replace(mirrored, record=sure).save(file)
     with writing_ledger(spoilt.layout.ledger()) as ledger:
         ledger.put(WRONG, replace(ledger.rows.pairs[WRONG], file=digest_of(file)))
-    monkeypatch.setattr(combine_module, "MOST_PATHS", 0)
+    monkeypatch.setattr(combine_module, "MAX_PATHS", 0)
     agreed(spoilt)
     assert agreement_of(spoilt.rows()).contradicted == [WRONG]
     assert spoilt.retry("low") == [WRONG]
-    with ThreadPoolExecutor(1) as executor:
-        (event,) = spoilt.run(executor)
+    (event,) = run(spoilt)
     assert event.name == WRONG
     assert error(creatures, spoilt, WRONG) < 0.1
     agreed(spoilt)
@@ -223,8 +216,7 @@ def test_a_star_has_no_triangles(right, in_threads, tmp_path):
     for name in "xyz":
         shutil.copy(right.layout.maps(("w", name)), tmp_path / "all" / "maps")
     star = Collection.create(tmp_path / "all", shapes, pairs="star", template="w")
-    with ThreadPoolExecutor(1) as executor:
-        list(star.run(executor))
+    run(star)
     before = star.rows()
     assert agreed(star) == []
     assert star.rows() == before
@@ -243,7 +235,7 @@ def test_too_many_triangles_are_refused_and_the_command_goes_on(
     with pytest.raises(MemoryBudgetError, match="maps of 4 shapes"):
         agreed(copy)
     monkeypatch.setenv("ISOMATCH_MEMORY_BUDGET", "1")
-    monkeypatch.setattr(combine_module, "BYTES", 2**40)
+    monkeypatch.setattr(combine_module, "TRIANGLE_BYTES", 2**40)
     assert agreement_of(copy.rows()).compared == 0
     files = [entry.path for entry in right.shapes]
     listed = tmp_path / "list.csv"
@@ -262,7 +254,7 @@ def test_only_shapes_in_triangles_are_compared():
         {tuple(pair): PairRow(state="done") for pair in ("ab", "bc", "ca", "cd", "de")}
         | {("e", "c"): PairRow(state="failed")},
     )
-    assert combine_module._in_triangles(rows) == ["a", "b", "c"]
+    assert combine_module._names_in_triangles(rows) == ["a", "b", "c"]
 
 
 def test_shapes_that_are_mirrored_together_are_named():
@@ -296,8 +288,7 @@ def test_command_replaces_and_tells(spoilt, in_threads, capsys):
     command_line("agree", spoilt.folder, "--jobs", 1, "--json")
     said = json.loads(capsys.readouterr().out)["agreement"]
     assert said == {"compared": 6, "contradicted": [], "replaced": [list(WRONG)], "turned": []}
-    with spoilt.layout.table.open() as file:
-        lines = {(line["source"], line["target"]): line for line in csv.DictReader(file)}
+    lines = {(line["source"], line["target"]): line for line in lines_of(spoilt.layout.table)}
     assert lines[WRONG]["replaced_by"] in ("w > x > y", "w > z > y")
     assert float(lines[WRONG]["inconsistency_before"]) > CONTRADICTED > float(lines[WRONG]["inconsistency"])
 
@@ -322,8 +313,7 @@ def test_maps_of_a_shape_that_was_lost_are_left_out(right, tmp_path):
         shutil.copy(entry.path, shapes[-1])
     shapes[0].write_text("ply\n")
     copy = Collection.create(tmp_path / "all", shapes, pairs="all")
-    with ThreadPoolExecutor(1) as executor:
-        list(copy.run(executor))
+    run(copy)
     assert copy.rows().shapes["w"].state == "failed"
     agreed(copy)
     assert agreement_of(copy.rows()).compared == 3

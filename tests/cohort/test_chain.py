@@ -1,7 +1,5 @@
 """A chain: files in the order of their numbers, and the template carried along the path of sure maps."""
 
-import csv
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ import isomatch
 from isomatch._core.texts import natural_order
 from isomatch.cohort import Collection, finish
 from isomatch.cohort.ledger import MapSummary, PairRow, Rows, ShapeRow
-from small_collections import N
+from small_collections import N, lines_of
 
 
 def test_numbers_in_names_are_counted():
@@ -32,8 +30,7 @@ def chain(small, tmp_path_factory):
 
 
 def lines(collection):
-    with collection.layout.shapes_table.open() as file:
-        return {line["name"]: line for line in csv.DictReader(file)}
+    return {line["name"]: line for line in lines_of(collection.layout.shapes_table)}
 
 
 @pytest.mark.long

@@ -175,17 +175,8 @@ def test_landmarks_that_were_changed_are_named(collection, tmp_path, capsys):
     assert f"s0__s1.npz {CHANGED}" in capsys.readouterr().err
 
 
-ROWS = [
-    "[]",
-    "{}",
-    '"x"',
-    "null",
-    "3",
-    "{",
-    '{"state": "done"}',
-    '{"state": ["done"], "time": 1}',
-    "[" * 100_000,
-]
+ROWS = ["[]", "{}", '"x"', "null", "3", "{", "[" * 100_000]
+ROWS += ['{"state": "done"}', '{"state": ["done"], "time": 1}']
 
 
 @pytest.mark.parametrize("table", ["shapes", "pairs", "files", "origins"])

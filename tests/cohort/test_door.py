@@ -13,21 +13,8 @@ from isomatch.cohort.subjects import structures_of
 from shapes import icosphere
 
 BALL = icosphere(1)
-OUTSIDE = [
-    "../bone",
-    "/tmp/bone",
-    "a/b",
-    "a\\b",
-    "..",
-    ".",
-    "C:bone",
-    "con",
-    "LPT1.old",
-    "a?",
-    "bone.",
-    " bone",
-    "x" * 300,
-]
+OUTSIDE = ["../bone", "/tmp/bone", "a/b", "a\\b", "..", ".", "C:bone", "con", "LPT1.old", "a?", "bone."]
+OUTSIDE += [" bone", "x" * 300]
 
 
 @pytest.fixture

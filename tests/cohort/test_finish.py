@@ -27,16 +27,11 @@ from isomatch.cohort import study_page as report_module
 from isomatch.cohort.ledger import MapSummary, PairAgreement, writing_ledger
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
-from small_collections import N, run
+from small_collections import N, finished_names, run
 
 finish_module = import_module("isomatch.cohort.finish")  # the subpackage's public name is the function
 
 PAIR = ("s0", "s1")
-
-
-def finished_lines(collection):
-    with ThreadPoolExecutor(1) as executor:
-        return [line.name for line in finish(collection, executor, 1)]
 
 
 def reported(collection, which="doubtful"):
@@ -55,7 +50,7 @@ def star(small, tmp_path_factory):
     folder = tmp_path_factory.mktemp("star")
     collection = Collection.create(folder, small.shapes, template="s0", config=small.config)
     run(collection)
-    assert sorted(finished_lines(collection)) == ["s0", "s1", "s2", "s3"]
+    assert sorted(finished_names(collection)) == ["s0", "s1", "s2", "s3"]
     return collection
 
 
@@ -91,7 +86,7 @@ def plain_reports(monkeypatch):
 @pytest.mark.long
 def test_only_reports_of_present_maps_are_linked(copied, plain_reports):
     def links():
-        finished_lines(copied)
+        finished_names(copied)
         return set(re.findall(r'href="(reports/[^"]*)"', copied.layout.page.read_text()))
 
     assert len(reported(copied, 2)) == 2
@@ -111,10 +106,10 @@ def test_a_report_that_cannot_be_written_is_told(copied, plain_reports):
 @pytest.mark.long
 def test_a_surface_is_written_again_when_its_map_is_replaced(star, tmp_path):
     collection = Collection.open(shutil.copytree(star.folder, tmp_path / "star"))
-    assert finished_lines(collection) == []
+    assert finished_names(collection) == []
     changed(collection, PAIR, replaced_by=("s0", "s2", "s1"))
     assert surfaces_written(collection) == ["s0", "s2", "s3"]
-    assert finished_lines(collection) == ["s1"]
+    assert finished_names(collection) == ["s1"]
 
 
 @pytest.mark.long
@@ -124,29 +119,29 @@ def test_a_template_that_changed_is_read_again(small, tmp_path):
     for n in (N[0], 150):
         isomatch.write_mesh(shapes[0], decimate(example_pair()[0].mesh, n).mesh)
         run(collection)
-        assert set(finished_lines(collection)) == {"s0", "s1"}
+        assert set(finished_names(collection)) == {"s0", "s1"}
         written = [collection.layout.corresponded(name) for name in ("s0", "s1")]
         assert [isomatch.read_mesh(path).n_vertices for path in written] == [n, n]
 
 
 @pytest.mark.long
 def test_surfaces_that_were_written_are_known_though_the_rest_was_killed(copied, monkeypatch):
-    monkeypatch.setattr(finish_module, "SAVED", 0.0)
-    monkeypatch.setattr(finish_module, "AT_ONCE", 1)
+    monkeypatch.setattr(finish_module, "SAVE_INTERVAL", 0.0)
+    monkeypatch.setattr(finish_module, "SURFACES_PER_TASK", 1)
     collection = replace(copied, template="s0")
     with ThreadPoolExecutor(1) as executor:
         begun = finish(collection, executor, 1)
         first = [next(begun).name, next(begun).name]
         begun.close()
     assert set(surfaces_written(collection)) >= set(first[:1])
-    assert not set(finished_lines(collection)) & set(first[:1])
+    assert not set(finished_names(collection)) & set(first[:1])
 
 
 def test_no_surface_is_begun_when_time_is_up(copied):
     collection = replace(copied, template="s0")
     with ThreadPoolExecutor(1) as executor:
         assert list(finish(collection, executor, 1, time_limit=0.0)) == []
-    assert len(finished_lines(collection)) == len(N)
+    assert len(finished_names(collection)) == len(N)
 
 
 @pytest.mark.long
@@ -192,15 +187,15 @@ def test_a_surface_that_could_not_be_written_is_tried_again(star, tmp_path, monk
     changed(collection, PAIR, replaced_by=("s0", "s2", "s1"))
     with monkeypatch.context() as broken:
         broken.setattr(finish_module, "wrap", lambda *_: 1 / 0)
-        assert finished_lines(collection) == ["s1"]
+        assert finished_names(collection) == ["s1"]
     assert surfaces_written(collection) == ["s0", "s2", "s3"]
-    assert finished_lines(collection) == ["s1"]
+    assert finished_names(collection) == ["s1"]
     assert "s1" in surfaces_written(collection)
 
 
 def test_the_page_does_not_call_failed_what_is_to_be_matched_again(copied):
     changed(copied, PAIR, state="todo", there=MapSummary())
-    finished_lines(copied)
+    finished_names(copied)
     assert "6 pairs: 5 converged, 1 todo." in copied.layout.page.read_text(encoding="utf-8")
 
 

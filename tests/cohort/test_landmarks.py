@@ -1,9 +1,7 @@
 """Landmarks of some shapes of a collection, carried to the others, in Python and by ``isomatch collect landmarks``."""
 
-import csv
 import json
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -11,14 +9,14 @@ import pytest
 
 from isomatch import InputError, Landmarks, Outcome, read_asset, read_mesh, write_asset, write_landmarks
 from isomatch.cli import main
-from isomatch.cohort import Collection, collected_landmarks, export, finish
+from isomatch.cohort import Collection, collected_landmarks, export
 from isomatch.cohort.landmarks import landmarks_left_out
 from isomatch.cohort.ledger import writing_ledger
 from isomatch.cohort.map_file import digest_of
 from isomatch.io import Frame
 from isomatch.landmarks import Curve
 from isomatch.surfaces import nearest_on_surface
-from small_collections import run
+from small_collections import finished_names, lines_of, run
 
 NAMES = ("nose", "tail", "foot", "c1", "c2", "c3")
 ROWS = [3, 100, 200, 30, 40, 50]
@@ -56,7 +54,7 @@ def test_every_shape_gets_landmarks_of_its_own(finished, small, marks):
 
 @pytest.mark.long
 def test_over_the_template_of_a_star(small, marks, tmp_path):
-    """Two shapes that are not matched with each other: the maps over the template are joined."""
+    """Two shapes that are not matched with each other: the maps over the template are joined, and their errors."""
     collection = Collection.create(tmp_path / "star", small.shapes, template="s1", config=small.config)
     run(collection)
     found = dict(collected_landmarks(collection, {"s0": marks / "s0.mrk.json"}, curve_points=4))
@@ -69,6 +67,10 @@ def test_over_the_template_of_a_star(small, marks, tmp_path):
         found["s3"].positions[:3], joined.pull_back(mesh.vertices)[ROWS[:3]], atol=1e-6 * np.sqrt(mesh.area)
     )
     assert found["s3"].names[3:] == ("rim-1", "rim-2", "rim-3", "rim-4")
+    errors = collection.maps("s0", "s1").there_error, collection.maps("s1", "s3").there_error
+    both = np.hypot(errors[0], there.pull_back(errors[1]))
+    size = np.sqrt(mesh.area)
+    np.testing.assert_allclose(found["s3"].expected_error[:3], size * both[ROWS[:3]], rtol=1e-4)
 
 
 def changed(collection, name, **values):
@@ -105,8 +107,7 @@ def test_reflected_shapes_are_reflected_in_the_tables(copied, marks, tmp_path, c
     argv = ["collect", "landmarks", str(copied.folder), str(marks), str(out), "--format", "csv"]
     assert main([*argv, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["reflected"] == ["s0"]
-    with (out / "landmarks.csv").open() as file:
-        table = {row["specimen"]: row for row in csv.DictReader(file)}
+    table = {row["specimen"]: row for row in lines_of(out / "landmarks.csv")}
     for name, sign in (("s0", -1), ("s1", 1)):
         own = Landmarks.read(out / f"{name}.csv", copied.paths[name])["nose"]
         assert [float(table[name][f"nose_{axis}"]) for axis in "XYZ"] == (own * [sign, 1, 1]).tolist()
@@ -137,15 +138,9 @@ def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
     record = json.loads(capsys.readouterr().out)
     assert (record["templates"], record["left_out"]) == (["s0", "s2"], [])
     assert set(record["mean_spread"]) == {"s1", "s3"}
-    assert {path.name for path in out.iterdir()} == {
-        *(f"s{i}.csv" for i in range(4)),
-        "landmarks.csv",
-        "landmarks.tps",
-        "landmarks_errors.csv",
-        "landmarks_sliders.csv",
-    }
-    with (out / "landmarks.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    tables = (f"landmarks{end}" for end in (".csv", ".tps", "_errors.csv", "_sliders.csv"))
+    assert {path.name for path in out.iterdir()} == {*tables, *(f"s{i}.csv" for i in range(4))}
+    rows = lines_of(out / "landmarks.csv")
     assert [row["specimen"] for row in rows] == ["s0", "s1", "s2", "s3"]
     assert rows[0]["nose_X"] == repr(float(rows[0]["nose_X"]))
     assert (out / "landmarks.tps").read_text().count("LM3=") == 4
@@ -172,17 +167,6 @@ def test_expected_errors_come_with_the_maps(finished, marks):
     )
     size = np.sqrt(read_mesh(collection.paths["s1"]).area)
     np.testing.assert_allclose(found.expected_error[:3], size * maps.there_error[ROWS[:3]], rtol=1e-4)
-
-
-@pytest.mark.long
-def test_over_the_template_expected_errors_add_up(small, marks, tmp_path):
-    collection = Collection.create(tmp_path / "star", small.shapes, template="s1", config=small.config)
-    run(collection)
-    found = dict(collected_landmarks(collection, {"s0": marks / "s0.mrk.json"}))
-    first, second = collection.maps("s0", "s1"), collection.maps("s1", "s3")
-    both = np.hypot(first.there_error, first.there.pull_back(second.there_error))
-    size = np.sqrt(read_mesh(collection.paths["s3"]).area)
-    np.testing.assert_allclose(found["s3"].expected_error[:3], size * both[ROWS[:3]], rtol=1e-4)
 
 
 def test_maps_of_earlier_versions_have_no_expected_errors(copied, marks):
@@ -247,8 +231,7 @@ def test_collect_carries_the_landmarks_of_the_template(small, marks, in_threads,
         mesh = read_mesh(small.shapes / f"{name}.ply")
         near = nearest_on_surface(mesh, found.positions).interpolated(mesh.vertices)
         np.testing.assert_allclose(found.positions, near, atol=1e-6)
-    with (out / "landmarks" / "landmarks_errors.csv").open() as file:
-        lines = list(csv.DictReader(file))
+    lines = lines_of(out / "landmarks" / "landmarks_errors.csv")
     assert [line["landmark"] for line in lines] == [*NAMES] * 4
     assert all(bool(line["expected_error"]) == (line["specimen"] != "s0") for line in lines)
     assert main([*argv, str(template)]) == 0
@@ -257,8 +240,7 @@ def test_collect_carries_the_landmarks_of_the_template(small, marks, in_threads,
         out, [small.shapes / f"s{i}.ply" for i in range(3)], template="s0", config=small.config
     )
     assert fewer.units == {}
-    with ThreadPoolExecutor(1) as executor:
-        list(finish(fewer, executor, 1))
+    finished_names(fewer)
     assert not (out / "landmarks" / "s3.mrk.json").exists()
     assert (out / "landmarks" / "s2.mrk.json").exists()
 
@@ -274,15 +256,13 @@ def test_shapes_in_other_spaces_get_landmarks_in_their_own_and_tables_in_one(sma
         write_asset(folder / f"{name}.ply", replace(asset, frame=Frame(words=(f"SPACE={axes}",))))
     collection = Collection.create(tmp_path / "star", folder, template="s0", config=small.config)
     run(collection)
-    with ThreadPoolExecutor(1) as executor:
-        list(finish(collection, executor, 1))
+    finished_names(collection)
     own = read_mesh(folder / "s0.ply").vertices[ROWS[:3]]
     write_landmarks(tmp_path / "s0.mrk.json", Landmarks(own * turn, NAMES[:3], axes="LPS"))
     words = ["collect", "landmarks", *(str(tmp_path / name) for name in ("star", "s0.mrk.json", "out"))]
     assert main(words) == 0
     assert "brought into RAS in the tables, from the space of their files: s1, s2" in capsys.readouterr().out
-    with (tmp_path / "out" / "landmarks.csv").open() as file:
-        table = {row["specimen"]: row for row in csv.DictReader(file)}
+    table = {row["specimen"]: row for row in lines_of(tmp_path / "out" / "landmarks.csv")}
     for name, axes in (("s0", "RAS"), ("s1", "LPS"), ("s2", "LPS")):
         path, mesh = tmp_path / "out" / f"{name}.mrk.json", read_mesh(folder / f"{name}.ply")
         assert json.loads(path.read_text())["markups"][0]["coordinateSystem"] == axes
@@ -334,8 +314,8 @@ def test_patches_and_points_spread_over_the_first_template_slide_on_all_shapes(
         if name in ("s0", "s2"):
             np.testing.assert_allclose(found["nose"], mesh.vertices[ROWS[0]], atol=1e-6)
             assert np.linalg.norm(found["surface-1"] - mesh.vertices[210]) > 1e-6
-    with (out / "landmarks_surfaces.csv").open() as file:
-        assert [int(row["slide"]) for row in csv.DictReader(file)] == [*range(7, 87)]  # after the curve
+    slides = [int(row["slide"]) for row in lines_of(out / "landmarks_surfaces.csv")]
+    assert slides == [*range(7, 87)]  # after the curve
     assert (out / "landmarks.csv").read_text().split(",")[19] == "surface-1_X"
     assert len((out / "landmarks_slid.csv").read_text().splitlines()) == 5
     (patches / "s2.csv").unlink()

@@ -1,6 +1,5 @@
 """Left specimens among right ones: named, and on request reflected, if the match bears it out."""
 
-import csv
 import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +13,7 @@ import pytest
 from isomatch import Correspondence, InputError, Mesh, Outcome, SettingError, read_mesh, write_mesh
 from isomatch._core.errors import MeshError
 from isomatch.cli import main
-from isomatch.cohort import Collection, export, finish, write_reports
+from isomatch.cohort import Collection, export, write_reports
 from isomatch.cohort import jobs as jobs_module
 from isomatch.cohort.ledger import Ledger, MapSummary, PairRow, Rows, ShapeRow
 from isomatch.cohort.unusual_shapes import mirror_images, two_groups
@@ -22,7 +21,7 @@ from isomatch.matching import match_both
 from isomatch.surfaces import Graph, PointCloud, reflected
 from isomatch_lab.procedural import creature
 from shapes import box, disguised
-from small_collections import arrays_of, lopsided_blob, run
+from small_collections import arrays_of, finished_names, lines_of, lopsided_blob, run
 
 NAMES = ("l0", "l1", "r0", "r1", "r2")
 LEFT = ["l0", "l1"]
@@ -56,7 +55,7 @@ def plain(blobs, tmp_path_factory):
     folder = tmp_path_factory.mktemp("plain") / "out"
     collection = Collection.create(folder, blobs.folder, template="r0", config=blobs.config)
     run(collection)
-    finished(collection)
+    finished_names(collection)
     return folder
 
 
@@ -66,7 +65,7 @@ def auto(blobs, plain, tmp_path_factory):
     folder = shutil.copytree(plain, tmp_path_factory.mktemp("auto") / "out")
     collection = star(blobs, folder, "auto")
     run(collection)
-    finished(collection)
+    finished_names(collection)
     return folder
 
 
@@ -74,13 +73,12 @@ def auto(blobs, plain, tmp_path_factory):
 def work(monkeypatch):
     """How often shapes are prepared and pairs are matched."""
     done = []
-    prepare, matched = jobs_module.prepare, jobs_module.match_both
-    monkeypatch.setattr(jobs_module, "prepare", lambda *given: done.append("prepare") or prepare(*given))
-    monkeypatch.setattr(
-        jobs_module,
-        "match_both",
-        lambda *given, **options: done.append("match") or matched(*given, **options),
-    )
+
+    def counted(word, function):
+        return lambda *given, **options: done.append(word) or function(*given, **options)
+
+    monkeypatch.setattr(jobs_module, "prepare", counted("prepare", jobs_module.prepare))
+    monkeypatch.setattr(jobs_module, "match_both", counted("match", jobs_module.match_both))
     return done
 
 
@@ -89,18 +87,8 @@ def star(blobs, folder, reflect=None, **options):
     return Collection.create(folder, blobs.folder, reflect=reflect, **given)
 
 
-def finished(collection):
-    with ThreadPoolExecutor(1) as executor:
-        return [line.name for line in finish(collection, executor, 1)]
-
-
 def outcomes(collection):
     return {pair: row.ending for pair, row in collection.rows().pairs.items()}
-
-
-def lines_of(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def sides(folder):
@@ -133,7 +121,7 @@ def test_reflecting_later_matches_only_what_changes(blobs, plain, tmp_path, work
     assert work == ["prepare", "match"] * len(LEFT)
     assert run(collection) == []
     assert len(work) == 2 * len(LEFT)
-    assert sorted(finished(collection)) == LEFT
+    assert sorted(finished_names(collection)) == LEFT
     after = arrays_of(folder)
     assert {name for name in before if before[name] != after[name]} == {"r0__l0.npz", "r0__l1.npz"}
     assert set(outcomes(collection).values()) == {"CONVERGED"}
@@ -412,12 +400,9 @@ def test_the_command_takes_names_and_a_file_of_names(blobs, small, tmp_path, cap
 def test_other_lopsided_shapes(kind, tmp_path):
     """Creatures in other poses, and a box with unlike corners; all moved and renumbered."""
     pytest.importorskip("skimage")
-    shapes = [
-        creature(1500, pose=pose, style=3, kind="quadruped").mesh
-        if kind == "creature"
-        else box_with_unlike_corners()
-        for pose in (1, 2)
-    ]
+    shapes = [box_with_unlike_corners()] * 2
+    if kind == "creature":
+        shapes = [creature(1500, pose=pose, style=3, kind="quadruped").mesh for pose in (1, 2)]
     for seed, (name, mesh) in enumerate([("right", shapes[1]), ("left", reflected(shapes[1]))]):
         write_mesh(tmp_path / f"{name}.ply", disguised(mesh, seed).mesh)
     write_mesh(tmp_path / "template.ply", shapes[0])

@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,14 +11,14 @@ import pytest
 
 from isomatch import Correspondence, InputError, Mesh, read_asset, read_mesh, write_mesh
 from isomatch.cli import main
-from isomatch.cohort import Collection, Rows, ShapeRow, export, finish, outliers
+from isomatch.cohort import Collection, Rows, ShapeRow, export, outliers
 from isomatch.cohort.map_file import keep_files
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.cohort.unusual_shapes import alike_shapes, likeness_of, scales_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.surfaces import reflected
 from shapes import box, disguised
-from small_collections import lopsided_blob, run
+from small_collections import finished_names, lopsided_blob, run
 
 GOOD = tuple(f"good{i}" for i in range(6))
 SEEDS = 11, 15, 16, 17, 18, 19  # of blobs of which none is far from the others
@@ -67,11 +66,6 @@ def written(folder, names):
     return folder
 
 
-def finished(collection):
-    with ThreadPoolExecutor(1) as executor:
-        return [line.name for line in finish(collection, executor, 1)]
-
-
 def kinds(collection):
     found = {}
     for kind, name, _ in outliers(collection, collection.rows()):
@@ -86,7 +80,7 @@ def troubled(small, tmp_path_factory):
     shapes = written(base / "shapes", TROUBLES)
     collection = Collection.create(base / "out", shapes, template="good0", config=small.config)
     events = run(collection)
-    finished(collection)
+    finished_names(collection)
     return SimpleNamespace(shapes=shapes, collection=collection, events=events, config=small.config)
 
 
@@ -98,7 +92,7 @@ def plain(small, tmp_path_factory):
         base / "out", written(base / "shapes", ()), template="good0", config=small.config
     )
     run(collection)
-    finished(collection)
+    finished_names(collection)
     return collection
 
 
@@ -128,9 +122,9 @@ def test_what_can_be_told_is_told_before_anything_is_matched(troubled):
 
 @pytest.mark.long
 def test_status_and_the_first_page_name_them(troubled, capsys):
-    assert main(["collect", "status", str(troubled.collection.folder)]) == 0
+    assert main(["collect", "status", str(troubled.collection.folder)]) == 3  # one is broken
     said = capsys.readouterr().out
-    assert main(["collect", "status", str(troubled.collection.folder), "--json"]) == 0
+    assert main(["collect", "status", str(troubled.collection.folder), "--json"]) == 3
     listed = json.loads(capsys.readouterr().out)["outliers"]
     assert {(each["name"], each["kind"]) for each in listed} == {
         (name, kind) for name, of in TROUBLES.items() for kind in of
@@ -153,7 +147,7 @@ def test_without_them_everything_is_as_it_would_have_been(troubled, plain, tmp_p
     kept = [path for path in sorted(troubled.shapes.iterdir()) if path.stem in GOOD]
     collection = Collection.create(folder, kept, template="good0", config=troubled.config)
     assert run(collection) == []
-    assert finished(collection) == []
+    assert finished_names(collection) == []
     assert {path.name for path in (folder / "corresponded").iterdir()} == {
         "mine.txt",
         *(f"{name}.ply" for name in GOOD),
@@ -175,7 +169,7 @@ def test_a_shape_whose_file_breaks_leaves_too(plain, tmp_path, small):
     (shapes / "good5.ply").write_bytes(b"ply\n")
     collection = Collection.create(folder, shapes, template="good0", config=small.config)
     run(collection)
-    finished(collection)
+    finished_names(collection)
     assert not collection.layout.corresponded("good5").exists()
     assert read_shapes(folder).names == GOOD[:5]
     assert kinds(collection) == {"good5": {"broken"}}
@@ -190,7 +184,7 @@ def test_units_that_are_given_mend_it(troubled, small, tmp_path, capsys):
     )
     assert scales_of(collection.units, collection.rows()) == {"millimetres": pytest.approx(0.001)}
     assert {event.what for event in run(collection)} == {"outlier"}
-    assert finished(collection) == ["millimetres"]
+    assert finished_names(collection) == ["millimetres"]
     assert "millimetres" not in kinds(collection)
     before, after = (
         read_mesh(each.layout.corresponded("millimetres")) for each in (troubled.collection, collection)
@@ -201,10 +195,10 @@ def test_units_that_are_given_mend_it(troubled, small, tmp_path, capsys):
     assert Collection.open(folder).units == {"millimetres": "mm"}
     argv = ["collect", str(troubled.shapes), "-o", str(folder), "--template", "good0", "--jobs", "1"]
     argv += ["--config", str(small.settings), "--reports", "none", "--units"]
-    assert main([*argv, "m, millimetres=cm"]) == 0
+    assert main([*argv, "m, millimetres=cm"]) == 3  # one is broken
     assert Collection.open(folder).units == {"*": "m", "millimetres": "cm"}
     assert "look at millimetres: it is 10" in capsys.readouterr().out
-    assert main([*argv, "none", "--quiet"]) == 0
+    assert main([*argv, "none", "--quiet"]) == 3
     assert "isomatch: millimetres is 10" in capsys.readouterr().err
 
 
@@ -257,9 +251,9 @@ def test_a_shape_unlike_the_others(plain, tmp_path):
     keep_files(collection.layout, [surface])
     table = collection.layout.shapes_table
     table.write_text(re.sub("(?m)^good4,[^,]*,", "good4,of an earlier map,", table.read_text()))
-    assert finished(collection) == ["good4"]
+    assert finished_names(collection) == ["good4"]
     assert kinds(collection) == {"good5": {"unlike"}}
-    assert "good5</b> <small>unlike</small> is " in collection.layout.page.read_text()
+    assert "good5</b> <small>unlike</small> differs from the others by " in collection.layout.page.read_text()
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -298,7 +292,7 @@ def test_what_a_specimen_lacks_is_missing_in_its_surface(plain, tmp_path):
     partial = Correspondence(vertices, there.n_target, there.faces, there.barycentric, *hashes)
     replace(maps, there=partial).save(collection.layout.maps(("good0", "good3")))
     collection.layout.corresponded("good3").unlink()
-    assert finished(collection) == ["good3"]
+    assert finished_names(collection) == ["good3"]
     shapes = read_shapes(collection.folder)
     assert [int((~row).sum()) for row in shapes.measured] == [0, 0, 0, 20, 0, 0]
     assert not shapes.measured[3, :20].any()

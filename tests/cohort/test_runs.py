@@ -1,6 +1,5 @@
 """What a run does, and what it does not do again."""
 
-import csv
 import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
@@ -24,7 +23,7 @@ from isomatch.cohort.study_page import write_table
 from isomatch.cohort.workers import Listener
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
-from small_collections import N, arrays_of, run
+from small_collections import N, arrays_of, lines_of, run
 
 PAIRS = set(combinations([f"s{i}" for i in range(len(N))], 2))
 BAD = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
@@ -170,13 +169,8 @@ def test_a_failure_is_a_row_with_its_reason_and_can_be_tried_again(small, tmp_pa
     assert [event.name for event in run(collection)] == ["gone"]  # it may have come meanwhile
     isomatch.write_mesh(shapes[2], isomatch.read_mesh(small.shapes / "s2.ply"))
     assert collection.retry("failed") == [("s0", "s1")]
-    assert {event.name for event in run(collection)} == {
-        "bad",
-        "gone",
-        ("s0", "s1"),
-        ("s0", "bad"),
-        ("s1", "bad"),
-    }
+    again = {event.name for event in run(collection)}
+    assert again == {"bad", "gone", ("s0", "s1"), ("s0", "bad"), ("s1", "bad")}
     assert {row.state for row in collection.rows().pairs.values()} == {"done"}
 
 
@@ -267,7 +261,10 @@ def test_a_plan_that_is_the_same_stays_as_it_is(small, copied):
 def test_a_damaged_plan_is_refused(copied, name, value):
     plan = json.loads(copied.layout.plan.read_text())
     copied.layout.plan.write_text(json.dumps({**plan, name: value}))
-    with pytest.raises(isomatch.FormatError, match="collection"):
+    with pytest.raises(isomatch.FormatError, match="not the plan of a collection"):
+        Collection.open(copied.folder)
+    copied.layout.plan.unlink()
+    with pytest.raises(isomatch.FormatError, match="holds no collection"):
         Collection.open(copied.folder)
 
 
@@ -356,8 +353,7 @@ def test_the_table_has_a_line_for_each_pair_worst_first(copied):
     with writing_ledger(copied.layout.ledger()) as ledger:
         ledger.put(("s1", "s3"), replace(ledger.rows.pairs["s1", "s3"], state="failed", error="no luck"))
     write_table(copied.rows(), copied.layout.table)
-    with copied.layout.table.open(newline="") as file:
-        first, *others = csv.DictReader(file)
+    first, *others = lines_of(copied.layout.table)
     assert (first["source"], first["target"], first["error"]) == ("s1", "s3", "no luck")
     assert {(line["source"], line["target"]) for line in others} == PAIRS - {("s1", "s3")}
     spectral_residuals = [float(line["spectral_residual"]) for line in others]

@@ -1,6 +1,5 @@
 """Subjects of several surfaces: what is refused or named before anything is matched, runs, contacts that are kept."""
 
-import csv
 import errno
 import json
 import shutil
@@ -18,14 +17,14 @@ from isomatch.cli import main
 from isomatch.cohort import Collection
 from isomatch.cohort.shape_statistics import CorrespondedShapes, read_shapes, stacked
 from isomatch.cohort.subjects import (
-    contacts_kept,
+    measure_contacts,
     sides_of,
     structures_of,
     subject_collections,
     subject_doubts,
 )
 from shapes import icosphere
-from small_collections import QUICK, lopsided_blob
+from small_collections import QUICK, lines_of, lopsided_blob
 
 SUBJECTS = ("s1", "s2", "s3", "s4", "s5")
 
@@ -141,8 +140,7 @@ def test_from_files_to_shapes(folder, capsys):
     assert shapes.seen[2].sum() == shapes.structures["bone"]
     bone = isomatch.read_mesh(out / "bone" / "corresponded" / "s4.ply")  # stacked as it is
     np.testing.assert_array_equal(shapes.vertices[3, : bone.n_vertices], bone.vertices)
-    with (out / "contacts.csv").open(newline="", encoding="utf-8") as file:
-        assert [row["subject"] for row in csv.DictReader(file)] == ["s1", "s2", "s4", "s5"]
+    assert [row["subject"] for row in lines_of(out / "contacts.csv")] == ["s1", "s2", "s4", "s5"]
     # nothing is matched twice, and a subject that is taken out goes everywhere
     kept = (out / "bone" / "maps" / "s1__s2.npz").stat().st_mtime_ns
     shutil.rmtree(folder / "s5")
@@ -204,17 +202,8 @@ def one_side(out):
 def test_a_subject_is_reflected_as_a_whole_and_stays_so(folder, capsys):
     for subject in ("s2", "s4"):
         changed(folder, subject, lambda points: points * [-1, 1, 1])
-    argv = [
-        "collect",
-        str(folder),
-        "-o",
-        str(folder.parent / "out"),
-        "--reports",
-        "none",
-        "--reflect",
-        "auto",
-    ]
-    argv += ["--config", str(folder.parent / "quick.toml")]
+    argv = ["collect", str(folder), "-o", str(folder.parent / "out"), "--reports", "none"]
+    argv += ["--reflect", "auto", "--config", str(folder.parent / "quick.toml")]
     assert main(argv) == 0
     turned, template = one_side(folder.parent / "out")
     assert turned == (["s1", "s3", "s5"] if template in ("s2", "s4") else ["s2", "s4"])
@@ -279,14 +268,8 @@ def test_what_lies_on_another_starts_from_its_map(tmp_path):
 @pytest.mark.usefixtures("in_threads", "coarse_pictures")
 def test_after_a_disk_was_full_at_any_file_subjects_are_continued(tmp_path, monkeypatch, capsys):
     """After each file in turn was written, the disk is full; in the end all is as if it had not been."""
-    argv = [
-        "collect",
-        str(with_a_sheet(tmp_path)),
-        "--config",
-        str(tmp_path / "quick.toml"),
-        "--reports",
-        "none",
-    ]
+    argv = ["collect", str(with_a_sheet(tmp_path)), "--reports", "none"]
+    argv += ["--config", str(tmp_path / "quick.toml")]
     (tmp_path / "quick.toml").write_text(QUICK)
     assert main([*argv, "-o", str(tmp_path / "once")]) == 0
     moved, seen, out = Path.replace, set(), tmp_path / "out"
@@ -324,12 +307,12 @@ def sheets(shift):
 
 
 def test_points_that_touch_are_kept_together():
-    shapes, (first, second) = contacts_kept(sheets(0.6))
+    shapes, (first, second) = measure_contacts(sheets(0.6))
     assert (first.slip_before, second.note, second.without) == (0, "", 0)
     assert second.slip_after < 0.02 < 0.3 < second.slip_before
     assert second.gap_after == pytest.approx(0.3, abs=1e-6)  # still on the sheet
     np.testing.assert_allclose(shapes.vertices[1, 400:], shapes.vertices[0, 400:], atol=0.1)
-    _, gaps = contacts_kept(sheets(0.6), move=False)
+    _, gaps = measure_contacts(sheets(0.6), move=False)
     assert gaps[1].slip_after == gaps[1].slip_before
 
 
@@ -337,10 +320,10 @@ def test_points_beyond_the_edge_have_no_counterpart():
     shapes = sheets(0.0)
     vertices = shapes.vertices.copy()
     vertices[1, 400:, 0] = 5 + (vertices[1, 400:, 0] - 5) * 0.8  # a sheet that ends before
-    kept, (_, second) = contacts_kept(shapes.moved(vertices))
+    kept, (_, second) = measure_contacts(shapes.moved(vertices))
     assert second.without == pytest.approx(0.2, abs=0.06)
     np.testing.assert_allclose(kept.vertices[1, 400:], shapes.vertices[0, 400:], atol=0.2)
     vertices[1, 400:, 0] = 5 + (vertices[1, 400:, 0] - 5) * 0.3
-    kept, (_, second) = contacts_kept(shapes.moved(vertices))
+    kept, (_, second) = measure_contacts(shapes.moved(vertices))
     assert "left as matched" in second.note
     np.testing.assert_array_equal(kept.vertices, vertices)

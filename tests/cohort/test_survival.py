@@ -20,24 +20,9 @@ TIMES = 6
 
 def started(small, folder):
     """A run of the command line, in a group of its own."""
-    argv = [
-        "collect",
-        small.shapes,
-        "-o",
-        folder,
-        "--pairs",
-        "all",
-        "--config",
-        small.settings,
-        "--jobs",
-        "2",
-    ]
-    return subprocess.Popen(
-        [sys.executable, "-m", "isomatch", *map(str, argv)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    )
+    argv = [sys.executable, "-m", "isomatch", "collect", str(small.shapes), "-o", str(folder)]
+    argv += ["--pairs", "all", "--config", str(small.settings), "--jobs", "2"]
+    return subprocess.Popen(argv, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
 
 
 def whole(folder):

@@ -1,8 +1,6 @@
 """Surfaces in the template's topology by all ways that lead to a shape, of a made cohort with known truth."""
 
-import csv
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +8,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from isomatch import Correspondence, Outcome, read_mesh, wrap, write_mesh
-from isomatch.cohort import Collection, PairMaps, finish, surfaces_written
+from isomatch.cohort import Collection, PairMaps, surfaces_written
 from isomatch.cohort.ledger import writing_ledger
-from small_collections import lopsided_blob, run
+from small_collections import finished_names, lines_of, lopsided_blob, run
 
 NAMES = tuple("abcdef")
 NOISE = 0.15  # of the radius: how far maps slide, there more and here less
@@ -35,7 +33,7 @@ def cohort(small, tmp_path_factory):
             record = collection.maps(*pair).record
             maps = [slid(meshes[source], meshes[target], rng) for source, target in (pair, pair[::-1])]
             PairMaps(*maps, record).save(collection.layout.maps(pair))
-    finished(collection)
+    finished_names(collection)
     return collection
 
 
@@ -54,18 +52,12 @@ def slid(source, target, rng):
     )
 
 
-def finished(collection):
-    with ThreadPoolExecutor(1) as executor:
-        return sorted(line.name for line in finish(collection, executor, 1))
-
-
 def written(collection, name):
     return read_mesh(collection.layout.corresponded(name)).vertices
 
 
 def ways(collection):
-    with collection.layout.shapes_table.open(encoding="utf-8") as file:
-        return {line["name"]: line["ways"] for line in csv.DictReader(file)}
+    return {line["name"]: line["ways"] for line in lines_of(collection.layout.shapes_table)}
 
 
 def through_template(surfaces, truth):
@@ -115,7 +107,7 @@ def test_one_wrong_map_changes_little(copied):
     ]
     replace(maps, there=wrong[0], back=wrong[1]).save(copied.layout.maps(("a", "c")))
     copied.layout.corresponded("b").unlink()
-    assert finished(copied) == ["b"]
+    assert finished_names(copied) == ["b"]
     assert 0 < np.linalg.norm(written(copied, "b") - before, axis=1).mean() < NOISE / 4
 
 
@@ -124,16 +116,16 @@ def test_the_same_maps_give_the_same_files(copied):
     before = {name: copied.layout.corresponded(name).read_bytes() for name in NAMES}
     for name in NAMES:
         copied.layout.corresponded(name).unlink()
-    assert finished(copied) == list(NAMES)
+    assert finished_names(copied) == list(NAMES)
     assert {name: copied.layout.corresponded(name).read_bytes() for name in NAMES} == before
 
 
 @pytest.mark.long
 def test_without_a_shape_the_others_are_made_again(copied):
-    assert finished(copied) == []
+    assert finished_names(copied) == []
     fewer = copied.of(NAMES[:-1])
     assert surfaces_written(fewer) == ["a"]
-    assert finished(fewer) == ["b", "c", "d", "e"]
+    assert finished_names(fewer) == ["b", "c", "d", "e"]
     assert ways(fewer) == {"a": "1", **dict.fromkeys("bcde", "4")}
 
 
@@ -143,5 +135,5 @@ def test_doubtful_maps_are_no_ways(copied):
         for pair in (("a", "b"), ("c", "d")):
             row = ledger.rows.pairs[pair]
             ledger.put(pair, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
-    finished(copied)
+    finished_names(copied)
     assert ways(copied) == {"a": "1", "b": "4", "c": "3", "d": "3", "e": "4", "f": "4"}

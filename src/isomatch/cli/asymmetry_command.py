@@ -1,4 +1,4 @@
-"""``isomatch asymmetry``: how far shapes are from their mirror images, where, and whether all in the same way."""
+"""``isomatch asymmetry``: how far shapes are from their mirror images, where, and if all alike."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def asymmetry(
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
-    """Measure how far shapes are from their mirror images, where, and what of it all shapes have in common.
+    """Measure how far shapes are from their mirror images, where, and what all share.
 
     The exit code is 4, after all files are written, if a map from left to right is not sure.
 

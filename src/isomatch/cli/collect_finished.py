@@ -1,4 +1,4 @@
-"""``isomatch collect landmarks``, ``export`` and ``add``: what is done with a finished collection."""
+"""``isomatch collect landmarks``, ``export`` and ``add``: work with a finished collection."""
 
 from __future__ import annotations
 
@@ -77,11 +77,11 @@ def export(
             written[path.parent.name] += 1
             lost.update(left)
             tell(f"written: {path.name}", 1.0)
-    counts = {"meshes": written["meshes"], "maps": written["maps"]}
+    counts = {kind: written[kind] for kind in ("meshes", "maps")}
     result = {"folder": str(to), **counts, "left_out": left_out, "not_kept": dict(lost)}
 
     def summary() -> None:
-        say(f"wrote {written['meshes']} meshes and {written['maps']} maps to {to}")
+        say(f"wrote {counts['meshes']} meshes and {counts['maps']} maps to {to}")
         for name, count in lost.items():
             say(f"not in {count} of the meshes: {name}, which a {meshes} file cannot store")
         if left_out:
@@ -102,7 +102,7 @@ def add(
     reports: Reports = "doubtful",
     talk: Talk = TALK,
 ) -> None:
-    """Match new subjects with the template of a finished collection, and tell how unusual each is to its shape model.
+    """Match new subjects with the template of a finished collection; tell how unusual each is.
 
     Those that cannot be added are named, and the exit code is 3. All files that are there stay as they are: new ones are
     in the folder added, and nothing is fitted again. Run it again to continue, or to add more.
@@ -118,10 +118,9 @@ def add(
             m,scan7=mm. A size whose unit is given is not questioned.
     """
     how: dict[str, Any] = {"reflect": names_of(reflect), "units": units_of(units), "reports": reports}
+    how |= {"model": model, "executor": executor, "jobs": jobs}
     with talk.progress() as tell:
-        found = cohort.add(
-            folder, new, model=model, **how, executor=executor, jobs=jobs, progress=tell, warn=complain
-        )
+        found = cohort.add(folder, new, **how, progress=tell, warn=complain)
 
     def summary() -> None:
         say_scored(found.record, found.folder)
@@ -136,30 +135,24 @@ def say_landmarks(tables: cohort.LandmarkTables) -> None:
     n = len(tables.templates)
     start = f"wrote the landmarks of {len(tables.shapes)} shapes to {tables.folder}"
     say(f"{start}, from {n} template{'s' * (n != 1)}")
-    if first := tables.check_first:
-        which = ", ".join(f"{name} ({error:.3g})" for name, error in first.items())
+    if which := ", ".join(f"{name} ({error:.3g})" for name, error in tables.check_first.items()):
         say(f"check first, by their expected errors in the units of the files: {which}")
     if tables.look_at:
         say(f"look at the landmarks in 3D: {tables.look_at}")
     for name, mean in tables.mean_spread.items():
         say(f"{name}: mean spread {mean:.4g}, largest at {tables.largest_spread[name]}")
     for name, error in tables.left_out_errors.items():
-        say(
-            f"{name}, carried from the others: error {error.mean:.4g} in the mean, at most {error.largest:.4g} at "
-            f"{error.at}"
-        )
+        largest = f"at most {error.largest:.4g} at {error.at}"
+        say(f"{name}, carried from the others: error {error.mean:.4g} in the mean, {largest}")
     if slid := tables.slid:
         mean, _, before, after = (float(np.mean(column)) for column in [*zip(*slid)][1:])
         say(f"slid by {mean:.4g} in the mean; mean bending energy {before:.4g}, now {after:.4g}")
     doubtful, half_turned = [" and ".join(pair) for pair in tables.doubtful], tables.half_turned
-    for told, names, style in (
+    misread = "geomorph takes for other lines of landmarks.tps, so read landmarks.csv there:"
+    for sentence, names, style in (
         (f"not written, because {tables.format} has no place for them:", tables.not_written, ""),
         ("with other landmarks or curves, so not in the tables:", tables.other_landmarks, ""),
-        (
-            "geomorph takes for other lines of landmarks.tps, so read landmarks.csv there:",
-            tables.misread_names,
-            "bold red",
-        ),
+        (misread, tables.misread_names, "bold red"),
         ("reflected in the tables, as they were matched:", tables.reflected, ""),
         (f"brought into {tables.axes} in the tables, from the space of their files:", half_turned, ""),
         ("not used, because they are doubtful: the maps of", doubtful, "bold red"),
@@ -167,4 +160,4 @@ def say_landmarks(tables: cohort.LandmarkTables) -> None:
         ("failed, or no map that is sure leads to:", tables.left_out, "bold red"),
     ):
         if names:
-            say(f"{told} {', '.join(names)}", style)
+            say(f"{sentence} {', '.join(names)}", style)

@@ -38,14 +38,14 @@ def names_of(reflect: str | None) -> str | list[str] | None:
     if reflect == "none":
         return []
     names = [line for _, line in text_lines(Path(reflect))] if isfile(reflect) else reflect.split(",")
-    return [name for each in names if (name := each.strip())]
+    return [*filter(None, map(str.strip, names))]
 
 
 def units_of(units: str | None) -> dict[str, str] | None:
     """Read what ``--units`` says."""
     if units is None or units == "none":
         return None if units is None else {}
-    pairs = [each.strip().rpartition("=") for each in units.split(",")]
+    pairs = [pair.strip().rpartition("=") for pair in units.split(",")]
     return {name.strip() or "*": unit.strip() for name, _, unit in pairs}
 
 

@@ -1,4 +1,4 @@
-"""``isomatch collect status``, ``retry`` and ``agree``: how far a collection is, in words, and what is done again."""
+"""``isomatch collect status``, ``retry`` and ``agree``: how far a collection is, what is done again."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from isomatch.cli.collect_finished import say_landmarks
 from isomatch.cli.collect_options import Executor, Jobs, Reports, TimeLimit
 from isomatch.cli.terminal import TALK, Talk, complain, require_complete, say, say_rows
 
-OUTCOMES = 26  # columns of a number of pairs with their outcome
+OUTCOME_WIDTH = 26  # columns of a number of pairs with their outcome
 
 
 def status(folder: Path, /, *, talk: Talk = TALK) -> None:
-    """Tell how far a collection is, with the pairs that failed, from the ledgers of all shards; write its tables.
+    """Tell how far a collection is, and which pairs failed, from all ledgers; write its tables.
 
     Args:
         folder: The folder of the collection, or of the collections of all structures.
@@ -30,8 +30,8 @@ def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK
         folder: The folder of the collection.
     """
     again = cohort.Collection.open(folder).retry(which)
-    told = f"{len(again)} pairs will be matched again; run isomatch collect as before"
-    talk.result({"pairs": [list(pair) for pair in again]}, lambda: say(told))
+    sentence = f"{len(again)} pairs will be matched again; run isomatch collect as before"
+    talk.result({"pairs": [list(pair) for pair in again]}, lambda: say(sentence))
 
 
 def agree(
@@ -44,7 +44,7 @@ def agree(
     reports: Reports = "doubtful",
     talk: Talk = TALK,
 ) -> None:
-    """Find the maps that most others contradict, and replace them by compositions of others, refined.
+    """Replace the maps that most others contradict by compositions of others, refined.
 
     A map from a to c disagrees with those from a to b and b to c if one of the three is wrong; many such triangles tell
     which. Maps that stay contradicted have low confidence. Run it again to continue, or after adding shapes.
@@ -61,33 +61,33 @@ def agree(
 def say_cohort(
     found: cohort.Cohort, talk: Talk, refused: tuple[Outcome, ...] = (), *, is_answer: bool = False
 ) -> None:
-    """Tell how far collections are, in words or as JSON; as an answer, with all files that were damaged.
+    """Tell how far collections are, in words or JSON; as an answer, with all damaged files.
 
     `IncompleteError` if shapes or pairs failed, `NotConvergedError` if maps ended as one of the refused outcomes.
     """
     status = found.status(thorough=is_answer)
 
     def summary() -> None:
-        for name, each in found.collections.items():
+        for name, collection in found.collections.items():
             if name:
                 say(name, "bold")
-            _say_status(status[name], each.layout)
+            _say_status(status[name], collection.layout)
         if found.landmarks:
             say_landmarks(found.landmarks)
         if "" in status:
             return
-        for pair, own in found.contacts.items():
-            say(f"{pair}: slip {own['slip_before']:.3g}, {own['slip_after']:.3g} after; see contacts.csv")
-            for subject, note in own["notes"].items():
+        for pair, gap in found.contacts.items():
+            say(f"{pair}: slip {gap['slip_before']:.3g}, {gap['slip_after']:.3g} after; see contacts.csv")
+            for subject, note in gap["notes"].items():
                 say(f"{subject} is {note}", "bold red")
         folder = found.folder
         say(f"subjects of all structures: {folder / 'corresponded'}; go on with isomatch statistics {folder}")
 
     talk.result(found.to_json(status), summary, is_answer=is_answer)
-    failed = [f"{each} of {name}" if name else each for name, own in status.items() for each in own.failures]
+    failed = [f"{what} of {name}" if name else what for name, own in status.items() for what in own.failures]
     require_complete(failed, found.folder)
     for outcome in refused:
-        if count := sum(each.outcomes.get(outcome.name, 0) for each in status.values()):
+        if count := sum(own.outcomes.get(outcome.name, 0) for own in status.values()):
             raise NotConvergedError(f"{count} of the maps: {outcome.value}; all files are in {found.folder}")
 
 
@@ -99,13 +99,11 @@ def _say_status(status: cohort.Status, layout: cohort.Layout) -> None:
     say(f"{done} of {pairs['all']} pairs matched{failed}; {prepared}", "bold")
     for outcome in Outcome:
         if count := status.outcomes.get(outcome.name):
-            say_rows([(f"{count} {outcome.value}", visualization.HEADLINES[outcome])], indent=OUTCOMES)
+            say_rows([(f"{count} {outcome.value}", visualization.HEADLINES[outcome])], indent=OUTCOME_WIDTH)
     say(f"template {status.template or 'not yet chosen'}")
     if agreement.compared:
-        say(
-            f"{agreement.compared} pairs compared with compositions: {len(agreement.contradicted)} contradicted, "
-            f"{len(agreement.replaced)} replaced"
-        )
+        counts = f"{len(agreement.contradicted)} contradicted, {len(agreement.replaced)} replaced"
+        say(f"{agreement.compared} pairs compared with compositions: {counts}")
     loop = status.loop or {"open": []}
     if legs := ", ".join(" to ".join(leg) for leg in loop["open"]):
         say(f"the ring is open, so that shapes are reached one way: no sure maps {legs}", "bold red")
@@ -126,13 +124,12 @@ def _say_status(status: cohort.Status, layout: cohort.Layout) -> None:
 
 
 def _say_sides(status: cohort.Status) -> None:
-    """Name the shapes that were reflected, and those that seem to be mirror images of the others."""
+    """Name shapes that were reflected, and those that seem to be mirror images of the others."""
     if status.reflected:
         say(f"reflected before they were matched: {', '.join(status.reflected)}")
-    untried = [name for name, reason in status.mirror_images.items() if reason is None]
-    if untried:
+    if untried := ", ".join(name for name, reason in status.mirror_images.items() if reason is None):
         remedy = "run again with --reflect auto, or with the names of those to reflect"
-        say(f"seem to be mirror images of the others: {', '.join(untried)}; {remedy}", "bold red")
+        say(f"seem to be mirror images of the others: {untried}; {remedy}", "bold red")
     for name, reason in status.mirror_images.items():
         if reason is not None:
             say(f"seems to be a mirror image, but not reflected: {name}: {reason}", "bold red")

@@ -1,4 +1,4 @@
-"""``isomatch statistics``: mean, modes, groups and distances of shapes in one topology, and the motion of a series."""
+"""``isomatch statistics``: mean, modes, groups and distances of shapes; motion of a series."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def run(
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
-    """Compute the mean, the modes of variation and the distances of shapes in one topology, or of landmarks.
+    """Compute mean, modes of variation and distances of shapes in one topology, or landmarks.
 
     Args:
         folder: Folder of meshes with the same faces, or folder written by isomatch collect. Meshes with other faces or
@@ -75,15 +75,8 @@ def run(
     if modes < 0:
         raise SettingError(f"--modes {modes} is not a number of modes; give 0 or more")
     how: dict[str, Any] = {"scale": scale, "weights": weights, "modes": modes, "groups": groups, "test": test}
-    how |= {"model": model, "tangent": tangent, "slide": slide, "wireframe": wireframe}
-    how |= {
-        "mirror": mirror,
-        "align": align,
-        "hide": hide,
-        "pictures": pictures,
-        "seed": seed,
-        "force": force,
-    }
+    how |= {"model": model, "tangent": tangent, "slide": slide, "wireframe": wireframe, "mirror": mirror}
+    how |= {"align": align, "hide": hide, "pictures": pictures, "seed": seed, "force": force}
     with talk.progress() as tell:
         found = cohort.statistics(folder, output, **how, progress=tell, warn=complain)
     talk.result(found.to_json(), lambda: say_statistics(found))
@@ -100,7 +93,7 @@ def over_time(
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
-    """Tell how a series of shapes in one topology moves: area, volume, thickness and strain over time, by region.
+    """Tell how a series of shapes moves: area, volume, thickness and strain by region.
 
     Args:
         folder: Folder of meshes with the same faces, frame2 before frame10; or folder of isomatch collect.
@@ -127,11 +120,11 @@ def say_statistics(found: cohort.Results) -> None:
         return
     size = f"{len(model.names)} shapes of {len(model.mean):,} {found.record['of']}"
     say(f"{size} vary in {model.n_modes} mode{'s' * (model.n_modes != 1)}", "bold")
-    shares = found.record["shares"]
-    modes = zip(shares[:10], accumulate(shares), model.deviations.tolist())
+    shares = found.record["shares"][:10]
+    modes = enumerate(zip(shares, accumulate(shares), model.deviations.tolist()), 1)
     say_table(
         (f"mode {i}", f"{share:.1%} of the variance, sd {deviation:.4g}", f"{total:.1%} so far")
-        for i, (share, total, deviation) in enumerate(modes, 1)
+        for i, (share, total, deviation) in modes
     )
     for line in found.told:
         say(line)

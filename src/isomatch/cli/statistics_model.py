@@ -1,4 +1,4 @@
-"""``isomatch statistics project`` and ``complete``: what an old model says of new shapes, and of parts of shapes."""
+"""``isomatch statistics project`` and ``complete``: new shapes, or parts, in an old model."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import require_writable, say_left_out
 from isomatch.cli.terminal import INDENT, TALK, Talk, say, say_rows
 
-LABEL = 16  # columns of a label
+LABEL_WIDTH = 16  # columns of a label
 
 
 def project(model: Path, /, *shapes: Path, output: Output, force: Force = False, talk: Talk = TALK) -> None:
-    """Score new shapes in an old model: how far each is from the mean, how well the modes describe it, and where not.
+    """Score new shapes in a model: how far from the mean, how well the modes describe each.
 
     The model stays as it is. Shapes in another topology are brought into that of the model by isomatch collect add.
 
@@ -47,7 +47,7 @@ def complete(
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
-    """Complete a shape: the likeliest one of a model, given a part or landmarks, and how uncertain each vertex is.
+    """Complete a shape: the likeliest one of a model, given a part or landmarks, with errors.
 
     Writes the completed mesh, where the part is, and next to it NAME.json with its scores and what was left out.
 
@@ -93,14 +93,15 @@ def say_scored(record: Mapping[str, Any], folder: Path) -> None:
         off = f"{line['error']:.4g} from what the modes describe (root mean square)"
         where = f"at most {line['farthest_error']:.4g}, at vertex {line['farthest_vertex']}"
         if m:
-            far += f"; {line['as_far']} of {m} shapes, each left out, are as far, their median is "
-            far += f"{usual['mahalanobis']:.3g}"
+            median = usual["mahalanobis"]
+            far += (
+                f"; {line['as_far']} of {m} shapes, each left out, are as far, their median is {median:.3g}"
+            )
             off += f"; {line['as_badly_described']} of {m} are as badly described, their median is {usual['errors']:.4g}"
         if line.get("landmark"):
             where += f", nearest to the landmark {line['landmark']}"
-        say_rows([("in the model", far), ("off the model", off), ("where", where)], LABEL)
+        rows = [("in the model", far), ("off the model", off), ("where", where)]
         if line["measured"] < 1:
-            say_rows(
-                [("measured", f"{line['measured']:.0%} of its vertices; the others tell nothing")], LABEL
-            )
+            rows.append(("measured", f"{line['measured']:.0%} of its vertices; the others tell nothing"))
+        say_rows(rows, LABEL_WIDTH)
     say(f"the table is {folder / 'scored.csv'}; where: {folder / 'scored'}, residual of each vertex")

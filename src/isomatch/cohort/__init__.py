@@ -1,4 +1,4 @@
-"""Cohorts: many shapes prepared once and matched in pairs, and the statistics of shapes in correspondence."""
+"""Cohorts: many shapes matched in pairs, and the statistics of shapes in correspondence."""
 
 from isomatch._core.first_use import names_at_first_use
 

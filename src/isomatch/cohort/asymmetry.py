@@ -1,4 +1,4 @@
-"""How far shapes are from their mirror images, where, and whether all in the same way, with files that tell of it."""
+"""A study of asymmetry: how far shapes are from their mirror images, where, and if all alike."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from isomatch.matching import Outcome
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, nearest_on_surface
 
-MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
+N_DRAWN = 3  # number of the most asymmetric shapes that have pictures
+DRAWN_DISPLACEMENT = 0.1  # largest displacement in pictures of landmarks, over the size
+ANOVA_HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F", "p")
 WRONG = "; where they have one colour, the map between them is wrong"
-HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F", "p")
-COMMON = "Directional asymmetry: what all have in common."
-OWN = "Fluctuating asymmetry: how far single ones differ from that."
-ENLARGED = 0.1  # of the size: largest displacement in pictures of landmarks
-HALF = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
+DIRECTIONAL = "Directional asymmetry: what all have in common."
+FLUCTUATING = "Fluctuating asymmetry: how far single ones differ from that."
+ALONG_NORMAL = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
 MEASURED = (
     "Each shape is reflected and laid onto itself, or a left one onto the right one; the middle of both is symmetric. "
     "The asymmetry at a point is its distance from there: +1 where it stands out 2 units farther than its opposite."
@@ -64,18 +64,21 @@ def asymmetry(
     progress: Progress | None = None,
     warn: Warn | None = None,
 ) -> Results:
-    """Measure how far shapes are from their mirror images, where, and what of it all shapes have in common.
+    """Measure how far shapes are from their mirror images, where, and what all have in common.
 
     Parameters
     ----------
     shapes : path_like
-        A mesh; or a folder of meshes in one topology, or that of a collection; or landmarks, see `read_specimens`.
+        A mesh; a folder of meshes in one topology, or of a collection; or landmarks, see
+        `read_specimens`.
     output : path_like
-        Folder for tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and left_right/NAME.npz.
+        Folder for tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and
+        left_right/NAME.npz.
     pairs, left_right, landmarks, individuals, scale, weights, degrees, wireframe, config, seed, force
         As the options of ``isomatch asymmetry``.
     progress, warn : callable, optional
-        Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
+        Called with each step and the share that is done; and with shapes to look at first, which by
+        default are logged.
 
     Returns
     -------
@@ -85,7 +88,8 @@ def asymmetry(
     Raises
     ------
     FormatError, MeshError, SettingError
-        If files cannot be read, shapes are not in one topology, or both maps and landmarks are given.
+        If files cannot be read, shapes are not in one topology, or both maps and landmarks are
+        given.
     InputError
         If there are landmarks without pairs, or individuals that are no shapes.
     """
@@ -100,12 +104,11 @@ def asymmetry(
         is_mesh = len(cohort.faces) > 0
         weights = weights if is_mesh else "uniform"
         if is_mesh and degrees == "dimensions":
-            raise SettingError(
-                "--degrees dimensions is for landmarks; a mesh has as many vertices as you like"
-            )
-        if not is_mesh and not pairs and not (left_right and not landmarks):
-            told = "which landmarks are left and right, or which specimens, is not known"
-            raise InputError(f"{source}: {told}; give a table of pairs of them (--left-right, or --pairs)")
+            reason = "a mesh has as many vertices as you like"
+            raise SettingError(f"--degrees dimensions is for landmarks; {reason}")
+        if not is_mesh and not pairs and not left_right:
+            problem = "which landmarks are left and right, or which specimens, is not known"
+            raise InputError(f"{source}: {problem}; give a table of pairs of them (--left-right, or --pairs)")
         if len(cohort) == 1 and cohort.left_out:
             raise MeshError(f"{source}: no two meshes are in one topology; run isomatch collect first")
         first = told_doubts(doubt for doubt in study.doubts if not (pairs and doubt.kind == "mirrored"))
@@ -124,28 +127,30 @@ def asymmetry(
             sides = read_landmark_pairs(left_right, cohort.marks)
             maps = [shape_statistics.left_right_of_pairs(cohort.n_vertices, sides)] * len(cohort)
         elif left_right:
-            n, inner = cohort.n_vertices, left_right.is_dir()
-            files = [left_right / f"{name}.npz" if inner else left_right for name in cohort.names]
+            n, is_folder = cohort.n_vertices, left_right.is_dir()
+            files = [left_right / f"{name}.npz" if is_folder else left_right for name in cohort.names]
             maps = [Correspondence.load(file, n, n) for file in files]
         else:
             settings = {"landmarks": hints, "config": config, "seed": seed}
-            maps, about, unsure = _matched(cohort, scans, settings, notes, to.part(0.1, 0.8))
+            maps, about, unsure = _match_sides(cohort, scans, settings, notes, to.part(0.1, 0.8))
         both = both if pairs else cohort.mirrored(maps)
         to.tell("comparing", 0.8)
         of = [labels.get(name, name) for name in both.names[: len(both) // 2]]
-        share, sides_of = _known_share(both, weights), maps[0] if maps else None
+        share, dimensions = _known_share(both, weights), (1, 1)
+        if degrees == "dimensions":
+            n, dim = both.vertices.shape[1:]
+            sides_of = maps[0] if maps else None
+            dimensions = shape_statistics.symmetry_dimensions(n, dim, sides_of, scale=scale)
         how: dict[str, Any] = {"individuals": of, "seed": seed}
-        n, dim = both.vertices.shape[1:]
-        counted = shape_statistics.symmetry_dimensions(n, dim, sides_of, scale=scale)
         aligned = shape_statistics.align_sides(both, share, scale, maps)
-        dimensions = counted if degrees == "dimensions" else (1, 1)
         found = shape_statistics.asymmetry(*aligned, share, dimensions=dimensions, **how)
         if is_mesh:
-            lines, words = _draw(new, both, maps, share, found, hints)
+            lines, captions = _draw_meshes(new, both, maps, share, found, hints)
         else:
-            lines, words = _draw_landmarks(new, both, not maps, share, found)
-        sizes, of_sizes = shape_statistics.centroid_sizes(both.vertices, share)[:, None, None], None
+            lines, captions = _draw_landmarks(new, both, not maps, share, found)
+        of_sizes = None
         if pairs and len(of) > 1:
+            sizes = shape_statistics.centroid_sizes(both.vertices, share)[:, None, None]
             of_sizes = shape_statistics.asymmetry(*np.split(sizes, 2), **how)
         record = {
             "isomatch": VERSION,
@@ -164,11 +169,11 @@ def asymmetry(
             "doubts": [unsure, *first] if unsure else first,
             "notes": notes,
         }
-        for name, each in zip(cohort.names, maps if is_mesh else []):
-            each.save(new.path(f"left_right/{name}.npz"))
-        sentences, lines, rows = _told(record), record["shapes"], record["anova"]
+        for name, left_right_map in zip(cohort.names, maps if is_mesh else []):
+            left_right_map.save(new.path(f"left_right/{name}.npz"))
+        sentences, lines, rows = _sentences(record), record["shapes"], record["anova"]
         tables = {"asymmetry.csv": lines, "anova.csv": rows, "size_anova.csv": record["size_anova"]}
-        tables["individuals.csv"] = _individuals(found) if len(of) > 1 else []
+        tables["individuals.csv"] = _lines_of_individuals(found) if len(of) > 1 else []
         for file, table in tables.items():
             if table:
                 new.table(file, **{key: [row[key] for row in table] for key in table[0]})
@@ -178,22 +183,24 @@ def asymmetry(
             "To look at first": listed([*filter(None, [_below_error(lines)[0]]), *record["doubts"]]),
             "What was measured": f"<p>{MEASURED}</p>",
             "What was found": listed(sentences),
-            "Where the variation lies": tabulated(HEADS, (row.values() for row in rows)) if rows else "",
-            "Where that of sizes lies": tabulated(HEADS, of_sizes.anova) if of_sizes else "",
+            "Where the variation lies": tabulated(ANOVA_HEADS, (row.values() for row in rows))
+            if rows
+            else "",
+            "Where that of sizes lies": tabulated(ANOVA_HEADS, of_sizes.anova) if of_sizes else "",
             "How asymmetric each is": tabulated(columns, cells),
         }
         title = f"Asymmetry of {lines[0]['name'] if len(of) == 1 else f'{len(of)} shapes'}"
         used = f"{SCALES[scale]}. Lengths are in the units of the files. Seed {seed}, isomatch {VERSION}."
-        new.page(title, into.folder.resolve().name, used, sections, words)
+        new.page(title, into.folder.resolve().name, used, sections, captions)
         new.finish(record)
         to.tell("done", 1.0)
     return Results(into.folder, into.written, record, sentences, unsure=unsure)
 
 
-def _matched(
+def _match_sides(
     cohort: CorrespondedShapes, scans: Collection | None, how: dict[str, Any], notes: list[str], to: Listener
 ) -> tuple[list[Correspondence], list[dict[str, Any]], str]:
-    """Match each shape, or the surface in its file, with its mirror image: maps, and what is known of them."""
+    """Match shapes, or surfaces in their files, with their mirror images; tell which are unsure."""
     maps, about, unsure = list[Correspondence](), list[dict[str, Any]](), list[str]()
     whole, rows = shape_statistics.filled(cohort, cohort.area_weights, "remove"), scans and scans.rows()
     for i, name in enumerate(cohort.names):
@@ -208,15 +215,15 @@ def _matched(
         if marks is not None and scan is not mesh:
             marks = cKDTree(scan.vertices).query(mesh.vertices[marks])[1]
         result = shape_statistics.left_right_map(scan, progress=progress, **how | {"landmarks": marks})
-        there, expected = result.map, result.expected_error
+        sides, expected = result.map, result.expected_error
         if scan is not mesh:
             places = nearest_on_surface(scan, mesh.vertices)
-            there = _onto(mesh, places.interpolated(there.pull_back(scan.vertices)))
+            sides = _onto(mesh, places.interpolated(sides.pull_back(scan.vertices)))
             expected = places.interpolated(expected[:, None])[:, 0]
-        maps.append(there)
-        # half of an error reaches the middle of both sides
-        of_both = float(np.sqrt(np.nansum(mesh.vertex_areas * (expected / 2) ** 2)))
-        about.append({"outcome": result.outcome.value, "map_error": of_both})
+        maps.append(sides)
+        # half of an error reaches the mean of both sides
+        map_error = float(np.sqrt(np.nansum(mesh.vertex_areas * (expected / 2) ** 2)))
+        about.append({"outcome": result.outcome.value, "map_error": map_error})
         notes += [f"{name}: {note}" for note in result.notes if note.endswith("are left unmatched")]
         if result.outcome.sureness < Outcome.PARTIAL.sureness:
             unsure.append(f"{name} ({result.outcome.value})")
@@ -224,15 +231,15 @@ def _matched(
 
 
 def _onto(mesh: Mesh, images: FloatArray) -> Correspondence:
-    """Map rows to the nearest points of a mesh; those that are nan are unmatched."""
-    held = np.asarray(np.isfinite(images).all(axis=1))
-    points = nearest_on_surface(mesh, np.where(held[:, None], images, 0.0))
-    there = Correspondence.of_points(points, mesh.n_vertices)
-    return replace(there, vertices=np.where(held, there.vertices, UNMATCHED))
+    """Map rows to the nearest points of a mesh; rows of nan are unmatched."""
+    is_matched = np.asarray(np.isfinite(images).all(axis=1))
+    points = nearest_on_surface(mesh, np.where(is_matched[:, None], images, 0.0))
+    nearest = Correspondence.of_points(points, mesh.n_vertices)
+    return replace(nearest, vertices=np.where(is_matched, nearest.vertices, UNMATCHED))
 
 
 def _known_share(both: CorrespondedShapes, weights: Weights) -> FloatArray:
-    """Weight of each vertex, by how often it is known on both sides."""
+    """Weigh each vertex by the share of shapes in which it is known on both sides."""
     m = len(both) // 2
     known = (both.seen[:m] & both.seen[m:]).mean(axis=0)
     share = both.area_weights if weights == "area" else np.full(both.n_vertices, 1 / both.n_vertices)
@@ -241,11 +248,11 @@ def _known_share(both: CorrespondedShapes, weights: Weights) -> FloatArray:
     return np.asarray(share * known / (share @ known))
 
 
-def _individuals(found: Asymmetry) -> list[dict[str, Any]]:
+def _lines_of_individuals(found: Asymmetry) -> list[dict[str, Any]]:
     """Make a line for each individual: its asymmetry, and its scores along principal components."""
     lines = []
-    for each in found.individuals:
-        line = each._asdict()
+    for individual in found.individuals:
+        line = individual._asdict()
         for kind in ("symmetric", "asymmetric"):
             line |= {f"{kind}_{i}": score for i, score in enumerate(line.pop(f"{kind}_scores"), start=1)}
         lines.append(line)
@@ -253,9 +260,10 @@ def _individuals(found: Asymmetry) -> list[dict[str, Any]]:
 
 
 def _line(both: CorrespondedShapes, found: Asymmetry, i: int, size: float) -> dict[str, Any]:
-    """Make the first cells of the line of a shape, (i)."""
-    amounts = float(found.amounts[i]), float(found.amounts[i]) / size, float(found.fluctuating[i])
-    return dict(zip(("name", "asymmetry", "over_size", "fluctuating"), (both.names[i], *amounts)))
+    """Make the first cells of the line of shape i."""
+    amount = float(found.amounts[i])
+    first = {"name": both.names[i], "asymmetry": amount, "over_size": amount / size}
+    return {**first, "fluctuating": float(found.fluctuating[i])}
 
 
 def _size(found: Asymmetry, share: FloatArray) -> float:
@@ -264,18 +272,18 @@ def _size(found: Asymmetry, share: FloatArray) -> float:
 
 
 Drawn = tuple[list[dict[str, Any]], dict[str, str]]
-"""A line for each shape, and the words beside each picture."""
+"""A line for each shape, and the caption of each picture."""
 
 
 def _draw_landmarks(
     new: StatisticsFolder, both: CorrespondedShapes, paired: bool, share: FloatArray, found: Asymmetry
 ) -> Drawn:
-    """Draw the asymmetry of landmarks, and tell that of each specimen."""
+    """Draw the asymmetry of landmarks, and make a line for each specimen."""
     m, size, mean, common = len(both) // 2, _size(found, share), found.symmetric, found.directional
     own = np.sqrt(((found.components - common) ** 2).sum(axis=2).mean(axis=0))
     axes = {f"directional_{axis}": column for axis, column in zip("xyz", common.T.tolist())}
     new.table("landmarks.csv", landmark=both.marks, **axes, fluctuating=own.tolist())
-    factor = ENLARGED * size / (float(np.linalg.norm(common, axis=1).max()) or 1.0)
+    factor = DRAWN_DISPLACEMENT * size / (float(np.linalg.norm(common, axis=1).max()) or 1.0)
     shown = {f"asymmetry × {factor:.2g}": mean + factor * common}
     shape_statistics.draw_landmarks(new.picture("directional"), shown, mean, both.links)
     label = "standard deviation, in units of the shapes"
@@ -285,10 +293,11 @@ def _draw_landmarks(
         most = int(lengths.argmax())
         line = _line(both, found, i, size) | {"most": float(lengths[most]), "most_landmark": both.marks[most]}
         lines.append(line | {"left": both.names[m + i]} if paired else line)
-    return lines, {"directional": f"{COMMON} Enlarged; grey: the symmetric mean.", "fluctuating": OWN}
+    enlarged = f"{DIRECTIONAL} Enlarged; grey: the symmetric mean."
+    return lines, {"directional": enlarged, "fluctuating": FLUCTUATING}
 
 
-def _draw(
+def _draw_meshes(
     new: StatisticsFolder,
     both: CorrespondedShapes,
     maps: list[Correspondence],
@@ -296,36 +305,36 @@ def _draw(
     found: Asymmetry,
     left_right: IntArray | None = None,
 ) -> Drawn:
-    """Draw the asymmetry of meshes, all as the mean lies and in one scale, and tell that of each."""
-    m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
+    """Draw the asymmetry of meshes, turned like the mean, in one scale; make a line for each."""
+    m, lines, captions = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
     known, size = both.seen[:m] & both.seen[m:], _size(found, share)
     mean = both.mesh(0).moved(found.symmetric)
     normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # smoother than those of a shape
     outward = np.where(known, np.einsum("mij,ij->mi", found.components, normals), np.nan)
-    planes = [shape_statistics.symmetry_plane(*each, share) for each in zip(both.vertices, maps)]
-    sides = [_sides(normal, each, left_right) for each, (normal, _) in zip(both.vertices, planes)]
+    planes = [shape_statistics.symmetry_plane(*shape, share) for shape in zip(both.vertices, maps)]
+    sides = [_sides(normal, shape, left_right) for shape, (normal, _) in zip(both.vertices, planes)]
     centred = found.symmetric - found.symmetric.mean(axis=0)
-    turns = [nearest_rotation((each - each.mean(axis=0)).T @ centred) for each in both.vertices[:m]]
+    turns = [nearest_rotation((shape - shape.mean(axis=0)).T @ centred) for shape in both.vertices[:m]]
     views = [dict[str, FloatArray]()] * m
     for i, ((normal, _), names) in enumerate(zip(planes, sides)):
         to = normal @ turns[i]
         seen = list(zip(names, (to, -to)))
         views[i] = dict(seen if i == 0 or to @ next(iter(views[0].values())) > 0 else seen[::-1])
     if m > 1:
-        held = np.where(known.any(axis=0), np.nan_to_num(outward), np.nan)
-        common, own = held.mean(axis=0), held.std(axis=0)
-        new.mesh("mean.ply", mean, {"directional": common, "fluctuating": own}, common)
-        draw_values(new.picture("directional"), mean, common, HALF, views=views[0])
+        known_outward = np.where(known.any(axis=0), np.nan_to_num(outward), np.nan)
+        common, deviation = known_outward.mean(axis=0), known_outward.std(axis=0)
+        new.mesh("mean.ply", mean, {"directional": common, "fluctuating": deviation}, common)
+        draw_values(new.picture("directional"), mean, common, ALONG_NORMAL, views=views[0])
         label = "standard deviation, along the normal"
-        draw_values(new.picture("fluctuating"), mean, own, label, views=views[0])
-        words |= {"directional": COMMON, "fluctuating": OWN}
-    drawn = np.argsort(-found.amounts, kind="stable")[:MOST_DRAWN].tolist()
+        draw_values(new.picture("fluctuating"), mean, deviation, label, views=views[0])
+        captions |= {"directional": DIRECTIONAL, "fluctuating": FLUCTUATING}
+    drawn = np.argsort(-found.amounts, kind="stable")[:N_DRAWN].tolist()
     high = float(np.nanquantile(np.abs(outward[drawn]), 0.995))
     for i in drawn:
         name, mesh = f"shapes/{both.names[i]}", both.mesh(i)
         mesh = mesh.moved(mesh.vertices @ turns[i])
-        draw_values(new.picture(name), mesh, outward[i], HALF, views=views[i], high=high)
-        words[name] = f"{both.names[i]}: where its sides differ{WRONG if planes else ''}."
+        draw_values(new.picture(name), mesh, outward[i], ALONG_NORMAL, views=views[i], high=high)
+        captions[name] = f"{both.names[i]}: where its sides differ{WRONG if planes else ''}."
     for i, signed in enumerate(outward):
         mesh, most = both.mesh(i), int(np.nanargmax(np.abs(signed)))
         length = np.where(known[i], np.linalg.norm(found.components[i], axis=1), np.nan)
@@ -338,24 +347,24 @@ def _draw(
             line["most_side"] = sides[i][0 if mesh.vertices[most] @ normal > offset else 1]
             line |= dict(zip(("plane_x", "plane_y", "plane_z", "plane_offset"), (*normal.tolist(), offset)))
         lines.append(line if planes else line | {"left": both.names[m + i]})
-    return lines, words
+    return lines, captions
 
 
 def _sides(normal: FloatArray, vertices: FloatArray, left_right: IntArray | None) -> tuple[str, str]:
-    """Name the side to which a normal leads, and the other: left and right, if all pairs of vertices tell the same."""
+    """Name the side that a normal points to, and the other: left and right if all pairs agree."""
     if left_right is not None:
-        one, other = left_right[left_right[:, 0] != left_right[:, 1]].T
-        apart = (vertices[one] - vertices[other]) @ normal
-        if len(apart) and (apart > 0).all():
+        left, right = left_right[left_right[:, 0] != left_right[:, 1]].T
+        along = (vertices[left] - vertices[right]) @ normal
+        if len(along) and (along > 0).all():
             return "the left side", "the right side"
-        if len(apart) and (apart < 0).all():
+        if len(along) and (along < 0).all():
             return "the right side", "the left side"
     axis = "xyz"[int(np.abs(normal).argmax())]
     return f"the +{axis} side", f"the −{axis} side"
 
 
 def _below_error(lines: list[dict[str, Any]]) -> tuple[str, list[dict[str, Any]]]:
-    """Say which shapes show no asymmetry, because that of their maps would be as large; also return the others."""
+    """Tell which shapes have no asymmetry above the error of their maps; also return the others."""
     below = [line for line in lines if line["asymmetry"] <= line.get("map_error", -np.inf)]
     if not below:
         return "", lines
@@ -364,17 +373,17 @@ def _below_error(lines: list[dict[str, Any]]) -> tuple[str, list[dict[str, Any]]
         least, most = (f"{of(line[name] for line in below):.3g}" for of in (min, max))
         ranges.append(least if least == most else f"{least} to {most}")
     named = "" if len(below) == len(lines) else f" in {', '.join(line['name'] for line in below)}"
-    told = f"no asymmetry is shown{named}: it is below the error of the maps from left to right"
-    return f"{told} ({ranges[0]}, errors {ranges[1]})", [line for line in lines if line not in below]
+    sentence = f"no asymmetry is shown{named}: it is below the error of the maps from left to right"
+    return f"{sentence} ({ranges[0]}, errors {ranges[1]})", [line for line in lines if line not in below]
 
 
-def _told(record: dict[str, Any]) -> list[str]:
+def _sentences(record: dict[str, Any]) -> list[str]:
     rows, n = record["anova"], record["n_individuals"]
     first, shown = _below_error(record["shapes"])
-    told = [first] if first else []
+    found = [first] if first else []
     if rows:
         between, common, own = (f"{row['share']:.1%}" for row in rows[:3])
-        told += [
+        found += [
             f"{n} individuals: {between} of all variation is between them and symmetric, {common} is directional "
             f"asymmetry, the same in all, and {own} fluctuating, each in its own way",
             f"fluctuating asymmetry has {rows[2]['f']:.3g} times the mean square of the error of measurement, "
@@ -386,25 +395,23 @@ def _told(record: dict[str, Any]) -> list[str]:
             f"({record['n_permutations']} ways of exchanging sides; the smallest possible p is {2.0 ** (1 - n):.2g})",
         ]
     if record["size_anova"]:
-        sides, error = record["size_anova"][1], len(record["size_anova"]) > 3
-        told.append(
-            f"of the variation of sizes, {sides['share']:.1%} is directional, p = {sides['p_value']:.4g}"
-            + (f", and {record['size_anova'][2]['share']:.1%} fluctuating" if error else "")
-        )
-    if not shown:
-        return [*told, *(f"note: {note}" for note in record["notes"])]
-    most = max(shown, key=lambda line: line["asymmetry"])
+        sides = record["size_anova"][1]
+        line = f"of the variation of sizes, {sides['share']:.1%} is directional, p = {sides['p_value']:.4g}"
+        has_error = len(record["size_anova"]) > 3
+        found.append(f"{line}, and {record['size_anova'][2]['share']:.1%} fluctuating" if has_error else line)
+    if shown:
+        found.append(_most_asymmetric(shown, bool(rows)))
+    return [*found, *(f"note: {note}" for note in record["notes"])]
+
+
+def _most_asymmetric(lines: list[dict[str, Any]], is_compared: bool) -> str:
+    most = max(lines, key=lambda line: line["asymmetry"])
+    away = f"{most['asymmetry']:.4g} away from a symmetric shape (root mean square), {most['over_size']:.2%} of its size"
     if "most_landmark" in most:
-        told.append(
-            f"{most['name']} is {most['asymmetry']:.4g} away from a symmetric shape (root mean square), "
-            f"{most['over_size']:.2%} of its size, most at landmark {most['most_landmark']}, by {most['most']:.4g}"
-        )
-        return [*told, *(f"note: {note}" for note in record["notes"])]
+        return f"{most['name']} is {away}, most at landmark {most['most_landmark']}, by {most['most']:.4g}"
     outward = "stands out" if most["most"] > 0 else "lies deeper"
     where = f"on {most['most_side']}, which" if "most_side" in most else f"where {most['name']}"
-    told += [
-        f"{most['name']}{', the most asymmetric,' if rows else ''} is {most['asymmetry']:.4g} away from a symmetric "
-        f"shape (root mean square), {most['over_size']:.2%} of its size, and {most['along_normal']:.4g} along the "
-        f"normal, most at vertex {most['most_vertex']}, {where} {outward} by {abs(most['most']):.4g}"
-    ]
-    return [*told, *(f"note: {note}" for note in record["notes"])]
+    return (
+        f"{most['name']}{', the most asymmetric,' if is_compared else ''} is {away}, and {most['along_normal']:.4g} "
+        f"along the normal, most at vertex {most['most_vertex']}, {where} {outward} by {abs(most['most']):.4g}"
+    )

@@ -24,14 +24,15 @@ from isomatch.cohort.plan import (
     Plan,
     entries_of,
     pairs_of,
-    require_files_of_their_own,
+    require_distinct_files,
     require_shape_names,
 )
 from isomatch.cohort.unusual_shapes import OTHERS, checked_units
 from isomatch.cohort.workers import Workers
 from isomatch.settings import Config
 
-STAYS = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair that is to be matched again
+# values that the row of a pair keeps when it is to be matched again
+KEPT_FOR_RETRY = ("source_hash", "target_hash", "reflected", "made_with")
 
 
 @dataclass(frozen=True)
@@ -70,36 +71,40 @@ class Collection(Plan):
     ) -> Collection:
         """Make a collection, or continue one with the same settings.
 
-        Shapes may be added and taken out, and ``reflect``, ``units``, ``leader`` and ``beside`` may change; by default
-        they are as before. `SettingError` if the folder holds a collection with other settings, or either orientation is
-        allowed, which does not tell mirror images.
+        Shapes may be added and removed, and ``reflect``, ``units``, ``leader`` and ``beside`` may
+        change; by default they are as before. `SettingError` if the folder holds a collection with
+        other settings, or mirror images are to be found where either orientation is allowed.
 
         Parameters
         ----------
         folder : path_like
             Where prepared shapes, maps and tables are kept.
         shapes : path_like or iterable of path_like or Entry
-            A folder, all files of which that can be read are taken; a pattern such as ``'scans/*.vtp'``; a CSV file
-            with a column ``path``, relative to its folder, and perhaps ``name``; or the files, an `Entry` with a name.
+            A folder, whose readable files are taken; a pattern such as ``'scans/*.vtp'``; a CSV
+            file with a column ``path``, relative to its folder, and perhaps ``name``; or the files,
+            or an `Entry` for each, with its name.
         pairs, template, config, seed, reflect
-            As the options of ``isomatch collect``. Each pair is matched in both directions. With ``reflect="auto"``,
-            mirror images are, of a star, those of the template, and otherwise the smaller of two groups.
+            As the options of ``isomatch collect``. Each pair is matched in both directions. With
+            ``reflect="auto"``, mirror images of the template are reflected in a star, and the
+            smaller of two groups otherwise.
         units : mapping of str to str, optional
-            Units of shapes whose files are in others than most, by name; that of the others is found by their sizes, or
-            given for ``"*"``.
+            Units, by name, of shapes whose units differ from most. The unit of the others is found
+            by their sizes, or given for ``"*"``.
         leader : Collection, optional
-            A collection of surfaces beside these, with the same names, such as the bones of cartilages, which is run
-            first. By default its template is that of this one. A map starts from that of its pair there, carried along
-            (`isomatch.correspondence.carry_along`), unless that is doubtful; nothing else is searched.
+            A collection of surfaces beside these, with the same names, such as bones for their
+            cartilages, which is run first. Its template is the default of this one. A map starts
+            from the map of its pair in the leader, carried along
+            (`isomatch.correspondence.carry_along`), unless that is doubtful; nothing else is
+            searched.
         beside : Collection, optional
-            A collection of other surfaces of the same subjects, which is run first: its template is by default that of
-            this one.
+            A collection of other surfaces of the same subjects, which is run first. Its template is
+            the default of this one.
         """
-        # workers may be in another folder
+        # absolute paths, as workers may run in another folder
         entries = tuple(Entry(entry.name, entry.path.resolve()) for entry in entries_of(shapes))
         layout = Layout(Path(folder).absolute())
         names = [entry.name for entry in entries]
-        require_files_of_their_own(names, layout.folder)
+        require_distinct_files(names, layout.folder)
         if template is not None and template not in names:
             by_file = {entry.path: entry.name for entry in entries}
             if Path(template).resolve() not in by_file:
@@ -109,30 +114,20 @@ class Collection(Plan):
             pairs = str(Path(pairs).resolve())
         if pairs not in ("star", "all"):
             pairs_of(names, pairs, template)
-        turned, units_of = _checked(reflect, names), checked_units(units or {}, names)
-        new = cls(
-            layout.folder,
-            entries,
-            pairs,
-            template,
-            config or Config(),
-            seed,
-            turned,
-            units_of,
-            leader,
-            beside,
-        )
+        settings = pairs, template, config or Config(), seed
+        sides, units_of = _checked(reflect, names), checked_units(units or {}, names)
+        new = cls(layout.folder, entries, *settings, sides, units_of, leader, beside)
         if layout.plan.exists():
             old = cls.open(folder)
             new._require_same(old)
-            if pairs == "all":  # of two shapes, the same one stays the source
+            if pairs == "all":  # the source of each pair stays the same
                 place = {name: i for i, name in enumerate(old.names)}
                 entries = tuple(sorted(entries, key=lambda entry: place.get(entry.name, len(place))))
-            turned = old.reflect if reflect is None else turned
             if units is None:
                 units_of = {name: unit for name, unit in old.units.items() if name in {OTHERS, *names}}
-            new = replace(new, shapes=entries, reflect=turned, units=units_of, leader=leader or old.leader)
-            new = replace(new, beside=beside or old.beside)
+            sides = old.reflect if reflect is None else sides
+            neighbours = leader or old.leader, beside or old.beside
+            new = cls(layout.folder, entries, *settings, sides, units_of, *neighbours)
         if new.reflect == "auto" and new.config.orientation == "any":
             raise SettingError(
                 "reflect = 'auto' finds mirror images by maps that must keep the orientation, and orientation = 'any' "
@@ -142,7 +137,7 @@ class Collection(Plan):
         files = {entry.name: str(entry.path) for entry in entries}
         plan: dict[str, object] = {"shapes": files, "pairs": pairs, "template": template}
         plan |= {"config": new.config.to_dict(), "seed": seed, "reflect": new.reflect, "units": new.units}
-        for name in _OTHERS:
+        for name in _NEIGHBOURS:
             other: Plan | None = getattr(new, name)
             plan[name] = other and os.path.relpath(other.folder, layout.folder)
         text = json.dumps(plan, indent=2) + "\n"
@@ -152,7 +147,7 @@ class Collection(Plan):
 
     @classmethod
     def open(cls, folder: str | Path) -> Collection:
-        """Open the collection in a folder; `FormatError` if it holds none, or its plan is damaged."""
+        """Open a collection; `FormatError` if the folder has none, or its plan is damaged."""
         folder = Path(folder).absolute()
         path = Layout(folder).plan
         try:
@@ -161,28 +156,27 @@ class Collection(Plan):
             config = Config.from_dict(plan["config"])
             generator(plan["seed"])
             require_shape_names(plan["shapes"], str(path))
-            turned = plan.get("reflect", ())
-            turned = turned if turned == "auto" else tuple(map(str, turned))
+            sides = plan.get("reflect", ())
+            sides = sides if sides == "auto" else tuple(map(str, sides))
             units = checked_units(plan.get("units", {}), plan["shapes"])
-            pairs, template, seed = (plan[name] for name in ("pairs", "template", "seed"))
-            others = {
-                name: plan.get(name) and cls.open(os.path.normpath(folder / plan[name])) for name in _OTHERS
-            }
-            return cls(folder, shapes, pairs, template, config, seed, turned, units, **others)
+            settings = plan["pairs"], plan["template"], config, plan["seed"]
+            folders = (plan.get(name) for name in _NEIGHBOURS)
+            neighbours = [other and cls.open(os.path.normpath(folder / other)) for other in folders]
+            return cls(folder, shapes, *settings, sides, units, *neighbours)
         except FileNotFoundError:
             raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
         except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:
             raise FormatError(f"{path}: not the plan of a collection ({error}); make it again") from None
 
     def of(self, names: Iterable[str]) -> Collection:
-        """Return the same with some of its shapes, to travel with a task that needs no others."""
+        """Return the same with some of its shapes, for a task that needs no others."""
         return replace(self, shapes=tuple(Entry(name, self.paths[name]) for name in names))
 
     def maps(self, source: str, target: str) -> PairMaps:
-        """Read the maps of a pair; ``there`` leads from source to target, in whichever order they were matched.
+        """Read the maps of a pair; ``there`` leads from source to target.
 
-        They are those of the surfaces in the files, also where these were reflected, which keeps the numbers of vertices.
-        `FormatError` if the pair is not matched.
+        They belong to the surfaces in the files, also if these were reflected, which keeps vertex
+        numbers. `FormatError` if the pair is not matched.
         """
         return maps_of_pair(self.layout, source, target)
 
@@ -193,44 +187,44 @@ class Collection(Plan):
         shard: tuple[int, int] = (0, 1),
         time_limit: float | None = None,
     ) -> Iterator[Event]:
-        """Prepare the shapes and match the pairs that are not done, and yield each as soon as it is.
+        """Prepare the shapes and match the pairs that are not done, and yield each when it is.
 
-        What was done before is not done again, also where the last run was killed. A failure is a row with its reason.
+        Nothing is done twice, also if the last run was killed. A failure is a row with its reason.
         `UnwritableFileError` if another run does the same shard, or the folder cannot be written.
 
-        The executor is "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same
-        files; any executor of ``concurrent.futures``; or the workers of a block, see ``workers_of``. So many jobs run at
-        once, by default one for each processor; after so many seconds, the time limit, nothing new is begun. A shard,
-        its index from 0 and their number, is a part of the pairs: several runs, on one machine or on many that see the
-        same folder, each do one, and prepare the shapes it needs.
+        The executor is "local": processes of this machine; "dask:ADDRESS": workers of a Dask
+        cluster, which see the same files; any executor of ``concurrent.futures``; or the workers of
+        a block, see ``workers_of``. ``jobs`` run at once, by default one for each processor. After
+        ``time_limit`` seconds nothing new is begun. A shard, its index from 0 and their number, is
+        a part of the pairs: several runs, on machines that see the same folder, do one each, and
+        prepare the shapes it needs.
         """
         if not 0 <= shard[0] < shard[1]:
             raise InputError(f"shard {shard} is not its index, from 0, and the number of all, such as (0, 8)")
         return Run(self, shard).events(executor, jobs, time_limit)
 
     def retry(self, which: Literal["failed", "low"]) -> list[Pair]:
-        """Let the next run match pairs again, and return them: those that failed, or those with low confidence.
+        """Let the next run match pairs again that failed or have low confidence, and return them.
 
-        The same input gives the same map, so the latter are matched with another seed, and the surer map is kept; a map
-        that others contradict gives way to the new one. With "failed", shapes that could not be prepared are tried again.
+        The same input gives the same map, so pairs of low confidence are matched with another seed.
+        The surer map is kept, but a map that others contradict is replaced. With "failed", shapes
+        that could not be prepared are tried again.
         """
         again = {
             pair: PairRow(
-                **{name: getattr(row, name) for name in STAYS},
+                **{name: getattr(row, name) for name in KEPT_FOR_RETRY},
                 state="todo",
                 time=time.time(),
                 attempt=row.attempt + (which == "low"),
                 contradicted=row.is_contradicted or bool(row.contradicted),
                 again=(f"it was asked for by retry {which}",),
-                order=(*STAYS, "state", "time"),
             )
             for pair, row in self.rows().pairs.items()
             if row.verdict == which
         }
         for path in self.layout.ledgers():
             with writing_ledger(path) as ledger:
-                failed = [name for name, row in ledger.rows.shapes.items() if row.state == which]
-                for name in failed:
+                for name in [name for name, row in ledger.rows.shapes.items() if row.state == which]:
                     ledger.forget("shapes", name)
                 for pair in again.keys() & ledger.rows.pairs.keys():
                     ledger.put(pair, again[pair])
@@ -239,21 +233,18 @@ class Collection(Plan):
     def _require_same(self, old: Collection) -> None:
         """Raise `SettingError` unless another collection has the same settings."""
         mine, theirs = self.config.changed(), old.config.changed()
-        different = [name for name in {**mine, **theirs} if mine.get(name) != theirs.get(name)]
+        others = [name for name in {**mine, **theirs} if mine.get(name) != theirs.get(name)]
         plain = ("pairs", "template", "seed")
-        different += [name for name in plain if getattr(self, name) != getattr(old, name)]
-        if different:
-            remedy = "continue it with the same, or give another folder"
-            raise SettingError(
-                f"{self.folder}: holds a collection with other {', '.join(different)}; {remedy}"
-            )
+        if others := others + [name for name in plain if getattr(self, name) != getattr(old, name)]:
+            problem = f"holds a collection with other {', '.join(others)}"
+            raise SettingError(f"{self.folder}: {problem}; continue it with the same, or give another folder")
 
 
-_OTHERS = ("leader", "beside")  # other collections that a plan names
+_NEIGHBOURS = ("leader", "beside")  # other collections that a plan names
 
 
 def _checked(reflect: str | Iterable[str] | None, names: Sequence[str]) -> Literal["auto"] | tuple[str, ...]:
-    """Return the names of the shapes to reflect, in order; `InputError` for others."""
+    """Return the names of the shapes to reflect, in order; `InputError` for unknown ones."""
     if reflect == "auto":
         return "auto"
     wanted = {reflect} if isinstance(reflect, str) else set(reflect or ())

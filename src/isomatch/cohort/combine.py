@@ -1,4 +1,4 @@
-"""Agreement: find the maps that contradict the others of a collection, and replace them by compositions that agree."""
+"""Agreement of maps: contradicted ones are found, and replaced by compositions of others."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.files import claimed
 from isomatch._core.memory import peak_memory, require_memory
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.jobs import Event, loaded_shape
+from isomatch.cohort.jobs import Event, load_shape
 from isomatch.cohort.ledger import (
     CONTRADICTED,
     Ledger,
@@ -33,33 +33,33 @@ from isomatch.cohort.ledger import (
 )
 from isomatch.cohort.map_file import PairMaps, digest_of
 from isomatch.cohort.plan import tiles_of
-from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
+from isomatch.cohort.workers import Attempt, Task, Workers, workers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching import Evidence, Outcome, lower_outcome, match_both, outcome_of
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
-MOST_ROUNDS = 3
-TILE = 8  # shapes on either side of a tile of pairs
-UNSURE = 0.25  # weight of a map that its own match does not trust
-BYTES = 48  # of memory for a triangle, measured with 150 shapes: its reading, and five times that to weigh it
-MOST_PATHS = 8  # compositions that are compared; more hardly change which is in their middle
-N_SAMPLES = 100  # spacing 0.1 √area: enough for a mean distance
-LEAST_SHARED = 0.5  # share of the samples that two maps must both match to be compared
+MAX_ROUNDS = 3
+TILE_SIDE = 8  # shapes along either side of a tile of pairs
+UNSURE_WEIGHT = 0.25  # weight of a map that its own match does not trust
+TRIANGLE_BYTES = 48  # memory for a triangle, measured with 150 shapes: its reading, and 5 times that
+MAX_PATHS = 8  # compositions that are compared; more hardly change which is in their middle
+N_SAMPLES = 100  # vertices of a shape, 0.1 √area apart: enough for a mean distance
+MIN_SHARED = 0.5  # share of the samples that two maps must both match to be compared
 ORIENTATIONS = {"preserve": 1, "reverse": -1, "any": 0}
-SHARPNESS = 1.3 ** np.arange(15)  # 1 to 39, in 1/√area
+SHARPNESS = 1.3 ** np.arange(15)  # rates at which trust falls with inconsistency, 1 to 39 per √area
 
 
 class Agreement(NamedTuple):
     """The agreement of the maps of a collection.
 
-    Maps that are wrong in the same way agree with each other: if all maps to one symmetric shape are mirrored, only the
-    orientation shows it.
+    Maps that are wrong in the same way agree with each other: if all maps to one symmetric shape
+    are mirrored, only the orientation shows it.
     """
 
-    compared: int  # pairs that are in triangles of matched pairs
-    contradicted: list[Pair]  # those whose maps the others still contradict
-    replaced: list[Pair]  # those whose maps were replaced
+    compared: int  # number of pairs in triangles of matched pairs
+    contradicted: list[Pair]  # pairs whose maps the others still contradict
+    replaced: list[Pair]  # pairs whose maps were replaced
     turned: list[str]  # shapes whose maps to the others mostly reverse the orientation
 
 
@@ -69,16 +69,17 @@ def agree(
     jobs: int | None = None,
     time_limit: float | None = None,
 ) -> Iterator[Event]:
-    """Find the maps that most others contradict, replace them where that is possible, and yield each that was tried.
+    """Find the maps that most others contradict, replace them if possible, and yield each attempt.
 
-    A map is replaced by that composition of two others that agrees with most, refined by a match that starts from it;
-    if it then agrees better, and no other map of the pair fits clearly better than it. A map that stays contradicted
-    has low confidence. The rows of pairs get ``inconsistency``, now and ``before``, and ``replaced_by``. Maps are
-    compared each time; a replacement that was tried with as many shapes is not tried again.
+    A map is replaced by the composition of two others that agrees with most, refined by a match
+    that starts from it, if it then agrees better, and no other map of the pair fits clearly better.
+    A map that stays contradicted has low confidence. The rows of pairs get ``inconsistency``, now
+    and ``before``, and ``replaced_by``. Maps are compared each time; a replacement that was tried
+    with as many shapes is not tried again.
 
-    Pairs that are in no triangle of matched pairs stay as they are: all pairs make triangles, a star none. Of n shapes in
-    triangles, 3 n² maps are read up to four times, with O(n³) time and 48 n³ bytes of memory, or a `MemoryBudgetError`.
-    Other arguments are those of `Collection.run`.
+    Pairs in no triangle of matched pairs stay as they are: all pairs make triangles, a star none.
+    For n shapes in triangles, 3 n² maps are read up to four times, with O(n³) time and 48 n³ bytes
+    of memory, or a `MemoryBudgetError`. Other arguments are those of `Collection.run`.
     """
     own = collection.layout.ledger()
     with ExitStack() as held:
@@ -89,29 +90,26 @@ def agree(
         ledger = held.enter_context(writing_ledger(own))
         ledger.rows.merge(read_ledgers(others))
         ledger.rows = ledger.rows.of(collection.names)
-        names = _in_triangles(ledger.rows)
+        names = _names_in_triangles(ledger.rows)
         what = f"the comparison of the maps of {len(names)} shapes"
         remedy = "match all pairs of fewer shapes, or leave the maps as they are (--no-agree)"
-        require_memory(BYTES * len(names) ** 3, what, remedy)
+        require_memory(TRIANGLE_BYTES * len(names) ** 3, what, remedy)
         job = CycleJob(collection.of(names), {name: ledger.rows.shapes[name].key for name in names})
-        for _ in range(MOST_ROUNDS):
-            inconsistencies = _measured(job, ledger, workers)
+        for round_left in reversed(range(MAX_ROUNDS + 1)):
+            inconsistencies = _measure(job, ledger, workers)
             if workers.is_late():
                 return
-            _write(ledger, job, inconsistencies)
-            repairs = _repairs(ledger.rows, job, inconsistencies)
+            _record(ledger, job, inconsistencies)
+            repairs = _plan_repairs(ledger.rows, job, inconsistencies) if round_left else []
             n_replaced = 0
-            tasks = [Task((repair,), partial(attempted, job.repaired)) for repair in repairs]
+            tasks = [Task((repair,), job.repair) for repair in repairs]
             for count, (repair, attempt) in enumerate(workers.completed(tasks), 1):
-                row = _after(ledger.rows.pairs[repair.pair], attempt, len(job.prepared))
-                n_replaced += not isinstance(attempt, Exception) and isinstance(attempt.result, Replacement)
+                row = _row_after(ledger.rows.pairs[repair.pair], attempt, len(job.prepared))
+                n_replaced += isinstance(attempt.result, Replacement)
                 ledger.put(repair.pair, row)
                 yield Event("agreement", repair.pair, row, count, len(repairs))
             if not n_replaced:
                 return
-        inconsistencies = _measured(job, ledger, workers)
-        if not workers.is_late():
-            _write(ledger, job, inconsistencies)
 
 
 def agreement_of(rows: Rows) -> Agreement:
@@ -130,8 +128,8 @@ def agreement_of(rows: Rows) -> Agreement:
     return Agreement(len(compared), contradicted, replaced, turned)
 
 
-def _in_triangles(rows: Rows) -> list[str]:
-    """Names of the prepared shapes that are in triangles of matched pairs."""
+def _names_in_triangles(rows: Rows) -> list[str]:
+    """List the prepared shapes that are in triangles of matched pairs."""
     prepared = {name for name, row in rows.shapes.items() if row.key}
     done = [pair for pair, row in rows.pairs.items() if row.state == "done" and prepared.issuperset(pair)]
     near: dict[str, set[str]] = {name: set() for name in prepared}
@@ -142,34 +140,34 @@ def _in_triangles(rows: Rows) -> list[str]:
     return [name for name in rows.shapes if name in in_triangles]
 
 
-def _measured(job: CycleJob, ledger: Ledger, workers: Workers) -> FloatArray:
-    """Inconsistency (n, n) of all pairs of the prepared shapes."""
+def _measure(job: CycleJob, ledger: Ledger, workers: Workers) -> FloatArray:
+    """Measure the inconsistency (n, n) of all pairs of the prepared shapes."""
     rows, names = ledger.rows, list(job.prepared)
     number = {name: i for i, name in enumerate(names)}
     done = [pair for pair in rows.pairs if number.keys() >= set(pair) and rows.is_current(pair)]
     images = np.full((len(names), len(names), N_SAMPLES), UNMATCHED)
-    tiles = tiles_of(done, names, TILE, max(1, len(done) // workers.count()))
-    tasks = [Task(tuple(tile), partial(attempted, job.images)) for tile in tiles]
+    tiles = tiles_of(done, names, TILE_SIDE, max(1, len(done) // workers.count()))
+    tasks = [Task(tuple(tile), job.images) for tile in tiles]
     for pair, attempt in workers.completed(tasks):
-        if isinstance(attempt, Exception) or attempt.result is None:
+        if attempt.result is None:
             continue  # the next run matches it again
         both, (record, file) = attempt.result
         row = rows.pairs[pair]
         if record.key != row.key:
-            continue  # by a run that was killed before it wrote the row, as the next one does
+            continue  # a run wrote it that was killed before it wrote the row, as the next one does
         if file != (row.file or file):
             if record.replaced_by in ((), row.replaced_by):
                 continue  # it was changed after it was written; the next run matches it again
-            likewise = Attempt(attempt.result[1], "", time.time())
-            ledger.put(pair, _after(row, likewise, len(names)))
+            replaced = Attempt(attempt.result[1], "", time.time())
+            ledger.put(pair, _row_after(row, replaced, len(names)))
         a, b = (number[name] for name in pair)
         images[a, b], images[b, a] = both
     readings = np.full((len(names),) * 3, np.nan)
-    side = max(1, -(-len(names) // workers.count()))  # the images travel with each task
-    compared = partial(attempted, partial(job.readings, images))
-    tasks = [Task(tuple(names[i : i + side]), compared) for i in range(0, len(names), side)]
+    side = max(1, -(-len(names) // workers.count()))  # few tasks, as the images travel with each
+    compare = partial(job.readings, images)
+    tasks = [Task(tuple(names[i : i + side]), compare) for i in range(0, len(names), side)]
     for name, attempt in workers.completed(tasks):
-        if not isinstance(attempt, Exception) and attempt.result is not None:
+        if attempt.result is not None:
             readings[:, :, number[name]] = attempt.result
     prior = np.ones(readings.shape[:2])
     for pair in done:
@@ -179,11 +177,10 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers) -> FloatArray:
 
 
 def _prior(row: PairRow, config: Config) -> float:
-    """Weight of a map by its own evidence: less if it has low confidence, or not the orientation that is wanted."""
+    """Weigh a map by its own evidence: less with low confidence, or the wrong orientation."""
     wanted = ORIENTATIONS[config.orientation]
-    turned = any(wanted * (side.measures["orientation"] or 0.0) < 0 for side in row.sides)
-    unsure = any(outcome.is_doubtful for outcome in _own_outcomes(row))
-    return UNSURE if turned or unsure else 1.0
+    is_turned = any(wanted * (side.measures["orientation"] or 0.0) < 0 for side in row.sides)
+    return UNSURE_WEIGHT if is_turned or any(x.is_doubtful for x in _own_outcomes(row)) else 1.0
 
 
 def _own_outcomes(row: PairRow) -> list[Outcome]:
@@ -192,21 +189,17 @@ def _own_outcomes(row: PairRow) -> list[Outcome]:
     return [Outcome[name] for name in kept] or [side.outcome for side in row.sides]
 
 
-def _write(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
-    """Write how far each pair is from the others; those that are contradicted have low confidence."""
+def _record(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
+    """Write the inconsistency of each pair; a contradicted one has low confidence."""
     names = list(job.prepared)
     for i, j in np.argwhere(np.triu(np.isfinite(inconsistencies), 1)):
         value = round(float(inconsistencies[i, j]), 4)
         pair = _as_matched(ledger.rows, names[i], names[j])
         row = ledger.rows.pairs[pair]
         agreement, own = row.agreement or PairAgreement(), _own_outcomes(row)
-        agreement = replace(
-            agreement,
-            before=value if agreement.before is None else agreement.before,
-            inconsistency=value,
-            outcomes=tuple(outcome.name for outcome in own),
-            order=("before", *agreement.order),
-        )
+        before = value if agreement.before is None else agreement.before
+        outcomes = tuple(outcome.name for outcome in own)
+        agreement = replace(agreement, before=before, inconsistency=value, outcomes=outcomes)
         poor = Evidence(poor=value > CONTRADICTED)
         there, back = (side.with_outcome(lower_outcome(x, poor)) for side, x in zip(row.sides, own))
         new = replace(row, agreement=agreement, there=there, back=back)
@@ -218,22 +211,22 @@ def _as_matched(rows: Rows, a: str, b: str) -> Pair:
     return (a, b) if (a, b) in rows.pairs else (b, a)
 
 
-def _repairs(rows: Rows, job: CycleJob, inconsistencies: FloatArray) -> Sequence[Repair]:
-    """Plan the repair of contradicted pairs, without those already tried with as many shapes."""
+def _plan_repairs(rows: Rows, job: CycleJob, inconsistencies: FloatArray) -> Sequence[Repair]:
+    """Plan the repair of contradicted pairs that were not tried with as many shapes before."""
     names = list(job.prepared)
     trusted = np.where(inconsistencies <= CONTRADICTED, trust_in(inconsistencies), 0.0)
     repairs = []
     for a, c in np.argwhere(np.triu(inconsistencies > CONTRADICTED)):
         pair = _as_matched(rows, names[a], names[c])
         paths = trusted[a] * trusted[c]
-        middles = [int(b) for b in np.argsort(-paths)[:MOST_PATHS] if paths[b] > 0]
+        numbers = [int(b) for b in np.argsort(-paths)[:MAX_PATHS] if paths[b] > 0]
         agreement = rows.pairs[pair].agreement
-        if not middles or (agreement and agreement.tried_with == len(names)):
+        if not numbers or (agreement and agreement.tried_with == len(names)):
             continue
-        outcomes = [_least_sure(rows, pair, names[b]) for b in middles]
+        middles = tuple(names[b] for b in numbers)
+        outcomes = tuple(_least_sure(rows, pair, middle) for middle in middles)
         seed = job.collection.seed + rows.pairs[pair].attempt
-        over = tuple(names[b] for b in middles)
-        repairs.append(Repair(pair, over, tuple(paths[middles]), tuple(outcomes), seed))
+        repairs.append(Repair(pair, middles, tuple(paths[numbers]), outcomes, seed))
     return repairs
 
 
@@ -243,11 +236,9 @@ def _least_sure(rows: Rows, pair: Pair, middle: str) -> str:
     return outcome_of(map(Evidence.of, outcomes)).name
 
 
-def _after(row: PairRow, attempt: Attempt[Any] | Exception, n_shapes: int) -> PairRow:
-    """Row of a pair after an attempt to replace its map."""
+def _row_after(row: PairRow, attempt: Attempt[Any], n_shapes: int) -> PairRow:
+    """Return the row of a pair after an attempt to replace its map."""
     agreement = replace(row.agreement or PairAgreement(), tried_with=n_shapes)
-    if isinstance(attempt, Exception):
-        attempt = Attempt(f"the worker died ({attempt})", "", time.time())
     if isinstance(attempt.result, Replacement):
         agreement = replace(agreement, outcomes=(), refused="")
         record, more = attempt.result.record, {**row.more, **attempt.result.record.more}
@@ -258,72 +249,69 @@ def _after(row: PairRow, attempt: Attempt[Any] | Exception, n_shapes: int) -> Pa
 
 
 class Replacement(NamedTuple):
-    """What the file of a pair says once a composition took the place of its map, and the digest of that."""
+    """The record of the maps that replaced those of a pair, and the digest of their file."""
 
     record: MapRecord
     file: str
 
 
 class Repair(NamedTuple):
-    """A contradicted pair, and the shapes over which trusted maps lead around it."""
+    """A contradicted pair, and the shapes through which trusted maps lead around it."""
 
     pair: Pair
     middles: tuple[str, ...]  # the other shapes
-    trust: tuple[float, ...]  # weight of the path over each
-    outcomes: tuple[str, ...]  # name of the least sure outcome along each
-    seed: int  # of the match
+    trust: tuple[float, ...]  # weight of the path through each
+    outcomes: tuple[str, ...]  # name of the least sure outcome along each path
+    seed: int  # seed of the match
 
 
 @dataclass(frozen=True)
 class CycleJob:
-    """The jobs of an agreement, which worker processes do."""
+    """The jobs of an agreement for worker processes."""
 
     collection: Collection
     prepared: dict[str, str]  # key of each prepared shape, by name
 
     def images(self, pair: Pair) -> tuple[list[IntArray], Replacement]:
-        """Map the samples of the shapes of a pair, there and back; with what the file says, and its digest."""
+        """Map the samples of both shapes of a pair; also return record and digest of its file."""
         maps = self.collection.maps(*pair)
         images = [maps.there.vertices[self._samples(pair[0])], maps.back.vertices[self._samples(pair[1])]]
         return images, Replacement(maps.record, digest_of(self.collection.layout.maps(pair)))
 
     def readings(self, images: IntArray, target: str) -> FloatArray:
         """Compare all maps to a shape with all compositions of two maps that end there."""
-        # images (n, n, m): vertex of the second shape that each sample of the first is mapped to, −1 if not known
+        # images (n, n, m): vertex of the second shape for each sample of the first, −1 if not known
         names = list(self.prepared)
         shape, column = self._shape(target), names.index(target)
         readings = np.full((len(names), len(names)), np.nan)
         for b in np.flatnonzero((images[:, column] >= 0).any(axis=1)):
-            onwards = self._mapped(names[b], target, images[:, b])
-            readings[:, b] = _mean_distances(shape, onwards, images[:, column])
+            composed = self._images_of(images[:, b], names[b], target)
+            readings[:, b] = _mean_distances(shape, composed, images[:, column])
         return readings
 
-    def repaired(self, repair: Repair) -> Replacement | str:
-        """Write a map for a pair that agrees better and fits as well, or tell why there is none."""
-        pair, turned = repair.pair, repair.pair[::-1]
+    def repair(self, repair: Repair) -> Replacement | str:
+        """Write maps of a pair that agree better and fit as well, or tell why there are none."""
+        pair, config = repair.pair, self.collection.config
         old = self.collection.maps(*pair)
-        paths, paths_back = (self._paths(ends, repair.middles) for ends in (pair, turned))
+        paths, paths_back = (self._compositions(*ends, repair.middles) for ends in (pair, pair[::-1]))
         source, target = map(self._shape, pair)
         samples, samples_back = map(self._samples, pair)
-        trust = np.array(repair.trust)
-        ends = paths[:, samples]
-        apart = np.array([_mean_distances(target, end[None], ends) for end in ends])
-        best = int(np.nan_to_num(apart, nan=1.0).dot(trust).argmin())
-        config = self.collection.config
+        trust, ends = np.array(repair.trust), paths[:, samples]
+        distances = np.array([_mean_distances(target, end[None], ends) for end in ends])
+        best = int(np.nan_to_num(distances, nan=1.0).dot(trust).argmin())
         alone = replace(config, hypotheses="given")
         rematched = match_both(source, target, initial_map=paths[best], config=alone, seed=repair.seed)
 
         def disagreement(there: IntArray, back: IntArray) -> float:
-            forth = _mean_distances(target, ends, there[None, samples])
-            home = _mean_distances(source, paths_back[:, samples_back], back[None, samples_back])
-            apart, weights = np.concatenate([forth, home]), np.tile(trust, 2)
-            finite = np.isfinite(apart)
-            return float(np.average(apart[finite], weights=weights[finite])) if finite.any() else np.inf
+            at_target = _mean_distances(target, ends, there[None, samples])
+            at_source = _mean_distances(source, paths_back[:, samples_back], back[None, samples_back])
+            distances, weights = np.concatenate([at_target, at_source]), np.tile(trust, 2)
+            finite = np.isfinite(distances)
+            return float(np.average(distances[finite], weights=weights[finite])) if finite.any() else np.inf
 
         before = disagreement(old.there.vertices, old.back.vertices)
         after = disagreement(rematched.there.map.vertices, rematched.back.map.vertices)
-        over = repair.middles[best]
-        side = ORIENTATIONS[config.orientation]
+        middle, side = repair.middles[best], ORIENTATIONS[config.orientation]
         refused = ""
         if not after < min(before, CONTRADICTED):
             refused = f"agrees no better once refined: {after:.2f} √area"
@@ -334,35 +322,34 @@ class CycleJob:
         elif (worst := np.nanmax([0.0, *(1 / x.quality.runner_up for x in rematched)])) > config.outcome.tie:
             refused = f"fits worse than another map, by a factor {worst:.2f}"
         if refused:
-            return f"the composition over {over} {refused}"
-        note = (
-            f"other maps contradict the map that was matched, by {before:.2f} √area; this one is their composition over "
-            f"{over}, refined, and its outcome is at most as sure as theirs"
-        )
+            return f"the composition over {middle} {refused}"
+        note = f"other maps contradict the map that was matched, by {before:.2f} √area; this one is their composition "
+        note += f"over {middle}, refined, and its outcome is at most as sure as theirs"
         least = Evidence.of(Outcome[repair.outcomes[best]])
         results = [
             replace(x, outcome=lower_outcome(x.outcome, least), notes=(note, *x.notes)) for x in rematched
         ]
         there, back = (MapSummary.of(result, settings=True) for result in results)
-        by = pair[0], over, pair[1]
+        by = pair[0], middle, pair[1]
         record = replace(old.record, there=there, back=back, memory=peak_memory(), replaced_by=by)
         file = self.collection.layout.maps(pair)
         PairMaps.of(results[0], results[1], record).save(file)
         return Replacement(record, digest_of(file))
 
-    def _mapped(self, first: str, last: str, vertices: IntArray) -> IntArray:
-        """Images of vertices of one shape on another one, of which −1 have none."""
-        return np.where(vertices >= 0, self.collection.maps(first, last).there.vertices[vertices], UNMATCHED)
+    def _images_of(self, vertices: IntArray, source: str, target: str) -> IntArray:
+        """Map vertices of one shape to another; −1 stays −1."""
+        return np.where(
+            vertices >= 0, self.collection.maps(source, target).there.vertices[vertices], UNMATCHED
+        )
 
-    def _paths(self, ends: Pair, middles: Sequence[str]) -> IntArray:
-        """Image of each vertex (q, n) of the first of two shapes under the maps over each of q others."""
-        first, last = ends
-        begun = {b: self.collection.maps(first, b).there.vertices for b in middles}
-        return np.array([self._mapped(b, last, vertices) for b, vertices in begun.items()])
+    def _compositions(self, source: str, target: str, middles: Sequence[str]) -> IntArray:
+        """Map the vertices of the source through each of q other shapes, (q, n)."""
+        begun = {middle: self.collection.maps(source, middle).there.vertices for middle in middles}
+        return np.array([self._images_of(vertices, middle, target) for middle, vertices in begun.items()])
 
     def _shape(self, name: str) -> PreparedShape:
         file = self.collection.layout.prepared(self.prepared[name])
-        return loaded_shape(file, self.collection.config)
+        return load_shape(file, self.collection.config)
 
     def _samples(self, name: str) -> IntArray:
         shape = self._shape(name)
@@ -370,30 +357,32 @@ class CycleJob:
 
 
 def _mean_distances(shape: PreparedShape, first: IntArray, second: IntArray) -> FloatArray:
-    """Mean distance (q,) between vertices of a surface in rows (q, m) that broadcast; nan where few are matched."""
+    """Mean distance (q,) of vertices in rows (q, m), which broadcast; nan where few are matched."""
     both = np.broadcast_arrays(first, second)
     a, b = (np.where(rows >= 0, shape.body_vertex[rows], UNMATCHED) for rows in both)
     matched = (a >= 0) & (b >= 0)
-    apart = np.zeros(a.shape)
-    apart[matched] = shape.distance(a[matched], b[matched])
+    distances = np.zeros(a.shape)
+    distances[matched] = shape.distance(a[matched], b[matched])
     count = matched.sum(axis=1)
-    enough = count >= LEAST_SHARED * a.shape[1]
-    return np.where(enough, apart.sum(axis=1) / np.maximum(count, 1), np.nan)
+    enough = count >= MIN_SHARED * a.shape[1]
+    return np.where(enough, distances.sum(axis=1) / np.maximum(count, 1), np.nan)
 
 
 def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> FloatArray:
-    """Estimate how far each map of a collection is from the right one, (n, n) in √area; nan in no triangle.
+    """Estimate how far each map of a collection is from the right one, (n, n) in √area.
 
-    Both directions of a pair count together. Maps that are wrong in the same way, such as all maps of one shape that is
-    mirrored, are consistent.
+    It is nan for maps in no triangle. Both directions of a pair count together. Maps that are wrong
+    in the same way, such as all maps of one mirrored shape, are consistent.
     """
-    # readings (n, n, n), at (a, b, c): mean distance, in √(area of c), between the images of samples of a under
-    # a → b → c and under a → c; nan where a map is missing. prior (n, n): weight of the maps of each pair, symmetric.
-    # A right map disagrees with the composition of two others exactly if one of these is wrong. So the disagreements
-    # d_abc of a map are averaged with the trust in the two other maps of each triangle, in rounds of rising β:
+    # readings (n, n, n), at (a, b, c): mean distance, in √(area of c), between the images of
+    # samples of a under a → b → c and under a → c; nan where a map is missing.
+    # prior (n, n), symmetric: weight of the maps of each pair.
+    # A right map disagrees with the composition of two others exactly if one of these is wrong. So
+    # the disagreements d_abc of a map are averaged with the trust in the two other maps of each
+    # triangle, in rounds of rising β:
     #     s_ac ← Σ_b w_ab w_bc d_abc / Σ_b w_ab w_bc,   w = prior · exp(−β s)
-    # cycle-edge message passing (Lerman & Shi, Robust Group Synchronization via Cycle-Edge Message Passing, FoCM 2022).
-    # O(n³) time and memory.
+    # This is cycle-edge message passing (Lerman & Shi, Robust Group Synchronization via Cycle-Edge
+    # Message Passing, FoCM 2022). O(n³) time and memory.
     triangles = _triangles(readings)
     measured = np.isfinite(triangles)
     errors = np.where(measured, triangles, 0.0)
@@ -406,7 +395,7 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
         with np.errstate(invalid="ignore"):
             inconsistencies = (weights * errors).sum(axis=1) / total
         trust = prior_trust * trust_in(np.nan_to_num(inconsistencies, nan=np.inf), sharpness)
-    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # symmetric, as up to rounding it was
+    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # symmetric up to rounding before
 
 
 def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:
@@ -415,8 +404,8 @@ def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> F
 
 
 def turned_shapes(orientations: FloatArray) -> IntArray:
-    """Find the shapes that are mirrored against the others, the smaller group of each connected set."""
-    links = np.nan_to_num(orientations)  # (n, n) of the maps of pairs: near 1 or −1, nan where it is unclear
+    """Find the shapes mirrored against the others, the smaller group of each connected set."""
+    links = np.nan_to_num(orientations)  # (n, n), near 1 or −1 for each pair; nan where unclear
     np.fill_diagonal(links, 1.0)
     count, group = connected_components(links != 0, directed=False)
     sides = [_smaller_side(links, np.flatnonzero(group == i)) for i in range(count)]
@@ -424,16 +413,16 @@ def turned_shapes(orientations: FloatArray) -> IntArray:
 
 
 def _smaller_side(links: FloatArray, members: IntArray) -> IntArray:
-    # of a graph that is two groups with links 1 within and −1 between, signs of the leading eigenvector tell which
+    # links are 1 within two groups, and −1 between them: the leading eigenvector has opposite signs
     side = np.linalg.eigh(links[np.ix_(members, members)])[1][:, -1]
     return min(members[side < 0], members[side >= 0], key=len)
 
 
 def _triangles(readings: FloatArray) -> FloatArray:
-    """Mean over the six readings of each triangle that are known; nan if none is, or two of its shapes are one."""
-    turned = [readings.transpose(order) for order in permutations(range(3))]
-    n_measured = sum(np.isfinite(reading).astype(np.int64) for reading in turned)
-    total = sum(np.nan_to_num(reading) for reading in turned)
+    """Mean of the known readings of each triangle, at most six; nan for none, or a shape twice."""
+    permuted = [readings.transpose(order) for order in permutations(range(3))]
+    n_measured = sum(np.isfinite(reading).astype(np.int64) for reading in permuted)
+    total = sum(np.nan_to_num(reading) for reading in permuted)
     i = np.arange(len(readings))
     mean: FloatArray = np.where(n_measured > 0, total / np.maximum(n_measured, 1), np.nan)
     mean[i, i, :] = mean[i, :, i] = mean[:, i, i] = np.nan

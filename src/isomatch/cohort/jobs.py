@@ -1,15 +1,13 @@
-"""A run of a collection: open jobs are planned, done by worker processes, and their rows written to the ledger."""
+"""A run of a collection: jobs are planned, done by worker processes, and recorded in the ledger."""
 
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Container, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import Any, Literal, NamedTuple, TypeVar, cast
@@ -38,7 +36,7 @@ from isomatch.cohort.ledger import (
 )
 from isomatch.cohort.map_file import PairMaps, as_matched, changed_files, digest_of, maps_of_pair
 from isomatch.cohort.plan import (
-    SIDE,
+    TILE_SIDE,
     Entry,
     Layout,
     Plan,
@@ -52,7 +50,7 @@ from isomatch.cohort.plan import (
     why_again,
 )
 from isomatch.cohort.unusual_shapes import OF_SHAPES, Outlier, holes_of, likeness_of, mirror_images, outliers
-from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
+from isomatch.cohort.workers import Attempt, Task, Workers, try_job, workers_of
 from isomatch.correspondence import carry_along
 from isomatch.io import mesh_from, surface_from
 from isomatch.matching import match_both
@@ -60,15 +58,10 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Graph, Mesh, reflected
 
-MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
-TILES_PER_WORKER = 4  # so that the last ones end at about the same time
-LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
-# names in the JSON of a pair that is matched to see if a shape is to be reflected, which others follow
-OF_REFLECTION = (
-    *("source_hash", "target_hash", "reflected", "attempt", "led_by"),
-    *("state", "time", "key", "there", "back"),
-)
-CARRIERS = 1500  # points of the leader that carry others along
+MAX_TILE_PAIRS = 64  # pairs of a tile, whose rows come when all of it is done
+TILES_PER_WORKER = 4  # several, so that all workers end at about the same time
+MAX_LOADED_BYTES = 256 * 2**20  # size of the prepared shapes that a worker keeps; a match needs more
+MAX_CARRIERS = 1500  # points of the leader's surface that carry others along
 REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -76,9 +69,9 @@ R = TypeVar("R", ShapeRow, PairRow)
 
 
 class Event(NamedTuple):
-    """A step of a run: its kind, the shape or pair, its row, and how many of how many steps are done.
+    """A step of a run: its kind, the shape or pair, its row, and the number of steps done of all.
 
-    The row of a reflection is that of the pair by which the shape was judged, that of an outlier an `Outlier`.
+    A reflection has the row of the pair by which the shape was judged, an outlier an `Outlier`.
     """
 
     what: Literal["shape", "outlier", "pair", "reflection", "agreement"]
@@ -95,23 +88,23 @@ class Event(NamedTuple):
     @property
     def again(self) -> tuple[str, ...]:
         """Why a shape or a pair was done again, if it was."""
-        is_step = self.what in ("shape", "pair") and not isinstance(self.row, Outlier)
-        return cast("ShapeRow | PairRow", self.row).again if is_step else ()
+        is_repeatable = self.what in ("shape", "pair") and not isinstance(self.row, Outlier)
+        return cast("ShapeRow | PairRow", self.row).again if is_repeatable else ()
 
     @property
     def told(self) -> tuple[str, float]:
-        """The step in words, with the share of its steps that are done."""
+        """The step in words, and the share of all steps that are done."""
         name = self.name if isinstance(self.name, str) else " and ".join(self.name)
         again = f"; again, because {'; '.join(self.again)}" if self.again else ""
-        step = f"{_DONE[self.what]} {self.done} of {self.of}"
-        return f"{step}: {name}, {_ending(self.row)}{again}", self.done / self.of
+        step = f"{_VERBS[self.what]} {self.done} of {self.of}"
+        return f"{step}: {name}, {_outcome_in_words(self.row)}{again}", self.done / self.of
 
 
-_DONE = {"shape": "prepared", "outlier": "looked at", "pair": "matched"}
-_DONE |= {"reflection": "reflected", "agreement": "compared"}
+_VERBS = {"shape": "prepared", "outlier": "looked at", "pair": "matched"}
+_VERBS |= {"reflection": "reflected", "agreement": "compared"}
 
 
-def _ending(row: ShapeRow | PairRow | Outlier) -> str:
+def _outcome_in_words(row: ShapeRow | PairRow | Outlier) -> str:
     if isinstance(row, Outlier):
         return row.reason
     if row.state == "failed":
@@ -129,7 +122,7 @@ def _ending(row: ShapeRow | PairRow | Outlier) -> str:
 
 @dataclass(frozen=True)
 class Run:
-    """A run of one shard of a collection: its index from 0, and the number of shards."""
+    """A run of one shard of a collection, given by its index from 0 and the number of shards."""
 
     collection: Plan
     shard: tuple[int, int]
@@ -137,7 +130,7 @@ class Run:
     def events(
         self, executor: str | Executor | Workers, jobs: int | None, time_limit: float | None
     ) -> Iterator[Event]:
-        """Prepare and match all that is still open, and yield each step; see `Collection.run`."""
+        """Prepare and match all that is not done, and yield each step; see `Collection.run`."""
         layout = self.collection.layout
         for folder in ("prepared", "maps"):
             with writing(layout.folder / folder):
@@ -147,110 +140,109 @@ class Run:
             writing_ledger(layout.ledger(self.shard), one_host=self.shard[1] == 1) as ledger,
         ):
             settings = self.collection.config, self.collection.seed
-            job = Job(layout, *settings, workers.end, self.collection.leader)
+            job = Job(layout, *settings, self.collection.leader)
             layout.remove_unfinished(self.shard)
             own = layout.ledger(self.shard)
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
             name, origin = made_with(*settings)
             if name not in ledger.rows.origins:
                 ledger.put(name, OriginRow(time=time.time(), made_with=origin))
-            yield from self._prepared_shapes(job, workers, ledger)
+            yield from self._prepare_shapes(job, workers, ledger)
             odd = outliers(self.collection, Rows(ledger.rows.shapes))
-            odd = [each for each in odd if each.kind in OF_SHAPES]  # of those that are broken it was told
+            odd = [outlier for outlier in odd if outlier.kind in OF_SHAPES]  # broken ones are failed shapes
             for count, outlier in enumerate(odd, 1):
                 yield Event("outlier", outlier.name, outlier, count, len(odd))
             tried: set[str] = set()
             while not workers.is_late():
-                yield from self._matched_pairs(job, workers, ledger)
-                reflections = [] if workers.is_late() else self._reflections(ledger.rows, tried)
+                yield from self._match_pairs(job, workers, ledger)
+                reflections = [] if workers.is_late() else self._plan_reflections(ledger.rows, tried)
                 if not reflections:
                     break
                 tried |= {entry.name for entry, _ in reflections}
-                yield from self._reflected_shapes(job, workers, ledger, reflections)
+                yield from self._reflect_shapes(job, workers, ledger, reflections)
 
-    def _prepared_shapes(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
+    def _prepare_shapes(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Prepare the shapes that are not prepared yet."""
-        wrong = self._removed_if_changed("prepared", ledger.rows)
+        removed = self._remove_changed("prepared", ledger.rows)
         todo = [entry for entry in self._entries(ledger.rows) if not self._is_prepared(entry, ledger.rows)]
         tasks = [Task((entry,), job.prepare_shape) for entry in todo]
-        for count, (entry, found) in enumerate(workers.completed(tasks), 1):
+        for count, (entry, attempt) in enumerate(workers.completed(tasks), 1):
             old = ledger.rows.shapes.get(entry.name)
-            why = wrong.get(self.collection.layout.prepared(old.key)) if old else None
-            new = found if isinstance(found, ShapeRow) else _failed_shape(_died(found))
-            row = self._explained(new, old, (entry.name,), why, ledger.rows)
+            why = removed.get(self.collection.layout.prepared(old.key)) if old else None
+            new = attempt.result or _failed_shape(attempt)
+            row = self._with_reasons(new, old, (entry.name,), why, ledger.rows)
             ledger.put(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
 
-    def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
-        """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""
+    def _match_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
+        """Match the pairs of prepared shapes that are not matched yet, in tiles."""
         rows = ledger.rows
         pairs = [pair for pair in self.pairs_of_shard(rows) if all(map(rows.is_prepared, pair))]
-        plans = [self._planned(pair, rows) for pair in pairs]
-        own = {pair: rows.pairs[pair] for pair in pairs if pair in rows.pairs}
-        wrong = self._removed_if_changed("maps", replace(rows, pairs=own))
+        plans = [self._plan(pair, rows) for pair in pairs]
+        known = {pair: rows.pairs[pair] for pair in pairs if pair in rows.pairs}
+        removed = self._remove_changed("maps", replace(rows, pairs=known))
         files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
-        todo = [plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)]
-        missing = {plan.pair: plan for plan in todo}
-        largest = max((rows.shapes[name].bytes for pair in missing for name in pair), default=1)
-        most = min(max(1, len(missing) // (TILES_PER_WORKER * workers.count())), MOST_PAIRS)
-        tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
-        tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pair) for tile in tiles]
-        for count, (plan, found) in enumerate(workers.completed(tasks), 1):
-            new = found if isinstance(found, PairRow) else plan.row(_died(found))
-            why = wrong.get(self.collection.layout.maps(plan.pair))
-            row = self._explained(new, rows.pairs.get(plan.pair), plan.pair, why, rows)
+        todo = {plan.pair: plan for plan in plans if not self._is_matched(plan, rows, files)}
+        largest = max((rows.shapes[name].bytes for pair in todo for name in pair), default=1)
+        most = min(max(1, len(todo) // (TILES_PER_WORKER * workers.count())), MAX_TILE_PAIRS)
+        tiles = tiles_of([*todo], self.collection.names, max(1, MAX_LOADED_BYTES // (2 * largest)), most)
+        tasks = [Task(tuple(todo[pair] for pair in tile), job.match_pair) for tile in tiles]
+        for count, (plan, attempt) in enumerate(workers.completed(tasks), 1):
+            why = removed.get(self.collection.layout.maps(plan.pair))
+            row = self._with_reasons(plan.row(attempt), rows.pairs.get(plan.pair), plan.pair, why, rows)
             ledger.put(plan.pair, row)
-            yield Event("pair", plan.pair, row, count, len(missing))
+            yield Event("pair", plan.pair, row, count, len(todo))
 
-    def _reflected_shapes(
+    def _reflect_shapes(
         self, job: Job, workers: Workers, ledger: Ledger, reflections: Sequence[Reflection]
     ) -> Iterator[Event]:
-        """Turn shapes the other way round, as far as the pair of each bears it out."""
-        tasks = [Task((reflection,), partial(attempted, job.reflect_shape)) for reflection in reflections]
+        """Reflect shapes, or undo it, where the match of a pair confirms it."""
+        tasks = [Task((reflection,), job.reflect_shape) for reflection in reflections]
         for count, ((entry, plan), attempt) in enumerate(workers.completed(tasks), 1):
             rows = ledger.rows
-            old, (result, error, *_) = rows.pairs[plan.pair], _died(attempt)
-            if isinstance(result, tuple):
-                shape, pair = result  # the shape first: it says whether a pair is still to be matched
-                turned = self._explained(shape, rows.shapes[entry.name], (entry.name,), None, rows)
-                ledger.put(entry.name, turned)
-                row = self._explained(pair, old, plan.pair, None, rows)
+            old = rows.pairs[plan.pair]
+            if isinstance(attempt.result, tuple):
+                shape, pair = attempt.result
+                # the shape first: it tells whether a pair is still to be matched
+                shape = self._with_reasons(shape, rows.shapes[entry.name], (entry.name,), None, rows)
+                ledger.put(entry.name, shape)
+                row = self._with_reasons(pair, old, plan.pair, None, rows)
             else:
-                row = replace(old, not_reflected={entry.name: result or error}, time=time.time())
+                why_not = {entry.name: attempt.result or attempt.error}
+                row = replace(old, not_reflected=why_not, time=time.time())
             ledger.put(plan.pair, row)
             yield Event("reflection", entry.name, row, count, len(reflections))
 
-    def _reflections(self, rows: Rows, tried: Container[str]) -> list[Reflection]:
-        """Plan which shapes to turn the other way round; shards know enough for it only of a star."""
+    def _plan_reflections(self, rows: Rows, tried: Container[str]) -> list[Reflection]:
+        """Plan which shapes to reflect; a shard knows enough pairs for it only in a star."""
         if self.collection.reflect != "auto" or (self.collection.pairs != "star" and self.shard[1] > 1):
             return []
         own, reflections = set(self.pairs_of_shard(rows)), list[Reflection]()
         for name, pair in mirror_images(self.collection, rows).items():
             if pair in own and name not in tried and name not in rows.pairs[pair].not_reflected:
-                turned = not rows.reflected([name])
-                as_if = Rows({each: rows.shapes[each] for each in pair}, {pair: rows.pairs[pair]})
-                row = rows.shapes[name]
-                key = self._key(identity_of(row.hash, turned))
-                as_if.shapes[name] = replace(row, reflected=turned, key=key)
-                entry = Entry(name, self.collection.paths[name], turned)
-                reflections.append((entry, self._planned(pair, as_if)))
+                is_reflected, row = not rows.reflected([name]), rows.shapes[name]
+                key = self._key(identity_of(row.hash, is_reflected))
+                shapes = {other: rows.shapes[other] for other in pair}
+                shapes[name] = replace(row, reflected=is_reflected, key=key)
+                entry = Entry(name, self.collection.paths[name], is_reflected)
+                reflections.append((entry, self._plan(pair, Rows(shapes, {pair: rows.pairs[pair]}))))
         return reflections
 
     def pairs_of_shard(self, rows: Rows) -> list[Pair]:
-        """List the pairs of the shard: as many as of any other, and of few different shapes."""
+        """List the pairs of the shard: as many as any other has, of few different shapes."""
         names, template = self.collection.names, self.collection.chosen_template(rows)
         pairs = pairs_of(names, self.collection.pairs, template)
         index, count = self.shard
         if count == 1:
             return pairs
-        in_order = [pair for tile in tiles_of(pairs, names, SIDE, len(pairs)) for pair in tile]
+        in_order = [pair for tile in tiles_of(pairs, names, TILE_SIDE, len(pairs)) for pair in tile]
         return in_order[len(pairs) * index // count : len(pairs) * (index + 1) // count]
 
     def _entries(self, rows: Rows) -> list[Entry]:
-        """List the shapes of the shard's pairs; all if they decide on the template, each shard beginning elsewhere."""
+        """List the shapes that the shard needs: of its pairs, or all to choose the template."""
         names, (index, count) = self.collection.names, self.shard
         if self.collection.pairs == "star" and self.collection.template is None:
-            first = len(names) * index // count
+            first = len(names) * index // count  # each shard begins with other shapes
             names = [*names[first:], *names[:first]]
         elif count > 1:
             needed = {name for pair in self.pairs_of_shard(rows) for name in pair}
@@ -265,42 +257,42 @@ class Run:
         is_same = (row.size, row.changed) == (stat.st_size, stat.st_mtime_ns)
         if not is_same or row.state == "failed":
             return is_same
-        if not row.file:  # of an earlier version; the file is looked at, and taken if it is whole
+        if not row.file:  # an earlier version wrote it; the job reads the file, and keeps it if it is whole
             return False
         key = self._key(identity_of(row.hash, entry.reflected))
         return row.key == key and self.collection.layout.prepared(key).exists()
 
-    def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
+    def _plan(self, pair: Pair, rows: Rows) -> PlannedPair:
         source, target = (rows.shapes[name] for name in pair)
-        row, turned = rows.pair(pair), tuple(rows.reflected(pair))
-        led_by = self._led_by(pair, turned)
+        row, sides = rows.pair(pair), tuple(rows.reflected(pair))
+        led_by = self._led_by(pair, sides)
         keys, hashes = (source.key, target.key), (source.hash, target.hash)
-        surfaces = [identity_of(content, name in turned) for name, content in zip(pair, hashes)]
+        surfaces = [identity_of(content, name in sides) for name, content in zip(pair, hashes)]
         key = self._key(*surfaces, *filter(None, [led_by]), attempt=row.attempt)
-        return PlannedPair(pair, key, keys, hashes, turned, row.attempt, bool(row.contradicted), led_by)
+        return PlannedPair(pair, key, keys, hashes, sides, row.attempt, bool(row.contradicted), led_by)
 
-    def _led_by(self, pair: Pair, turned: tuple[str, ...]) -> str:
-        """Identify the map of the leader that a pair starts from; empty if there is none that can be relied on."""
+    def _led_by(self, pair: Pair, sides: tuple[str, ...]) -> str:
+        """Identify the map of the leader that a pair starts from; empty without a reliable one."""
         for ends in (pair, pair[::-1]):
-            if self._leading.is_current(ends) and not self._leading.is_doubtful(ends):
-                row = self._leading.pairs[ends]
-                return identity_of_map(row) if set(row.reflected) == set(turned) else ""
+            if self._leader_rows.is_current(ends) and not self._leader_rows.is_doubtful(ends):
+                row = self._leader_rows.pairs[ends]
+                return identity_of_map(row) if set(row.reflected) == set(sides) else ""
         return ""
 
     @cached_property
-    def _leading(self) -> Rows:
+    def _leader_rows(self) -> Rows:
         return self.collection.leader.rows() if self.collection.leader else Rows()
 
-    def _removed_if_changed(self, folder: str, rows: Rows) -> dict[Path, str]:
-        """Remove files that are not as they were written, so that no job takes them; return what was wrong."""
+    def _remove_changed(self, folder: str, rows: Rows) -> dict[Path, str]:
+        """Remove files that changed since they were written, and tell what is wrong with them."""
         changed = changed_files(self.collection.layout, rows, [folder])
         for path in changed:
             with writing(path):
                 path.unlink(missing_ok=True)
         return changed
 
-    def _explained(self, row: R, old: R | None, names: Sequence[str], wrong: str | None, rows: Rows) -> R:
-        """Return a new row that tells what it was made with and, if it is not the first, why it was made again."""
+    def _with_reasons(self, row: R, old: R | None, names: Sequence[str], wrong: str | None, rows: Rows) -> R:
+        """Add to a row its settings and, if it replaces an old one, why it was made again."""
         row = replace(row, made_with=made_with(self.collection.config, self.collection.seed)[0])
         of_file = [f"its file {wrong}"] if wrong else []
         if old and (reasons := of_file + why_again(old, row, names, rows.origins)):
@@ -311,19 +303,12 @@ class Run:
     def _key(self, *surfaces: str, attempt: int = 0) -> str:
         return key_of(self.collection.config, self.collection.seed + attempt, *surfaces)
 
-    def _is_matched(self, plan: PlannedPair, row: PairRow | None, files: Container[str]) -> bool:
-        if row is None or row.state == "todo" or row.key != plan.key:
+    def _is_matched(self, plan: PlannedPair, rows: Rows, files: Container[str]) -> bool:
+        row = rows.pair(plan.pair)
+        if row.state == "todo" or row.key != plan.key:
             return False
-        is_kept = self.collection.layout.maps(plan.pair).name in files
-        return row.state == "failed" or (bool(row.file) and is_kept)
-
-
-def _died(found: Any) -> Attempt[Any]:
-    """Return an attempt, or that of a job whose worker died."""
-    if not isinstance(found, Exception):
-        return cast("Attempt[Any]", found)
-    reason = f"three workers died of it, killed or out of memory ({type(found).__name__}: {found})"
-    return Attempt(None, reason, time.time())
+        has_file = bool(row.file) and self.collection.layout.maps(plan.pair).name in files
+        return row.state == "failed" or has_file
 
 
 def _failed_shape(attempt: Attempt[Any]) -> ShapeRow:
@@ -334,24 +319,24 @@ class PlannedPair(NamedTuple):
     """A pair to match."""
 
     pair: Pair
-    key: str  # of the match
+    key: str  # key of the match
     shapes: tuple[str, str]  # keys of the prepared shapes
     hashes: tuple[str, str]  # content_hash of the surfaces in the files
-    reflected: tuple[str, ...]  # which of the shapes are matched as their mirror images
+    reflected: tuple[str, ...]  # names of the shapes that are matched as mirror images
     attempt: int  # added to the seed
-    contradicted: bool = False  # whether others contradict the earlier map, so that any new one replaces it
+    contradicted: bool = False  # whether others contradict the earlier map, so that any new one wins
     led_by: str = ""  # identifies the map of the leader that it starts from
 
     @property
     def known(self) -> dict[str, Any]:
-        """What rows and files say of the pair before it is matched."""
+        """The values of rows and files that are known before the pair is matched."""
         hashes = dict(zip(("source_hash", "target_hash"), self.hashes))
         return {**hashes, "reflected": self.reflected, "led_by": self.led_by}
 
     def row(self, found: Attempt[tuple[MapRecord, str]]) -> PairRow:
-        """Return the row of the pair; it has what the file of its maps says, and the digest of that."""
+        """Return the row of the pair, with the record and the digest of the file of its maps."""
         ended: dict[str, Any] = {"attempt": self.attempt, "state": found.state, "time": found.time}
-        if found.result is None:  # the map that was there before is judged as before
+        if found.result is None:  # the earlier map is judged as before
             ended |= {"error": found.error, "seconds": found.seconds, "contradicted": self.contradicted}
             return PairRow(**self.known, **ended, key=self.key)
         record, file = found.result
@@ -360,36 +345,31 @@ class PlannedPair(NamedTuple):
 
 
 Reflection = tuple[Entry, PlannedPair]
-"""A shape to turn the other way round, as its entry says, and the pair that is matched with it to see if it fits."""
+"""A shape, reflected as its entry says, and a pair of it that is matched to see if that fits."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """The jobs of a run, which worker processes do: they read files, write files and return rows for the ledger."""
+    """The jobs of a run for worker processes, which read and write files and return rows."""
 
     layout: Layout
     config: Config
     seed: int
-    end: float = math.inf  # time, in seconds since the epoch, after which nothing new is begun
     leader: Plan | None = None
-
-    def match_pair(self, plan: PlannedPair) -> PairRow | None:
-        """Match a pair that is not matched yet, if it is not too late, and return its row."""
-        return None if time.time() > self.end else plan.row(attempted(self._matched, plan))
 
     def prepare_shape(self, entry: Entry) -> ShapeRow:
         """Read and prepare a shape that is not prepared yet, and return its row."""
         file = entry.path.stat() if entry.path.exists() else None
         size, changed = (file.st_size, file.st_mtime_ns) if file else (None, None)
-        attempt = attempted(self._prepared, entry)
+        attempt = try_job(self._prepare, entry)
         row = attempt.result or _failed_shape(attempt)
         return replace(row, size=size, changed=changed, time=attempt.time, seconds=attempt.seconds)
 
-    def _prepared(self, entry: Entry) -> ShapeRow:
+    def _prepare(self, entry: Entry) -> ShapeRow:
         surface = surface_from(entry.path)
         key = key_of(self.config, self.seed, identity_of(surface.content_hash, entry.reflected))
         file = self.layout.prepared(key)
-        shape = _if_whole(lambda: PreparedShape.load(file, self.config))
+        shape = _load_if_whole(lambda: PreparedShape.load(file, self.config))
         if shape is None:
             shape = prepare(reflected(surface) if entry.reflected else surface, self.config, self.seed)
             if entry.reflected:
@@ -410,9 +390,10 @@ class Job:
             notes=shape.notes,
         )
 
-    def _matched(self, plan: PlannedPair) -> tuple[MapRecord, str]:
+    def match_pair(self, plan: PlannedPair) -> tuple[MapRecord, str]:
+        """Match a pair that is not matched yet; return record and digest of its file of maps."""
         file = self.layout.maps(plan.pair)
-        earlier = _if_whole(lambda: PairMaps.load(file))
+        earlier = _load_if_whole(lambda: PairMaps.load(file))
         if earlier and earlier.record.key == plan.key:
             return earlier.record, digest_of(file)
         maps = self._new_maps(plan)
@@ -425,73 +406,72 @@ class Job:
         return maps.record, digest_of(file)
 
     def reflect_shape(self, reflection: Reflection) -> tuple[ShapeRow, PairRow] | str:
-        """Turn a shape, if a match bears it out, and return its row and that of the pair; or tell why not."""
+        """Reflect a shape if a match confirms it; return its row and the pair's row, or why not."""
         entry, plan = reflection
         shape = self.prepare_shape(entry)
         if shape.state == "failed":
             return shape.error
         file = self.layout.maps(plan.pair)
-        maps = _if_whole(lambda: PairMaps.load(file))
-        if maps is None or maps.record.key != plan.key:  # else a run saved it, and was killed
+        maps = _load_if_whole(lambda: PairMaps.load(file))
+        if maps is None or maps.record.key != plan.key:  # else a run that was killed had saved it
             maps = self._new_maps(plan)
-            outcomes = [side.outcome for side in maps.record.sides]
-            if any(outcome.is_doubtful for outcome in outcomes):
-                doubts = min(outcomes, key=lambda outcome: outcome.sureness)
-                return f"the other way round, the match ends with {doubts.value}"
+            worst = min((side.outcome for side in maps.record.sides), key=lambda outcome: outcome.sureness)
+            if worst.is_doubtful:
+                return f"the other way round, the match ends with {worst.value}"
             maps.save(file)
-        pair = plan.row(Attempt((maps.record, digest_of(file)), "", time.time()))
-        return shape, replace(pair, order=OF_REFLECTION)
+        return shape, plan.row(Attempt((maps.record, digest_of(file)), "", time.time()))
 
     def _new_maps(self, plan: PlannedPair) -> PairMaps:
         start = time.perf_counter()
-        source, target = (loaded_shape(self.layout.prepared(key), self.config) for key in plan.shapes)
-        lead, config = None, self.config
+        source, target = (load_shape(self.layout.prepared(key), self.config) for key in plan.shapes)
+        first_map, config = None, self.config
         if self.leader and plan.led_by:
-            lead = _carried(self.leader, plan, source, target)
+            first_map = _carried_map(self.leader, plan, source, target)
             config = replace(config, hypotheses="given", start="auto", part="none")
-        matches = match_both(source, target, initial_map=lead, config=config, seed=self.seed + plan.attempt)
+        seed = self.seed + plan.attempt
+        matches = match_both(source, target, initial_map=first_map, config=config, seed=seed)
         there, back = map(MapSummary.of, matches)
         effort: dict[str, Any] = {"seconds": time.perf_counter() - start, "memory": peak_memory()}
         record = MapRecord(key=plan.key, **plan.known, there=there, back=back, **effort)
         return PairMaps.of(*matches, record)
 
 
-def _carried(leader: Plan, plan: PlannedPair, source: PreparedShape, target: PreparedShape) -> IntArray:
-    """Carry a surface along with the map of the leader; the vertices of its partner nearest there, (n,)."""
+def _carried_map(leader: Plan, plan: PlannedPair, source: PreparedShape, target: PreparedShape) -> IntArray:
+    """Carry a surface along with the leader's map, and find the nearest target vertices (n,)."""
     maps, (a, b) = maps_of_pair(leader.layout, *plan.pair), plan.pair
-    turned = a in plan.reflected, b in plan.reflected
+    sides = a in plan.reflected, b in plan.reflected
     surfaces = mesh_from(leader.paths[a]), mesh_from(leader.paths[b])
-    image, here, there = as_matched(maps.there, *surfaces, turned)
-    images = image.pull_back(there.vertices)
+    map_there, leader_source, leader_target = as_matched(maps.there, *surfaces, sides)
+    images = map_there.pull_back(leader_target.vertices)
     rows = np.flatnonzero(np.isfinite(images).all(axis=1))
-    rows = generator(0).permutation(rows)[:CARRIERS]
+    rows = generator(0).permutation(rows)[:MAX_CARRIERS]
     mirrored = (maps.record.there.measures["orientation"] or 0.0) < 0
-    scale = float(np.sqrt(there.area / here.area))
-    points, own = cast(Mesh, source.surface).vertices, cast(Mesh, target.surface).vertices
-    moved = carry_along(points, here.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
-    # they end at other places of their leader: sheets are laid onto each other as a whole
-    return np.asarray(cKDTree(own - own.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
+    scale = float(np.sqrt(leader_target.area / leader_source.area))
+    points, goals = cast(Mesh, source.surface).vertices, cast(Mesh, target.surface).vertices
+    moved = carry_along(points, leader_source.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
+    # sheets may end elsewhere on their leaders, so they are laid onto each other as a whole
+    return np.asarray(cKDTree(goals - goals.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
 
 
 def _unsureness(record: MapRecord) -> tuple[int, float]:
     return -record.there.outcome.sureness, record.there.measures["spectral_residual"] or 0.0
 
 
-def _if_whole(load: Callable[[], T]) -> T | None:
+def _load_if_whole(load: Callable[[], T]) -> T | None:
     try:
         return load()
-    except FormatError:  # there is no file, or one that a full disk cut short
+    except FormatError:  # the file is missing, or a full disk cut it short
         return None
 
 
 _shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
-"""Of this process, by file and time; last used last."""
-_taking = Lock()  # a worker of a cluster may have several threads
+"""Prepared shapes of this process with their sizes, by file and time; the last used is last."""
+_shapes_lock = Lock()  # a worker of a cluster may have several threads
 
 
-def loaded_shape(file: Path, config: Config, room: int = LOADED) -> PreparedShape:
-    """Read a prepared shape, or take it from memory, from which the least recently used shapes are dropped."""
-    with _taking:
+def load_shape(file: Path, config: Config, room: int = MAX_LOADED_BYTES) -> PreparedShape:
+    """Load a prepared shape, or take it from memory, which drops the least recently used ones."""
+    with _shapes_lock:
         if not file.exists():
             remedy = "run isomatch collect again, which makes it"
             raise MissingFileError(f"{file}: no such prepared shape; {remedy}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -41,15 +42,15 @@ from isomatch.surfaces import Mesh, reflected
 from isomatch.transfer import carry_landmarks
 
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".tps", ".csv", ".txt")
-ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
-LEAST_PLACED = 0.5  # share of the landmarks of a shape that slide
-LEAST_SURE = 3  # landmarks that are named, and as many semilandmarks
-SAME_PLACE = 1e-4  # of the extent of landmarks: by which two files of them may differ
+ERROR_COLUMNS = ("specimen", "landmark", "expected_error", "spread", "error")
+MIN_PLACED = 0.5  # share of the landmarks of a shape that must have a place for them to slide
+N_LEAST_SURE = 3  # number of the least sure landmarks that are named, and as many semilandmarks
+SAME_PLACE = 1e-4  # difference of positions in two files, over the extent of all landmarks
 
 
 @dataclass(frozen=True)
 class Semilandmarks:
-    """What is carried beside landmarks, and whether it slides.
+    """The semilandmarks that are carried with landmarks, and whether they slide.
 
     Parameters
     ----------
@@ -58,11 +59,12 @@ class Semilandmarks:
     patches : Path, optional
         Surface semilandmarks of the shapes that have landmarks, in files like theirs.
     surface_points : int
-        How many more to spread evenly over the first of these shapes.
+        Number of further points to spread evenly over the first of these shapes.
     slide : bool
         Slide points of curves and surfaces until shapes differ least from the mean.
     criterion : {"bending", "distance"}
-        What becomes least: the bending energy of thin-plate splines from the mean, or the Procrustes distance.
+        The measure that is minimised: the bending energy of thin-plate splines from the mean, or
+        the Procrustes distance.
     """
 
     curve_points: int | None = None
@@ -73,45 +75,43 @@ class Semilandmarks:
 
 
 class LeftOutError(NamedTuple):
-    """How far off the others carry the landmarks of a template, in its units; nan if none has a place."""
+    """Errors of a template's landmarks as carried from the others, in its units; nan if none."""
 
     mean: float
     median: float
     largest: float
-    at: str  # name of the landmark
+    at: str  # name of the landmark with the largest error
 
 
 @dataclass(frozen=True)
 class LandmarkTables:
-    """What `write_landmark_tables` has written; errors are in the units of the files."""
+    """Summary of what `write_landmark_tables` wrote; errors are in the units of the files."""
 
     folder: Path
     format: str  # suffix of the files
-    templates: list[str]  # shapes whose landmarks are known
-    shapes: list[str]  # those that have a file
+    templates: list[str]  # shapes whose landmarks are given
+    shapes: list[str]  # shapes that have a file
     expected_error: dict[str, float]  # median of each shape
-    check_first: dict[str, float]  # of the landmarks that are least sure, and then of such semilandmarks
-    mean_spread: dict[str, float]  # of each shape, over the templates
-    largest_spread: dict[str, str]  # landmark where that is largest
-    left_out_errors: dict[str, LeftOutError]  # of each template
-    not_written: list[str]  # what the format has no place for
-    other_landmarks: list[str]  # shapes that have others, and so are not in the tables
+    check_first: dict[str, float]  # median errors of the least sure landmarks, then semilandmarks
+    mean_spread: dict[str, float]  # mean spread of each shape over the templates
+    largest_spread: dict[str, str]  # landmark with the largest spread
+    left_out_errors: dict[str, LeftOutError]  # by template
+    not_written: list[str]  # attributes that the format cannot hold
+    other_landmarks: list[str]  # shapes with other landmarks, which are not in the tables
     misread_names: list[str]  # shapes whose names geomorph takes for lines of landmarks.tps
-    reflected: list[str]  # those that are reflected in the tables
+    reflected: list[str]  # shapes that are reflected in the tables
     axes: str | None  # the space of the tables
     half_turned: list[str]  # shapes that were brought into it
     doubtful: list[tuple[str, str]]  # maps that are not used
     slid: list[Slid]
-    not_slid: list[str]  # shapes that have other landmarks, or few with a place
-    left_out: list[str]  # those that failed, or that no sure map leads to
-    look_at: (
-        str  # page of the shape with the largest expected error, from which others are linked; "" for none
-    )
+    not_slid: list[str]  # shapes with other landmarks, or few that have a place
+    left_out: list[str]  # shapes that failed, or that no sure map leads to
+    look_at: str  # page of the least sure shape, from which others are linked; "" for none
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""
-        slid = [each._asdict() for each in self.slid]
-        errors = {name: each._asdict() for name, each in self.left_out_errors.items()}
+        slid = [own._asdict() for own in self.slid]
+        errors = {name: error._asdict() for name, error in self.left_out_errors.items()}
         return {**vars(self), "folder": str(self.folder), "left_out_errors": errors, "slid": slid}
 
 
@@ -125,17 +125,18 @@ def write_landmark_tables(
     force: bool = False,
     progress: Progress | None = None,
 ) -> LandmarkTables:
-    """Carry the landmarks of some shapes of a collection to all others, see `collected_landmarks`, and write tables.
+    """Carry landmarks of some shapes to all others, see `collected_landmarks`, and write tables.
 
     Parameters
     ----------
     folder : path_like
         The folder of the collection.
     landmarks : path_like
-        Folder of the landmarks of some of its shapes, named like them, or one such file; another name is that of the
-        template.
+        Folder of the landmarks of some of its shapes, named like them, or one such file; a file
+        with another name belongs to the template.
     to : path_like
-        Folder for a file of each shape, landmarks.csv, landmarks.tps, tables of errors, and views/NAME.html.
+        Folder for a file of each shape, landmarks.csv, landmarks.tps, tables of errors, and
+        views/NAME.html.
     semilandmarks, format, force
         As the options of ``isomatch collect landmarks``.
     progress : callable, optional
@@ -161,47 +162,41 @@ def write_landmark_tables(
 
 
 def landmark_files(marks: Path, collection: Collection, template: str | None) -> dict[str, Path]:
-    """Find the file of landmarks of each shape that has one, in the order of the shapes, and what is wrong with them."""
+    """Find the file of landmarks of each shape that has one, and check that it can be read."""
     names = collection.names
-    seen = [
-        path for path in (marks.iterdir() if marks.is_dir() else [marks]) if not path.name.startswith(".")
-    ]
-    present = {legible(path.name): path for path in seen}
+    listed = marks.iterdir() if marks.is_dir() else [marks]
+    present = {legible(path.name): path for path in listed if not path.name.startswith(".")}
     of = {name: [present[name + suffix] for suffix in SUFFIXES if name + suffix in present] for name in names}
     files = {name: paths[0] for name, paths in of.items() if paths}
     if not files and isfile(marks):
         if template is None:
-            raise InputError(
-                f"{marks}: it is not known of which shape; name it like one, or give the template (--template)"
-            )
+            problem = "it is not known of which shape"
+            raise InputError(f"{marks}: {problem}; name it like one, or give the template (--template)")
         files = {template: marks}
     if not files:
-        raise InputError(
-            f"{marks}: no landmarks of a shape of the collection; give a folder of files such as {names[0]}.mrk.json"
-        )
+        remedy = f"give a folder of files such as {names[0]}.mrk.json"
+        raise InputError(f"{marks}: no landmarks of a shape of the collection; {remedy}")
     used = {path for paths in of.values() for path in paths} | {*files.values()}
-    if others := sorted(path.name for path in seen if path not in used):
+    if others := sorted(path.name for path in present.values() if path not in used):
         tell_skipped(f"{marks}: {', '.join(others)} left out, named like no shape of the collection")
-    for name, path in files.items():  # what is wrong with them is told before anything is done
+    for name, path in files.items():
         own = Landmarks.read(path, collection.paths[name])
         for other in of.get(name, ())[1:]:
             if not _are_alike(own, other, collection.paths[name]):
-                tell_skipped(
-                    f"{name} has the landmarks of {path.name}; {other.name}, which has others, is left out"
-                )
+                skipped = f"{other.name}, which has others, is left out"
+                tell_skipped(f"{name} has the landmarks of {path.name}; {skipped}")
     return files
 
 
 def _are_alike(own: Landmarks, other: Path, surface: Path) -> bool:
-    """Whether another file of a shape has the same landmarks, but for the digits of text."""
+    """Whether another file of a shape has the same landmarks, up to the digits of text."""
     try:
         found = Landmarks.read(other, surface)
     except IsomatchError:
         return False
-    size = np.ptp(own.positions[own.placed], axis=0).max(initial=0.0) if own.placed.any() else 0.0
-    return found.names == own.names and np.allclose(
-        found.positions, own.positions, rtol=0, atol=SAME_PLACE * size, equal_nan=True
-    )
+    size = np.ptp(own.positions[own.placed], axis=0).max() if own.placed.any() else 0.0
+    near: dict[str, Any] = {"rtol": 0, "atol": SAME_PLACE * size, "equal_nan": True}
+    return found.names == own.names and np.allclose(found.positions, own.positions, **near)
 
 
 def write_tables(
@@ -226,33 +221,31 @@ def write_tables(
     tables = [to / "landmarks.csv", last]
     earlier = [*tables, *(to / f"{name}{suffix}" for name in collection.names)]
     with made_folder(to), claimed(last, [] if force else earlier):
-        found = collected_landmarks(collection, *given, patches, more.surface_points)
-        for name, carried in found:
-            points[name] = carried
+        for name, marks in collected_landmarks(collection, *given, patches, more.surface_points):
+            points[name] = marks
             listener.tell(f"landmarks of {name}", len(points) / len(collection.names))
         turned, scales = rows.reflected(points), scales_of(collection.units, rows)
-        slid = _slid(collection, points, turned, more.criterion) if more.slide else []
-        left_out = {x.name: x for x in landmarks_left_out(collection, *given)}
+        slid = _slide(collection, points, turned, more.criterion) if more.slide else []
+        left_out = {own.name: own for own in landmarks_left_out(collection, *given)}
         first = next(iter(points.values()))
-        axes = next((each.axes for each in points.values() if each.axes), None)
-        alike = {}  # in the unit of the collection, and as they were matched
-        for name, each in points.items():
-            if (each.names, each.curves) == (first.names, first.curves):
-                factors = scales.get(name, 1.0) * _side_of(name, turned)
-                own = each.in_axes(axes)
-                alike[name] = replace(own, positions=own.positions * factors)
-        for name, each in points.items():
-            lost |= {*write_landmarks(to / f"{name}{suffix}", each)}
+        axes = next((marks.axes for marks in points.values() if marks.axes), None)
+        alike = {}  # in the unit of the collection, and reflected as they were matched
+        for name, marks in points.items():
+            lost |= {*write_landmarks(to / f"{name}{suffix}", marks)}
+            if (marks.names, marks.curves) == (first.names, first.curves):
+                factors = scales.get(name, 1.0) * _signs_of(name, turned)
+                own_axes = marks.in_axes(axes)
+                alike[name] = replace(own_axes, positions=own_axes.positions * factors)
         if more.slide:
-            write_csv(to / "landmarks_slid.csv", (each._asdict() for each in slid), Slid._fields)
-        write_csv(to / "landmarks_errors.csv", _errors(points, left_out), ERRORS)
+            write_csv(to / "landmarks_slid.csv", (own._asdict() for own in slid), Slid._fields)
+        write_csv(to / "landmarks_errors.csv", _error_lines(points, left_out), ERROR_COLUMNS)
         misread = [name for table in tables for name in write_specimens(table, alike)]
         views = _write_views(collection, to, points, suffix)
         if to == own_folder:
             keep_files(collection.layout, (path for path in earlier if path.exists()))
             refresh_page(collection)
-    spread = {name: each.spread for name, each in points.items() if np.isfinite(each.spread).any()}
-    errors = {name: each.expected_error for name, each in points.items()}
+    spread = {name: marks.spread for name, marks in points.items() if np.isfinite(marks.spread).any()}
+    errors = {name: marks.expected_error for name, marks in points.items()}
     return LandmarkTables(
         folder=to,
         format=suffix,
@@ -260,36 +253,35 @@ def write_tables(
         shapes=list(points),
         expected_error={n: float(np.nanmedian(e)) for n, e in errors.items() if np.isfinite(e).any()},
         check_first=_least_sure(points.values()),
-        mean_spread={name: float(np.nanmean(each)) for name, each in spread.items()},
-        largest_spread={name: points[name].names[np.nanargmax(each)] for name, each in spread.items()},
-        left_out_errors={name: _described(each) for name, each in left_out.items()},
+        mean_spread={name: float(np.nanmean(own)) for name, own in spread.items()},
+        largest_spread={name: points[name].names[np.nanargmax(own)] for name, own in spread.items()},
+        left_out_errors={name: _sum_up(own) for name, own in left_out.items()},
         not_written=sorted(lost),
         other_landmarks=[name for name in points if name not in alike],
         misread_names=misread,
         reflected=turned,
         axes=axes,
-        half_turned=[name for name, each in points.items() if each.axes != axes],
+        half_turned=[name for name, marks in points.items() if marks.axes != axes],
         doubtful=[pair for pair in rows.pairs if rows.is_doubtful(pair) and not ends.isdisjoint(pair)],
         slid=slid,
-        not_slid=sorted({*points}.difference(each.specimen for each in slid)) if more.slide else [],
+        not_slid=sorted({*points}.difference(own.specimen for own in slid)) if more.slide else [],
         left_out=[name for name in collection.names if name not in points],
         look_at=_least_sure_view(to, {name: errors[name] for name in views}),
     )
 
 
 def _least_sure(points: Iterable[Landmarks]) -> dict[str, float]:
-    """Give the landmarks with the largest expected errors, and their medians over the shapes; then semilandmarks."""
-    errors: dict[str, list[float]] = {}
-    semilandmarks: set[str] = set()
-    for each in points:
-        semilandmarks |= {each.names[row] for row in each.semilandmarks}
-        for name, error in zip(each.names, each.expected_error.tolist()):
+    """Find the landmarks with the largest median errors over the shapes, then semilandmarks."""
+    errors, semilandmarks = defaultdict[str, list[float]](list), set[str]()
+    for marks in points:
+        semilandmarks |= {marks.names[row] for row in marks.semilandmarks}
+        for name, error in zip(marks.names, marks.expected_error.tolist()):
             if np.isfinite(error):
-                errors.setdefault(name, []).append(error)
+                errors[name].append(error)
     medians = {name: float(np.median(own)) for name, own in errors.items()}
     ranked = sorted(medians.items(), key=lambda item: -item[1])
     kinds = ([item for item in ranked if (item[0] in semilandmarks) == is_semi] for is_semi in (False, True))
-    return {name: error for kind in kinds for name, error in kind[:LEAST_SURE]}
+    return {name: error for kind in kinds for name, error in kind[:N_LEAST_SURE]}
 
 
 def _least_sure_view(to: Path, errors: Mapping[str, FloatArray]) -> str:
@@ -298,57 +290,56 @@ def _least_sure_view(to: Path, errors: Mapping[str, FloatArray]) -> str:
     return "" if worst is None else str(to / "views" / f"{worst}.html")
 
 
-def _slid(
+def _slide(
     collection: Collection, points: dict[str, Landmarks], turned: list[str], criterion: Criterion
 ) -> list[Slid]:
-    """Slide the landmarks of shapes that have those of the first, at least half with a place; tell how far they slid."""
+    """Slide the landmarks of shapes that have those of the first, and a place for half of them."""
     first = next(iter(points.values()))
-    marks = {name: each for name, each in points.items() if each.placed.mean() >= LEAST_PLACED}
+    marks = {name: own for name, own in points.items() if own.placed.mean() >= MIN_PLACED}
     names = [n for n in marks if (marks[n].names, marks[n].curves) == (first.names, first.curves)]
-    signs = np.array([[_side_of(name, turned)] for name in names])
+    signs = np.array([[_signs_of(name, turned)] for name in names])
     meshes = (read_mesh(collection.paths[name]) for name in names)
     surfaces = [reflected(mesh) if name in turned else mesh for name, mesh in zip(names, meshes)]
-    own = np.array([marks[name].positions for name in names])
+    before = np.array([marks[name].positions for name in names])
     joined, place = join_places({name: marks[name] for name in names})
     once, positions = joined[names[0]], signs * [joined[name].positions for name in names]
     slid = slid_semilandmarks(positions, surfaces, once.curves, once.patch, criterion=criterion)
-    moved = np.where(np.isfinite(own), (signs * slid.positions)[:, place], np.nan)
-    points |= {name: replace(marks[name], positions=at) for name, at in zip(names, moved)}
+    moved = np.where(np.isfinite(before), (signs * slid.positions)[:, place], np.nan)
+    points |= {name: replace(marks[name], positions=own) for name, own in zip(names, moved)}
     return slid.of_each(names, positions)
 
 
-def _side_of(name: str, turned: Container[str]) -> FloatArray:
-    """Return the factors (3,) that reflect positions of a shape that was matched as its mirror image."""
+def _signs_of(name: str, turned: Container[str]) -> FloatArray:
+    """Return the factors (3,) of positions that reflect a shape if it was matched reflected."""
     return np.array([-1.0 if name in turned else 1.0, 1.0, 1.0])
 
 
-def _errors(points: dict[str, Landmarks], left_out: dict[str, LeftOut]) -> Iterator[dict[str, object]]:
-    """Make a line for each landmark of each shape; of those marked by hand, of what the others give."""
+def _error_lines(points: dict[str, Landmarks], left_out: dict[str, LeftOut]) -> Iterator[dict[str, object]]:
+    """Yield a line for each landmark of each shape; for templates, of what the others give."""
     for name, own in points.items():
         marks = left_out[name].carried if name in left_out else own
         errors = left_out[name].error if name in left_out else np.full(len(marks), np.nan)
         columns = marks.expected_error, marks.spread, errors
         for landmark, *values in zip(marks.names, *(column.tolist() for column in columns)):
             cells = ("" if np.isnan(value) else value for value in values)
-            yield dict(zip(ERRORS, (name, landmark, *cells)))
+            yield dict(zip(ERROR_COLUMNS, (name, landmark, *cells)))
 
 
-def _described(left_out: LeftOut) -> LeftOutError:
-    """Sum up the errors of a shape that was left out; of none, if nothing has a place."""
+def _sum_up(left_out: LeftOut) -> LeftOutError:
+    """Sum up the errors of the landmarks of a template, as carried from the others."""
     errors = left_out.error[np.isfinite(left_out.error)]
     if not len(errors):
         return LeftOutError(nan, nan, nan, "")
-    largest = float(errors.max())
     worst = left_out.carried.names[int(np.nanargmax(left_out.error))]
-    return LeftOutError(float(errors.mean()), float(np.median(errors)), largest, worst)
+    return LeftOutError(float(errors.mean()), float(np.median(errors)), float(errors.max()), worst)
 
 
 class LeftOut(NamedTuple):
-    """The landmarks that the other templates give for a shape of which they are known."""
+    """The landmarks of a template as carried from the other templates."""
 
     name: str
-    carried: Landmarks  # with its expected errors and spread
-    error: FloatArray  # (m,) distance of each from the known one, in units of the shape; nan where either has no place
+    carried: Landmarks  # with expected errors and spread
+    error: FloatArray  # (m,) distance from the known ones, in units of the shape; nan without a place
 
 
 def collected_landmarks(
@@ -358,17 +349,18 @@ def collected_landmarks(
     patches: Mapping[str, str | Path] | None = None,
     surface_points: int = 0,
 ) -> Iterator[tuple[str, Landmarks]]:
-    """Carry the landmarks of some shapes, the templates, to all others; yield each shape with its landmarks.
+    """Carry the landmarks of some shapes, the templates, to all others; yield each shape with them.
 
-    Those of a template are its own, with the points of curves equally spaced; those of another shape the medians over
-    templates, with their ``spread`` and ``expected_error``. Used are the maps of a template with a shape or, where they
-    are not matched with each other, those on the shortest path between them, one after the other, whose error is the
-    root of the sum of squares. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no other map leads to
-    is left out; so is one that fails, with a warning.
+    A template has its own landmarks, with equally spaced points on curves; another shape has the
+    medians over templates, with their ``spread`` and ``expected_error``. The map of a template and
+    a shape is used or, if they are not matched, the maps on the shortest path between them, whose
+    error is the root of the sum of squares. Doubtful maps are not used, see `Rows.is_doubtful`. A
+    shape that no other map leads to is left out; one that fails is left out with a warning.
 
-    Files of the landmarks of each template are given by its name, and patches, of its surface semilandmarks, in one
-    order; they are named surface-1, surface-2, …. Each curve has as many points as asked for, or as it was drawn with;
-    so many more surface points are spread over the first template, and carried to the others.
+    ``files`` are the landmarks of each template, by name; ``patches`` are surface semilandmarks,
+    all in one order, which are named surface-1, surface-2, …. Each curve has ``curve_points``, or
+    as many as it was drawn with; ``surface_points`` are spread over the first template, and carried
+    to the others.
     """
     templates = _Templates(collection, files, curve_points)
     templates.add_patches(patches or {}, surface_points)
@@ -387,18 +379,17 @@ def collected_landmarks(
 def landmarks_left_out(
     collection: Collection, files: Mapping[str, str | Path], curve_points: int | None = None
 ) -> Iterator[LeftOut]:
-    """Carry to each template what all others give for it, and compare: errors to be expected of unmarked shapes."""
+    """Carry to each template the landmarks of all others, to know the errors of unmarked shapes."""
     templates = _Templates(collection, files, curve_points)
     for name in files:
         carried = templates.carried(name, [other for other in files if other != name])
         if carried is not None:
-            own = templates.own(name)
-            apart = carried.positions - _positions(own, carried.names)
-            yield LeftOut(name, carried, np.asarray(np.linalg.norm(apart, axis=1)))
+            errors = carried.positions - _positions(templates.own(name), carried.names)
+            yield LeftOut(name, carried, np.asarray(np.linalg.norm(errors, axis=1)))
 
 
 def _positions(marks: Landmarks, names: tuple[str, ...]) -> FloatArray:
-    """Positions of landmarks with given names, nan of one that there is not; in their order if they have these names."""
+    """Return the positions of named landmarks, nan where missing."""
     if marks.names == names:
         return marks.positions
     place = dict(zip(marks.names, marks.positions))
@@ -407,7 +398,7 @@ def _positions(marks: Landmarks, names: tuple[str, ...]) -> FloatArray:
 
 
 class _Templates:
-    """The shapes that have landmarks, and what they give for others."""
+    """The shapes that have landmarks, which they give to others."""
 
     def __init__(self, collection: Collection, files: Mapping[str, str | Path], n_points: int | None) -> None:
         if unknown := [name for name in files if name not in collection.paths]:
@@ -422,7 +413,7 @@ class _Templates:
         self._marks = {name: Landmarks.read(path, self._read(name)) for name, path in files.items()}
 
     def add_patches(self, files: Mapping[str, str | Path], surface_points: int) -> None:
-        """Append surface semilandmarks: of a file for each template, and spread over the first and carried to others."""
+        """Append surface semilandmarks: from a file for each template, or spread over the first."""
         if files and set(files) != set(self._marks):
             raise InputError("patches: give those of all shapes that have landmarks, and of no others")
         for name, path in files.items():
@@ -434,30 +425,32 @@ class _Templates:
             spread = spread_on_surface(_unwelded(start), surface_points, marks.positions[marks.placed])
             self._marks[first] = marks.with_patch(spread)
             for name in others:
-                there, _ = self._map(first, name)
-                at = np.full_like(spread, np.nan)
-                if there is not None:
-                    at = carry_landmarks(there, start, self._read(name), Landmarks(spread)).positions
-                self._marks[name] = self._marks[name].with_patch(at)
+                map_there, _ = self._map(first, name)
+                patch = np.full_like(spread, np.nan)
+                if map_there is not None:
+                    patch = carry_landmarks(map_there, start, self._read(name), Landmarks(spread)).positions
+                self._marks[name] = self._marks[name].with_patch(patch)
 
     def own(self, name: str) -> Landmarks:
-        """Return the landmarks of a template, with the points of its curves equally spaced."""
+        """Return the landmarks of a template, with equally spaced points on its curves."""
         shape = self._read(name)
         itself = Correspondence(range(len(shape.points)), len(shape.points))
         return carry_landmarks(itself, shape, shape, self._marks[name], curve_points=self._curve_points)
 
     def carried(self, name: str, templates: Iterable[str]) -> Landmarks | None:
-        """Return the median of what some templates give for a shape; None if no sure map leads to it."""
-        several, n_points = [], self._curve_points
+        """Return the median of what templates give a shape; None if no sure map leads to it."""
+        found, n_points = [], self._curve_points
         for template in templates:
-            there, far = self._map(template, name)
-            if there is not None:
-                ends, own = (self._read(template), self._read(name)), self._marks[template]
-                several.append(carry_landmarks(there, *ends, own, curve_points=n_points, expected_error=far))
-        return median_landmarks(several, _unwelded(self._read(name))) if several else None
+            map_there, error = self._map(template, name)
+            if map_there is not None:
+                ends, marks = (self._read(template), self._read(name)), self._marks[template]
+                found.append(
+                    carry_landmarks(map_there, *ends, marks, curve_points=n_points, expected_error=error)
+                )
+        return median_landmarks(found, _unwelded(self._read(name))) if found else None
 
     def _map(self, source: str, target: str) -> tuple[Correspondence | None, FloatArray | None]:
-        """Return the map between two shapes with its expected error, by the shortest path of sure ones, or None."""
+        """Compose the shortest path of sure maps, with its expected error; None without a path."""
         path = self._rows.path(source, target)
         if path is None:
             return None, None
@@ -478,7 +471,7 @@ def _write_views(collection: Collection, to: Path, found: Mapping[str, Landmarks
     def specimen(name: str) -> Specimen:
         marks, turned = found.get(name), rows.reflected([name])
         if marks is not None:
-            factors = scales.get(name, 1.0) * _side_of(name, turned)
+            factors = scales.get(name, 1.0) * _signs_of(name, turned)
             marks = replace(marks, positions=marks.positions * factors)
         corresponded = read_mesh(collection.layout.corresponded(name))
         return Specimen(name, surface_as_written(collection, rows, name), corresponded, marks)

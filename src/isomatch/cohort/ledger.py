@@ -1,11 +1,11 @@
-"""What is known of shapes, pairs and files: rows, written as JSON, and the ledger in SQLite that one process writes."""
+"""Rows about shapes, pairs and files, and the SQLite ledgers that keep them as JSON."""
 
 from __future__ import annotations
 
 import json
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from types import UnionType
@@ -20,10 +20,10 @@ from isomatch.matching import MatchResult, Outcome
 State = Literal["todo", "failed", "done"]
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""
-CONTRADICTED = 0.1  # √area: a mean error from which a map counts as a failure; right maps reach half of it
+CONTRADICTED = 0.1  # √area: a map with a larger mean error is wrong; right maps reach half of it
 N_EIGENVALUES, N_QUANTILES = 30, 20  # of the features by which a template is chosen
 N_RANKS = 64  # distances from the centroid by which shapes are compared
-PATIENCE = 60.0  # seconds that a ledger is waited for while another process reads or writes it
+LOCK_TIMEOUT = 60.0  # seconds to wait while another process reads or writes a ledger
 _TABLES = """
 BEGIN IMMEDIATE;
 CREATE TABLE IF NOT EXISTS shapes (name TEXT PRIMARY KEY, record TEXT NOT NULL);
@@ -36,9 +36,9 @@ COMMIT;
 
 @dataclass(frozen=True)
 class MapSummary:
-    """The map of a pair in one direction: `MatchResult.to_dict` without the settings, and its outcome of now."""
+    """The map of a pair in one direction: `MatchResult.to_dict` without the settings."""
 
-    values: Mapping[str, Any] = field(default_factory=dict)  # none where nothing is matched
+    values: Mapping[str, Any] = field(default_factory=dict)  # empty where nothing is matched
 
     @classmethod
     def of(cls, result: MatchResult, *, settings: bool = False) -> MapSummary:
@@ -47,23 +47,22 @@ class MapSummary:
 
     @property
     def outcome(self) -> Outcome:
-        """How the match ended, or what other maps have made of it."""
+        """How the match ended, or what the comparison with other maps made of it."""
         return Outcome[self.values["outcome"]]
 
     @property
     def measures(self) -> Mapping[str, float | None]:
         """The measures of `Quality`, None where there is none."""
-        measures: Mapping[str, float | None] = self.values.get("quality", {})
-        return measures
+        return dict(self.values.get("quality", {}))
 
     @property
     def notes(self) -> list[str]:
-        """What is to be known of the map."""
+        """The notes of the match."""
         return list(self.values["notes"])
 
     @property
     def doubtful_area(self) -> float | None:
-        """Share of the surface in the regions of doubt; None without a map, or if all of it may be wrong."""
+        """Share of the surface in doubtful regions; None without a map, or if all may be wrong."""
         areas = [region["area"] for region in self.values.get("regions", [])]
         is_unclear = not self.values or (self.outcome.is_doubtful and not areas)
         return None if is_unclear else float(sum(areas))
@@ -75,42 +74,35 @@ class MapSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """Values that are written as one JSON object; their names are in the order in which a new one is written."""
+    """Values that are written as one JSON object; those equal to their default are left out."""
 
-    always: ClassVar[tuple[str, ...]] = ("state", "time")  # what is written also where it is the default
+    always: ClassVar[tuple[str, ...]] = ("state", "time")  # values that are written in any case
     of_done: ClassVar[tuple[str, ...]] = ()  # likewise, where the state is "done"
-    first: ClassVar[tuple[str, ...]] = ()  # names that are written before all others
-    # of the object that they were read from: the order of its names, and values whose names are not known here
-    order: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    # values of the object that it was read from whose names are not known here
     more: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
         """Take the values of an object."""
         known = cls.defaults()
-        own = {name: _READ.get(name, _plain)(value) for name, value in record.items() if name in known}
-        more = {name: value for name, value in record.items() if name not in known}
-        return cls(order=tuple(record), more=more, **own)
+        values = {name: _READ.get(name, _plain)(value) for name, value in record.items() if name in known}
+        return cls(more={name: value for name, value in record.items() if name not in known}, **values)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the object, with the values that are not the default, and those that it needs."""
-        values = {name: _written(value) for name, value in self.given().items()}
-        values |= self.more
-        return {name: values[name] for name in dict.fromkeys((*self.order, *values)) if name in values}
+        """Return the object."""
+        return {**{name: _written(value) for name, value in self.given().items()}, **self.more}
 
     def given(self) -> dict[str, Any]:
         """Return the values that are written, by the names of their fields."""
+        needed = {*self.always, *(self.of_done if getattr(self, "state", "") == "done" else ())}
         values = ((name, getattr(self, name), default) for name, default in self.defaults().items())
-        done = self.of_done if getattr(self, "state", "") == "done" else ()
-        needed = {*self.always, *done}
         return {name: value for name, value, default in values if name in needed or value != default}
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:
         """Return the default of each value."""
-        own = {each.name: each for each in fields(cls) if each.name not in ("order", "more")}
-        in_order = [own[name] for name in dict.fromkeys((*cls.first, *own))]
-        return {x.name: x.default if x.default_factory is MISSING else x.default_factory() for x in in_order}
+        own = [x for x in fields(cls) if x.name != "more"]
+        return {x.name: x.default if x.default_factory is MISSING else x.default_factory() for x in own}
 
 
 def _plain(value: Any) -> Any:
@@ -128,8 +120,8 @@ class ShapeRow(Row):
     """What is known of a shape."""
 
     of_done = ("reflected", "bytes", "n_vertices", "area", "features", "holes", "notes")
-    size: int | None = None  # bytes and time of its file, in ns since the epoch
-    changed: int | None = None
+    size: int | None = None  # bytes of its file
+    changed: int | None = None  # when that was changed, in ns since the epoch
     state: State
     time: float = 0.0  # when the row was made, in seconds since the epoch
     error: str = ""
@@ -138,22 +130,22 @@ class ShapeRow(Row):
     hash: str = ""  # of the surface in its file
     reflected: bool = False  # whether it is matched as its mirror image
     bytes: int = 0  # of the file of the prepared shape
-    file: str = ""  # digest of that
+    file: str = ""  # digest of the file of the prepared shape
     n_vertices: int = 0
     area: float = 0.0
     features: tuple[float, ...] = ()  # see `features_of`
-    n_points: int = 0  # this and the next three see `likeness_of`
+    n_points: int = 0  # for this and the next three, see `likeness_of`
     spread: float = 0.0
     ranks: tuple[float, ...] = ()
     handedness: float | None = None
     holes: tuple[int, float] | None = None  # number of boundaries, and their length in √area
     notes: tuple[str, ...] = ()
-    made_with: str = ""  # name of the version and settings
+    made_with: str = ""  # key of its `OriginRow`
     again: tuple[str, ...] = ()  # why it was prepared again
 
     @property
     def hashes(self) -> tuple[str, ...]:
-        """Hash of what is in its file."""
+        """Hash of the surface in its file."""
         return (self.hash,)
 
 
@@ -161,28 +153,28 @@ class ShapeRow(Row):
 class PairAgreement(Row):
     """How the maps of a pair agree with the others of a collection, see `agree`."""
 
-    before: float | None = None  # inconsistency when it was measured first
+    before: float | None = None  # first measured inconsistency
     inconsistency: float | None = None  # in √area
-    outcomes: tuple[str, ...] = ()  # of its own match, in both directions
-    tried_with: int | None = None  # number of the shapes with which a replacement was tried
-    refused: str = ""  # why there is none
+    outcomes: tuple[str, ...] = ()  # outcomes of its own match, in both directions
+    tried_with: int | None = None  # number of shapes with which a replacement was tried
+    refused: str = ""  # why it was not replaced
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapRecord(Row):
-    """What the file of the maps of a pair says of them."""
+    """What the file of the maps of a pair tells of them."""
 
     always: ClassVar[tuple[str, ...]] = ("reflected", "memory")
     key: str = ""  # identifies the match
-    source_hash: str = ""  # of the surfaces in their files
+    source_hash: str = ""  # hash of the surface in the source's file
     target_hash: str = ""
-    reflected: tuple[str, ...] = ()  # names of the shapes that were matched as their mirror images
+    reflected: tuple[str, ...] = ()  # names of the shapes that were matched as mirror images
     led_by: str = ""  # identifies the map of the leader that it started from
     there: MapSummary = MapSummary()
     back: MapSummary = MapSummary()
     seconds: float | None = None
-    memory: float | None = None  # largest of the process, in bytes
-    replaced_by: tuple[str, ...] = ()  # shapes of the composition that took its place
+    memory: float | None = None  # peak of the process, in bytes
+    replaced_by: tuple[str, ...] = ()  # shapes of the composition that replaced it
 
     @property
     def sides(self) -> tuple[MapSummary, MapSummary]:
@@ -191,29 +183,25 @@ class MapRecord(Row):
 
     @property
     def hashes(self) -> tuple[str, ...]:
-        """Hashes of what is in both files."""
+        """Hashes of the surfaces in both files."""
         return self.source_hash, self.target_hash
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairRow(MapRecord):
-    """What is known of a pair, also of its maps."""
+    """What is known of a pair and its maps."""
 
     always = ("state", "time", "reflected", "attempt")
     of_done = ("memory",)
-    first = (
-        *("source_hash", "target_hash", "reflected", "attempt", "led_by"),
-        *("state", "time", "error", "seconds"),
-    )
     attempt: int = 0  # added to the seed
     state: State
     time: float = 0.0  # when the row was made, in seconds since the epoch
     error: str = ""
     file: str = ""  # digest of the file of the maps
-    contradicted: bool | None = None  # whether others contradict the map that is to be matched again
-    made_with: str = ""  # name of the version and settings
+    contradicted: bool | None = None  # whether other maps contradict the one to be matched again
+    made_with: str = ""  # key of its `OriginRow`
     again: tuple[str, ...] = ()  # why it was matched again
-    not_reflected: Mapping[str, str] = field(default_factory=dict)  # shapes that are not reflected, and why
+    not_reflected: Mapping[str, str] = field(default_factory=dict)  # why a shape is not reflected
     agreement: PairAgreement | None = None  # None where it was not compared
 
     @property
@@ -228,7 +216,7 @@ class PairRow(MapRecord):
 
     @property
     def is_mirrored(self) -> bool:
-        """Whether the mirror image of one of its shapes fits clearly better than its map."""
+        """Whether the mirror image of one of its shapes fits clearly better."""
         return self.state == "done" and any(side.outcome is Outcome.MIRROR_IMAGE for side in self.sides)
 
     @property
@@ -238,7 +226,7 @@ class PairRow(MapRecord):
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether other maps contradict that of a pair, as far as they were compared."""
+        """Whether other maps contradict its map; False where they were not compared."""
         return self.inconsistency > CONTRADICTED
 
 
@@ -265,7 +253,7 @@ Cell = str | float  # of a table; a text if it was read
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceRow:
-    """A line of ``shapes.csv``: a shape in the topology of the template; cells without a value are empty."""
+    """A line of ``shapes.csv``: a shape in the template's topology; empty cells have no value."""
 
     name: str
     key: str = ""  # identifies the map
@@ -275,21 +263,21 @@ class SurfaceRow:
     extended: Cell = ""
     error: str = ""
     expected_error: Cell = ""  # of the map, in √area
-    ways: Cell = ""  # number of those whose median it is
-    scale: Cell = ""  # what positions were multiplied by
+    ways: Cell = ""  # number of maps of which it is the median
+    scale: Cell = ""  # factor of the positions
     reflected: str = ""  # yes or empty
     mirror_image: str = ""
     unlike: str = ""  # why it is far from all others
-    loop_error: Cell = ""  # of the template, once around a ring, in √area
+    loop_error: Cell = ""  # distance of the template from itself once around a ring, in √area
     greatest_loop_error: Cell = ""
-    again: str = ""  # what was wrong with the file that was there; this is not written
+    again: str = ""  # what was wrong with its former file; not a column of the table
 
     @classmethod
     def read(cls, path: Path) -> dict[str, SurfaceRow]:
-        """Read a table, if there is one; lines that were not written by us are left out."""
+        """Read a table if it exists; lines without our columns are left out."""
         lines = read_table(path).records() if path.exists() else []
-        own = [line for line in lines if set(OF_SURFACE) <= set(line)]
-        return {line["name"]: cls(**{name: line.get(name, "") for name in SURFACE_COLUMNS}) for line in own}
+        lines = [line for line in lines if set(OLDEST_COLUMNS) <= set(line)]
+        return {line["name"]: cls(**{name: line.get(name, "") for name in SURFACE_COLUMNS}) for line in lines}
 
     @staticmethod
     def write(path: Path, lines: Iterable[SurfaceRow]) -> None:
@@ -298,9 +286,7 @@ class SurfaceRow:
 
 
 SURFACE_COLUMNS = tuple(each.name for each in fields(SurfaceRow))[:-1]
-OF_SURFACE = SURFACE_COLUMNS[: SURFACE_COLUMNS.index("error") + 1]  # which every table has
-
-
+OLDEST_COLUMNS = SURFACE_COLUMNS[: SURFACE_COLUMNS.index("error") + 1]  # columns of every version
 _READ: Mapping[str, Callable[[Any], Any]] = {
     **dict.fromkeys(("there", "back"), lambda value: MapSummary(value or {})),
     "agreement": PairAgreement.from_json,
@@ -309,16 +295,16 @@ _READ: Mapping[str, Callable[[Any], Any]] = {
 
 @dataclass
 class Rows:
-    """The rows of a collection: those of shapes and of pairs, and of what else its folder holds."""
+    """The rows of shapes, pairs, files and settings of a collection."""
 
     shapes: dict[str, ShapeRow] = field(default_factory=dict)
     pairs: dict[Pair, PairRow] = field(default_factory=dict)
     files: dict[str, FileRow] = field(default_factory=dict)  # by their path in the folder
-    origins: dict[str, OriginRow] = field(default_factory=dict)  # by "made_with" of rows
+    origins: dict[str, OriginRow] = field(default_factory=dict)  # by ``made_with`` of rows
     damaged: list[str] = field(default_factory=list)  # such as "the row of a and b in ledger.sqlite"
 
     def merge(self, other: Rows) -> None:
-        """Add rows; of two keep the finished one; of both or neither, or if the file of a shape changed, the later."""
+        """Add rows; on conflict keep the finished one, or the newer if a file changed."""
         for table in ("shapes", "pairs", "files"):
             mine = getattr(self, table)
             for name, row in getattr(other, table).items():
@@ -332,7 +318,7 @@ class Rows:
         return self.pairs.get(pair, PairRow(state="todo"))
 
     def untried(self, pairs: Iterable[Pair]) -> list[Pair]:
-        """Return those of some pairs that were not tried yet, or are to be matched again."""
+        """Select the pairs that were not tried yet, or are to be matched again."""
         return [pair for pair in pairs if self.pair(pair).state == "todo"]
 
     def is_prepared(self, name: str) -> bool:
@@ -340,11 +326,11 @@ class Rows:
         return name in self.shapes and self.shapes[name].state == "done"
 
     def reflected(self, names: Iterable[str]) -> list[str]:
-        """Return those of some shapes that are matched as their mirror images."""
+        """Select the shapes that are matched as mirror images."""
         return [name for name in names if name in self.shapes and self.shapes[name].reflected]
 
     def is_current(self, pair: Pair) -> bool:
-        """Whether a pair is matched, and its shapes are still those that were, reflected as then."""
+        """Whether a pair is matched, and its shapes have not changed since."""
         row = self.pairs.get(pair)
         if row is None or row.state != "done" or list(row.reflected) != self.reflected(pair):
             return False
@@ -355,7 +341,7 @@ class Rows:
         return self.is_current(pair) and any(side.outcome.is_doubtful for side in self.pairs[pair].sides)
 
     def path(self, source: str, target: str) -> tuple[str, ...] | None:
-        """Return the shapes on the shortest way from one to another by maps that are not doubtful; None without any."""
+        """Find the shortest path between two shapes by maps that are not doubtful, if any."""
         linked: dict[str, list[str]] = {}
         for pair in self.pairs:
             if self.is_current(pair) and not self.is_doubtful(pair):
@@ -388,7 +374,7 @@ def _counts_more(one: ShapeRow | PairRow | FileRow, other: ShapeRow | PairRow | 
     return (one.state == "done", one.time) > (other.state == "done", other.time)
 
 
-# What the values of a row must be, by its state and names, to be used: others were damaged, or are of another program
+# Types of the values of a row, by its state; a row with other values was damaged
 Kind = type | UnionType | Callable[[Any], bool]
 Kinds = Mapping[str, Mapping[str, Kind]]
 NUMBER = int | float
@@ -427,8 +413,8 @@ TABLES: Mapping[str, tuple[type[Row], Kinds]] = {
     "files": (FileRow, {"done": {"file": str}}),
     "origins": (OriginRow, {"done": {"made_with": dict}}),
 }
-"""Kind of the rows of each table of `Rows`, and what they must have."""
-_OPTIONAL: Mapping[str, Kind] = {  # what other values must be, where a row has them
+"""Class of the rows of each table of `Rows`, and the values that they must have."""
+_OPTIONAL: Mapping[str, Kind] = {  # types of values that a row need not have
     **dict.fromkeys(("file", "error", "source_hash", "target_hash", "led_by"), str),
     **dict.fromkeys(("seconds", "spread", "handedness"), NUMBER),
     **dict.fromkeys(("again", "replaced_by"), _texts),
@@ -444,7 +430,7 @@ _OPTIONAL: Mapping[str, Kind] = {  # what other values must be, where a row has 
 
 
 def row_of(table: str, text: Any) -> Row | None:
-    """Read a row of a table, which has a state and the time and what belongs to its state; None if it is no such row."""
+    """Read a row of a table; None if it is damaged."""
     kind, kinds = TABLES[table]
     try:
         record: dict[str, Any] = json.loads(text)
@@ -468,7 +454,7 @@ class Ledger:
         self.rows = _rows(connection, path)
 
     def put(self, name: str | Pair, row: Row) -> None:
-        """Write the row of a shape, a pair, a file by its path in the folder, or of what rows were made with."""
+        """Write the row of a shape, a pair, a file by its path in the folder, or settings."""
         record, table = row.to_json(), next(table for table, (kind, _) in TABLES.items() if type(row) is kind)
         getattr(self.rows, table)[name] = type(row).from_json(record)  # as it would be read
         values = *([name] if isinstance(name, str) else name), json.dumps(record)
@@ -483,65 +469,51 @@ class Ledger:
         try:
             self._connection.execute(command, values)
         except sqlite3.Error as error:
-            raise UnwritableFileError(
-                f"{self._path}: cannot be written ({error}); make room, and run again to continue"
-            ) from None
+            remedy = "make room, and run again to continue"
+            raise UnwritableFileError(f"{self._path}: cannot be written ({error}); {remedy}") from None
 
 
 @contextmanager
 def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
-    """Open a ledger for writing, or make it; readers of ``one_host`` need not wait (the write-ahead log of SQLite)."""
-    with claimed(path), closing(_connected(path, one_host)) as connection:
-        with _named(path, "not a ledger"):
-            ledger = Ledger(connection, path)
-        yield ledger
-        with suppress(sqlite3.OperationalError):  # somebody reads it
-            connection.execute("PRAGMA busy_timeout = 0")
-            # leaves a file that needs no others, also to be read
-            connection.execute("PRAGMA journal_mode = DELETE")
-
-
-def _connected(path: Path, one_host: bool) -> sqlite3.Connection:
-    try:
-        connection = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
-    except sqlite3.Error as error:
-        raise UnwritableFileError(f"{path}: cannot be written ({error}); give a writable folder") from None
-    try:
-        with _named(path, "not a ledger"):
+    """Open or make a ledger for writing; on ``one_host``, readers need not wait."""
+    with claimed(path), ExitStack() as opened:
+        with _naming(path, "not a ledger"):
+            connection = sqlite3.connect(path, timeout=LOCK_TIMEOUT, isolation_level=None)
+            opened.enter_context(closing(connection))
             connection.execute(f"PRAGMA journal_mode = {'WAL' if one_host else 'DELETE'}")
             if one_host:
-                # a power failure may take the last rows; the files of maps, which have them too, stay
+                # a power failure may lose the last rows, which the files of maps have too
                 connection.execute("PRAGMA synchronous = NORMAL")
             connection.executescript(_TABLES)
-    except BaseException:
-        connection.close()
-        raise
-    return connection
+            ledger = Ledger(connection, path)
+        yield ledger
+        with suppress(sqlite3.OperationalError):  # another process reads it
+            connection.execute("PRAGMA busy_timeout = 0")
+            connection.execute("PRAGMA journal_mode = DELETE")  # leaves one file, to be copied and read
 
 
 @contextmanager
-def _named(path: Path, problem: str) -> Iterator[None]:
-    """Turn errors of SQLite into ours; a file that is locked, or on a full disk, is not reported as damaged."""
+def _naming(path: Path, problem: str) -> Iterator[None]:
+    """Turn errors of SQLite into ours; a locked file, or a full disk, is not reported as damage."""
     try:
         yield
     except sqlite3.Error as error:
         is_usual = isinstance(error, sqlite3.OperationalError)
         if not is_usual or error.sqlite_errorcode == sqlite3.SQLITE_ERROR:
             raise FormatError(f"{path}: {problem} ({error}); move it away, and run again") from None
-        raise UnwritableFileError(
-            f"{path}: cannot be used ({error}); wait until nobody else uses it, or make room, and run again"
-        ) from None
+        remedy = "wait until nobody else uses it, or make room, and run again"
+        raise UnwritableFileError(f"{path}: cannot be used ({error}); {remedy}") from None
 
 
 def read_ledgers(paths: Iterable[Path]) -> Rows:
-    """Read the rows of several ledgers, also while they are written; `FormatError` if a file is none."""
+    """Read ledgers, also while they are written; `FormatError` if a file is no ledger."""
     rows = Rows()
     for path in paths:
         # reading undoes the half-written changes of a killed process, which mode=ro could not
         address = f"{path.resolve().as_uri()}?mode=rw"
         with (
-            _named(path, "cannot be read as a ledger"),
-            closing(sqlite3.connect(address, timeout=PATIENCE, uri=True)) as connection,
+            _naming(path, "cannot be read as a ledger"),
+            closing(sqlite3.connect(address, timeout=LOCK_TIMEOUT, uri=True)) as connection,
         ):
             rows.merge(_rows(connection, path))
     return rows
@@ -550,10 +522,8 @@ def read_ledgers(paths: Iterable[Path]) -> Rows:
 def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
     present = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
     rows = Rows()
-    for table in TABLES:
-        if table not in present:  # another process has just begun it, or it is of an earlier version
-            continue
-        # all at once: while rows are read, nobody can write them
+    for table in filter(present.__contains__, TABLES):  # a ledger just begun, or an old one, has fewer
+        # fetched at once, since nobody can write while rows are read
         for *names, text in connection.execute(f"SELECT * FROM {table}").fetchall():
             row = row_of(table, text)
             if row is None:

@@ -1,4 +1,4 @@
-"""Files of the maps of a pair; and whether files are as they were written, by the digests in the ledgers."""
+"""Files of the maps of a pair, and files that changed since they were written."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ from isomatch.cohort.ledger import (
     FileRow,
     Ledger,
     MapRecord,
-    Pair,
     PairRow,
     Rows,
     ShapeRow,
@@ -36,19 +35,19 @@ from isomatch.correspondence import PAIR_FORMAT, SIDES, Correspondence, pair_par
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh, reflected
 
-UNKNOWN = -1.0  # in a file, an error that is not known
+UNKNOWN_ERROR = -1.0  # stands in a file for an expected error that is not known
 KEPT = ("prepared", "maps", "corresponded", "landmarks")
-"""Folders of the files that have a digest."""
+"""Folders whose files have digests in the ledgers."""
 MISSING, CHANGED = "is missing", "was changed after it was written"
-MOST_NAMED = 5  # files in an error
+MAX_NAMED = 5  # files that an error names
 
 
 @dataclass(frozen=True, eq=False)
 class PairMaps:
     """The maps between two shapes, source → target and target → source, with what is known of them.
 
-    The errors are the ``expected_error`` of both, for each vertex where they start, in √area of where they end; nan where
-    it is not known, and None in files of earlier versions.
+    The errors are the ``expected_error`` of each vertex where a map starts, in √area of where it
+    ends; nan where unknown, and None in files of earlier versions.
     """
 
     there: Correspondence
@@ -77,21 +76,21 @@ class PairMaps:
             arrays[f"{side}_barycentric"] = correspondence.barycentric.astype(np.float32)
             errors = getattr(self, f"{side}_error")
             if errors is not None:
-                arrays[f"{side}_expected_error"] = np.nan_to_num(errors, nan=UNKNOWN).astype(np.float32)
+                arrays[f"{side}_expected_error"] = np.nan_to_num(errors, nan=UNKNOWN_ERROR).astype(np.float32)
         save_arrays(path, PAIR_FORMAT.version, arrays, compressed=True)
 
     @classmethod
     def load(cls, path: Path) -> PairMaps:
-        """Read what `save` wrote; `FormatError` if it is missing (`MissingFileError`) or damaged."""
+        """Read a file; `FormatError` if it is missing (`MissingFileError`) or damaged."""
         arrays = PAIR_FORMAT.read(path)
         try:
             record = MapRecord.from_json(json.loads(arrays["record"]))
             there, back = (Correspondence(**parts) for parts in pair_parts(arrays))
         except (ValueError, KeyError, TypeError, MapError) as error:
-            problem = f"{path}: not the maps of a pair ({error})"
-            raise FormatError(f"{problem}; remove it and match again") from None
+            problem = f"not the maps of a pair ({error})"
+            raise FormatError(f"{path}: {problem}; remove it and match again") from None
         stored = [arrays.get(f"{side}_expected_error") for side in SIDES]
-        errors = [None if each is None else np.where(each < 0, np.nan, each) for each in stored]
+        errors = [None if error is None else np.where(error < 0, np.nan, error) for error in stored]
         return cls(there, back, record, *errors)
 
 
@@ -102,13 +101,13 @@ def maps_of_pair(layout: Layout, source: str, target: str) -> PairMaps:
 
 
 def as_matched(
-    correspondence: Correspondence, source: Mesh, target: Mesh, turned: tuple[bool, bool]
+    correspondence: Correspondence, source: Mesh, target: Mesh, sides: tuple[bool, bool]
 ) -> tuple[Correspondence, Mesh, Mesh]:
-    """Return a map, kept as that of the surfaces in files, with these as they were matched: the turned ones reflected."""
-    if not any(turned):
+    """Turn a map of surfaces in files into that of the surfaces as matched, maybe reflected."""
+    if not any(sides):
         return correspondence, source, target
     correspondence.check_fits(source, target)
-    source, target = (reflected(mesh) if turn else mesh for mesh, turn in zip((source, target), turned))
+    source, target = (reflected(mesh) if side else mesh for mesh, side in zip((source, target), sides))
     hashes = source.content_hash, target.content_hash
     points = correspondence.faces, correspondence.barycentric
     return Correspondence(correspondence.vertices, correspondence.n_target, *points, *hashes), source, target
@@ -133,47 +132,44 @@ def keep_files(layout: Layout, paths: Iterable[Path]) -> None:
 
 
 def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = KEPT) -> dict[Path, str]:
-    """Find the files in some of the `KEPT` folders that are missing, or not as they were written, and say which it is."""
+    """Find the files in some `KEPT` folders that are missing or changed, and tell which it is."""
     wanted = set(folders)
-    kept = [each for each in _kept(layout, rows) if each[0].parent.name in wanted]
+    kept = [(path, row) for path, row in _kept_files(layout, rows) if path.parent.name in wanted]
     with ThreadPoolExecutor(n_threads()) as threads:
-        return {path: what for (path, *_), what in zip(kept, threads.map(_wrong, kept)) if what}
+        return {path: what for (path, _), what in zip(kept, threads.map(_change_of, kept)) if what}
 
 
 def require_unchanged(layout: Layout, folders: Iterable[str]) -> None:
     """Raise `FormatError` if files of some folders of a collection are not as they were written."""
-    changed = changed_files(layout, read_ledgers(layout.ledgers()), folders)
+    changed = [
+        f"{path} {what}"
+        for path, what in changed_files(layout, read_ledgers(layout.ledgers()), folders).items()
+    ]
     if changed:
-        named = [f"{path} {what}" for path, what in list(changed.items())[:MOST_NAMED]]
-        more = f" and {len(changed) - MOST_NAMED} more" if len(changed) > MOST_NAMED else ""
+        more = f" and {len(changed) - MAX_NAMED} more" if len(changed) > MAX_NAMED else ""
         remedy = "run isomatch collect again, which makes what is damaged again"
-        raise FormatError(f"{', '.join(named)}{more}; {remedy}")
+        raise FormatError(f"{', '.join(changed[:MAX_NAMED])}{more}; {remedy}")
 
 
-# a file, the row that has its digest, and the pair whose maps it holds
-_Kept = tuple[Path, ShapeRow | PairRow | FileRow, Pair | None]
+_KeptFile = tuple[Path, ShapeRow | PairRow | FileRow]  # with the row that has its digest
 
 
-def _kept(layout: Layout, rows: Rows) -> Iterator[_Kept]:
-    for shape in rows.shapes.values():
-        if shape.file:
-            yield layout.prepared(shape.key), shape, None
+def _kept_files(layout: Layout, rows: Rows) -> Iterator[_KeptFile]:
+    yield from ((layout.prepared(row.key), row) for row in rows.shapes.values() if row.file)
     for pair, row in rows.pairs.items():
         if row.file and rows.is_current(pair):
-            yield layout.maps(pair), row, pair
-    for name, file in rows.files.items():
-        yield layout.folder / name, file, None
+            yield layout.maps(pair), row
+    yield from ((layout.folder / name, row) for name, row in rows.files.items())
 
 
-def _wrong(kept: _Kept) -> str:
+def _change_of(kept: _KeptFile) -> str:
     # all bytes are read, since neither time nor size of a file tells that a disk lost some
-    path, row, _ = kept
-    with suppress(FormatError, OSError):  # the second: the disk does not give it
+    path, row = kept
+    with suppress(FormatError, OSError):  # OSError: the disk does not give the file
         if digest_of(path) == row.file:
             return ""
-        if isinstance(
-            row, PairRow
-        ):  # a comparison may have replaced its maps, and was killed before it wrote the row
+        if isinstance(row, PairRow):
+            # a comparison may have replaced the maps, and was killed before it wrote the row
             record = PairMaps.load(path).record
             if record.key == row.key and record.replaced_by not in ((), row.replaced_by):
                 return ""
@@ -183,17 +179,17 @@ def _wrong(kept: _Kept) -> str:
 def maps_along(
     layout: Layout, path: Sequence[str], mesh_of: Callable[[str], Mesh]
 ) -> tuple[Correspondence, FloatArray]:
-    """Compose the maps from each shape of a path to the next; give also the expected error of each vertex, or nan."""
-    composed: Correspondence | None = None
-    errors: FloatArray = np.zeros(0)
-    for here, to in pairwise(path):
-        maps = maps_of_pair(layout, here, to)
-        own = np.full(len(maps.there.vertices), np.nan) if maps.there_error is None else maps.there_error
-        if composed is None:
-            composed, errors = maps.there, own
-        else:
-            errors = np.asarray(np.hypot(errors, composed.pull_back(own)))  # as if they were independent
-            composed = composed.then(maps.there, mesh_of(here), mesh_of(to))
-    if composed is None:
-        raise ValueError("a path has at least two shapes")
+    """Compose the maps along a path of shapes; also return the expected error of each vertex."""
+    pairs = pairwise(path)
+    maps = maps_of_pair(layout, *next(pairs))
+    composed, errors = maps.there, _expected_error(maps)
+    for pair in pairs:
+        maps = maps_of_pair(layout, *pair)
+        # errors add up as if they were independent
+        errors = np.asarray(np.hypot(errors, composed.pull_back(_expected_error(maps))))
+        composed = composed.then(maps.there, *map(mesh_of, pair))
     return composed, errors
+
+
+def _expected_error(maps: PairMaps) -> FloatArray:
+    return np.full(len(maps.there.vertices), np.nan) if maps.there_error is None else maps.there_error

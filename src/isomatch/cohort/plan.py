@@ -1,4 +1,4 @@
-"""What a collection is to hold: shapes, pairs, settings; where its files are, and the keys that identify them."""
+"""The plan of a collection: shapes, pairs and settings, paths of files, and keys."""
 
 from __future__ import annotations
 
@@ -38,26 +38,26 @@ from isomatch.io import meshes_among
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
-OLD = 3600.0  # seconds; files are written in a few
-UNTOLD = "—"  # a setting that there was not
+STALE_AFTER = 3600.0  # seconds after which an unfinished file belongs to no run; files take a few
+NO_SETTING = "—"  # the value of a setting that an earlier version did not have
 R = TypeVar("R", ShapeRow, PairRow)
-N_OTHERS = 1000  # shapes with which each is compared, to find the medoid
-BETWEEN = "__"  # of two names, in the name of the file of their maps
+MEDOID_SAMPLE = 1000  # maximal number of shapes with which each is compared to find the medoid
+BETWEEN = "__"  # joins two names in the name of the file of their maps
 PATTERNS = ("star", "all", "chain", "ring")
-SIDE = 8  # shapes at either side of the tiles that shards are cut from
+TILE_SIDE = 8  # shapes along either side of the tiles that shards are cut from
 _NAMED = "give a list.csv with columns name and path"
 
 
 class Layout:
-    """Where each file in the folder of a collection is."""
+    """The paths of the files in the folder of a collection."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.plan = folder / "collection.json"  # the shapes and the settings
-        self.table = folder / "pairs.csv"  # one line for each pair
-        self.shapes_table = folder / "shapes.csv"  # one for each shape in the topology of the template
-        self.page = folder / "index.html"  # to look at
-        self.landmarks = folder / "landmarks"  # those of all shapes
+        self.table = folder / "pairs.csv"  # a line for each pair
+        self.shapes_table = folder / "shapes.csv"  # a line for each shape in the template's topology
+        self.page = folder / "index.html"
+        self.landmarks = folder / "landmarks"  # a file of landmarks for each shape
 
     def prepared(self, key: str) -> Path:
         """Return the path of the prepared shape with a key."""
@@ -97,26 +97,26 @@ class Layout:
         return sorted(self.folder.glob("ledger*.sqlite"))
 
     def remove_unfinished(self, shard: tuple[int, int]) -> None:
-        """Remove unfinished files of killed runs; while other shards may be at work, only files too old to be theirs."""
+        """Remove unfinished files of killed runs; beside other shards, only old files."""
         # listed before the ledgers: a run that is writing one of these files has a ledger by then
         unfinished = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
-        alone = shard[1] == 1 and self.ledgers() == [self.ledger(shard)]
-        remove_unfinished(unfinished, 0.0 if alone else OLD)
+        is_only_run = shard[1] == 1 and self.ledgers() == [self.ledger(shard)]
+        remove_unfinished(unfinished, 0.0 if is_only_run else STALE_AFTER)
 
 
 def key_of(config: Config, seed: int, *surfaces: str) -> str:
-    """Return the key of a result: it depends on the surfaces (see `identity_of`), the settings and this version."""
+    """Hash what a result depends on: surfaces (see `identity_of`), settings and this version."""
     text = json.dumps([_settings(config), seed, *surfaces])
     return blake2b(text.encode(), digest_size=16).hexdigest()
 
 
 def identity_of(content_hash: str, reflected: bool) -> str:
-    """Identify a surface, by the hash of that in the user's file, as it is matched."""
+    """Identify a surface as it is matched, by the content hash of the user's file."""
     return f"{content_hash} reflected" if reflected else content_hash
 
 
 def identity_of_map(row: PairRow) -> str:
-    """Identify the map of a matched pair, also where a composition of others took its place."""
+    """Identify the map of a matched pair, also if a composition of others replaced it."""
     return " > ".join((row.key, *row.replaced_by))
 
 
@@ -126,17 +126,18 @@ def _settings(config: Config) -> str:
 
 
 def made_with(config: Config, seed: int) -> tuple[str, dict[str, Any]]:
-    """Return what a key depends on beside the surfaces, as plain values, with their digest, by which rows name it."""
+    """Return the digest of the settings and this version, and these as plain values."""
     text = json.dumps({"isomatch": version("isomatch"), "seed": seed, **config.to_dict()}, sort_keys=True)
     return blake2b(text.encode(), digest_size=8).hexdigest(), json.loads(text)
 
 
 def why_again(old: R, new: R, names: Sequence[str], origins: Mapping[str, OriginRow]) -> list[str]:
-    """Say what differs between two rows of a shape or of a pair, whose names are given."""
+    """List what differs between two rows of a named shape, or of a pair."""
     reasons = list(old.again) if old.state == "todo" else []
     for name, was, now in zip(names, old.hashes, new.hashes):
         if was and now and was != now:
             reasons.append(f"the contents of {name} changed")
+    # a pair names the reflected shapes; a shape is reflected or not
     sides = (cast(Any, row).reflected for row in (old, new))
     before, after = (set(names if side is True else side or ()) for side in sides)
     reasons += [f"{name} is matched as its mirror image" for name in sorted(after - before)]
@@ -144,43 +145,43 @@ def why_again(old: R, new: R, names: Sequence[str], origins: Mapping[str, Origin
     if isinstance(old, PairRow) and isinstance(new, PairRow) and old.led_by != new.led_by:
         reasons.append("the map that it starts from changed")
     if old.made_with in origins and new.made_with in origins:
-        first: dict[str, Any] = dict(_flat(origins[old.made_with].made_with))
-        second: dict[str, Any] = dict(_flat(origins[new.made_with].made_with))
-        pairs = {x: (first.get(x, UNTOLD), second.get(x, UNTOLD)) for x in (*first, *second)}
-        reasons += [f"{name} {was} → {now}" for name, (was, now) in pairs.items() if was != now]
+        first: dict[str, Any] = dict(_flatten(origins[old.made_with].made_with))
+        second: dict[str, Any] = dict(_flatten(origins[new.made_with].made_with))
+        for name in dict.fromkeys((*first, *second)):
+            was, now = first.get(name, NO_SETTING), second.get(name, NO_SETTING)
+            reasons += [f"{name} {was} → {now}"] if was != now else []
     return reasons
 
 
-def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield settings with those of stages named as in a file of settings: ``search.rank``."""
+def _flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield settings, those of stages named as in a file of settings: ``search.rank``."""
     for name, value in values.items():
         if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
+            yield from _flatten(value, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", value
 
 
 def features_of(shape: PreparedShape) -> tuple[float, ...]:
-    """Describe a shape by its spectrum and the distribution of its distances, whatever its size and pose."""
+    """Describe a shape by its spectrum and quantiles of distances, whatever its size and pose."""
     n = N_EIGENVALUES + 1
     values = np.full(n, np.nan)
     scaled = shape.laplace.values[:n] * shape.laplace.weights.sum()
     values[: len(scaled)] = scaled
     spectrum = values[1:] / (4 * np.pi * np.arange(1, n))  # Weyl's law: λ_i ≈ 4π i / area
     vertices = shape.sample_vertices[: shape.config.n_search]
-    apart = shape.distances_between(vertices)  # in √area
-    levels = (np.arange(N_QUANTILES) + 0.5) / N_QUANTILES
-    quantiles = np.quantile(apart[np.triu_indices(len(vertices), 1)], levels)
-    return tuple(float(x) for x in np.concatenate([spectrum, quantiles]))
+    distances = shape.distances_between(vertices)[np.triu_indices(len(vertices), 1)]  # in √area
+    quantiles = np.quantile(distances, (np.arange(N_QUANTILES) + 0.5) / N_QUANTILES)
+    return tuple(np.concatenate([spectrum, quantiles]).tolist())
 
 
 def medoid(features: FloatArray) -> int:
-    """Row of the shape with the least mean distance to all others, or to every so many-th of very many."""
-    rows = np.nan_to_num(features)  # (m, q); each is divided by its standard deviation
+    """Find the row of the shape with the least mean distance to the others, or to a sample."""
+    rows = np.nan_to_num(features)  # (m, q), each feature in standard deviations
     spread = rows.std(axis=0)
     rows = rows / np.where(spread > 0, spread, 1.0)
-    others = rows[:: len(rows) // N_OTHERS + 1]
-    blocks = (rows[i : i + N_OTHERS] for i in range(0, len(rows), N_OTHERS))
+    others = rows[:: len(rows) // MEDOID_SAMPLE + 1]
+    blocks = (rows[i : i + MEDOID_SAMPLE] for i in range(0, len(rows), MEDOID_SAMPLE))
     return int(np.concatenate([cdist(block, others).mean(axis=1) for block in blocks]).argmin())
 
 
@@ -191,9 +192,7 @@ class Plan:
     folder: Path
     shapes: tuple[Entry, ...]  #: names and files
     pairs: str
-    template: (
-        str | None
-    )  #: its name; None for the one in the middle of all, which is found once all are prepared
+    template: str | None  #: its name; None for the medoid, found once all shapes are prepared
     config: Config
     seed: int
     reflect: Literal["auto"] | tuple[str, ...] = ()
@@ -203,7 +202,7 @@ class Plan:
 
     @property
     def layout(self) -> Layout:
-        """Where each file is."""
+        """The paths of its files."""
         return Layout(Path(self.folder))
 
     @property
@@ -217,18 +216,18 @@ class Plan:
         return {entry.name: entry.path for entry in self.shapes}
 
     def entry(self, name: str, rows: Rows) -> Entry:
-        """Return a shape as it is to be matched: where mirror images are found automatically, as it was."""
-        turned = bool(rows.reflected([name])) if self.reflect == "auto" else name in self.reflect
-        return Entry(name, self.paths[name], turned)
+        """Return a shape as it is to be matched: reflected if asked for; with "auto", as before."""
+        is_reflected = bool(rows.reflected([name])) if self.reflect == "auto" else name in self.reflect
+        return Entry(name, self.paths[name], is_reflected)
 
     def rows(self) -> Rows:
-        """Return what is known of the shapes so far, from the ledgers of all shards, also while they are written."""
+        """Read what is known of the shapes so far from the ledgers of all shards."""
         return read_ledgers(self.layout.ledgers()).of(self.names)
 
     def chosen_template(self, rows: Rows) -> str | None:
-        """Return the template asked for, that of the leader or of the collection beside, or the medoid.
+        """Return the template: as asked for, of the leader or collection beside, or the medoid.
 
-        None as long as not all shapes are prepared.
+        It is None until all shapes are prepared.
         """
         if self.template is not None:
             return self.template
@@ -236,7 +235,7 @@ class Plan:
         usable = [name for name in tried if rows.is_prepared(name)]
         possible = set(usable)
         centres = Counter(source for source, _ in rows.pairs if source in possible)
-        if self.pairs == "star" and centres:  # once begun, a star keeps it, also where shapes are added
+        if self.pairs == "star" and centres:  # a star keeps its template when shapes are added
             return centres.most_common(1)[0][0]
         for other in filter(None, (self.leader, self.beside)):
             if (led := other.chosen_template(other.rows())) in usable:
@@ -246,7 +245,7 @@ class Plan:
         return usable[medoid(np.array([rows.shapes[name].features for name in usable]))]
 
     def wanted_pairs(self, rows: Rows) -> list[Pair]:
-        """List the pairs to match, as far as their shapes could be prepared."""
+        """List the pairs to match whose shapes could be prepared."""
         pairs = pairs_of(self.names, self.pairs, self.chosen_template(rows))
         return [pair for pair in pairs if all(map(rows.is_prepared, pair))]
 
@@ -255,13 +254,13 @@ class Plan:
 class Entry:
     """A shape of a collection."""
 
-    name: str  # stands for the shape in tables and names of files
+    name: str  # name of the shape in tables and files
     path: Path
     reflected: bool = False  # whether it is matched as its mirror image
 
 
 def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry, ...]:
-    """List the shapes of a collection, see `Collection.create`, in the order of their names, or of the list."""
+    """List the shapes of a collection, see `Collection.create`, by name or as listed."""
     if not isinstance(shapes, str | Path):
         given = (each if isinstance(each, Entry) else Path(each) for each in shapes)
         entries = [each if isinstance(each, Entry) else Entry(legible(each.stem), each) for each in given]
@@ -271,17 +270,15 @@ def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry
         folder = Path(shapes)
         paths = folder.iterdir() if folder.is_dir() else map(Path, glob(str(shapes)))
         entries = [Entry(legible(path.stem), path) for path in meshes_among(paths)]
-        inner = [each.name for each in sorted(folder.iterdir()) if each.is_dir()] if folder.is_dir() else []
-        if within := [name for name in inner if meshes_among((folder / name).iterdir())]:
-            tell_skipped(
-                f"{folder}: the surfaces in its folders {', '.join(within)} are left out; give one folder"
-            )
+        inner = [each for each in sorted(folder.iterdir()) if each.is_dir()] if folder.is_dir() else []
+        if passed := ", ".join(each.name for each in inner if meshes_among(each.iterdir())):
+            tell_skipped(f"{folder}: the surfaces in its folders {passed} are left out; give one folder")
     if not entries:
         remedy = "give a folder, a quoted pattern or a list.csv"
         raise InputError(f"{shapes}: no shapes that can be read; {remedy}")
     names = [entry.name for entry in entries]
-    if twice := [name for name, count in Counter(names).items() if count > 1]:
-        raise InputError(f"{shapes}: several shapes are named {', '.join(twice)}; {_NAMED}")
+    if repeated := [name for name, count in Counter(names).items() if count > 1]:
+        raise InputError(f"{shapes}: several shapes are named {', '.join(repeated)}; {_NAMED}")
     require_shape_names(names, str(shapes))
     return tuple(entries)
 
@@ -295,17 +292,17 @@ def _in_table(path: Path) -> list[Entry]:
 
 
 def require_shape_names(names: Collection[str], where: str) -> None:
-    """Raise `InputError` for names that cannot be parts of names of files, or make the same one: a_ and b, a and _b."""
+    """Raise `InputError` for names whose pairs share a file, as "a_" with "b", "a" with "_b"."""
     require_names(names, "shape", where, _NAMED)
-    mixed = any(name.startswith("_") for name in names)
+    has_leading = any(name.startswith("_") for name in names)
     for name in names:
-        if BETWEEN in name or (mixed and name.endswith("_")):
+        if BETWEEN in name or (has_leading and name.endswith("_")):
             why = f"two are joined by {BETWEEN!r} in names of files"
             raise InputError(f"{where}: {name!r} cannot be the name of a shape: {why}; {_NAMED}")
 
 
-def require_files_of_their_own(names: Iterable[str], folder: Path) -> None:
-    """Raise `InputError` if files of two names would be the same one in a folder that ignores case."""
+def require_distinct_files(names: Iterable[str], folder: Path) -> None:
+    """Raise `InputError` if two names differ in case only, in a folder that ignores case."""
     alike: dict[str, list[str]] = {}
     for name in names:
         alike.setdefault(normalize("NFC", name).lower(), []).append(name)
@@ -315,7 +312,7 @@ def require_files_of_their_own(names: Iterable[str], folder: Path) -> None:
 
 
 def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[Pair]:
-    """List the pairs to match, each two shapes once: by a pattern of `Collection.create`, or from its CSV file."""
+    """List the pairs to match, by a pattern of `Collection.create` or its CSV file."""
     if pattern == "star":
         return [(template, name) for name in names if template and name != template]
     if pattern == "all":
@@ -326,16 +323,16 @@ def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[P
         if len(names) < 3:
             raise InputError(f"a ring has at least three shapes, not {len(names)}; match a chain")
         return list(pairwise([*names, names[0]]))
-    return _listed(Path(pattern), names)
+    return _read_pairs(Path(pattern), names)
 
 
-def _listed(path: Path, names: Collection[str]) -> list[Pair]:
-    rows = read_table(path).records(
-        ("source", "target"), (), "give columns source and target, named in the first line"
-    )
-    if not rows:
-        raise InputError(f"{path}: no pairs; give columns source and target, named in the first line")
-    pairs = [(row["source"], row["target"]) for row in rows]
+def _read_pairs(path: Path, names: Collection[str]) -> list[Pair]:
+    remedy = "give columns source and target, named in the first line"
+    pairs = [
+        (row["source"], row["target"]) for row in read_table(path).records(("source", "target"), (), remedy)
+    ]
+    if not pairs:
+        raise InputError(f"{path}: no pairs; {remedy}")
     if strangers := sorted({name for pair in pairs for name in pair} - set(names)):
         raise InputError(f"{path}: {', '.join(strangers)} are no shapes of this collection; give their names")
     if any(a == b for a, b in pairs):
@@ -347,7 +344,7 @@ def _listed(path: Path, names: Collection[str]) -> list[Pair]:
 
 
 def tiles_of(pairs: Sequence[Pair], names: Sequence[str], side: int, most: int) -> list[list[Pair]]:
-    """Group pairs, at most so many, of at most ``side`` shapes with as many others, so that shapes are loaded once."""
+    """Group up to ``most`` pairs of ``side`` by ``side`` shapes, so that each is loaded once."""
     block = {name: i // side for i, name in enumerate(names)}
     groups: dict[tuple[int, int], list[Pair]] = {}
     for a, b in pairs:

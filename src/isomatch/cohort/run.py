@@ -1,4 +1,4 @@
-"""All steps of a study: match, compare maps, write surfaces, reports and landmarks, bring structures together."""
+"""A study: match, compare maps, write results, bring structures together; its status."""
 
 from __future__ import annotations
 
@@ -42,47 +42,44 @@ Reports = int | Literal["doubtful", "all", "none"]
 
 @dataclass(frozen=True)
 class Cohort:
-    """Shapes in correspondence in a folder, or subjects of several surfaces; `run` and ``open`` make one."""
+    """Shapes, or subjects of several surfaces, in correspondence; `run` and ``open`` make one."""
 
     folder: Path
-    #: that of each structure; of shapes of one surface each, that of the name "", and what was added to it
+    #: the collection of each structure; for shapes of one surface, "" and what was added to it
     collections: Mapping[str, Collection]
-    gaps: Sequence[Gap] = ()  #: how structures lie on each other; none if that was not measured now
+    gaps: Sequence[Gap] = ()  #: how structures lie on each other; empty if not measured now
     landmarks: LandmarkTables | None = None  #: what was written about landmarks
 
     @classmethod
     def open(cls, folder: str | Path) -> Cohort:
-        """Open what is in a folder, and write its tables of pairs; `FormatError` if it holds no collection."""
+        """Open a folder, and write its tables of pairs; `FormatError` if it holds no collection."""
         plan = Layout(Path(folder)).plan
         plans = sorted(plan.parent.glob(f"*/{plan.name}"))
         inner = {path.parent.name: Collection.open(path.parent) for path in plans}
         own = {} if inner and not plan.exists() else {"": Collection.open(folder)}
-        for each in (own | inner).values():
-            write_table(each.rows(), each.layout.table)
+        for collection in (own | inner).values():
+            write_table(collection.rows(), collection.layout.table)
         return cls(Path(folder), own | inner)
 
     def status(self, *, thorough: bool = False) -> dict[str, Status]:
-        """Tell how far each collection is, with damaged files of landmarks or, if ``thorough``, of all folders."""
+        """Sum up each collection, with damaged landmarks or, if ``thorough``, all damaged files."""
         has_own = "" in self.collections
         files = KEPT if thorough and has_own else ("landmarks",)
-        of = self.collections.items()
-        return {name: status_of(each, files if not (has_own and name) else ()) for name, each in of}
+        return {name: status_of(x, () if has_own and name else files) for name, x in self.collections.items()}
 
     @property
     def contacts(self) -> dict[str, dict[str, Any]]:
         """Mean of the gaps of each two structures over the subjects, and ``notes`` on subjects."""
-        found = {}
+        found, measures = {}, Gap._fields[3:-1]
         for pair in dict.fromkeys(gap[1:3] for gap in self.gaps):
-            own = [gap for gap in self.gaps if gap[1:3] == pair]
-            names = Gap._fields[3:-1]
-            means = {name: float(np.nanmean([getattr(gap, name) for gap in own])) for name in names}
-            notes = {gap.subject: gap.note for gap in own if gap.note}
-            found[" on ".join(pair)] = {**means, "notes": notes}
+            gaps = [gap for gap in self.gaps if gap[1:3] == pair]
+            means = {name: float(np.nanmean([getattr(gap, name) for gap in gaps])) for name in measures}
+            found[" on ".join(pair)] = {**means, "notes": {gap.subject: gap.note for gap in gaps if gap.note}}
         return found
 
     def to_json(self, status: Mapping[str, Status]) -> dict[str, Any]:
         """Return a status with contacts and landmarks in plain values."""
-        plain = {name: each.to_json() for name, each in status.items()}
+        plain = {name: own.to_json() for name, own in status.items()}
         if "" not in plain:
             return {"folder": str(self.folder), "structures": plain, "contacts": self.contacts}
         marks = {"landmarks": self.landmarks.to_json()} if self.landmarks else {}
@@ -111,34 +108,37 @@ def run(
     progress: Progress | None = None,
     warn: Warn | None = None,
 ) -> Cohort:
-    """Match the shapes of a folder with a template, or with one another, and write all that follows from the maps.
+    """Match the shapes of a folder with a template, or with one another, and write all results.
 
-    What was done before is not done again, also where the last run was killed. These are the steps of
-    `Collection.create`, `Collection.run`, `agree`, `write_reports` and `finish`, and then landmarks, or of subjects of
-    several surfaces their structures together.
+    Nothing is done twice, also if the last run was killed. The steps are those of
+    `Collection.create`, `Collection.run`, `agree`, `write_reports` and `finish`; landmarks follow
+    or, for subjects of several surfaces, the structures of each together.
 
     Parameters
     ----------
     folder : path_like
         Where prepared shapes, maps, tables and surfaces are kept.
     shapes : path_like
-        Shapes, see `Collection.create`; or subjects of several surfaces: a folder with a folder for each, whose files are
-        named like the structures, or a table with the columns ``subject``, ``structure`` and ``file``.
+        Shapes, see `Collection.create`; or subjects of several surfaces: a folder with a folder for
+        each, whose files are named like the structures, or a table with the columns ``subject``,
+        ``structure`` and ``file``.
     pairs, template, config, seed, reflect, units
         See `Collection.create`.
     landmarks, semilandmarks
-        Landmarks of the template, or a folder of those of several shapes, see `write_landmark_tables`.
+        Landmarks of the template, or a folder of landmarks of several shapes, see
+        `write_landmark_tables`.
     agree : bool, optional
-        Whether maps that the others contradict are replaced, once all pairs are matched; by default if all pairs are.
+        Whether maps that the others contradict are replaced, once all wanted pairs are matched; by
+        default if ``pairs`` is "all".
     keep_contacts : bool
-        Of subjects, whether points are kept together that lie on each other in the template.
+        For subjects, whether points that lie on each other in the template are kept together.
     reports : int, "doubtful", "all" or "none"
         See `write_reports`.
     executor, jobs, shard, time_limit
-        See `Collection.run`; of a shard, only maps are made.
+        See `Collection.run`; a shard makes only maps.
     progress, warn : callable, optional
-        Called with each step and the share that is done; and with what is wrong with shapes and maps, and what is done
-        again, which by default is logged.
+        Called with each step and the share that is done; and with what is wrong with shapes and
+        maps, and what is done again, which by default is logged.
 
     Returns
     -------
@@ -165,64 +165,67 @@ def run(
         doubts = subject_doubts(subjects, reflect, units or ())
         mirrored = {doubt.names[0] for doubt in doubts if doubt.kind == "mirrored"}
         for doubt in doubts:
-            if doubt.kind == "mirrored" and reflect == "auto":
-                continue  # it is reflected
-            to.warn(f"{' and '.join(doubt.names)} {doubt.reason}")
-        structures = subject_collections(folder, subjects, **settings)
+            if doubt.kind != "mirrored" or reflect != "auto":  # else it is reflected
+                to.warn(f"{' and '.join(doubt.names)} {doubt.reason}")
+        cohort = Cohort(Path(folder), subject_collections(folder, subjects, **settings))
     else:
-        structures = {"": Collection.create(folder, shapes, **settings)}
+        collection = Collection.create(folder, shapes, **settings)
+        cohort = Cohort(Path(folder), {"": collection})
         if landmarks is not None:
-            marks = landmark_files(landmarks, structures[""], structures[""].template)
-    carried, gaps = None, list[Gap]()
+            marks = landmark_files(landmarks, collection, collection.template)
     with workers_of(executor, jobs, time_limit) as workers:
-        for structure, collection in structures.items():
+        for structure, collection in cohort.collections.items():
             to.tell(f"{structure}: starting" if structure else "starting", 0.0)
             for where in collection.rows().damaged:
                 to.warn(f"{where} is no row of a collection, and is ignored")
             follow(collection.run(workers, shard=shard), to)
         if shard[1] > 1:
-            return Cohort(Path(folder), structures)
+            return cohort
         if subjects:
-            _reflect_subjects(structures, mirrored, workers, to)
-        for collection in structures.values():
-            rows = collection.rows()
-            is_matched = not rows.untried(collection.wanted_pairs(rows))
-            if is_matched and (pairs == "all" if agree is None else agree):
+            _reflect_subjects(cohort.collections, mirrored, workers, to)
+        for collection in cohort.collections.values():
+            if _is_matched(collection) and (pairs == "all" if agree is None else agree):
                 to.tell("comparing maps with compositions of others", 1.0)
                 try:
                     follow(combine.agree(collection, workers), to)
-                except MemoryBudgetError as error:  # the maps are there all the same
+                except MemoryBudgetError as error:  # the maps are usable without it
                     to.warn(f"maps were not compared: {error}")
             write_results(collection, reports, workers, to)
             if marks:
-                carried = write_tables(collection, marks, collection.layout.landmarks, semilandmarks, to)
+                tables = write_tables(collection, marks, collection.layout.landmarks, semilandmarks, to)
+                cohort = replace(cohort, landmarks=tables)
         if subjects:
             to.tell("bringing structures together", 1.0)
-            gaps = finish_subjects(folder, structures, keep_contacts=keep_contacts)
-    return Cohort(Path(folder), structures, gaps, carried)
+            gaps = finish_subjects(folder, cohort.collections, keep_contacts=keep_contacts)
+            cohort = replace(cohort, gaps=gaps)
+    return cohort
+
+
+def _is_matched(collection: Collection) -> bool:
+    """Whether all wanted pairs have been tried."""
+    rows = collection.rows()
+    return not rows.untried(collection.wanted_pairs(rows))
 
 
 def _reflect_subjects(
     structures: Mapping[str, Collection], mirrored: set[str], workers: Workers, to: Listener
 ) -> None:
-    """Match all structures of a subject reflected, or none, where each was found to be a mirror image by itself."""
-    are_matched = not any(each.rows().untried(each.wanted_pairs(each.rows())) for each in structures.values())
-    if not are_matched or any(each.reflect != "auto" for each in structures.values()):
+    """Reflect all structures of a subject or none, where each was judged by itself."""
+    if not all(x.reflect == "auto" and _is_matched(x) for x in structures.values()):
         return
     reflected, against = sides_of(structures, mirrored)
-    sides = {name: set(each.rows().reflected(each.names)) for name, each in structures.items()}
-    if all(own == reflected & set(structures[name].names) for name, own in sides.items()):
+    if all(set(x.rows().reflected(x.names)) == reflected & {*x.names} for x in structures.values()):
         return
     for collection in structures.values():
-        turned = tuple(name for name in collection.names if name in reflected)
-        follow(replace(collection, reflect=turned).run(workers), to)
+        sides = tuple(name for name in collection.names if name in reflected)
+        follow(replace(collection, reflect=sides).run(workers), to)
     for structure, subject in against:
         how = "reflected" if subject in reflected else "not reflected"
         why = f"{subject} is {how}, as most of its structures ask for, but {structure} asks otherwise"
         to.warn(why)
         collection = structures[structure]
         pair = (collection.chosen_template(collection.rows()) or "", subject)
-        with writing_ledger(collection.layout.ledger()) as ledger:  # so that the next run does not turn it
+        with writing_ledger(collection.layout.ledger()) as ledger:  # so that the next run does not reflect it
             if row := ledger.rows.pairs.get(pair):
                 ledger.put(pair, replace(row, not_reflected={subject: why}))
 
@@ -237,7 +240,7 @@ def reconcile(
     progress: Progress | None = None,
     warn: Warn | None = None,
 ) -> Cohort:
-    """Replace maps of a collection that most others contradict, see `agree`, and write all that follows from the maps.
+    """Replace maps of a collection that most others contradict, see `agree`, and write all results.
 
     Parameters
     ----------
@@ -267,7 +270,7 @@ def reconcile(
 
 
 def follow(events: Iterable[Event], to: Listener) -> None:
-    """Tell of the steps of a run, and warn of what does not fit, and of what is done again."""
+    """Tell the steps of a run, and warn of outliers and of what is done again."""
     again = Counter[tuple[str, str]]()
     for event in events:
         to.tell(*event.told)
@@ -281,7 +284,7 @@ def follow(events: Iterable[Event], to: Listener) -> None:
 
 
 def write_results(collection: Collection, reports: Reports, workers: Workers, to: Listener) -> None:
-    """Write reports, and the shapes in the topology of the template."""
+    """Write the reports, and the shapes in the topology of the template."""
     if reports != "none":
         for pair, error in write_reports(collection, reports, workers):
             to.tell(f"report of {' and '.join(pair)}{f', failed: {error}' if error else ''}", 1.0)
@@ -297,18 +300,18 @@ class Status:
     """How far a collection is."""
 
     folder: Path
-    shapes: dict[str, int]  # how many there are, ``all``, and how many are ``prepared``
+    shapes: dict[str, int]  # number of ``all``, and of those ``prepared``
     template: str | None
-    pairs: dict[str, int]  # how many there are, ``all``, and of each `PairRow.verdict`
-    outcomes: dict[str, int]  # how many pairs ended as each `Outcome`, by its name
-    reflected: list[str]  # shapes that are matched as their mirror images
-    # shapes that seem to be some, and why they are not reflected, if it was tried
+    pairs: dict[str, int]  # number of ``all``, and of each `PairRow.verdict`
+    outcomes: dict[str, int]  # number of pairs with each `Outcome`, by its name
+    reflected: list[str]  # shapes that are matched as mirror images
+    # shapes that seem to be mirror images, and why they are not reflected, if it was tried
     mirror_images: dict[str, str | None]
     outliers: list[Outlier]
     agreement: Agreement
-    loop: dict[str, Any] | None  # of a ring: its ``open`` legs, and the errors once around it, in √area
-    damaged: dict[str, str]  # files and rows that are not as they were written, with what is wrong
-    failures: dict[str, str]  # shapes and pairs that failed, with the reasons
+    loop: dict[str, Any] | None  # for a ring: ``open`` legs, and errors once around it, in √area
+    damaged: dict[str, str]  # what is wrong with files and rows that are not as they were written
+    failures: dict[str, str]  # why shapes and pairs failed
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""
@@ -317,23 +320,22 @@ class Status:
 
 
 def status_of(collection: Collection, folders: Iterable[str] = ()) -> Status:
-    """Sum up how far a collection is, from the ledgers of all shards, with the damaged files of some `KEPT` folders."""
+    """Sum up a collection from all ledgers, with the damaged files of some `KEPT` folders."""
     rows = collection.rows()
-    pairs = collection.wanted_pairs(rows)
-    own = [rows.pair(pair) for pair in pairs]
+    pairs = [rows.pair(pair) for pair in collection.wanted_pairs(rows)]
     changed = changed_files(collection.layout, rows, folders)
     damaged = {str(path.relative_to(collection.folder)): what for path, what in changed.items()}
     failures = {name: row.error for name, row in rows.shapes.items() if row.state == "failed"}
     failures |= {" and ".join(pair): row.error for pair, row in rows.pairs.items() if row.state == "failed"}
-    turned = mirror_images(collection, rows)
+    mirrored = mirror_images(collection, rows)
     return Status(
         folder=collection.folder,
         shapes={"all": len(collection.shapes), "prepared": sum(map(rows.is_prepared, rows.shapes))},
         template=collection.chosen_template(rows),
-        pairs={"all": len(pairs), **Counter(row.verdict for row in own)},
-        outcomes=dict(Counter(row.ending for row in own if row.state == "done")),
+        pairs={"all": len(pairs), **Counter(row.verdict for row in pairs)},
+        outcomes=dict(Counter(row.ending for row in pairs if row.state == "done")),
         reflected=rows.reflected(collection.names),
-        mirror_images={name: rows.pairs[pair].not_reflected.get(name) for name, pair in turned.items()},
+        mirror_images={name: rows.pairs[pair].not_reflected.get(name) for name, pair in mirrored.items()},
         outliers=outliers(collection, rows),
         agreement=agreement_of(rows),
         loop=_loop_of(collection, rows) if collection.pairs == "ring" else None,
@@ -343,11 +345,12 @@ def status_of(collection: Collection, folders: Iterable[str] = ()) -> Status:
 
 
 def _loop_of(collection: Collection, rows: Rows) -> dict[str, Any]:
-    """Tell how far the template is from itself once around a ring, and where the ring is open."""
+    """Measure how far the template is from itself once around a ring, and list its open legs."""
     legs = pairwise([*collection.names, collection.names[0]])
-    unsure = [list(leg) for leg in legs if not rows.is_current(leg) or rows.is_doubtful(leg)]
-    found: dict[str, Any] = {"open": unsure}
+    loop: dict[str, Any] = {
+        "open": [list(leg) for leg in legs if not rows.is_current(leg) or rows.is_doubtful(leg)]
+    }
     for line in SurfaceRow.read(collection.layout.shapes_table).values():
         errors = {"loop_error": line.loop_error, "greatest_loop_error": line.greatest_loop_error}
-        found |= {name: float(error) for name, error in errors.items() if error}
-    return found
+        loop |= {name: float(error) for name, error in errors.items() if error}
+    return loop

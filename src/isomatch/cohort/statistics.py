@@ -1,10 +1,11 @@
-"""The statistics of the shapes of a folder: mean, modes, groups, sizes, distances, and motion of a series."""
+"""The statistics of shapes in a folder: mean, modes, groups, sizes, distances, and motion."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
 from functools import partial
+from itertools import compress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,13 +20,7 @@ from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.map_file import require_unchanged
 from isomatch.cohort.plan import Layout
-from isomatch.cohort.shape_statistics import (
-    MEASURED,
-    CorrespondedShapes,
-    Criterion,
-    ShapeDesign,
-    ShapeModel,
-)
+from isomatch.cohort.shape_statistics import MEASURED, CorrespondedShapes, Criterion, ShapeDesign, ShapeModel
 from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
 from isomatch.cohort.study_input import Study, read_groups, read_study, told_doubts
 from isomatch.cohort.workers import Listener, Warn
@@ -38,8 +33,8 @@ __all__ = ["read_groups", "series", "statistics"]
 Scale = Literal["keep", "remove"]
 Weights = Literal["area", "uniform"]
 Method = Literal["permutation", "parametric"]
-GROUP = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # in formulas
-SIZE = "size"  # in formulas, the logarithm of the centroid size
+GROUP = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # pattern of the group in a formula
+SIZE = "size"  # name of the logarithm of the centroid size in a formula
 
 
 def statistics(
@@ -64,18 +59,21 @@ def statistics(
     progress: Progress | None = None,
     warn: Warn | None = None,
 ) -> Results:
-    """Compute the mean, the modes of variation and the distances of shapes in one topology, and write them to a folder.
+    """Write the mean, modes of variation and distances of shapes in one topology to a folder.
 
     Parameters
     ----------
     folder : path_like
-        Folder of meshes with the same faces, or of a collection; or landmarks, see `isomatch.landmarks.read_specimens`.
+        Folder of meshes with the same faces, or of a collection; or landmarks, see
+        `isomatch.landmarks.read_specimens`.
     output : path_like
-        Folder for mean, modes, model.npz, scores, variances, distances, pictures, and files for other tools.
+        Folder for mean, modes, model.npz, scores, variances, distances, pictures, and files for
+        other tools.
     scale, weights, modes, groups, model, test, tangent, slide, wireframe, mirror, align, hide, pictures, seed, force
         As the options of ``isomatch statistics``.
     progress, warn : callable, optional
-        Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
+        Called with each step and the share that is done; and with shapes to look at first, which by
+        default are logged.
 
     Returns
     -------
@@ -103,44 +101,44 @@ def statistics(
             notes += note
         share = shapes.area_weights if weights == "area" else None
         shapes = shape_statistics.filled(shapes, share, scale)
-        missing = _missing(shapes)
+        missing = _missing_shares(shapes)
         if (hide or align == "structure") and (mirror is not None or not shapes.structures):
             use = "subjects of several surfaces, without --mirror"
             raise InputError(f"--hide and --align structure are for {use}")
         hidden = shape_statistics.hidden_structures(shapes, hide.split(","), weights, scale) if hide else []
         poses = shape_statistics.aligned_structures(shapes, weights, scale) if shapes.structures else None
         shapes = poses.shapes if poses and align == "structure" else shapes
-        lack = f"of the {shapes.points} were not measured, and count as the mean of the others"
-        notes += [f"{name}: {lacks:.1%} {lack}" for name, lacks in missing.items()]
+        reason = f"of the {shapes.points} were not measured, and count as the mean of the others"
+        notes += [f"{name}: {lacking:.1%} {reason}" for name, lacking in missing.items()]
         modelled = ShapeModel.fit(shapes, scale, weights, tangent=tangent)
         if groups and not labels and not model:
             raise InputError(f"{groups}: no shape has a group; write the group of each in the column group")
         groups_of = [labels.get(name, "") for name in modelled.names] if labels else None
-        tested, of_groups = _tested(modelled, shapes, labels, test, seed) if labels else (None, None)
-        own = shapes if mirror is None else _first_half(shapes)
-        sizes = shape_statistics.centroid_sizes(own.vertices, share)
-        allometry, why_not = _allometry(own, sizes, share, seed, tangent)
+        group_test, of_groups = _test_groups(modelled, shapes, labels, test, seed) if labels else (None, None)
+        specimens = shapes if mirror is None else _without_images(shapes)
+        sizes = shape_statistics.centroid_sizes(specimens.vertices, share)
+        allometry, why_not = _allometry(specimens, sizes, share, seed, tangent)
         notes += why_not
-        unlabelled = [name for name in own.names if labels and name not in labels]
-        if unlabelled:
+        if unlabelled := [name for name in specimens.names if labels and name not in labels]:
             notes.append(noted(f"without a group: {', '.join(unlabelled)}"))
-        fit = partial(_linear, modelled, study=study, log_sizes=np.log(sizes), seed=seed, notes=notes)
+        fit = partial(_fit_linear, modelled, study=study, log_sizes=np.log(sizes), seed=seed, notes=notes)
         by_group = fit("factor(group)") if labels else None
-        linear, classes = fit(model) if model else by_group, _classified(modelled, labels, notes)
+        linear, classes = fit(model) if model else by_group, _classify(modelled, labels, notes)
         done, geodesic = iter(range(len(shapes))), None
+
+        def tell_distances(name: str) -> None:
+            to.tell(f"distances of {name}", 0.3 + 0.3 * next(done) / len(shapes))
+
         if len(shapes.faces):
-            geodesic = shape_statistics.geodesic_distortions(
-                shapes,
-                progress=lambda name: to.tell(f"distances of {name}", 0.3 + 0.3 * next(done) / len(shapes)),
-            )
+            geodesic = shape_statistics.geodesic_distortions(shapes, progress=tell_distances)
         procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
         to.tell("writing", 0.6)
         new.model(modelled, shapes, modes, groups_of)
-        new.sizes(own, sizes, allometry, groups_of and groups_of[: len(own)])
+        new.sizes(specimens, sizes, allometry, groups_of and groups_of[: len(specimens)])
         new.quality(modelled, seed)
         structures = new.structures(modelled, poses, hidden) if poses else []
-        if tested:
-            new.groups(shapes, modelled, tested)
+        if group_test:
+            new.groups(shapes, modelled, group_test)
         sections = new.linear(linear, classes, [n for n in modelled.names if n in labels], labels)
         new.distances(shapes, geodesic, procrustes, groups_of)
         if study.slid:
@@ -164,8 +162,8 @@ def statistics(
             "n_modes": modelled.n_modes,
             "total_variance": float(modelled.variances.sum()),
             "shares": modelled.variance_ratios.tolist(),
-            "allometry": _of_test(allometry) if allometry else None,
-            "groups": of_groups and {**of_groups, **_of_test(by_group)},
+            "allometry": _numbers_of(allometry) if allometry else None,
+            "groups": of_groups and {**of_groups, **_numbers_of(by_group)},
             "model": model,
             "terms": [row._asdict() for row in linear.rows] if linear else [],
             "pairs": [pair._asdict() for pair in linear.pairs] if linear else [],
@@ -173,75 +171,76 @@ def statistics(
             "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in study.doubts],
             "notes": notes,
         }
-        told = _told_of(record)
-        new.model_page(into.folder.resolve().name, modelled, {**record, "modes": modes}, told, sections)
+        sentences = _sentences(record)
+        new.model_page(into.folder.resolve().name, modelled, {**record, "modes": modes}, sentences, sections)
         new.finish(record)
         to.tell("done", 1.0)
-    return Results(into.folder, into.written, record, told, model=modelled)
+    return Results(into.folder, into.written, record, sentences, model=modelled)
 
 
 def _mirrored(
     shapes: CorrespondedShapes, mirror: str, scale: Scale, weights: Weights, seed: int
 ) -> tuple[CorrespondedShapes, list[str]]:
-    """Add the mirror images by a left–right map, found or read; note of which shape it is, if not of the mean."""
+    """Add mirror images by a left–right map; a note names the shape it is of, if not the mean."""
     is_mesh = len(shapes.faces) > 0
-    if not is_mesh and mirror == "auto":
-        raise InputError(
-            "--mirror auto is for meshes; of landmarks, give a table of pairs of left and right ones"
-        )
     if mirror != "auto":
-        pairs = [] if is_mesh else read_landmark_pairs(Path(mirror), shapes.marks)
         n = shapes.n_vertices
-        of_pairs = shape_statistics.left_right_of_pairs
-        given = Correspondence.load(Path(mirror), n) if is_mesh else of_pairs(n, pairs)
+        if is_mesh:
+            given = Correspondence.load(Path(mirror), n)
+        else:
+            pairs = read_landmark_pairs(Path(mirror), shapes.marks)
+            given = shape_statistics.left_right_of_pairs(n, pairs)
         return shapes.mirrored([given] * len(shapes)), []
+    if not is_mesh:
+        remedy = "of landmarks, give a table of pairs of left and right ones"
+        raise InputError(f"--mirror auto is for meshes; {remedy}")
     mean = ShapeModel.fit(shapes, scale, weights).mesh()
     left_right, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
     note = f"left and right are told by {of}, since the left–right map of the mean is not certain"
     return shapes.mirrored([left_right] * len(shapes)), [note] if of else []
 
 
-def _tested(
+def _test_groups(
     model: ShapeModel, shapes: CorrespondedShapes, labels: dict[str, str], method: Method, seed: int
 ) -> tuple[shape_statistics.GroupTest | None, dict[str, Any]]:
-    """Test where groups differ, if there are not more than two; with plain values about it."""
+    """Test where two groups differ; with plain values about the groups, also if there are more."""
     rows = [i for i, name in enumerate(model.names) if name in labels]
-    listed = [labels[model.names[i]] for i in rows]
-    names, counts = np.unique(listed, return_counts=True)
+    groups = [labels[model.names[i]] for i in rows]
+    names, counts = np.unique(groups, return_counts=True)
     about = {"names": names.tolist(), "counts": counts.tolist(), "test": method}
     if len(names) > 2:
         return None, about
     measured = None if shapes.measured is None else shapes.measured[rows]
     how: dict[str, Any] = {"method": method, "seed": seed, "measured": measured}
-    test = shape_statistics.group_test(model.aligned[rows], listed, **how)
+    test = shape_statistics.group_test(model.aligned[rows], groups, **how)
     share = float(model.weights[test.significant()].sum())
     least = {"least_p_value": float(test.p_values.min()), "least_q_value": float(test.q_values.min())}
     return test, {**about, "significant_share_of_area": share, **least}
 
 
-def _linear(
+def _fit_linear(
     model: ShapeModel, formula: str, study: Study, log_sizes: FloatArray, seed: int, notes: list[str]
 ) -> shape_statistics.ShapeAnova:
     """Test the terms of a model in the shapes that have all values."""
     names = model.names[: len(log_sizes)]  # without mirror images
-    cells = {name: {SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())}
-    columns = {column: "" for own in cells.values() for column in own if column != "name"}
-    # the group is a factor, whatever its names, and whatever its capitals in the table
+    cells = [{SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())]
+    columns = dict.fromkeys(column for own in cells for column in own if column != "name")
+    # the group is a factor, even if its names are numbers, in capitals or not
     formula = re.sub(GROUP, "factor(group)", formula, flags=re.IGNORECASE)
     used = {word.strip() for word in re.split(r"[+*:()~]", formula)} & {*columns}
-    known = [all(str(own.get(c, "")).lower() not in NO_TEXT for c in used) for own in cells.values()]
-    full = [i for i, is_known in enumerate(known) if is_known]
-    if without := [name for i, name in enumerate(names) if i not in {*full}]:
+    lacks = [any(str(own.get(column, "")).lower() in NO_TEXT for column in used) for own in cells]
+    if without := [*compress(names, lacks)]:
         notes.append(f"not in the model {formula!r}, as a value is missing: {', '.join(without)}")
-    table = {column: [cells[names[i]].get(column, "") for i in full] for column in columns}
+    full = [i for i, is_missing in enumerate(lacks) if not is_missing]
+    table = {column: [cells[i].get(column, "") for i in full] for column in columns}
     design = ShapeDesign.of(formula, table)
     return shape_statistics.shape_anova(model.aligned[full], design, model.weights, seed=seed)
 
 
-def _classified(
+def _classify(
     model: ShapeModel, labels: dict[str, str], notes: list[str]
 ) -> shape_statistics.Classification | None:
-    """Classify the shapes that have a group, if there are modes, and what computes it is installed."""
+    """Classify the shapes that have a group, if there are modes, and scikit-learn is installed."""
     rows = [i for i, name in enumerate(model.names) if name in labels]
     if len(rows) < 3 or not model.n_modes:
         return None
@@ -252,7 +251,7 @@ def _classified(
         return None
 
 
-def _first_half(shapes: CorrespondedShapes) -> CorrespondedShapes:
+def _without_images(shapes: CorrespondedShapes) -> CorrespondedShapes:
     """Return shapes without their mirror images, which are no further specimens."""
     m = len(shapes) // 2
     measured = None if shapes.measured is None else shapes.measured[:m]
@@ -262,37 +261,35 @@ def _first_half(shapes: CorrespondedShapes) -> CorrespondedShapes:
 def _allometry(
     shapes: CorrespondedShapes, sizes: FloatArray, weights: FloatArray | None, seed: int, tangent: bool
 ) -> tuple[shape_statistics.ShapeRegression | None, list[str]]:
-    """Regress shape, without size, on the logarithm of size; or say why not."""
+    """Regress shape, without size, on the logarithm of size; or tell why not."""
+    how: dict[str, Any] = {"scale": "remove", "tangent": tangent}
     try:
-        onto_mean = shape_statistics.generalised_procrustes(
-            shapes.vertices, weights, "remove", tangent=tangent
-        )
-        aligned = onto_mean.aligned
+        aligned = shape_statistics.generalised_procrustes(shapes.vertices, weights, **how).aligned
         return shape_statistics.shape_regression(aligned, np.log(sizes), weights, seed=seed), []
     except IsomatchError as error:
         return None, [f"shape was not regressed on size: {error}"]
 
 
-def _of_test(test: shape_statistics.ShapeRegression | shape_statistics.ShapeAnova | None) -> dict[str, Any]:
+def _numbers_of(
+    test: shape_statistics.ShapeRegression | shape_statistics.ShapeAnova | None,
+) -> dict[str, Any]:
     whole = test.rows[0] if isinstance(test, shape_statistics.ShapeAnova) else test
-    drawn = {name: getattr(test, name) for name in ("n_permutations", "seed")}
-    return {name: getattr(whole, name) for name in ("r_squared", "p_value")} | drawn
+    settings = {name: getattr(test, name) for name in ("n_permutations", "seed")}
+    return {name: getattr(whole, name) for name in ("r_squared", "p_value")} | settings
 
 
-def _missing(shapes: CorrespondedShapes) -> dict[str, float]:
-    """Share of the vertices that each shape lacks, of those that lack any."""
-    if shapes.measured is None:
-        return {}
-    lacks = (~shapes.measured).mean(axis=1).tolist()
-    return {name: share for name, share in zip(shapes.names, lacks) if share}
+def _missing_shares(shapes: CorrespondedShapes) -> dict[str, float]:
+    """Share of the vertices that each incomplete shape lacks."""
+    shares = (~shapes.seen).mean(axis=1).tolist()
+    return {name: share for name, share in zip(shapes.names, shares) if share}
 
 
-def _told(test: dict[str, Any]) -> str:
-    drawn = f"{test['n_permutations']} permutations, seed {test['seed']}"
-    return f"{test['r_squared']:.1%} of the variance of shape, p = {test['p_value']:.4g} ({drawn})"
+def _test_in_words(test: dict[str, Any]) -> str:
+    settings = f"{test['n_permutations']} permutations, seed {test['seed']}"
+    return f"{test['r_squared']:.1%} of the variance of shape, p = {test['p_value']:.4g} ({settings})"
 
 
-def _told_of(record: dict[str, Any]) -> list[str]:
+def _sentences(record: dict[str, Any]) -> list[str]:
     lines = list[str]()
     for own in record["structures"]:
         line = f"{own['structure']} has {own['share']:.1%} of the variance; of its own {own['pose_share']:.1%} is pose"
@@ -306,17 +303,16 @@ def _told_of(record: dict[str, Any]) -> list[str]:
             none = f"do not differ significantly at any {'vertex' if is_mesh else 'landmark'}"
             differ = f"differ on {share:.1%} of the {'area' if is_mesh else 'landmarks'}" if share else none
             lines.append(f"{first} and {second} {differ}, at a false discovery rate of 5 %")
-        lines.append(f"the groups describe {_told(tested)}")
+        lines.append(f"the groups describe {_test_in_words(tested)}")
     for row in record["terms"][:-2] if record["model"] else []:
         value = f"F = {row['f']:.4g} on {row['degrees']}, Z = {row['z']:.3g}, p = {row['p_value']:.4g}"
         lines.append(f"{row['term']} describes {row['r_squared']:.1%} of the variance of shape, {value}")
     if record["classified"]:
         share, n_modes = record["classified"]["share_right"], record["classified"]["n_modes"]
-        lines.append(
-            f"{share:.0%} of the shapes are in the group that the others predict, by {n_modes} modes"
-        )
+        where = f"in the group that the others predict, by {n_modes} modes"
+        lines.append(f"{share:.0%} of the shapes are {where}")
     if record["allometry"]:
-        lines.append(f"size describes {_told(record['allometry'])}")
+        lines.append(f"size describes {_test_in_words(record['allometry'])}")
     return [*lines, *(f"note: {note}" for note in record["notes"])]
 
 
@@ -330,18 +326,20 @@ def series(
     progress: Progress | None = None,
     warn: Warn | None = None,
 ) -> Results:
-    """Tell how a series of shapes in one topology moves: area, volume, thickness and strain over time, by region.
+    """Measure how a series of shapes moves: area, volume, thickness and strain, by region.
 
     Parameters
     ----------
     folder : path_like
         Folder of meshes with the same faces, frame2 before frame10; or of a collection.
     output : path_like
-        Folder for time.csv, time.png, and strain/NAME.vtp, each shape with the measures of its faces.
+        Folder for time.csv, time.png, and strain/NAME.vtp, each shape with the measures of its
+        faces.
     regions, reference, force
         As the options of ``isomatch statistics time``.
     progress, warn : callable, optional
-        Called with each step and the share that is done; and with shapes that are left out, which by default are logged.
+        Called with each step and the share that is done; and with shapes that are left out, which
+        by default are logged.
 
     Returns
     -------
@@ -364,9 +362,8 @@ def series(
         names = [name for name in order if name in meshes]
         notes = [f"left out: {reason}" for reason in shapes.left_out]
         notes += [f"missing: {name}; see shapes.csv" for name in order if name not in meshes]
-        notes += told_doubts(
-            doubt for doubt in shape_statistics.doubtful_shapes(shapes) if doubt.kind == "units"
-        )
+        doubts = shape_statistics.doubtful_shapes(shapes)
+        notes += told_doubts(doubt for doubt in doubts if doubt.kind == "units")
         for note in notes:
             to.warn(note)
         if len(names) < 2:
@@ -390,14 +387,14 @@ def series(
         about = {"isomatch": VERSION, "folder": str(folder), "reference": first}
         record = {**about, "shapes": names, "notes": notes}
         new.finish(record)
-    told = f"{len(names)} shapes of {shapes.n_vertices:,} vertices; strain is relative to {first}"
-    return Results(into.folder, into.written, record, [told])
+    sentence = f"{len(names)} shapes of {shapes.n_vertices:,} vertices; strain is relative to {first}"
+    return Results(into.folder, into.written, record, [sentence])
 
 
 def _labels(path: Path, mesh: Mesh) -> list[str]:
     """Read the name of the region of each vertex, "" for none."""
     found = read_attributes(path, Asset.of_mesh(mesh)) if holds_values(path) else read_asset(path).attributes
-    labels = [at for at in found if at.domain == "point" and at.name != MEASURED and at.seems_labels]
+    labels = [x for x in found if x.domain == "point" and x.name != MEASURED and x.seems_labels]
     if len(labels) != 1 or len(labels[0]) != mesh.n_vertices:
         raise InputError(f"{path}: give one label for each of the {mesh.n_vertices} vertices, and no others")
     codes = np.nan_to_num(labels[0].plain, nan=-1).astype(int).tolist()

@@ -47,7 +47,7 @@ GEODESIC = "difference of geodesic distances, in √area"
 
 @dataclass(frozen=True)
 class StatisticsFolder:
-    """The folder for the statistics of shapes; ``written`` collects the names of its files, which ``last`` lists."""
+    """The folder for statistics of shapes; ``written`` collects its files, ``last`` lists them."""
 
     folder: Path
     pictures: shape_statistics.PictureFormat = "png"
@@ -56,7 +56,7 @@ class StatisticsFolder:
 
     @contextmanager
     def claimed(self, force: bool) -> Iterator[StatisticsFolder]:
-        """Create and claim the folder; give one whose files replace those of an earlier result when all are written."""
+        """Claim a folder, whose files replace those of an earlier result when all are written."""
         record = self.folder / self.last
         with (
             made_folder(self.folder),
@@ -84,7 +84,7 @@ class StatisticsFolder:
     def mesh(
         self, name: str, mesh: Mesh, values: Mapping[str, FloatArray], shown: FloatArray, highest: float = 0.0
     ) -> None:
-        """Write a mesh with values at its vertices, one of which gives the colours, from 0 or on both sides of it."""
+        """Write a mesh with values at its vertices; one colours it, from 0 or on both sides."""
         high = highest or float(np.nanquantile(np.abs(shown), 0.995)) or 1.0
         name_of, low = ("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)
         paint = visualization.colour_scale(name_of, low, high)
@@ -126,7 +126,7 @@ class StatisticsFolder:
         self.values("variance", shapes, model.mean, values, deviations, label)
 
     def shapes(self, file: str, like: CorrespondedShapes, shown: Mapping[str, FloatArray]) -> None:
-        """Write shapes (n, d) by their names: a mesh for each, or one table of landmarks, as `read_specimens` reads."""
+        """Write shapes (n, d) by name: meshes, or a table of landmarks for `read_specimens`."""
         if len(like.faces):
             for name, vertices in shown.items():
                 write_mesh(self.path(f"{name}.ply"), like.mesh(0).moved(vertices), binary=True)
@@ -145,7 +145,7 @@ class StatisticsFolder:
         label: str,
         highest: float = 0.0,
     ) -> None:
-        """Write values at the vertices of a mesh, or at landmarks, and draw one of them, which may be nan."""
+        """Write values at vertices or landmarks, and draw one of them, which may be nan."""
         if len(like.faces):
             mesh = like.mesh(0).moved(at)
             self.mesh(f"{file}.ply", mesh, values, shown, highest)
@@ -193,7 +193,7 @@ class StatisticsFolder:
     def structures(
         self, model: ShapeModel, poses: shape_statistics.StructurePoses, hidden: list[dict[str, Any]]
     ) -> list[dict[str, Any]]:
-        """Write the shares, poses and errors of the structures of subjects; return a line for each structure."""
+        """Write shares, poses and errors of the structures of subjects; return a line for each."""
         lines = []
         for (name, shares), pose_share in zip(model.structure_shares.items(), poses.shares.tolist()):
             share = float(shares @ model.variance_ratios)
@@ -214,7 +214,7 @@ class StatisticsFolder:
     def distances(
         self, shapes: CorrespondedShapes, geodesic: FloatArray | None, procrustes: FloatArray, groups: Groups
     ) -> None:
-        """Write the distances between shapes, their tree and their places: geodesic ones if there are any."""
+        """Write distances between shapes, their tree and places: geodesic ones if there are any."""
         for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
             if distances is not None:
                 self.table(name, name=shapes.names, **dict(zip(shapes.names, distances.T.tolist())))
@@ -234,7 +234,7 @@ class StatisticsFolder:
         classified: Sequence[str],
         labels: Mapping[str, str],
     ) -> dict[str, str]:
-        """Write the tests of a model and the classification of shapes; return sections of the page."""
+        """Write the tests of a model and classes of shapes; return sections of the page."""
         sections = {}
         tables = (("anova", "The terms of the model", "rows"), ("pairs", "Groups in pairs", "pairs"))
         for file, title, field_of in tables if anova else ():
@@ -271,7 +271,7 @@ class StatisticsFolder:
     def scored(
         self, model: ShapeModel, scored: Mapping[str, ScoredShape], lines: Sequence[Mapping[str, Any]]
     ) -> None:
-        """Write how shapes that are no part of the model differ from it, a line for each, and where."""
+        """Write how, and where, shapes that are no part of the model differ from it."""
         columns = {column: [line[column] for line in lines] for column in lines[0]} if lines else {}
         columns |= _by_mode(np.array([each.scores for each in scored.values()]))
         self.table("scored.csv", **columns)
@@ -283,7 +283,7 @@ class StatisticsFolder:
             self.mesh(f"scored/{name}.ply", model.mesh().moved(each.aligned), values, errors[name], highest)
 
     def exports(self, shapes: CorrespondedShapes, model: ShapeModel) -> list[str]:
-        """Write aligned meshes and the files of ShapeWorks and Scalismo; return what could not be written, and why."""
+        """Write aligned meshes, files of ShapeWorks and Scalismo; return what failed, and why."""
         aligned = model.aligned
         inside = "aligned/" if len(shapes.faces) else ""
         self.shapes("aligned", shapes, {inside + name: each for name, each in zip(model.names, aligned)})

@@ -1,4 +1,4 @@
-"""What a study of shapes is made of: meshes or landmarks, a table of their subjects, and what is doubtful in them."""
+"""The input of a study of shapes: meshes or landmarks, a table of subjects, and doubts."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from isomatch.io import FORMATS, meshes_among
 from isomatch.landmarks import Curve, is_of_landmarks, read_landmark_pairs, read_specimens
 
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
-Table = dict[str, dict[str, str]]  # cells of each shape, by their columns; those without a value are empty
+Table = dict[str, dict[str, str]]  # cells of each shape by column; empty where there is no value
 
 
 class Study(NamedTuple):
-    """Shapes of a source, what a table says of them, doubts, and notes."""
+    """Shapes of a source, the table of their subjects, doubts, and notes."""
 
     shapes: CorrespondedShapes
     table: Table
@@ -40,12 +40,12 @@ class Study(NamedTuple):
 
 
 def is_landmark_study(source: Path) -> bool:
-    """Tell whether shapes of a source are landmarks: a file of these, or a folder of such files without meshes."""
+    """Tell whether a source has landmarks: a file, or a folder of such files without meshes."""
     if not source.is_dir():
-        return source.suffix.lower() not in FORMATS and is_of_landmarks(source)
-    has_meshes = (
-        (source / CORRESPONDED).is_dir() or Layout(source).plan.exists() or meshes_among(source.iterdir())
-    )
+        has_meshes = source.suffix.lower() in FORMATS
+    else:
+        is_collection = (source / CORRESPONDED).is_dir() or Layout(source).plan.exists()
+        has_meshes = is_collection or bool(meshes_among(source.iterdir()))
     return not has_meshes and is_of_landmarks(source)
 
 
@@ -57,13 +57,14 @@ def read_study(
     wireframe: Path | None = None,
     slide: Criterion | None = None,
 ) -> Study:
-    """Read the shapes of a folder of meshes or of a collection, one mesh, or landmarks, with a table of subjects.
+    """Read one mesh, a folder of meshes or of a collection, or landmarks, with a table of subjects.
 
-    The table has the given columns. Only landmarks slide, along their curves and patch, and have a wireframe.
+    The table has the given columns. Only landmarks slide, along curves and patch, and have a
+    wireframe.
     """
     slid = list[Slid]()
     if is_landmark_study(source):
-        shapes, slid = _landmarks(source, wireframe, slide)
+        shapes, slid = _read_landmarks(source, wireframe, slide)
     elif (slide or wireframe) and source.exists():
         raise InputError(f"{source}: has meshes; --slide and --wireframe are for files of landmarks")
     else:
@@ -72,16 +73,18 @@ def read_study(
     cells = read_shape_cells(table, shapes.names, shapes.left_out, columns) if table else {}
     doubts = shape_statistics.doubtful_shapes(shapes)
     notes = [noted(f"left out: {reason}") for reason in shapes.left_out]
-    for own in (source / structure for structure in shapes.structures or ("",)):
-        told = _doubts(own / "pairs.csv", shapes.names) + _reflected(own / "shapes.csv", shapes.names)
-        notes += [f"{own.name}: {note}" if shapes.structures else note for note in told]
+    for folder in (source / structure for structure in shapes.structures or ("",)):
+        of_maps = _doubts(folder / "pairs.csv", shapes.names) + _reflected(
+            folder / "shapes.csv", shapes.names
+        )
+        notes += [f"{folder.name}: {note}" if shapes.structures else note for note in of_maps]
     return Study(shapes, cells, list(doubts), notes, slid)
 
 
-def _landmarks(
+def _read_landmarks(
     source: Path, wireframe: Path | None, slide: Criterion | None
 ) -> tuple[CorrespondedShapes, list[Slid]]:
-    """Read landmarks as shapes, slide semilandmarks, and join those that the wireframe names."""
+    """Read landmarks as shapes, slide semilandmarks, and join landmarks by the wireframe."""
     specimens, slid = read_specimens(source), list[Slid]()
     first = next(iter(specimens.values()))
     if slide:
@@ -104,11 +107,9 @@ def told_doubts(doubts: Iterable[Doubt]) -> list[str]:
 
 
 def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
-    """Say which shapes of a collection rest on a map that may be wrong."""
-    if not pairs.is_file():
-        return []
+    """List the shapes of a collection whose maps may all be wrong."""
     outcomes: dict[str, set[str]] = {name: set() for name in names}
-    for row in read_table(pairs).records():
+    for row in read_table(pairs).records() if pairs.is_file() else ():
         for end in ("source", "target"):
             outcomes.get(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
     doubtful = {name: ", ".join(sorted(own)) for name, own in outcomes.items() if own and not own & TRUSTED}
@@ -116,10 +117,10 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
 
 
 def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
-    """Say which shapes of a collection are mirror images of those in their files."""
+    """Tell which shapes of a collection are mirror images of the surfaces in their files."""
     lines = read_table(table).records() if table.is_file() else []
-    turned = [name for line in lines if line.get("reflected") and (name := line.get("name")) in names]
-    return [f"mirror images of the surfaces in their files: {', '.join(turned)}"] if turned else []
+    named = ", ".join(line["name"] for line in lines if line.get("reflected") and line.get("name") in names)
+    return [f"mirror images of the surfaces in their files: {named}"] if named else []
 
 
 def read_groups(path: Path, names: Iterable[str], left_out: Sequence[str] = ()) -> dict[str, str]:
@@ -131,9 +132,9 @@ def read_groups(path: Path, names: Iterable[str], left_out: Sequence[str] = ()) 
 def read_shape_cells(
     path: Path, names: Iterable[str], left_out: Sequence[str] = (), columns: Sequence[str] = ("group",)
 ) -> Table:
-    """Read what a table, as spreadsheets write them, says of shapes: cells by column, empty where there is no value."""
-    # The columns name and those asked for, among others, or name and group without a header; names may be those of files,
-    # or those that R gives to rows. Rows of shapes that were left out, with reasons, are passed over.
+    """Read a table of shapes, as spreadsheets write it: cells by column."""
+    # It has a column name and the given ones, among others; or name and group without a header.
+    # Names may be file names, or the row names of R. Rows of shapes that were left out are skipped.
     names_of = {normalize("NFC", name): name for name in names}
     spared = [name for name in (*names_of, *names_of.values()) if name.startswith("#")]
     untitled = read_table(path, spared)
@@ -143,38 +144,31 @@ def read_shape_cells(
         lower[0] = "name"
     has_titles = {"name", *columns} <= {*lower}
     if not has_titles and columns != ("group",):
-        wanted = ",".join(["name", *columns])
-        raise FormatError(
-            f"{path}: has no columns {wanted} but {', '.join(lower)[:80]!r}; name them in the first line"
-        )
+        problem = f"has no columns {','.join(['name', *columns])} but {', '.join(lower)[:80]!r}"
+        raise FormatError(f"{path}: {problem}; name them in the first line")
     head, rows = (lower, titled) if has_titles else (["name", "group"], untitled)
     found: Table = {}
     for row in rows.filled:
         if len(row.cells) < len(head) or any(row.cells[len(head) :]):
-            rows.refuse(
-                row,
-                f"is not a shape and its {' and '.join(columns)}; write {','.join(head)}, or a header with these columns",
-            )
+            remedy = f"write {','.join(head)}, or a header with these columns"
+            rows.refuse(row, f"is not a shape and its {' and '.join(columns)}; {remedy}")
         cells = {column: "" if cell.lower() in NO_TEXT else cell for column, cell in zip(head, row.cells)}
         name, where = row.cells[head.index("name")], f"{path}:{row.line}"
         shape = names_of.get(normalize("NFC", name)) or names_of.get(normalize("NFC", _stem(name)))
         if shape is None:
-            if any(reason.startswith(f"{each}: ") for reason in left_out for each in (name, _stem(name))):
+            if any(reason.startswith((f"{name}: ", f"{_stem(name)}: ")) for reason in left_out):
                 continue
             raise FormatError(f"{where}: no shape is named {name!r}; shapes are named like their files")
         for column, cell in cells.items():
             if column != "name" and found.setdefault(shape, cells)[column] != cell:
-                told = f"{name!r} is in {column} {cell!r} and in {found[shape][column]!r}; give each shape one {column}"
-                raise FormatError(f"{where}: {told}")
+                problem = f"{name!r} is in {column} {cell!r} and in {found[shape][column]!r}"
+                raise FormatError(f"{where}: {problem}; give each shape one {column}")
     return found
 
 
 def _stem(name: str) -> str:
-    """Name of a shape from that of its file."""
+    """Return the name of a shape, given a file name."""
     last = name.replace("\\", "/").rpartition("/")[2]
     suffix = Path(last).suffix
-    return (
-        last.removesuffix(suffix)
-        if suffix.lower() in (*FORMATS, ".fcsv", ".json", ".pts", ".pp", ".tps")
-        else last
-    )
+    is_known = suffix.lower() in (*FORMATS, ".fcsv", ".json", ".pts", ".pp", ".tps")
+    return last.removesuffix(suffix) if is_known else last

@@ -1,4 +1,4 @@
-"""The page of a collection, its table of pairs, worst first, and the reports of those to look at."""
+"""The page of a collection, its table of pairs, worst first, and reports of those to look at."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from isomatch.cohort.map_file import as_matched
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.specimen_page import template_of, text_of
 from isomatch.cohort.unusual_shapes import Outlier, outliers
-from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
+from isomatch.cohort.workers import Task, Workers, workers_of
 from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.visualization import html_page, write_report
@@ -32,8 +32,8 @@ SHOWN = dict.fromkeys(("in doubt", "distortion_mean"), "{:.1%}") | {"coverage": 
 SHOWN |= {"spectral_residual": "{:.2f}", "runner_up": "{:.2f}", "seconds": "{:.1f}"}
 # where they say more than in pairs.csv
 HEADS = {"runner_up": "best alternative", "distortion_mean": "distortion"}
-MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a word
-MOST_SHOWN = 200  # pairs on the page
+MAX_TURNED_SHARE = 0.01  # share of faces that are turned over, which is not worth a word
+MAX_PAIRS = 200  # pairs on the page
 MEASURES = tuple(each.name for each in fields(Quality))
 COLUMNS = (
     *("source", "target", "state", "outcome", "outcome_back"),
@@ -42,13 +42,13 @@ COLUMNS = (
     *("source_hash", "target_hash", "key"),
 )
 LOCAL = "'self' file: data:"  # whence pictures come
-ALSO = 3  # the worst of the pairs that are not in doubt
+ALSO_SHOWN = 3  # the worst of the pairs that are not in doubt
 
 
 def write_page(
     collection: Collection, rows: Rows, template: str | None, lines: Mapping[str, SurfaceRow]
 ) -> None:
-    """Write ``index.html``, with links to the files of the folder; lines tell of the surfaces written, by name."""
+    """Write ``index.html`` with links to the files; lines tell of the surfaces written, by name."""
     layout = collection.layout
     pairs = worst_first(rows)
     outcomes = Counter(row.ending for _, row in pairs)
@@ -63,8 +63,8 @@ def write_page(
         landmarks=", with its landmarks" * has_landmarks,
         first=_first(outliers(collection, rows)),
         shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
-        count=f"{min(len(pairs), MOST_SHOWN)} of {len(pairs)}, worst first.",
-        pairs="".join(_shown(collection, *pair) for pair in pairs[:MOST_SHOWN]),
+        count=f"{min(len(pairs), MAX_PAIRS)} of {len(pairs)}, worst first.",
+        pairs="".join(_shown(collection, *pair) for pair in pairs[:MAX_PAIRS]),
         columns="".join(f"<th scope=col>{HEADS.get(name, name.replace('_', ' '))}</th>" for name in SHOWN),
     )
     page = html_page(title, body, style=text_of("cohort.css"), images=LOCAL)
@@ -83,7 +83,7 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, S
     problems = [each.error for each in (row, line) if each.error]
     if line.mirror_image:
         problems.append("seems to be a mirror image")
-    if float(line.turned or 0) > MOST_TURNED:
+    if float(line.turned or 0) > MAX_TURNED_SHARE:
         problems.append(f"{float(line.turned):.1%} of the faces are turned over")
     if int(line.extended or 0):
         problems.append(f"{line.extended} template vertices have no counterpart here and were interpolated")
@@ -98,7 +98,7 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, S
 
 
 def _shown(collection: Collection, pair: Pair, row: PairRow) -> str:
-    """Show one pair: names, outcome, measures, and links to its report and maps, as far as they exist."""
+    """Show one pair: names, outcome, measures, and links to its report and maps if they exist."""
     layout = collection.layout
     measures = {**row.there.measures, "seconds": row.seconds, "in doubt": row.there.doubtful_area}
     numbers = {name: measures.get(name) for name in SHOWN}
@@ -131,7 +131,7 @@ def worst_first(rows: Rows) -> list[tuple[Pair, PairRow]]:
 
 
 def write_table(rows: Rows, path: Path) -> None:
-    """Write a line for each pair as CSV, and beside it as Parquet if the package pyarrow is installed."""
+    """Write a line for each pair as CSV, and as Parquet if the package pyarrow is installed."""
     lines = [_line(*item) for item in worst_first(rows)]
     write_csv(path, lines, COLUMNS)
     try:
@@ -163,7 +163,7 @@ def write_reports(
     jobs: int | None = None,
     time_limit: float | None = None,
 ) -> Iterator[tuple[Pair, str]]:
-    """Write the reports of pairs that have none of their present map; yield each with the error, or an empty text.
+    """Write the reports of pairs without one of their present map; yield each with any error.
 
     Of the pairs, these are so many of the worst; the "doubtful" ones on the page, which are not ``CONVERGED``, with the
     three next; or "all". Other arguments are those of `Collection.run`.
@@ -178,10 +178,10 @@ def write_reports(
     folder = collection.layout.folder / "reports"
     with writing(folder):
         folder.mkdir(exist_ok=True)
-    tasks = [Task((each,), partial(attempted, partial(_written, collection.of(each[0])))) for each in due]
+    tasks = [Task((item,), partial(_written, collection.of(item[0]))) for item in due]
     with workers_of(executor, jobs, time_limit) as workers:
         for (pair, _), attempt in workers.completed(tasks):
-            yield pair, attempt.error if isinstance(attempt, Attempt) else str(attempt)
+            yield pair, attempt.error
 
 
 def has_report(layout: Layout, pair: Pair, row: PairRow) -> bool:
@@ -194,7 +194,7 @@ def _chosen(matched: list[tuple[Pair, PairRow]], which: int | str) -> list[tuple
     """Choose from matched pairs, worst first."""
     if which == "doubtful":
         doubtful = sum(row.there.outcome is not Outcome.CONVERGED for _, row in matched)
-        which = min(doubtful + ALSO, MOST_SHOWN)
+        which = min(doubtful + ALSO_SHOWN, MAX_PAIRS)
     return matched[: None if which == "all" else int(which)]
 
 

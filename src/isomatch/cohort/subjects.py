@@ -1,8 +1,7 @@
-"""Subjects of several surfaces: a collection for each structure, all of them as one shape, and where they touch."""
+"""Subjects of several surfaces: a collection for each structure, and their contacts."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Collection as Names
 from contextlib import suppress
@@ -33,18 +32,18 @@ from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected
 
 Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
-SURE = (Outcome.CONVERGED, Outcome.PARTIAL)  # maps that tell sides
-TOUCHING = 0.1  # √area of the smaller of two structures: points nearer to the other touch it
-LEAST_TOUCHING = 0.2  # share of the area of the smaller one that has to touch the other
-LEAST_HELD = 0.6  # the same, for points to be kept together: sheets have more, joints that slide less
-REACH = 0.1  # √area: how far beyond the contact points are still moved
-ROUNDS = 4  # the slip of knee cartilage hardly falls in further ones
-SLIPPED = 0.5  # √area of a vertex: a point that still slips by more has no counterpart
-MOST_WITHOUT = 0.5  # share of the points that touch: with more, a structure stays as it was matched
+SURE_OUTCOMES = (Outcome.CONVERGED, Outcome.PARTIAL)  # outcomes of maps that tell left from right
+CONTACT_DISTANCE = 0.1  # √area of the smaller of two structures: nearer points touch the other
+MIN_CONTACT_AREA = 0.2  # share of the area of the smaller structure that must touch the other
+MIN_SHEET_AREA = 0.6  # share from which it follows the other; sheets have more, sliding joints less
+MOVEMENT_REACH = 0.1  # √area: distance beyond the contact at which points are still moved
+N_ROUNDS = 4  # further rounds hardly reduce the slip of knee cartilage
+MAX_SLIP = 0.5  # √area of a vertex: a point that still slips by more has no counterpart
+MAX_WITHOUT = 0.5  # share of touching points without counterpart, above which nothing is moved
 
 
 def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
-    """List the files of subjects by structure, see `run`; none of what is one surface each."""
+    """List the files of subjects by structure, see `run`; empty for shapes of one surface."""
     path = Path(source)
     listed = list[tuple[str, str, Path]]()
     columns = ("subject", "structure", "file")
@@ -54,31 +53,29 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
             rows = table.records(columns, (), "give these columns")
             listed = [(row["subject"], row["structure"], path.parent / row["file"]) for row in rows]
     elif path.is_dir() and not meshes_among(path.iterdir()):
-        folders = [each for each in path.iterdir() if each.is_dir() and not each.name.startswith(".")]
-        found_in = {each: meshes_among(each.iterdir()) for each in folders}
-        listed = [(each.name, file.stem, file) for each, files in found_in.items() for file in files]
-        if empty := sorted(each.name for each, files in found_in.items() if listed and not files):
+        folders = [folder for folder in path.iterdir() if folder.is_dir() and folder.name[0] != "."]
+        found_in = {folder.name: meshes_among(folder.iterdir()) for folder in folders}
+        listed = [(subject, file.stem, file) for subject, files in found_in.items() for file in files]
+        if empty := sorted(subject for subject, files in found_in.items() if listed and not files):
             tell_skipped(f"{path}: {', '.join(empty)} left out, with no surface that can be read")
     found: dict[str, dict[str, Path]] = {}
     for subject, structure, file in sorted(listed, key=lambda row: [*map(natural_order, row[1::-1])]):
-        own = found.setdefault(legible(structure), {})
-        if legible(subject) in own:
+        files = found.setdefault(legible(structure), {})
+        if legible(subject) in files:
             raise InputError(f"{source}: {subject} has {structure} twice; keep one")
-        own[legible(subject)] = file.resolve()
-    require_names(found, "structure", source, "name it otherwise")
-    require_names(
-        {name for files in found.values() for name in files}, "subject", source, "name it otherwise"
-    )
-    for names in (found, {name: None for files in found.values() for name in files}):
-        alike = [name for name, n in Counter(map(_folded, names)).items() if n > 1]
-        if twice := [name for name in names if _folded(name) in alike]:
-            raise InputError(
-                f"{source}: {', '.join(twice)} differ in case or accents alone; name them alike, or otherwise"
-            )
-    # structures that few subjects have which lack one that most have: perhaps it is the same
-    usual = [each for each, files in found.items() if 2 * len(files) > len({row[0] for row in listed})]
+        files[legible(subject)] = file.resolve()
+    subjects = dict.fromkeys(subject for files in found.values() for subject in files)
+    for what, names in {"structure": [*found], "subject": [*subjects]}.items():
+        require_names(names, what, source, "name it otherwise")
+    for names in ([*found], [*subjects]):
+        folded = [normalize("NFC", name).casefold() for name in names]
+        if alike := [name for name, fold in zip(names, folded) if folded.count(fold) > 1]:
+            remedy = "name them alike, or otherwise"
+            raise InputError(f"{source}: {', '.join(alike)} differ in case or accents alone; {remedy}")
+    # a structure of few subjects, all of which lack a usual one, may be that one under another name
+    usual = [structure for structure, files in found.items() if 2 * len(files) > len(subjects)]
     for structure, files in found.items():
-        lacked = [other for other in usual if not set(found[other]) & set(files)]
+        lacked = [other for other in usual if found[other].keys().isdisjoint(files)]
         who = f"{source}: nothing is matched; {structure} of {', '.join(files)}"
         if structure in ("corresponded", "statistics"):  # folders beside those of structures
             raise InputError(f"{who} cannot have this name; rename it")
@@ -86,10 +83,6 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
             same = f"may be the same as {' or '.join(lacked)}" if lacked else "is in no other subject"
             raise InputError(f"{who} {same}; name structures alike, or take it out")
     return found
-
-
-def _folded(name: str) -> str:
-    return normalize("NFC", name).casefold()
 
 
 def subject_collections(
@@ -101,9 +94,9 @@ def subject_collections(
     units: Mapping[str, str] | None = None,
     **options: Any,
 ) -> dict[str, Collection]:
-    """Make a collection for each structure, or continue them; one that lies on a larger one is led by that.
+    """Make or continue a collection for each structure; one that lies on a larger one is led by it.
 
-    The template of the structure that most subjects have is that of all others, where they have it.
+    The template of the structure that most subjects have is that of the others where they have it.
     """
     names = {name for files in found.values() for name in files}
     named = [] if reflect in (None, "auto") else list(reflect or ())
@@ -113,12 +106,12 @@ def subject_collections(
     whole = template or max(in_order, key=lambda name: sum(name in files for files in found.values()))
     meshes = dict[str, Mesh]()
     for structure, files in found.items():
-        with suppress(IsomatchError, KeyError):  # its collection tells what is wrong with a file
+        with suppress(IsomatchError, KeyError):  # the collection tells what is wrong with a file
             meshes[structure] = mesh_from(files[whole])
-    below = beneath(meshes)  # larger ones first
+    leaders = leaders_of(meshes)  # larger structures first
     made = dict[str, Collection]()
-    free = sorted((each for each in found if each not in below), key=lambda each: -len(found[each]))
-    for structure in (*free, *below):
+    free = sorted((name for name in found if name not in leaders), key=lambda name: -len(found[name]))
+    for structure in (*free, *leaders):
         files = found[structure]
         made[structure] = Collection.create(
             Path(folder) / structure,
@@ -126,7 +119,7 @@ def subject_collections(
             template=template if template in files else None,
             reflect=reflect if reflect in (None, "auto") else [name for name in named if name in files],
             units=units and {name: unit for name, unit in units.items() if name in {OTHERS, *files}},
-            leader=made.get(below.get(structure, "")),
+            leader=made.get(leaders.get(structure, "")),
             beside=made.get(free[0]),
             **options,
         )
@@ -136,12 +129,13 @@ def subject_collections(
 def sides_of(
     collections: Mapping[str, Collection], mirrored: Names[str] = ()
 ) -> tuple[set[str], list[tuple[str, str]]]:
-    """Decide which subjects are reflected, each as a whole; also name structures, with subjects, that ask otherwise.
+    """Decide which subjects are reflected; also list structures and subjects that disagree.
 
-    ``mirrored`` are those whose layout fits the others better as its mirror image, see `subject_doubts`.
+    The layout of ``mirrored`` subjects fits the others better reflected, see `subject_doubts`.
     """
-    # Most votes decide: of the layout, and of each structure whose map is sure. What reflects no subject tells
-    # no sides, and has none. Of another template, or of most, a side may be the opposite one.
+    # The majority decides: the layout and each structure whose map is sure have a vote. A
+    # structure, or a layout, that reflects no subject does not tell sides, and has no vote. Sides
+    # are relative to a template, so those of a structure with another template may be opposite.
     all_rows = {name: own.rows() for name, own in collections.items()}
     templates = {name: own.chosen_template(all_rows[name]) or "" for name, own in collections.items()}
     turned = {name: set(all_rows[name].reflected(own.names)) for name, own in collections.items()}
@@ -149,31 +143,32 @@ def sides_of(
     for structure in others:
         names = set(collections[structure].names)
         shared = names & set(collections[first].names)
-        if templates[structure] != templates[first] and 2 * len(
-            (turned[structure] ^ turned[first]) & shared
-        ) > len(shared):
+        n_opposite = len((turned[structure] ^ turned[first]) & shared)
+        if templates[structure] != templates[first] and 2 * n_opposite > len(shared):
             turned[structure] = names - turned[structure]
     subjects = dict.fromkeys(name for own in collections.values() for name in own.names)
-    of_layout = set(subjects) - set(mirrored) if templates[first] in mirrored else set(mirrored)
+    by_layout = set(subjects) - set(mirrored) if templates[first] in mirrored else set(mirrored)
     reflected, against = set[str](), list[tuple[str, str]]()
     for subject in subjects:
         asked = {}
         for structure, rows in all_rows.items():
             pair = templates[structure], subject
-            is_sure = rows.is_current(pair) and all(each.outcome in SURE for each in rows.pairs[pair].sides)
+            is_sure = rows.is_current(pair) and all(
+                x.outcome in SURE_OUTCOMES for x in rows.pairs[pair].sides
+            )
             if turned[structure] and (is_sure or subject == pair[0]):
                 asked[structure] = subject in turned[structure]
-        votes = [*asked.values(), *([subject in of_layout] if of_layout else [])]
-        is_turned = sum(votes) * 2 >= len(votes) > 0
-        reflected |= {subject} if is_turned else set()
-        against += [(structure, subject) for structure, ask in asked.items() if ask != is_turned]
+        votes = [*asked.values(), *([subject in by_layout] if by_layout else [])]
+        is_reflected = sum(votes) * 2 >= len(votes) > 0
+        reflected |= {subject} if is_reflected else set()
+        against += [(structure, subject) for structure, vote in asked.items() if vote != is_reflected]
     return reflected, against
 
 
 def finish_subjects(
     folder: str | Path, collections: Mapping[str, Collection], *, keep_contacts: bool = True
 ) -> list[Gap]:
-    """Write each subject as one surface, see `stacked` and `contacts_kept`, to ``corresponded``, with tables."""
+    """Write each subject as one surface to ``corresponded``, and the gaps to ``contacts.csv``."""
     parts = {}
     for name, own in collections.items():
         if written := surfaces_written(own):
@@ -181,9 +176,8 @@ def finish_subjects(
     if not parts:
         raise InputError(f"{folder}: no structure is in one topology; see their pages")
     templates = [own.chosen_template(own.rows()) for own in collections.values()]
-    shapes, gaps = contacts_kept(
-        shape_statistics.stacked(parts), max(templates, key=templates.count), move=keep_contacts
-    )
+    shapes = shape_statistics.stacked(parts)
+    shapes, gaps = measure_contacts(shapes, max(templates, key=templates.count), move=keep_contacts)
     to = Path(folder) / "corresponded"
     gone = {file.name for file in to.glob("*.ply")} - {f"{name}.ply" for name in shapes.names}
     with made_folder(to), staged(to, STRUCTURES, gone) as new:
@@ -200,28 +194,28 @@ def finish_subjects(
 def subject_doubts(
     found: Structures, reflect: Names[str] | None = None, units: Names[str] = ()
 ) -> list[Doubt]:
-    """Find subjects whose layout hardly belongs to the others, by points that move with each structure."""
-    turned = () if reflect in (None, "auto") else tuple(reflect or ())
-    marks, faces = dict[str, CorrespondedShapes](), np.array([[0, 1, 2]])  # of no surface
+    """Find subjects whose layout is unlike the others', by points that move with each structure."""
+    sides = () if reflect in (None, "auto") else tuple(reflect or ())
+    marks, faces = dict[str, CorrespondedShapes](), np.array([[0, 1, 2]])  # any face will do
     for structure, files in found.items():
-        own = {}
+        points = {}
         for name, file in files.items():
-            with suppress(IsomatchError):  # its collection tells
+            with suppress(IsomatchError):  # the collection tells what is wrong with a file
                 mesh = mesh_from(file)
                 if 0 < mesh.area < np.inf:
-                    own[name] = _marks(reflected(mesh) if name in turned else mesh)
-        if own:
-            marks[structure] = CorrespondedShapes(tuple(own), np.array([*own.values()]), faces)
+                    points[name] = _moment_points(reflected(mesh) if name in sides else mesh)
+        if points:
+            marks[structure] = CorrespondedShapes(tuple(points), np.array([*points.values()]), faces)
     if not marks:
         return []
     shapes = shape_statistics.stacked(marks)
     doubts = shape_statistics.doubtful_positions(shapes.names, shapes.vertices)
     known = {"units": units, "twice": (), "mirrored": ()}
-    return [each for each in doubts if each.names[0] not in known.get(each.kind, each.names)]
+    return [doubt for doubt in doubts if doubt.names[0] not in known.get(doubt.kind, doubt.names)]
 
 
-def _marks(mesh: Mesh) -> FloatArray:
-    """Points (4, 3) that move, turn and reflect with a surface: its centroid, and skewness, times the covariance."""
+def _moment_points(mesh: Mesh) -> FloatArray:
+    """Four points (4, 3) that move, turn and reflect with a surface, from its moments."""
     share = mesh.vertex_areas / mesh.area
     centre = share @ mesh.vertices
     y = mesh.vertices - centre
@@ -233,7 +227,7 @@ def _marks(mesh: Mesh) -> FloatArray:
 
 
 class Gap(NamedTuple):
-    """How two structures of a subject lie on each other; the lengths are nan where nothing is measured."""
+    """How two structures of a subject lie on each other; lengths are nan if not measured."""
 
     subject: str
     structure: str
@@ -244,21 +238,21 @@ class Gap(NamedTuple):
     gap_after: float
     overlap_after: float
     slip_after: float
-    without: float  # share of the points that touch which have no counterpart
+    without: float  # share of the touching points that have no counterpart
     note: str  # why nothing was moved
 
 
 class _Contact(NamedTuple):
     other: str
-    points: PrecisePoints  # of the other, nearest to each vertex of a structure
-    distances: FloatArray  # (n,) over those of points that touch
-    area: float  # of what touches
+    points: PrecisePoints  # points of the other structure nearest to each vertex
+    distances: FloatArray  # (n,) distances to them; from 1, they do not touch
+    area: float  # area that touches
 
     @classmethod
     def of(cls, mesh: Mesh, other: str, larger: Mesh) -> _Contact:
         points = nearest_on_surface(larger, mesh.vertices)
-        apart = np.linalg.norm(points.interpolated(larger.vertices) - mesh.vertices, axis=1)
-        distances = apart / (TOUCHING * np.sqrt(mesh.area))
+        lengths = np.linalg.norm(points.interpolated(larger.vertices) - mesh.vertices, axis=1)
+        distances = lengths / (CONTACT_DISTANCE * np.sqrt(mesh.area))
         return cls(other, points, distances, float(mesh.vertex_areas[distances < 1].sum()))
 
     @property
@@ -266,24 +260,26 @@ class _Contact(NamedTuple):
         return self.distances < 1
 
 
-def beneath(meshes: Mapping[str, Mesh]) -> dict[str, str]:
-    """Find the larger structure on which each lies by 0.6 of its area, as cartilage on its bone; largest first."""
-    contacts = _contacts_of(meshes, LEAST_HELD)
-    return {name: max(own, key=lambda each: each.area).other for name, own in contacts.items() if own}
+def leaders_of(meshes: Mapping[str, Mesh]) -> dict[str, str]:
+    """Find the larger structure on which each lies by 0.6 of its area, as cartilage on bone."""
+    contacts = _contacts_of(meshes, MIN_SHEET_AREA)
+    return {name: max(own, key=lambda contact: contact.area).other for name, own in contacts.items() if own}
 
 
-def contacts_kept(
+def measure_contacts(
     shapes: CorrespondedShapes, of: str | None = None, *, move: bool = True
 ) -> tuple[CorrespondedShapes, list[Gap]]:
-    """Keep points of structures together that lie on each other in a subject, and measure gap and overlap in all."""
-    # that subject is ``of``, by default the first of those with most structures. A structure, such as cartilage, that
-    # touches a larger one by 0.6 of its area or more follows that; points beyond its edge have no counterpart: they
-    # continue it, and are not measured. A vertex b was nearest to the point p of the larger structure; in each subject
-    # it moves by p − q, where q is now nearest to it, then back to its surface, four times. Movements u are smooth: they
-    # minimise Σ w ‖u − (p − q)‖² + Σ ‖u_i − u_j‖² + μ Σ ‖u‖², with weights w that fall to 0 at twice the distance that
-    # counts as touching, and μ so that u falls off within 0.1 √area. Gaps are of two structures that touch by a fifth of
-    # the area of the smaller one: of its points that touch in the template, the largest distances outside and inside the
-    # larger one, and the mean distance of its nearest point from the corresponding one.
+    """Measure gaps where structures touch in a subject; ``move`` points to keep them together."""
+    # That subject is ``of``, by default the first with most structures. A structure, such as
+    # cartilage, that touches a larger one by 0.6 of its area or more follows it; points beyond its
+    # edge have no counterpart: they continue it, and are not measured. A vertex was nearest to the
+    # point p of the larger structure; in each subject it moves by p − q, where q is now nearest to
+    # it, then back to its surface, four times. Movements u are smooth: they minimise
+    #     Σ w ‖u − (p − q)‖² + Σ ‖u_i − u_j‖² + μ Σ ‖u‖² with weights w that fall to 0 at twice the
+    # contact distance, and μ so that u falls off within 0.1 √area. Gaps are measured where
+    # structures touch by a fifth of the smaller one's area: the largest distances, outside and
+    # inside the larger one, of the points that touch in that subject, and the mean distance of the
+    # nearest point from the corresponding one.
     parts = shape_statistics.slices_of(shapes.structures)
     vertices, measured = shapes.vertices.copy(), shapes.seen.copy()
     has = {name: np.asarray(measured[:, part].any(axis=1)) for name, part in parts.items()}
@@ -295,76 +291,79 @@ def contacts_kept(
     def mesh_of(places: FloatArray, i: int, name: str) -> Mesh:
         return meshes[name].moved(places[i, parts[name]])
 
-    for name, touching in _contacts_of(meshes, LEAST_TOUCHING).items():
-        sheets = [each for each in touching if each.area >= LEAST_HELD * meshes[name].area]
-        held = max(sheets, key=lambda each: each.area, default=None)
-        smooth = _smoothing(meshes[name], held) if held else None
+    for name, contacts in _contacts_of(meshes, MIN_CONTACT_AREA).items():
+        sheets = [contact for contact in contacts if contact.area >= MIN_SHEET_AREA * meshes[name].area]
+        sheet = max(sheets, key=lambda contact: contact.area, default=None)
+        smooth = _smoothing(meshes[name], sheet) if sheet else None
         for i in np.flatnonzero(has[name]).tolist():
             own, note = mesh_of(shapes.vertices, i, name), ""
-            if move and held and smooth and has[held.other][i] and i != at:
-                new, kept = _followed(own, mesh_of(vertices, i, held.other), held, smooth)
-                if (without := 1 - kept[held.touches].mean()) > MOST_WITHOUT:
+            if move and sheet and smooth and has[sheet.other][i] and i != at:
+                moved, kept = _follow(own, mesh_of(vertices, i, sheet.other), sheet, smooth)
+                if (without := 1 - kept[sheet.touches].mean()) > MAX_WITHOUT:
                     note = f"left as matched: {without:.0%} of what touches would have no counterpart"
                 else:
-                    vertices[i, parts[name]] = new
+                    vertices[i, parts[name]] = moved
                     measured[i, parts[name]] &= kept
-            for each in touching:
-                if has[each.other][i]:
-                    counted = each.touches & measured[i, parts[name]]
+            for contact in contacts:
+                if has[contact.other][i]:
+                    counted = contact.touches & measured[i, parts[name]]
                     before, after = (
-                        _lies(each, mesh_of(places, i, name), mesh_of(places, i, each.other), rows)
-                        for places, rows in ((shapes.vertices, each.touches), (vertices, counted))
+                        _gap_of(contact, mesh_of(places, i, name), mesh_of(places, i, contact.other), rows)
+                        for places, rows in ((shapes.vertices, contact.touches), (vertices, counted))
                     )
-                    without = float(1 - counted.sum() / each.touches.sum())
-                    gaps.append(Gap(shapes.names[i], name, each.other, *before, *after, without, note))
+                    without = float(1 - counted.sum() / contact.touches.sum())
+                    gaps.append(Gap(shapes.names[i], name, contact.other, *before, *after, without, note))
     return replace(shapes, vertices=vertices, measured=measured), gaps
 
 
 def _contacts_of(meshes: Mapping[str, Mesh], least: float) -> dict[str, list[_Contact]]:
-    """Find where each structure touches a larger one, by a share of its area; largest structures first."""
+    """Find where each structure touches a larger one by a share of its area; largest ones first."""
     ordered = sorted(meshes, key=lambda name: -meshes[name].area)
     found = {a: [_Contact.of(meshes[a], b, meshes[b]) for b in ordered[:i]] for i, a in enumerate(ordered)}
-    return {a: [each for each in own if each.area >= least * meshes[a].area] for a, own in found.items()}
+    return {
+        a: [contact for contact in own if contact.area >= least * meshes[a].area] for a, own in found.items()
+    }
 
 
 def _smoothing(mesh: Mesh, contact: _Contact) -> Callable[[FloatArray], FloatArray]:
-    """Return what makes movements (n, 3) of all points of a structure of those of the points that touch."""
-    # the minimum of Σ w |u − d|² + Σ |u_i − u_j|² + μ Σ |u|² solves (W + L + μ I) u = W d; along a line u″ = μ u beyond
-    # the contact, in edges, and an edge is about as long as the root of the area of a vertex: μ = (edge / reach)²
+    """Return the function that extends movements (n, 3) of touching points to all points."""
+    # The minimum of Σ w |u − d|² + Σ |u_i − u_j|² + μ Σ |u|² solves (W + L + μ I) u = W d. Beyond
+    # the contact u″ = μ u along a line, in edges, and an edge is about as long as the root of the
+    # area of a vertex: μ = (edge / reach)²
     ones, n = np.ones(len(mesh.edges)), mesh.n_vertices
     links = coo_array((ones, mesh.edges.T), shape=(n, n)).tocsr()
     fading = np.clip(2 - contact.distances, 0, 1)
     weights = fading**2 * (3 - 2 * fading)
-    stiffness = 1 / (mesh.n_vertices * REACH**2)
+    stiffness = 1 / (mesh.n_vertices * MOVEMENT_REACH**2)
     solve = factorise_for_threads(csc_array(laplacian(links + links.T)), weights + stiffness)
     return lambda pulls: np.asarray(solve(weights[:, None] * pulls))
 
 
-def _followed(
+def _follow(
     own: Mesh, other: Mesh, contact: _Contact, smooth: Callable[[FloatArray], FloatArray]
 ) -> tuple[FloatArray, BoolArray]:
-    """Move the points of a structure of a subject along it; and tell which have a counterpart on it."""
-    goals, here = contact.points.interpolated(other.vertices), own.vertices
-    for _ in range(ROUNDS):
-        here = _nearest(own, here + smooth(goals - _nearest(other, here)))
-    left = goals - _nearest(other, here)
-    is_beyond = contact.touches & (np.linalg.norm(left, axis=1) > SLIPPED * np.sqrt(own.area / len(here)))
-    return np.where(is_beyond[:, None], here + left, here), ~is_beyond
+    """Move the points of a structure along with the other; tell which have counterparts."""
+    goals, places = contact.points.interpolated(other.vertices), own.vertices
+    for _ in range(N_ROUNDS):
+        places = _nearest(own, places + smooth(goals - _nearest(other, places)))
+    left = goals - _nearest(other, places)
+    is_beyond = contact.touches & (np.linalg.norm(left, axis=1) > MAX_SLIP * np.sqrt(own.area / len(places)))
+    return np.where(is_beyond[:, None], places + left, places), ~is_beyond
 
 
 def _nearest(mesh: Mesh, positions: FloatArray) -> FloatArray:
     return nearest_on_surface(mesh, positions).interpolated(mesh.vertices)
 
 
-def _lies(contact: _Contact, own: Mesh, other: Mesh, rows: BoolArray) -> tuple[float, float, float]:
-    """Largest gap and overlap, and mean slip, of some points of a contact; nan of none."""
+def _gap_of(contact: _Contact, own: Mesh, other: Mesh, rows: BoolArray) -> tuple[float, float, float]:
+    """Measure the largest gap and overlap, and mean slip, of some points of a contact."""
     if not rows.any():
         return np.nan, np.nan, np.nan
-    here = own.vertices[rows]
-    nearest = nearest_on_surface(other, here)
-    away = here - nearest.interpolated(other.vertices)
+    points = own.vertices[rows]
+    nearest = nearest_on_surface(other, points)
+    away = points - nearest.interpolated(other.vertices)
     outside = np.einsum("ij,ij->i", away, nearest.interpolated(other.vertex_normals)) >= 0
-    apart = np.linalg.norm(away, axis=1)
-    slip = np.linalg.norm(contact.points.interpolated(other.vertices)[rows] - (here - away), axis=1)
-    gap, overlap = (float(apart[side].max(initial=0.0)) for side in (outside, ~outside))
+    lengths = np.linalg.norm(away, axis=1)
+    slip = np.linalg.norm(contact.points.interpolated(other.vertices)[rows] - (points - away), axis=1)
+    gap, overlap = (float(lengths[side].max(initial=0.0)) for side in (outside, ~outside))
     return gap, overlap, float(slip.mean())

@@ -1,4 +1,4 @@
-"""Who does the steps of a study, any executor of `concurrent.futures` or one by name, and who is told of them."""
+"""The workers that do the steps of a study, and the listener that hears of them."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ from isomatch._core.skipped import tell_skipped
 from isomatch._core.stage_timer import Progress, with_two_arguments
 from isomatch._core.threads import n_threads
 
-QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
-ASKED = 2.0  # seconds until the number of workers of a cluster is asked for again
+TASKS_PER_WORKER = 2  # tasks sent for each worker, so that the next one is there when one ends
+COUNT_INTERVAL = 2.0  # seconds after which the workers of a cluster are counted again
 S = TypeVar("S")
 T = TypeVar("T")
 LOST = "the workers gave their tasks up, as when the scheduler of a cluster ends; run again to continue"
 Warn: TypeAlias = Callable[[str], Any]
-"""Called with a sentence about shapes or maps that a user should look at; by default they are logged."""
+"""Called with a sentence about shapes or maps to look at; by default it is logged."""
 logger = logging.getLogger("isomatch.cohort")
 
 
 @dataclass(frozen=True)
 class Task:
-    """Something to do for some items of a collection."""
+    """A function to be called for some items of a collection."""
 
     items: tuple[Any, ...]
-    function: Callable[[Any], Any]  # makes the row of an item, None if it is too late for it
-    lost: int = 0  # how often a worker died while this task was running, on it or on another worker
+    function: Callable[[Any], Any]
+    lost: int = 0  # how often any worker died while this task was running
 
 
 class Attempt(NamedTuple, Generic[T]):
-    """What became of a job for an item: its result, or the error; when, and after how many seconds."""
+    """The result of a job for an item, or its error, when it ended, and its seconds."""
 
     result: T | None
     error: str
@@ -57,12 +57,12 @@ class Attempt(NamedTuple, Generic[T]):
         return "failed" if self.error else "done"
 
 
-def attempted(work: Callable[[S], T], item: S) -> Attempt[T]:
+def try_job(work: Callable[[S], T], item: S) -> Attempt[T]:
     """Do a job for an item; a failure is an attempt with its reason, unless the disk is full."""
     start = time.perf_counter()
     try:
         return Attempt(work(item), "", time.time(), time.perf_counter() - start)
-    except Exception as error:  # whatever else it is becomes a row with its reason; nothing ends a run
+    except Exception as error:  # becomes a row with its reason, as no item may end a run
         if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
             raise
         reason = legible(f"{type(error).__name__}: {error}")  # it may name a file
@@ -70,13 +70,15 @@ def attempted(work: Callable[[S], T], item: S) -> Attempt[T]:
 
 
 class Workers(ExitStack):
-    """Workers that tasks are sent to, for a block."""
+    """Workers that tasks are sent to, for a block.
+
+    ``open`` makes an executor, also after one has broken; ``count`` tells the number of workers,
+    which may change; each that is another process uses ``threads``.
+    """
 
     def __init__(
         self, open: Callable[[], AbstractContextManager[Executor]], count: Callable[[], int], threads: int = 1
     ) -> None:
-        # an executor is opened again where one has broken; workers come and go, each with so many threads if it is a
-        # process of its own
         super().__init__()
         self._open, self.count, self._threads = open, count, threads
         self._executor: Executor | None = None
@@ -86,11 +88,11 @@ class Workers(ExitStack):
         """Whether nothing new is to be begun."""
         return time.time() > self.end
 
-    def completed(self, tasks: Iterable[Task]) -> Iterator[tuple[Any, Any]]:
-        """Yield each item with its row, or with the error that no worker survived; in the order of completion.
+    def completed(self, tasks: Iterable[Task]) -> Iterator[tuple[Any, Attempt[Any]]]:
+        """Yield each item with its attempt, in the order of completion; begin none once it is late.
 
-        A task whose worker dies is done again item by item. An item beside which a worker dies again is done when
-        nothing else is running; if the worker dies then, it is the item's fault. No task is begun once it is late.
+        A task whose worker dies is done again item by item. An item during which a worker dies
+        again is done when nothing else is running; if the worker dies then, the item has failed.
         """
         waiting, suspects = deque(tasks), deque[Task]()
         while (waiting or suspects) and not self.is_late():
@@ -102,7 +104,9 @@ class Workers(ExitStack):
                     continue
                 for item in task.items:
                     if task.lost == 2:
-                        yield item, outcome
+                        death = "three workers died of it, killed or out of memory"
+                        error = f"{death} ({type(outcome).__name__}: {outcome})"
+                        yield item, Attempt(None, error, time.time())
                     else:
                         part = replace(task, items=(item,), lost=task.lost + 1)
                         (suspects if task.lost else waiting).append(part)
@@ -113,26 +117,25 @@ class Workers(ExitStack):
         try:
             self._executor.submit(_here).result()
         except BrokenExecutor as error:
-            raise InputError(
-                f"workers end as soon as they begin ({error}); in a script, begin under if __name__ == '__main__'; of "
-                "an executor that has broken, give a new one"
-            ) from None
+            remedy = "in a script, begin under if __name__ == '__main__'; of an executor that has broken, give a new one"
+            raise InputError(f"workers end as soon as they begin ({error}); {remedy}") from None
 
     def _until_broken(
         self, executor: Executor, waiting: deque[Task], suspects: deque[Task]
     ) -> Iterator[tuple[Task, Any]]:
-        """Yield tasks with their rows or the error of their worker, until all are done or the executor was replaced."""
+        """Yield tasks with attempts or an error, until all are done or the executor broke."""
         running = dict[Future[Any], Task]()
         broken = False
         while True:
-            room = QUEUED * self.count()
+            room = TASKS_PER_WORKER * self.count()
             while not broken and not self.is_late():
                 queue = waiting if waiting and len(running) < room else suspects if not running else None
                 if not queue:
                     break
                 try:
-                    running[executor.submit(_rows, queue[0], self._threads, _here())] = queue[0]
-                except BrokenExecutor:  # a worker died between two tasks, of neither
+                    work = partial(_attempts, queue[0], self._threads, _here(), self.end)
+                    running[executor.submit(work)] = queue[0]
+                except BrokenExecutor:  # a worker died between two tasks, by no fault of theirs
                     broken = True
                 else:
                     queue.popleft()
@@ -141,7 +144,7 @@ class Workers(ExitStack):
                     self._renew()
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                try:  # jobs return their own failures, so any other error is the death of a worker
+                try:  # failures are attempts, so any other error is the death of a worker
                     error = future.exception()
                 except CancelledError:
                     raise InputError(LOST) from None
@@ -151,10 +154,11 @@ class Workers(ExitStack):
                 yield running.pop(future), error or future.result()
 
 
-def _rows(task: Task, threads: int, sender: tuple[str, int]) -> list[Any]:
+def _attempts(task: Task, threads: int, sender: tuple[str, int], end: float) -> list[Attempt[Any]]:
     if _here() != sender:
         begin_worker(threads)
-    return list(takewhile(lambda row: row is not None, map(task.function, task.items)))
+    in_time = takewhile(lambda item: time.time() <= end, task.items)
+    return [try_job(task.function, item) for item in in_time]
 
 
 def _here() -> tuple[str, int]:
@@ -165,7 +169,7 @@ def _here() -> tuple[str, int]:
 def workers_of(
     executor: str | Executor | Workers = "local", jobs: int | None = None, time_limit: float | None = None
 ) -> Iterator[Workers]:
-    """Find the workers that are asked for, see `Collection.run`, for a block; those of a block around it stay."""
+    """Open the workers of a block, see `Collection.run`; given workers stay open after it."""
     opened = nullcontext(executor) if isinstance(executor, Workers) else _opened(executor, jobs)
     with opened as workers:
         before, limit = workers.end, math.inf if time_limit is None else time.time() + time_limit
@@ -196,9 +200,8 @@ def _opened(executor: str | Executor, jobs: int | None) -> Iterator[Workers]:
             with Workers(partial(_dask_executor, client), at_once) as workers:
                 yield workers
     else:
-        raise InputError(
-            f"executor {executor!r} is not known; give 'local' or 'dask:ADDRESS', such as dask:tcp://host:8786"
-        )
+        known = "'local' or 'dask:ADDRESS', such as dask:tcp://host:8786"
+        raise InputError(f"executor {executor!r} is not known; give {known}")
 
 
 def _dask_client(address: str) -> Any:
@@ -210,16 +213,16 @@ def _dask_client(address: str) -> Any:
 
 
 def _n_threads_of(client: Any) -> Callable[[], int]:
-    """Count the threads of a cluster, to which workers come and go; it is asked now and then."""
+    """Return a function that counts the threads of a cluster, whose workers come and go."""
 
     @lru_cache(maxsize=1)
     def count(_: float) -> int:
         try:
-            return sum(client.nthreads().values()) or 1  # none have come yet
+            return sum(client.nthreads().values()) or 1  # 1 before the first comes
         except OSError:
             raise InputError(LOST) from None
 
-    return lambda: count(time.monotonic() // ASKED)
+    return lambda: count(time.monotonic() // COUNT_INTERVAL)
 
 
 @contextmanager
@@ -233,20 +236,17 @@ def _dask_executor(client: Any) -> Iterator[Executor]:
 
 @dataclass(frozen=True)
 class Listener:
-    """The two functions that a long step calls."""
+    """The functions that a long step calls with a step and the share done, and with warnings."""
 
-    tell: Callable[[str, float], Any]  # with a step, and the share that is done
+    tell: Callable[[str, float], Any]
     warn: Warn
 
     @classmethod
     def of(cls, progress: Progress | None, warn: Warn | None) -> Listener:
-        """Take what a user gave; steps that nobody wants to know are not told."""
-
-        def told(message: str) -> None:
-            tell_skipped(message, warn or logger.warning)
-
-        return cls(with_two_arguments(progress) if progress else lambda step, share: None, told)
+        """Take the functions of a user; without ``warn``, warnings are logged."""
+        tell = with_two_arguments(progress) if progress else lambda step, share: None
+        return cls(tell, lambda message: tell_skipped(message, warn or logger.warning))
 
     def part(self, first: float, last: float) -> Listener:
-        """Make the steps of a part of the work go from one share of it to another."""
+        """Return the listener of a part of the work, from one share of the whole to another."""
         return replace(self, tell=lambda step, share: self.tell(step, first + (last - first) * share))

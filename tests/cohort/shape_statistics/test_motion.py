@@ -1,7 +1,5 @@
 """Shapes that move: strain, thickness and the measures of regions in closed form, and ``isomatch statistics time``."""
 
-import csv
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,6 +8,7 @@ from isomatch import Mesh, MeshError, write_mesh
 from isomatch.cli import main
 from isomatch.cohort.shape_statistics import face_motion, motion_by_region, surface_strain, wall_thickness
 from shapes import box, flat_grid, icosphere
+from small_collections import lines_of
 
 TURN = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()
 STRIP = flat_grid(4, 6, 0.3)
@@ -91,8 +90,7 @@ def test_the_command(tmp_path, capsys):
     argv += ["-o", str(out), "--force"]
     assert main([*argv, "--regions", str(tmp_path / "half.csv"), "--reference", "frame3"]) == 0
     assert "left out: frame12: other faces" in capsys.readouterr().err
-    with (out / "time.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = lines_of(out / "time.csv")
     assert [row["name"] for row in rows[::3]] == [f"frame{i}" for i in range(1, 12)]
     s = (1 + 0.1 * np.sin(7)) / (1 + 0.1 * np.sin(3))
     assert float(rows[18]["first_strain"]) == pytest.approx((s**2 - 1) / 2, rel=1e-5)

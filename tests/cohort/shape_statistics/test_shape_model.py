@@ -119,12 +119,6 @@ def test_the_mean_moved_along_a_mode_is_as_many_deviations_away(mode):
     assert model.score(model.mesh()).p_value == pytest.approx(1)
 
 
-def test_of_two_modes_the_probability_has_a_closed_form():
-    model = ShapeModel.fit(random_shapes(3))
-    scored = model.score(model.mesh(2 * model.deviations))
-    assert scored.p_value == pytest.approx(np.exp(-(2**2 + 2**2) / 2))
-
-
 def test_a_bump_is_found_where_it_is():
     model = ShapeModel.fit(random_shapes(12, n_factors=3))
     bumped = model.mean.copy()

@@ -75,8 +75,8 @@ def test_steps_are_those_of_the_direct_formula(monkeypatch):
     u, b = np.hstack(columns), np.kron(energy_matrix(points), np.eye(3))
     expected = -u @ np.linalg.solve(u.T @ b @ u, u.T @ b @ shape.ravel())
     bending = BendingEnergy(points)
-    monkeypatch.setattr(sliding, "CLOSE", 1e-12)
-    monkeypatch.setattr(sliding, "MOST_ITERATIONS", 500)
+    monkeypatch.setattr(sliding, "MAX_RESIDUAL", 1e-12)
+    monkeypatch.setattr(sliding, "MAX_ITERATIONS", 500)
     found = bending.least(np.stack([shape, 2 * shape]), np.stack([tangents] * 2))
     np.testing.assert_allclose(found[0].ravel(), expected, atol=1e-8)
     np.testing.assert_allclose(found[1], 2 * found[0], atol=1e-8)
@@ -103,9 +103,8 @@ def test_a_closed_curve_slides_but_for_its_first_point(specimens):
     assert np.flatnonzero((slid.positions != places).any(axis=(0, 2))).tolist() == [5, 6, 7, 8]
 
 
-def test_order_place_orientation_and_size_do_not_matter(specimens, monkeypatch):
+def test_order_place_orientation_and_size_do_not_matter(specimens):
     places, meshes = specimens
-    monkeypatch.setattr(sliding, "MOST_ROUNDS", 2)
     slid = slid_semilandmarks(places, meshes, [CURVE], PATCH)
     turn = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]
     turn *= np.linalg.det(turn)
@@ -181,22 +180,12 @@ def test_points_that_were_put_elsewhere_slide_back_without_meshes(dim, criterion
     for _ in range(5):
         along = shares + 0.08 * rng.normal(size=3)
         edge = corners[0] + along[:, None] * (corners[1] - corners[0])
-        inner = np.array([[1, 1, 0], [2, 1, 0], [3, 1, 0], [1, 2, 0], [2, 2, 0], [3, 2, 0]]) + [
-            0.1,
-            0.1,
-            0,
-        ] * rng.normal(size=(6, 3))
+        inner = np.array([[1, 1, 0], [2, 1, 0], [3, 1, 0], [1, 2, 0], [2, 2, 0], [3, 2, 0]])
+        inner = inner + [0.1, 0.1, 0] * rng.normal(size=(6, 3))
         specimens.append(np.concatenate([corners, edge, inner]))
     shapes = (np.array(specimens) + np.eye(3)[2])[:, :, :dim]
-    found = slid_semilandmarks(
-        shapes,
-        None,
-        [Curve("e", (0, 4, 5, 6, 1))],
-        range(7, 13),
-        criterion=criterion,
-        most_rounds=30,
-        enough=1e-9,
-    )
+    curve, until = Curve("e", (0, 4, 5, 6, 1)), {"most_rounds": 30, "enough": 1e-9}
+    found = slid_semilandmarks(shapes, None, [curve], range(7, 13), criterion=criterion, **until)
     np.testing.assert_array_equal(found.positions[:, :4], shapes[:, :4])
     spread, before = (np.ptp(each, axis=0).max() for each in (found.positions, shapes))
     assert spread < 1e-2 * before

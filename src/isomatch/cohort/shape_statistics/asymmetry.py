@@ -1,4 +1,4 @@
-"""Asymmetry: the left–right map of a shape, how far shapes are from their mirror images, and in which direction."""
+"""Asymmetry: left–right maps, and how shapes differ from their mirror images."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scipy.stats import permutation_test
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import InputError, MapError, SettingError
 from isomatch._core.settings import generator
-from isomatch.cohort.shape_statistics.linear_model import N_PERMUTATIONS, explained_squares
+from isomatch.cohort.shape_statistics.linear_model import N_PERMUTATIONS, explained_squares, permutations_of
 from isomatch.cohort.shape_statistics.procrustes import (
     Scale,
     aligned_to,
@@ -28,40 +28,42 @@ from isomatch.matching import MatchResult, Outcome, match
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, reflected
 
-LEAST_VARIANCE = 1e-12  # of the largest: principal components with less are rounding
+MIN_VARIANCE = 1e-12  # variance of a principal component over the largest; smaller ones are rounding
+MIN_SIDE_DISTANCE = 0.02  # √area from the plane of symmetry, beyond which a point has a side
+MAX_TRIED = 5  # shapes whose left–right map is tried; if none is certain, further ones hardly are
 SOURCES = ("individuals", "sides", "individuals × sides", "error")
 
 
 class SumOfSquares(NamedTuple):
-    """A row of an analysis of variance; ``f`` is a ratio of mean squares, nan if there is no other to compare with."""
+    """A row of an analysis of variance."""
 
     source: str
     squares: float
     share: float
     degrees: int
     mean_square: float
-    f: float
+    f: float  # ratio of mean squares; nan if there is no other to compare with
     p_value: float  # from permutations; nan if there is no test
 
 
 @dataclass(frozen=True, eq=False)
 class Asymmetry:
-    """Asymmetric components of m shapes: half of the difference of each shape from its mirror image."""
+    """Asymmetric components of m shapes: half of the difference from the mirror image."""
 
     symmetric: FloatArray  #: (n, 3) mean of all shapes and their mirror images
-    directional: FloatArray  #: (n, 3) mean of the components: what is asymmetric in all shapes alike
+    directional: FloatArray  #: (n, 3) mean of the components: the asymmetry that all shapes share
     components: FloatArray  #: (m, n, 3)
-    #: (m,) root mean square of each component, and of its difference from the mean one, in the units of the shapes
-    amounts: FloatArray
-    fluctuating: FloatArray
-    #: individuals (symmetric variation), sides (directional asymmetry), individuals × sides (fluctuating asymmetry), and
-    #: error, if individuals were measured repeatedly
+    amounts: FloatArray  #: (m,) root mean square of each component, in the units of the shapes
+    fluctuating: FloatArray  #: (m,) the same of its difference from the mean component
+    #: individuals (symmetric variation), sides (directional asymmetry), individuals × sides
+    #: (fluctuating asymmetry), and error, if individuals were measured repeatedly
     anova: tuple[SumOfSquares, ...]
-    share: float  #: of the asymmetry that is directional: squares of the mean component, over those of all
-    #: probability of as large a share if left and right are exchangeable, from mirrored individuals; nan of one
+    share: float  #: directional share of the asymmetry, by squares
+    #: probability of as large a share if left and right are exchangeable, from mirrored
+    #: individuals; nan for one
     p_value: float
-    n_permutations: int  #: how often some individuals were mirrored
-    seed: int  #: draws them
+    n_permutations: int  #: number of ways in which some individuals were mirrored
+    seed: int  #: draws these ways
     individuals: tuple[IndividualScores, ...]  #: in the order of their names
 
 
@@ -70,10 +72,10 @@ class IndividualScores(NamedTuple):
 
     name: str
     asymmetry: float  # root mean square of its asymmetric component
-    fluctuating: float  # the same of its difference from the mean component
-    directional: float  # how far it is asymmetric in the direction of the mean component
-    symmetric_scores: tuple[float, ...]  # along the principal components of symmetric variation
-    asymmetric_scores: tuple[float, ...]  # along those of fluctuating asymmetry
+    fluctuating: float  # root mean square of its difference from the mean component
+    directional: float  # its asymmetry in the direction of the mean component
+    symmetric_scores: tuple[float, ...]  # along principal components of symmetric variation
+    asymmetric_scores: tuple[float, ...]  # along principal components of fluctuating asymmetry
 
 
 def asymmetry(
@@ -86,31 +88,33 @@ def asymmetry(
     n_permutations: int = N_PERMUTATIONS,
     seed: int = 0,
 ) -> Asymmetry:
-    """Split shapes into symmetric and asymmetric components: Procrustes analysis of variance of individuals and sides.
+    """Analyse the symmetric and asymmetric variation of shapes: Procrustes analysis of variance.
 
     Parameters
     ----------
     aligned, mirrored : (m, n, d) array of float
-        Shapes and their mirror images, or right organs and reflected left ones, on their mean, see `align_sides`.
+        Shapes and their mirror images, or right organs and reflected left ones, on their mean, see
+        `align_sides`.
     weights : (n,) array of float, optional
         Weight of each vertex; by default all are equal.
     individuals : sequence of str, optional
-        The individual of each shape, where some were measured repeatedly; by default each is one of its own, and the
-        error of measurement is part of the fluctuating asymmetry.
+        The individual of each shape, if some were measured repeatedly; by default each shape is
+        one, and the error of measurement is part of the fluctuating asymmetry.
     dimensions : tuple of int
-        Degrees of freedom that symmetric and asymmetric components have for each shape, see `symmetry_dimensions`; by
-        default degrees are counted in shapes.
+        Degrees of freedom of the symmetric and asymmetric components of a shape, see
+        `symmetry_dimensions`; by default degrees are counted in shapes.
     n_permutations, seed : int
-        How often some individuals are mirrored, and what draws them: all 2ᵏ ways, if there are no more than that. No
-        p-value is below 1 / (n_permutations + 1), nor below 2^(1 − k).
+        Number of ways to mirror some of k individuals, all 2ᵏ if these are fewer, and what draws
+        them. No p-value is below 1 / (n_permutations + 1), nor below 2^(1 − k).
 
     Notes
     -----
-    Klingenberg, Barluenga & Meyer, *Shape analysis of symmetric structures*, Evolution 2002; of paired organs
-    Klingenberg & McIntyre 1998. With sᵢ and aᵢ half of the sum and of the difference of a shape and its mirror image,
-    the squares 2 Σ ‖sᵢ − s̄‖², 2 m ‖ā‖² and 2 Σ ‖aᵢ − ā‖² add up to all. Degrees of freedom are counted in shapes, as
-    surfaces have about as many symmetric as asymmetric directions; in the F of sides they cancel. Fluctuating asymmetry
-    is tested against the error by exchanging components aᵢ − ā between individuals. O(m² n) time.
+    Klingenberg, Barluenga & Meyer, *Shape analysis of symmetric structures*, Evolution 2002; for
+    paired organs, Klingenberg & McIntyre 1998. With sᵢ and aᵢ half of the sum and of the difference
+    of a shape and its mirror image, the squares 2 Σ ‖sᵢ − s̄‖², 2 m ‖ā‖² and 2 Σ ‖aᵢ − ā‖² add up
+    to the total. Degrees of freedom are counted in shapes, as surfaces have about as many symmetric
+    as asymmetric directions; they cancel in the F of sides. Fluctuating asymmetry is tested against
+    the error by exchanging components aᵢ − ā between individuals. O(m² n) time.
 
     Examples
     --------
@@ -136,24 +140,26 @@ def asymmetry(
     def squares(part: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("i,...ij,...ij->...", share, part, part))
 
-    # of a group of rᵢ shapes with mean x̄ᵢ, in all m: Σ |x|² = m |x̄|² + Σ rᵢ |x̄ᵢ − x̄|² + Σ |x − x̄ᵢ|², for s and for a
+    # For k groups of rᵢ shapes with means x̄ᵢ, m shapes in all, for s and for a:
+    #     Σ |x|² = m |x̄|² + Σ rᵢ |x̄ᵢ − x̄|² + Σ |x − x̄ᵢ|²
     means = [np.array([part[of == i].mean(axis=0) for i in range(k)]) for part in parts]
     middles = [part.mean(axis=0) for part in parts]
     among = [2 * float(repeats @ squares(mean - middle)) for mean, middle in zip(means, middles)]
     within = sum(2 * float(squares(part - mean[of]).sum()) for part, mean in zip(parts, means))
     values = np.array([among[0], 2 * m * float(squares(middles[1])), among[1], within])
-    evenly, oddly = dimensions
-    degrees = np.array([(k - 1) * evenly, oddly, (k - 1) * oddly, (m - k) * (evenly + oddly)])
+    even, odd = dimensions
+    degrees = np.array([(k - 1) * even, odd, (k - 1) * odd, (m - k) * (even + odd)])
     with np.errstate(divide="ignore", invalid="ignore"):
         mean_squares = values / degrees
-        ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # what each is compared with
-    # a mirrored individual has the component −āᵢ, so that the share is |Σ ± rᵢ āᵢ|² / (m Σ |a|²) = ±ᵀ P ± / (m Σ |a|²)
+        ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # each over its error term
+    # A mirrored individual has the component −āᵢ, so that the share is
+    # |Σ ± rᵢ āᵢ|² / (m Σ |a|²) = ±ᵀ P ± / (m Σ |a|²)
     products = scalar_products(repeats[:, None, None] * means[1], share)
     total = m * float(squares(parts[1]).sum())
     share_of_mean, p_value, drawn = float(products.sum()) / total if total > 0 else 0.0, np.nan, 0
     if k > 1:
         test = permutation_test(
-            (np.ones(k),),  # of one sample, signs are exchanged
+            (np.ones(k),),  # the signs of one sample are exchanged
             lambda signs, axis: np.einsum("...i,ij,...j->...", signs, products, signs),
             permutation_type="samples",
             vectorized=True,
@@ -164,29 +170,28 @@ def asymmetry(
         p_value, drawn = float(test.pvalue), len(test.null_distribution)
     p_values = np.array([np.nan, p_value, np.nan, np.nan])
     if k > 1 and m > k:
-        # among individuals is Σᵢ |Σⱼ aⱼ − ā|² / rᵢ, of all that stays the same; F grows with it
+        # The squares among individuals are Σᵢ |Σⱼ aⱼ − ā|² / rᵢ; F grows with them, as the total
+        # of both stays the same
         belongs = (of[:, None] == np.arange(k)) / np.sqrt(repeats)
-        orders = generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1)
-        orders = np.vstack([np.arange(m), orders])
+        orders = permutations_of(m, n_permutations, seed)
         drawn_among = explained_squares(belongs, scalar_products(parts[1] - middles[1], share), orders)
         p_values[2] = (drawn_among >= drawn_among[0] * (1 - 1e-9)).mean()
     columns = values, values / (values.sum() or 1.0), degrees, mean_squares, ratios, p_values
-    rows = tuple(SumOfSquares(*row) for row in zip(SOURCES, *(each.tolist() for each in columns)))
-    amounts, own = np.sqrt(squares(parts[1])), np.sqrt(squares(parts[1] - middles[1]))
-    anova = rows if m > k else rows[:3]
-    of_all = middles[0], middles[1], parts[1]
+    rows = tuple(SumOfSquares(*row) for row in zip(SOURCES, *(column.tolist() for column in columns)))
+    amounts, fluctuating = np.sqrt(squares(parts[1])), np.sqrt(squares(parts[1] - middles[1]))
+    shapes = middles[0], middles[1], parts[1], amounts, fluctuating
+    tests = rows if m > k else rows[:3], share_of_mean, p_value, drawn, seed
     along = np.einsum("i,kij,ij->k", share, means[1], middles[1]) / (np.sqrt(squares(middles[1])) or 1.0)
     measures = np.sqrt(squares(means[1])), np.sqrt(squares(means[1] - middles[1])), along
     scores = [_principal_scores(mean - middle, share) for mean, middle in zip(means, middles)]
-    columns = *(each.tolist() for each in measures), *(map(tuple, each.tolist()) for each in scores)
-    scored = tuple(IndividualScores(*line) for line in zip(map(str, names), *columns))
-    return Asymmetry(*of_all, amounts, own, anova, share_of_mean, p_value, drawn, seed, scored)
+    columns = *(measure.tolist() for measure in measures), *(map(tuple, x.tolist()) for x in scores)
+    return Asymmetry(*shapes, *tests, tuple(map(IndividualScores, map(str, names), *columns)))
 
 
 def _principal_scores(parts: FloatArray, share: FloatArray) -> FloatArray:
     """Scores (k, p) of displacements (k, n, d) from their mean along their principal components."""
     values, vectors = np.linalg.eigh(scalar_products(parts - parts.mean(axis=0), share))
-    kept = np.flatnonzero(values > LEAST_VARIANCE * max(values[-1], np.finfo(float).tiny))[::-1]
+    kept = np.flatnonzero(values > MIN_VARIANCE * max(values[-1], np.finfo(float).tiny))[::-1]
     vectors = vectors[:, kept] * np.sign(vectors[np.abs(vectors[:, kept]).argmax(axis=0), kept])
     return np.asarray(vectors * np.sqrt(values[kept]))
 
@@ -194,11 +199,11 @@ def _principal_scores(parts: FloatArray, share: FloatArray) -> FloatArray:
 def symmetry_dimensions(
     n: int, dim: int, left_right: Correspondence | None = None, *, scale: Scale = "remove"
 ) -> tuple[int, int]:
-    """Count the dimensions in which n landmarks can vary symmetrically, and asymmetrically (Klingenberg et al. 2002).
+    """Count the dimensions in which n landmarks can vary symmetrically and asymmetrically.
 
-    Those of one object with pairs of landmarks and others in its plane of symmetry, by the landmark on the other side of
-    each; without, those of organs in pairs, in both of which all dimensions count. Position and orientation are no
-    shape, and the size is none if it is removed.
+    With a left–right map, they belong to one object with pairs of landmarks and others in its plane
+    of symmetry; without, to organs in pairs, whose dimensions all count in both. Position and
+    orientation do not count, nor does size if it is removed (Klingenberg et al. 2002).
 
     Examples
     --------
@@ -211,15 +216,15 @@ def symmetry_dimensions(
         return of_shape, of_shape
     middle = int((left_right.vertices == np.arange(n)).sum())
     pairs = (n - middle) // 2
-    # in space, a turn about the normal of the plane and two shifts keep symmetry; two turns and a shift do not
+    # in space, a turn about the normal of the plane and two shifts keep symmetry, the others do not
     moves = (3, 3) if dim == 3 else (1, 2)
     return pairs * dim + middle * (dim - 1) - moves[0] - sized, pairs * dim + middle - moves[1]
 
 
 def left_right_of_pairs(n: int, pairs: Sequence[tuple[int, int]]) -> Correspondence:
-    """Make the map of n landmarks to those on the other side, of pairs (left, right); others are in the middle.
+    """Map n landmarks to the other side, given pairs (left, right); others are in the middle.
 
-    `InputError` if one is in two pairs, or is none of them.
+    `InputError` if one is in two pairs, or does not exist.
 
     Examples
     --------
@@ -228,8 +233,8 @@ def left_right_of_pairs(n: int, pairs: Sequence[tuple[int, int]]) -> Corresponde
     """
     other, taken = np.arange(n), [i for pair in pairs for i in {*pair}]
     if wrong := [i for i in taken if taken.count(i) > 1 or not 0 <= i < n]:
-        told = f"landmark {wrong[0] + 1} is in two pairs, or is none of the {n} landmarks"
-        raise InputError(f"{told}; give each once")
+        problem = f"landmark {wrong[0] + 1} is in two pairs, or is none of the {n} landmarks"
+        raise InputError(f"{problem}; give each once")
     for left, right in pairs:
         other[[left, right]] = right, left
     return Correspondence(other, n)
@@ -243,13 +248,14 @@ def align_sides(
 ) -> tuple[FloatArray, FloatArray]:
     """Move shapes and their mirror images, (m, n, 3) each, onto their common mean, for `asymmetry`.
 
-    Both are shapes followed by as many mirror images, as `CorrespondedShapes.mirrored` and `paired_sides` return. A
-    vertex that was not measured on both sides of a shape lies on the mean in both: it adds no asymmetry. Weights and
-    scale are those of `generalised_procrustes`; with ``"remove"``, as in the source of `asymmetry`, sides differ in
-    shape alone.
+    ``both`` are shapes followed by their mirror images, as `CorrespondedShapes.mirrored` and
+    `paired_sides` return. A vertex that was not measured on both sides of a shape lies on the mean
+    in both, and adds no asymmetry. Weights and scale are those of `generalised_procrustes`; with
+    ``"remove"``, as in the source of `asymmetry`, sides differ in shape alone.
 
-    Of the left–right maps by which each shape was mirrored, what components have alike on both sides, where an asymmetry
-    has opposite signs, is left out: it comes from the corners of triangles, which stand out of their faces.
+    Given the left–right maps by which shapes were mirrored, the part of a component that is equal
+    on both sides is left out, as an asymmetry has opposite signs there: it comes from the corners
+    of triangles, which stand out of their faces.
     """
     m = len(both) // 2
     if both.measured is not None:
@@ -258,18 +264,20 @@ def align_sides(
     aligned = generalised_procrustes(both.vertices, weights, scale).aligned
     symmetric, part = (aligned[:m] + aligned[m:]) / 2, (aligned[:m] - aligned[m:]) / 2
     for shape, component, sides in zip(symmetric, part, left_right):
-        # reflected and seen from the other side, a component a is −a: a ← (a − F P a) / 2, F = 1 − 2 n nᵀ
+        # reflected and seen from the other side, a component a is −a: a ← (a − F P a) / 2, F = 1 −
+        # 2 n nᵀ
         normal, _ = symmetry_plane(shape, sides, weights)
-        there = sides.pull_back(component, fill=0.0)
-        component -= (component + there - 2 * np.outer(there @ normal, normal)) / 2
+        opposite = sides.pull_back(component, fill=0.0)
+        component -= (component + opposite - 2 * np.outer(opposite @ normal, normal)) / 2
     return symmetric + part, symmetric - part
 
 
 def paired_sides(shapes: CorrespondedShapes, pairs: Sequence[tuple[str, str]]) -> CorrespondedShapes:
-    """Take organs as shapes and mirror images, for `align_sides`: the right ones, then the left ones, reflected.
+    """Order organs for `align_sides`: right ones, then reflected left ones.
 
-    Pairs are names, (left, right). Left shapes that are nearer to the right ones as they are, as after ``isomatch collect
-    --reflect``, are not reflected; the names of those that are end in ``_mirrored``.
+    Pairs are names, (left, right). Left shapes that are nearer to the right ones as they are, such
+    as after ``isomatch collect --reflect``, are not reflected; the names of reflected ones end in
+    ``_mirrored``.
     """
     unknown = sorted({name for pair in pairs for name in pair} - set(shapes.names))
     if unknown or not pairs:
@@ -277,8 +285,8 @@ def paired_sides(shapes: CorrespondedShapes, pairs: Sequence[tuple[str, str]]) -
     left, right = ([shapes.names.index(pair[side]) for pair in pairs] for side in (0, 1))
     m, rows = len(pairs), right + left
     vertices, names = shapes.vertices[rows], [shapes.names[i] for i in rows]
-    apart = [procrustes_distances(vertices, scale="remove", mirrored=turn) for turn in (False, True)]
-    as_they_are, turned = (distances[:m, m:].trace() for distances in apart)
+    both = [procrustes_distances(vertices, scale="remove", mirrored=turn) for turn in (False, True)]
+    as_they_are, turned = (distances[:m, m:].trace() for distances in both)
     if turned < as_they_are:
         vertices[m:, :, 0] *= -1.0
         names[m:] = [name + MIRRORED for name in names[m:]]
@@ -289,10 +297,11 @@ def paired_sides(shapes: CorrespondedShapes, pairs: Sequence[tuple[str, str]]) -
 def symmetry_plane(
     vertices: FloatArray, left_right: Correspondence, weights: FloatArray | None = None
 ) -> tuple[FloatArray, float]:
-    """Find the plane normal · x = offset by which a shape (n, 3) is reflected nearest to itself, by its left–right map.
+    """Find the plane normal · x = offset in which a shape (n, 3) is best reflected onto itself.
 
-    Returns the unit normal, whose largest component is positive, and the offset. Reflected points y − 2 n (n · y) are
-    nearest to x, about the centroids, for the eigenvector n of the least eigenvalue of Σ wᵢ (xᵢ yᵢᵀ + yᵢ xᵢᵀ).
+    Returns the unit normal, whose largest component is positive, and the offset. The left–right map
+    gives y for x: reflected points y − 2 n (n · y) are nearest to x, about the centroids, for the
+    eigenvector n of the least eigenvalue of Σ wᵢ (xᵢ yᵢᵀ + yᵢ xᵢᵀ).
 
     Examples
     --------
@@ -300,18 +309,14 @@ def symmetry_plane(
     >>> symmetry_plane(points, Correspondence([1, 0, 3, 2, 4], n_target=5))
     (array([1., 0., 0.]), 2.0)
     """
-    held = left_right.matched
-    x, y = vertices[held], left_right.pull_back(vertices)[held]
-    share = shares_of(x[None], None if weights is None else weights[held])
+    matched = left_right.matched
+    x, y = vertices[matched], left_right.pull_back(vertices)[matched]
+    share = shares_of(x[None], None if weights is None else weights[matched])
     middles = share @ x, share @ y
     products = ((x - middles[0]) * share[:, None]).T @ (y - middles[1])
     normal = np.linalg.eigh(products + products.T)[1][:, 0]
     normal = normal * np.sign(normal[np.abs(normal).argmax()]) + 0.0
     return normal, float(normal @ (middles[0] + middles[1]) / 2)
-
-
-SAME_SIDE = 0.02  # √area: so far from the plane of symmetry, a point and its counterpart are on either side
-MOST_TRIED = 5  # shapes of which none is certain; further ones hardly are
 
 
 def left_right_map(
@@ -322,12 +327,13 @@ def left_right_map(
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> MatchResult:
-    """Find the point on the other side of each vertex, by matching a nearly symmetric shape to its mirror image.
+    """Map vertices of a nearly symmetric shape to the other side, by a match to its mirror image.
 
-    Landmarks (q, 2) are pairs of vertices: one, and its counterpart on the other side; one in the plane of symmetry is
-    its own. Other arguments are those of `match`. Trust the map if it converged or is partial. What was matched to its
-    own side is left unmatched, with a note; if it is more than `OutcomeSettings.large_component`, the outcome is
-    ``LOW_CONFIDENCE``. It is never ``MIRROR_IMAGE``, as every shape is that of its mirror image.
+    Landmarks (q, 2) are pairs of vertices on both sides; one in the plane of symmetry is paired
+    with itself. Other arguments are those of `match`. Trust the map if it converged or is partial.
+    Vertices that were matched to their own side are left unmatched, with a note; if their area is
+    more than `OutcomeSettings.large_component`, the outcome is ``LOW_CONFIDENCE``. It is never
+    ``MIRROR_IMAGE``.
     """
     pairs = None if landmarks is None else np.asarray(landmarks)
     if pairs is not None:  # both ways, each once
@@ -335,39 +341,43 @@ def left_right_map(
     config = config or Config()
     config = replace(config, outcome=replace(config.outcome, mirror_image=0.0))
     result = match(mesh, reflected(mesh), pairs, config=config, seed=seed, progress=progress)
-    # what lies left has its counterpart right; a small component may be matched to its own image, on its own side
+    # a vertex and its counterpart lie on either side, but a small component may be matched to
+    # itself
     normal, offset = symmetry_plane(mesh.vertices, result.map, mesh.vertex_areas)
     side = mesh.vertices @ normal - offset
-    there = result.map.pull_back(side)
-    wrong = (side * there > 0) & (np.minimum(abs(side), abs(there)) > SAME_SIDE * np.sqrt(mesh.area))
+    opposite = result.map.pull_back(side)
+    distance = np.minimum(abs(side), abs(opposite))
+    wrong = (side * opposite > 0) & (distance > MIN_SIDE_DISTANCE * np.sqrt(mesh.area))
     if not wrong.any():
         return result
     share = float(mesh.vertex_areas[wrong].sum() / mesh.area)
-    told = f"{wrong.sum()} vertices ({share:.1%} of the area) had counterparts on their own side, and are left unmatched"
+    which = f"{wrong.sum()} vertices ({share:.1%} of the area)"
+    note = f"{which} had counterparts on their own side, and are left unmatched"
     least = Outcome.LOW_CONFIDENCE if share > config.outcome.large_component else result.outcome
     return replace(
         result,
         map=replace(result.map, vertices=np.where(wrong, -1, result.map.vertices)),
         expected_error=np.where(wrong, np.nan, result.expected_error),
-        outcome=min(least, result.outcome, key=lambda each: each.sureness),
-        notes=(*result.notes, told),
+        outcome=min(least, result.outcome, key=lambda outcome: outcome.sureness),
+        notes=(*result.notes, note),
     )
 
 
 def left_right_of_shapes(
     shapes: CorrespondedShapes, mean: Mesh, *, seed: int = 0
 ) -> tuple[Correspondence, str]:
-    """Find one left–right map for shapes in one topology: of their mean, or of one of them if that is not certain.
+    """Find one left–right map for shapes in one topology: of the mean or, if uncertain, a shape.
 
-    Returns also the name of the shape that it is the map of; empty for the mean. Bodies in many poses have a mean with
-    short limbs, which is nearer to its mirror image as it stands than any map from left to right brings it. Of the
-    shapes that are measured everywhere, the five nearest to the mean are tried; `MapError` if none is certain.
+    Returns also the name of that shape, empty for the mean. Bodies in many poses have a mean with
+    short limbs, which is nearer to its mirror image as it stands than any left–right map brings it.
+    The five shapes nearest to the mean that are measured everywhere are tried; `MapError` if none
+    is certain.
     """
     uniform, centre = np.full(shapes.n_vertices, 1 / shapes.n_vertices), mean.vertices
-    apart = [np.linalg.norm(aligned_to(centre, shape, uniform) - centre) for shape in shapes.vertices]
-    nearest = [int(i) for i in np.argsort(apart, kind="stable") if shapes.seen[i].all()]
+    distances = [np.linalg.norm(aligned_to(centre, shape, uniform) - centre) for shape in shapes.vertices]
+    nearest = [int(i) for i in np.argsort(distances, kind="stable") if shapes.seen[i].all()]
     outcomes = list[Outcome]()
-    for i in (None, *nearest[:MOST_TRIED]):
+    for i in (None, *nearest[:MAX_TRIED]):
         result = left_right_map(mean if i is None else shapes.mesh(i), seed=seed)
         if result.outcome.sureness >= Outcome.PARTIAL.sureness:
             return result.map, "" if i is None else shapes.names[i]

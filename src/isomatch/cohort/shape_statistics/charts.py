@@ -23,29 +23,29 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Bbox
 
 PictureFormat = Literal["png", "pdf", "svg"]
-Groups = Sequence[str] | None  # of named shapes
+Groups = Sequence[str] | None  # the group of each shape
 
-BLUE, GREY = "#3f90da", "#717581"  # of Petroff 2021
+BLUE, GREY = "#3f90da", "#717581"  # colours of Petroff 2021
 COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
-DPI = 300  # of pictures in print
-SIZE = (5.6, 4.5)  # inches of a scatter plot; all charts are as wide
-MOST_TICKS = 6  # along x, so that their numbers stay apart
-NAMES = 8  # points of the names of shapes
-WIDTH = 6.5  # inches of a picture
-FILLED = 0.9  # of the width of a panel, that the widest surface takes
-TEXT = 9.0  # points
-BAR = 0.7  # inches that a colour bar takes, with its numbers and its label
-LEAST_SHARE = 0.5  # share of the value of a point that is known, from which it is drawn
-DIVERGING, RISING = "RdBu_r", "viridis"  # of displacements, of values from 0
+DPI = 300  # resolution in print
+CHART_SIZE = (5.6, 4.5)  # inches of a scatter plot; all charts are as wide
+MAX_TICKS = 6  # ticks along x, so that their numbers do not overlap
+NAME_SIZE = 8  # points of the names of shapes
+WIDTH = 6.5  # inches of a picture of surfaces
+FILLED_SHARE = 0.9  # share of the width of a panel that the widest surface takes
+TEXT_SIZE = 9.0  # points
+BAR_HEIGHT = 0.7  # inches of a colour bar, with its numbers and its label
+MIN_KNOWN = 0.5  # known share of the value of a point, from which it is drawn
+DIVERGING, RISING = "RdBu_r", "viridis"  # colour maps of displacements, and of values from 0
 
 
 def draw_scores(
     path: str | Path, model: ShapeModel, groups: Groups = None, modes: tuple[int, int] = (0, 1)
 ) -> None:
-    """Draw the shapes of a model as points, by their scores along two modes, with the convex hulls of groups.
+    """Draw the scores of shapes along two modes as points, with the convex hulls of groups.
 
-    The file is PNG, or ``.pdf`` or ``.svg``; an existing one is replaced. Modes are counted from 0; a single one is drawn
-    alone. The group of a shape gives it its colour; it has none where that is empty.
+    The file is PNG, or ``.pdf`` or ``.svg``; an existing one is replaced. Modes are counted from 0;
+    a single one is drawn alone. Colours tell the groups; a shape without a group has "".
     """
     across, up = modes if model.n_modes > 1 else (modes[0], None)
     if not all(0 <= mode < model.n_modes for mode in (across, up) if mode is not None):
@@ -78,7 +78,7 @@ def draw_regression(
     label: str,
     groups: Groups = None,
 ) -> None:
-    """Draw the scores of a regression on one variable (m,) against the variable, with its line, as `draw_scores`."""
+    """Draw the scores of a regression on a variable (m,), with its line, as `draw_scores`."""
     figure, (axes,) = _chart()
     scores = regression.scores[:, 0]
     ends = np.array([variable.min(), variable.max()])
@@ -87,16 +87,14 @@ def draw_regression(
     _scatter(axes, np.column_stack([variable, scores]), names, groups)
     axes.set_xlabel(label)
     axes.set_ylabel("regression score, in units of the shapes")
-    axes.set_title(
-        f"{regression.r_squared:.1%} of the variance of shape, p = {regression.p_value:.4g} "
-        f"({regression.n_permutations} permutations, seed {regression.seed})",
-        fontsize="medium",
-    )
+    test = f"{regression.r_squared:.1%} of the variance of shape, p = {regression.p_value:.4g}"
+    settings = f"{regression.n_permutations} permutations, seed {regression.seed}"
+    axes.set_title(f"{test} ({settings})", fontsize="medium")
     _save_scatter(figure, path)
 
 
 def draw_quality(path: str | Path, compact: FloatArray, general: ModelCurve, specific: ModelCurve) -> None:
-    """Draw `compactness`, `generalisation` and `specificity` against the number of modes, as `draw_scores`."""
+    """Draw compactness, generalisation and specificity by number of modes, as `draw_scores`."""
     figure, panels = _chart(3, 6.6)
     panels[0].plot(np.arange(len(compact)), compact, color=BLUE, marker=".")
     panels[0].set(title="compactness: share of the variance", ylim=(0, 1.03))
@@ -116,7 +114,7 @@ def draw_quality(path: str | Path, compact: FloatArray, general: ModelCurve, spe
 
 
 def draw_tree(path: str | Path, distances: FloatArray, names: Sequence[str], label: str) -> None:
-    """Draw the tree of named shapes, see `shape_tree`, as `draw_scores`; the label says what the distances are."""
+    """Draw a tree of named shapes, see `shape_tree`, as `draw_scores`; label names distances."""
     from scipy.cluster.hierarchy import dendrogram
 
     tree = dendrogram(shape_tree(distances), no_plot=True)
@@ -124,7 +122,7 @@ def draw_tree(path: str | Path, distances: FloatArray, names: Sequence[str], lab
     for across, along in zip(tree["icoord"], tree["dcoord"]):
         axes.plot(along, across, color=GREY, linewidth=1)
     axes.set_yticks(5 + 10 * np.arange(len(names)))
-    axes.set_yticklabels([names[i] for i in tree["leaves"]], fontsize=NAMES, parse_math=False)
+    axes.set_yticklabels([names[i] for i in tree["leaves"]], fontsize=NAME_SIZE, parse_math=False)
     axes.set_xlabel(label)
     axes.set_xlim(left=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
@@ -134,46 +132,46 @@ def draw_tree(path: str | Path, distances: FloatArray, names: Sequence[str], lab
 def draw_embedding(
     path: str | Path, points: FloatArray, names: Sequence[str], label: str, groups: Groups = None
 ) -> None:
-    """Draw shapes as points (m, 2) with their names, as `draw_scores`; the label says what distances are."""
+    """Draw shapes as named points (m, 2), as `draw_scores`; the label names the distances."""
     figure, (axes,) = _chart()
     _scatter(axes, points, names, groups)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.locator_params(axis="x", nbins=MOST_TICKS)
+    axes.locator_params(axis="x", nbins=MAX_TICKS)
     axes.set_title(label, fontsize="medium")
     _save_scatter(figure, path)
 
 
 def draw_motion(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Draw how the regions of a series change, a panel for each measure that is known, as `draw_scores`.
+    """Draw how the regions of a series change, a panel for each known measure, as `draw_scores`.
 
-    The rows are those of `motion_by_region`, of one shape after the other, with its ``name``.
+    The rows are those of `motion_by_region` for one shape after the other, with its ``name``.
     """
     names, regions = (list(dict.fromkeys(row[key] for row in rows)) for key in ("name", "region"))
     table = {key: np.reshape([row[key] for row in rows], (len(names), -1)) for key in list(rows[0])[2:]}
     shown = [key for key, values in table.items() if np.isfinite(values).any()]
     figure, panels = _chart(len(shown), 1.0 + 1.5 * len(shown))
-    ticks = np.unique(np.linspace(0, len(names) - 1, MOST_TICKS).astype(int))
+    ticks = np.unique(np.linspace(0, len(names) - 1, MAX_TICKS).astype(int))
     for axes, key in zip(panels, shown):
         axes.set_prop_cycle(color=["black", *COLOURS])
         lines = axes.plot(table[key])
         axes.set_title(key.replace("_", " "), fontsize="small")
-        axes.set_xticks(ticks, [names[i] for i in ticks], rotation=15, size=NAMES, parse_math=False)
-    legend = figure.legend(lines, regions, loc="outside lower center", ncols=5, fontsize=NAMES)
+        axes.set_xticks(ticks, [names[i] for i in ticks], rotation=15, size=NAME_SIZE, parse_math=False)
+    legend = figure.legend(lines, regions, loc="outside lower center", ncols=5, fontsize=NAME_SIZE)
     for text in legend.get_texts():
         text.set_parse_math(False)
     save_figure(figure, path)
 
 
-def _chart(n_panels: int = 1, height: float = SIZE[1]) -> tuple[Figure, list[Axes]]:
+def _chart(n_panels: int = 1, height: float = CHART_SIZE[1]) -> tuple[Figure, list[Axes]]:
     """Make a figure with panels one below the other."""
     from matplotlib.figure import Figure
 
-    figure = Figure((SIZE[0], height), layout="constrained")
+    figure = Figure((CHART_SIZE[0], height), layout="constrained")
     return figure, list(figure.subplots(n_panels, 1, squeeze=False)[:, 0])
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure as PNG, PDF or SVG, by the suffix, with nothing cut off and no date."""
+    """Write a figure as PNG, PDF or SVG, by the suffix, whole and without a date."""
     kind = Path(path).suffix.lower().removeprefix(".")
     if kind not in get_args(PictureFormat):
         raise SettingError(f"{path}: pictures are written as {', '.join(get_args(PictureFormat))}")
@@ -193,7 +191,7 @@ def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Group
             text.set_parse_math(False)
     axes.margins(0.1)
     for point, name in zip(points, names):
-        axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=NAMES, parse_math=False)
+        axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=NAME_SIZE, parse_math=False)
 
 
 def _save_scatter(figure: Figure, path: str | Path) -> None:
@@ -226,7 +224,7 @@ def _draw_hulls(axes: Axes, points: FloatArray, groups: Groups) -> None:
 
 
 def _chosen(groups: Groups, m: int) -> list[tuple[str, str, BoolArray]]:
-    """Name, colour and members (m,) of each group; of none, all are one without a name."""
+    """Return name, colour and members (m,) of each group; without groups, of one for all."""
     of = np.array(groups or [""] * m, dtype=str)
     named = [group for group in sorted(set(of.tolist())) if group]
     colours = {group: COLOURS[i % len(COLOURS)] for i, group in enumerate(named)}
@@ -242,17 +240,20 @@ def draw_landmarks(
     values: FloatArray | None = None,
     label: str = "",
 ) -> None:
-    """Draw configurations of landmarks (n, d) by their titles, over the mean in grey, as `draw_scores`.
+    """Draw configurations of landmarks (n, d) by title, over the mean in grey, as `draw_scores`.
 
-    Links (l, 2) are landmarks that a line joins. In space, each is seen from two sides: along the direction in which the
-    mean is thinnest, and along the next. Values (n,) give the landmarks of all their colours, and are told by the label.
+    Links (l, 2) are landmarks that a line joins. In space, each configuration is seen from two
+    sides: along the direction in which the mean is thinnest, and along the next. Values (n,) give
+    landmarks their colours; the label names them.
     """
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    axes_of = np.linalg.svd(mean - mean.mean(axis=0), full_matrices=False)[2]
-    axes_of = np.eye(2) if mean.shape[1] == 2 else axes_of * np.sign(axes_of[0, np.abs(axes_of[0]).argmax()])
-    sides = [axes_of[[0, 1]], *([axes_of[[0, 2]]] if mean.shape[1] == 3 else [])]
+    sides = [np.eye(2)]
+    if mean.shape[1] == 3:
+        principal = np.linalg.svd(mean - mean.mean(axis=0), full_matrices=False)[2]
+        principal = principal * np.sign(principal[0, np.abs(principal[0]).argmax()])
+        sides = [principal[[0, 1]], principal[[0, 2]]]
     per_row = 4 // len(sides)
     rows = -(-len(shown) // per_row)
     columns = min(len(shown), per_row) * len(sides)
@@ -265,13 +266,13 @@ def draw_landmarks(
         for j, side in enumerate(sides):
             panel = panels[i * len(sides) + j]
             for drawn, colour in ((mean, "#c4c7cb"), (points, BLUE)):
-                at = drawn @ side.T
+                seen = drawn @ side.T
                 for line in links.tolist():
-                    panel.plot(*at[line].T, color=colour, linewidth=0.9, zorder=1)
+                    panel.plot(*seen[line].T, color=colour, linewidth=0.9, zorder=1)
                 if values is not None and colour == BLUE:
-                    panel.scatter(*at.T, 14, c=values, cmap=RISING, norm=Normalize(0, high), zorder=3)
+                    panel.scatter(*seen.T, 14, c=values, cmap=RISING, norm=Normalize(0, high), zorder=3)
                 else:
-                    panel.scatter(*at.T, 6, color=colour, zorder=2)
+                    panel.scatter(*seen.T, 6, color=colour, zorder=2)
             panel.set_aspect("equal", adjustable="datalim")
             panel.set_title(title if j == 0 else "", fontsize="small", parse_math=False)
     if high is not None:
@@ -290,9 +291,10 @@ def draw_values(
 ) -> None:
     """Draw a surface from two sides, coloured by a value at each vertex.
 
-    Values (n,) that are nan are drawn grey; if any is below 0, the colours tell signs. The label says what they are, with
-    their unit; without any value, it is all that is said. Views are directions (3,) from which the surface is seen, by
-    their titles. The scale ends at ``high``, by default near the largest value.
+    Values (n,) that are nan are drawn grey; if any is below 0, the colours tell signs. The label
+    names them, with their unit; without any value, only the label is written. Views are directions
+    (3,) from which the surface is seen, by title. The scale ends at ``high``, by default near the
+    largest value.
     """
     has_value = np.isfinite(values)
     if high is None:
@@ -303,33 +305,33 @@ def draw_values(
     seen = {title: _seen_from(front, direction) for title, direction in (views or {}).items()}
     cameras = seen or {"": front, " ": front * [[-1], [1], [-1]]}
     paint = colour_scale(name, low, high)
-    density = min(_density([mesh], each, per_row=2) for each in cameras.values()) * np.sqrt(mesh.area)
+    density = min(_density([mesh], camera, per_row=2) for camera in cameras.values()) * np.sqrt(mesh.area)
 
     def paint_known(seen: FloatArray) -> FloatArray:
-        share = np.where(seen[:, 1:] < LEAST_SHARE, np.nan, seen[:, 1:])
+        share = np.where(seen[:, 1:] < MIN_KNOWN, np.nan, seen[:, 1:])
         return paint(seen[:, :1] / share)
 
     columns = np.column_stack([np.where(has_value, values, 0.0), has_value])
-    images = [surface_image(mesh, columns, paint_known, each, density) for each in cameras.values()]
-    figure, axes = arranged_panels(images, list(cameras), 2, WIDTH, TEXT)
+    images = [surface_image(mesh, columns, paint_known, camera, density) for camera in cameras.values()]
+    figure, axes = arranged_panels(images, list(cameras), 2, WIDTH, TEXT_SIZE)
     if has_value.any():
         _add_bar(figure, axes, name, low, high, label)
     else:
-        figure.supxlabel(label, size=TEXT)
+        figure.supxlabel(label, size=TEXT_SIZE)
     save_figure(figure, path)
 
 
 def _seen_from(front: FloatArray, to: FloatArray) -> FloatArray:
-    """Turn a camera, see `camera_of`, so that it looks from another direction, its height kept if possible."""
+    """Turn a camera, see `camera_of`, to another direction, upright if possible."""
     up = front[1] if abs(front[1] @ to) < 0.7 else front[2]
     right = np.cross(up, to) / np.linalg.norm(np.cross(up, to))
     return np.array([right, np.cross(to, right), to])
 
 
 def _density(meshes: Sequence[Mesh], camera: FloatArray, per_row: int) -> float:
-    """Pixels per unit of length, with which the widest surface fills a panel, as seen by the camera."""
+    """Return the pixels per unit of length with which the widest surface fills a panel."""
     widest = max(float(np.ptp(mesh.vertices[np.unique(mesh.faces)] @ camera[0])) for mesh in meshes)
-    return DPI * FILLED * WIDTH / per_row / (widest or 1.0)
+    return DPI * FILLED_SHARE * WIDTH / per_row / (widest or 1.0)
 
 
 def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: float, label: str) -> None:
@@ -338,10 +340,10 @@ def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: floa
     from matplotlib.ticker import MaxNLocator
 
     scale = ScalarMappable(Normalize(low, high), name)
-    figure.set_figheight(figure.get_figheight() + BAR)
+    figure.set_figheight(figure.get_figheight() + BAR_HEIGHT)
     beyond = "both" if low else "max"
-    ticks = MaxNLocator(MOST_TICKS)
+    ticks = MaxNLocator(MAX_TICKS)
     placed: Any = {"location": "bottom", "shrink": 0.6, "aspect": 40}
     bar = figure.colorbar(scale, ax=axes, **placed, extend=beyond, ticks=ticks)
-    bar.set_label(label, size=TEXT)
-    bar.ax.tick_params(labelsize=TEXT)
+    bar.set_label(label, size=TEXT_SIZE)
+    bar.ax.tick_params(labelsize=TEXT_SIZE)

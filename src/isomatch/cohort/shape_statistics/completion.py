@@ -1,4 +1,4 @@
-"""Shape completion: what is known of a shape of a model, which is the likeliest, and how uncertain it is."""
+"""Shape completion: the likeliest shape of a model given some points, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -28,35 +28,35 @@ from isomatch.settings import Config
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface
 
 Pose = Literal["fitted", "given"]
-LEAST_NOISE = 1e-6  # of the size of the mean: less would leave nothing of double precision
+MIN_NOISE = 1e-6  # noise over the size of the mean, below which double precision does not suffice
 TOLERANCE = 1e-9  # largest movement of the shape in the last step, over its size
-MOST_STEPS = 200
-MOST_ROUNDS = 30  # of nearest points; about 10 suffice
-SETTLED = 1e-3  # of the size: movement in the last round
-STRAIGHT = 1e-3  # width over length of points that are taken for a line, around which any turn is possible
-PATCH = 0.2  # √area: errors of points nearer than this are about the same; docs/statistics.md, completion
-ALONG = 0.1  # how much is known of where on the surface a nearest point is, over how far it is from it
-FACING = 0.5  # least cosine of the normals of points that are taken for one
+MAX_STEPS = 200
+MAX_ROUNDS = 30  # of nearest points; about 10 suffice
+MAX_MOVEMENT = 1e-3  # movement in the last round of nearest points, over the size
+MAX_WIDTH = 1e-3  # width over length of points on a line, around which any turn is possible
+PATCH = 0.2  # √area: errors of nearer points are about the same; docs/statistics.md, completion
+ALONG_WEIGHT = 0.1  # weight of offsets along the surface over those across it, at nearest points
+MIN_COSINE = 0.5  # of the normals of a point and its nearest one
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Completion:
-    """The shape of a model that some points of it tell of."""
+    """The likeliest shape of a model given some points, in the units of the points."""
 
-    mesh: Mesh  #: the likeliest shape, with the n vertices of the model, where the given points are
-    #: (n,) how uncertain each vertex is, as far as the modes describe shapes: the root of the sum of the variances of its
-    #: three coordinates, in the units of the points
+    mesh: Mesh  #: the likeliest shape, with the n vertices of the model, where the points are
+    #: (n,) standard deviation of each vertex within the modes: the root of the sum of the variances
+    #: of its three coordinates
     standard_deviation: FloatArray
-    residual: float  #: what the modes do not describe, see `model_noise`, in the units of the points
-    scores: FloatArray  #: (k,) coordinates along the modes, in the units of the model, with their standard deviations
-    score_deviations: FloatArray
-    #: root mean square distance of the given points from where the shape has them, each weighted by one over the square
-    #: of its noise; nan without points
+    residual: float  #: distance from the modes that remains, see `model_noise`
+    scores: FloatArray  #: (k,) coordinates along the modes, in the units of the model
+    score_deviations: FloatArray  #: (k,) their standard deviations
+    #: root mean square distance of the given points from the shape, each weighted by one over the
+    #: square of its noise; nan without points
     error: float
     scale: float  #: the motion from the model: x ↦ scale · rotation @ x + translation
     rotation: FloatArray  #: (3, 3)
     translation: FloatArray  #: (3,)
-    n_points: int  #: on which the shape rests
+    n_points: int  #: number of points used
     notes: tuple[str, ...] = ()  #: what is in doubt
 
     def __repr__(self) -> str:
@@ -64,29 +64,30 @@ class Completion:
 
     @property
     def expected_error(self) -> FloatArray:
-        """(n,) distance of each vertex from its true place, a root mean square, in the units of the points."""
+        """(n,) root mean square distance of each vertex from its true place."""
         return np.hypot(self.standard_deviation, self.residual)
 
 
 def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fitted") -> Completion:
-    """Find the likeliest shape of a model given some of its points, and how uncertain every vertex is.
+    """Find the likeliest shape of a model given some of its points, and its uncertainty.
 
     Parameters
     ----------
     model : ShapeModel
         Scores along its k modes are independent and normally distributed.
     observations : Observations
-        Where some points of the surface are, and how precisely that is known. With none, and in the given pose, the
-        result is the mean with the deviations of the model.
+        Positions of some points of the surface, with their noise. Without any, and in the given
+        pose, the result is the mean with the deviations of the model.
     pose : {"fitted", "given"}
-        Whether the points may be anywhere and turned in any way, and of any size if the model was made without sizes;
-        or are where the model is. A pose is fitted to three points or more, which are not on a line.
+        Whether the points may be anywhere and turned in any way, and of any size if the model was
+        made without sizes; or are where the model is. A pose is fitted to three points or more,
+        which are not on a line.
 
     Notes
     -----
-    Albrecht, Lüthi, Gerig & Vetter, *Posterior shape models*, Medical Image Analysis 2013. Nearest points on a surface
-    that was matched are renewed until the shape moves by less than 0.001 of its size, 30 times at most, after which a
-    note says so. O(q k²) time a step for q points; a few suffice.
+    Albrecht, Lüthi, Gerig & Vetter, *Posterior shape models*, Medical Image Analysis 2013. Nearest
+    points on a matched surface are renewed until the shape moves by less than 0.001 of its size, at
+    most 30 times, after which a note says so. O(q k²) time a step for q points; a few suffice.
 
     Examples
     --------
@@ -106,15 +107,15 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     fit = _Fit.of(model, observations, is_free=pose == "fitted")
     notes: tuple[str, ...] = ()
     if observations.surface:
-        fit, observations, notes = _settled(model, observations.surface, fit, is_free=pose == "fitted")
+        fit, observations, notes = _fit_nearest(model, observations.surface, fit, is_free=pose == "fitted")
     motion, shape = fit.motion, fit.shape(model)
     columns = model.modes * model.deviations[:, None, None]  # (k, n, 3)
     if pose == "fitted":
         columns = np.concatenate([columns, _motions(shape, fit.centre, fit.size, model.size is not None)])
-    apart = observations.positions - motion.done(observations.points.interpolated(shape))
-    precision = 1 / np.maximum(observations.noise, LEAST_NOISE * fit.size * motion.scale) ** 2
-    error = float(np.sqrt(precision @ (apart**2).sum(axis=1) / precision.sum())) if len(apart) else np.nan
-    mesh, residual = model.mesh().moved(motion.done(shape)), motion.scale * model_noise(model)
+    offsets = observations.positions - motion.apply(observations.points.interpolated(shape))
+    precision = 1 / np.maximum(observations.noise, MIN_NOISE * fit.size * motion.scale) ** 2
+    error = float(np.sqrt(precision @ (offsets**2).sum(axis=1) / precision.sum())) if len(offsets) else np.nan
+    mesh, residual = model.mesh().moved(motion.apply(shape)), motion.scale * model_noise(model)
     deviations, scores = motion.scale * _deviations(columns, fit.root), fit.scores * model.deviations
     score_deviations = np.linalg.norm(fit.root[: model.n_modes], axis=1) * model.deviations
     placed = motion.scale, motion.rotation, motion.translation
@@ -128,36 +129,39 @@ class _Fit:
 
     scores: FloatArray  # (k,)
     motion: _Motion
-    root: FloatArray  # of the covariance of the scores, and of small motions about the centre in units of the size
+    # root of the covariance of the scores, and of small motions about the centre in units of the
+    # size
+    root: FloatArray
     centre: FloatArray
     size: float
 
     def shape(self, model: ShapeModel) -> FloatArray:
-        """(n, 3) the shape where the model is."""
+        """(n, 3) the shape in the coordinates of the model."""
         return model.vertices(self.scores * model.deviations)
 
     @classmethod
-    def of(cls, model: ShapeModel, observations: Observations, is_free: bool, most: int = MOST_STEPS) -> _Fit:
+    def of(cls, model: ShapeModel, observations: Observations, is_free: bool, most: int = MAX_STEPS) -> _Fit:
         """Fit the scores, and also the motion if it is free."""
         size = float(np.sqrt(model.weights @ ((model.mean - model.weights @ model.mean) ** 2).sum(axis=1)))
         mean = observations.points.interpolated(model.mean)
         modes = [observations.points.interpolated(mode) for mode in model.modes]
         spread = np.array(modes).reshape(model.n_modes, len(mean), 3) * model.deviations[:, None, None]
         motion = _Motion.onto(mean, observations, model.size is not None) if is_free else _Motion()
-        # x = m + Φ b + e of the model, with b ~ N(0, I) in standard deviations and e ~ N(0, Σ). The likeliest b, and
-        # motion of the model, minimise |Σ^(−½) (x − m − Φ b − T t)|² + |b|², where T are small turns about the centre,
-        # shifts and growth, t, without a prior. A turn is not linear: the step t is made part of the motion, and is
-        # repeated from there (Gauss–Newton), with b as a whole; uncertainty is that of the last step
+        # The model is x = m + Φ b + e, with b ~ N(0, I) in standard deviations and e ~ N(0, Σ). The
+        # likeliest b, and motion of the model, minimise |Σ^(−½) (x − m − Φ b − T t)|² + |b|², where
+        # T are small turns about the centre, shifts and growth, t, without a prior. A turn is not
+        # linear: the step t becomes part of the motion, and is repeated from there (Gauss–Newton),
+        # with b as a whole; the last step gives the uncertainty
         shape, columns = mean, spread
         for _ in range(most):
             centre = shape.mean(axis=0) if len(shape) else np.zeros(3)
             if is_free:
                 columns = np.concatenate([spread, _motions(shape, centre, size, model.size is not None)])
-            # the noise is of the whole distance; of each coordinate, it is 1/√3 of that
-            noise = np.maximum(observations.noise / motion.scale, LEAST_NOISE * size)[:, None] / np.sqrt(3)
-            offsets = motion.undone(observations.positions) - mean
-            seen = observations.weighed(np.concatenate([columns, offsets[None]]), motion.rotation) / noise
-            solution, root = _solved(seen[:-1], seen[-1], model.n_modes)
+            # the noise of each coordinate is 1/√3 of that of the distance
+            noise = np.maximum(observations.noise / motion.scale, MIN_NOISE * size)[:, None] / np.sqrt(3)
+            offsets = motion.undo(observations.positions) - mean
+            seen = observations.weigh(np.concatenate([columns, offsets[None]]), motion.rotation) / noise
+            solution, root = _solve(seen[:-1], seen[-1], model.n_modes)
             scores, step = solution[: model.n_modes], solution[model.n_modes :]
             before, shape = shape, mean + np.tensordot(scores, spread, 1)
             if is_free:
@@ -179,54 +183,54 @@ class _Motion:
 
     @classmethod
     def onto(cls, mean: FloatArray, observations: Observations, scaled: bool) -> _Motion:
-        """Move points of the mean (q, 3) onto those observed, as near as possible."""
+        """Move points of the mean (q, 3) as near as possible to those observed."""
         if len(mean) < 3:
             raise LandmarkError(f"{len(mean)} points do not fix a pose; give at least 3, or pose='given'")
         share = 1 / np.maximum(observations.noise, np.finfo(float).tiny ** 0.25) ** 2
         share = share / share.sum()
-        here, there = (x - share @ x for x in (mean, observations.positions))
-        for points in (here, there):
+        source, target = (x - share @ x for x in (mean, observations.positions))
+        for points in (source, target):
             lengths = np.linalg.svd(points * np.sqrt(share)[:, None], compute_uv=False)
-            if lengths[1] <= STRAIGHT * lengths[0]:
+            if lengths[1] <= MAX_WIDTH * lengths[0]:
                 problem = "all points are on a line, around which any turn is possible"
                 raise LandmarkError(f"{problem}; give others")
-        rotation = nearest_rotation(here.T @ (share[:, None] * there)).T
-        along = share @ ((here @ rotation.T) * there).sum(axis=1)
-        scale = float(along / (share @ (here**2).sum(axis=1))) if scaled else 1.0
+        rotation = nearest_rotation(source.T @ (share[:, None] * target)).T
+        along = share @ ((source @ rotation.T) * target).sum(axis=1)
+        scale = float(along / (share @ (source**2).sum(axis=1))) if scaled else 1.0
         return cls(scale, rotation, share @ observations.positions - scale * rotation @ (share @ mean))
 
-    def done(self, points: FloatArray) -> FloatArray:
+    def apply(self, points: FloatArray) -> FloatArray:
         """Move points (m, 3) of the model."""
         return np.asarray(self.scale * points @ self.rotation.T + self.translation)
 
-    def undone(self, points: FloatArray) -> FloatArray:
+    def undo(self, points: FloatArray) -> FloatArray:
         """Move points (m, 3) back to the model."""
         return np.asarray((points - self.translation) @ self.rotation / self.scale)
 
     def after(self, step: FloatArray, centre: FloatArray, size: float) -> _Motion:
-        """Put a small motion of the model before this one, as `_motions` has them."""
-        grown = float(np.exp(step[6])) if len(step) > 6 else 1.0
+        """Compose this motion with a small one before it, as `_motions` has them."""
+        growth = float(np.exp(step[6])) if len(step) > 6 else 1.0
         rotation = self.rotation @ Rotation.from_rotvec(step[:3]).as_matrix()
-        scale = self.scale * grown
-        shifted = self.done((centre + size * step[3:6])[None])[0]
+        scale = self.scale * growth
+        shifted = self.apply((centre + size * step[3:6])[None])[0]
         return _Motion(scale, rotation, shifted - scale * rotation @ centre)
 
 
-def _settled(
+def _fit_nearest(
     model: ShapeModel, surface: SeenSurface, fit: _Fit, is_free: bool
 ) -> tuple[_Fit, Observations, tuple[str, ...]]:
-    """Let nearest points on the shape take the place of the images of a map, until it does not move; and notes."""
-    before = fit.motion.done(fit.shape(model))
-    for _ in range(MOST_ROUNDS):
+    """Fit the shape to a surface by nearest points until it does not move; also return notes."""
+    before = fit.motion.apply(fit.shape(model))
+    for _ in range(MAX_ROUNDS):
         observations = surface.nearest(model.mesh().moved(before))
         fit = _Fit.of(model, observations, is_free)
-        after = fit.motion.done(fit.shape(model))
+        after = fit.motion.apply(fit.shape(model))
         moved = float(np.sqrt(model.weights @ ((after - before) ** 2).sum(axis=1)))
         before = after
-        if moved <= SETTLED * fit.size * fit.motion.scale:
+        if moved <= MAX_MOVEMENT * fit.size * fit.motion.scale:
             return fit, observations, ()
-    note = f"nearest points still move after {MOST_ROUNDS} rounds, in the last one by {moved:.3g}: the shape is in doubt"
-    return fit, observations, (note,)
+    note = f"nearest points still move after {MAX_ROUNDS} rounds, in the last one by {moved:.3g}"
+    return fit, observations, (f"{note}: the shape is in doubt",)
 
 
 def _motions(points: FloatArray, centre: FloatArray, size: float, scaled: bool) -> FloatArray:
@@ -237,10 +241,11 @@ def _motions(points: FloatArray, centre: FloatArray, size: float, scaled: bool) 
     return np.array([*turns, *shifts, *([arms] if scaled else [])])
 
 
-def _solved(matrix: FloatArray, offset: FloatArray, n_modes: int) -> tuple[FloatArray, FloatArray]:
-    """Fit columns (c, q, 3), the first with a standard normal prior, to offsets (q, 3): coefficients (c,), and a root."""
-    # with rows A = [M; I of the prior] = Q R, the minimum is at R⁻¹ Qᵀ (d; 0), and the posterior covariance
-    # (Mᵀ M + prior)⁻¹ = (Rᵀ R)⁻¹ = R⁻¹ R⁻ᵀ: with M = Σ^(−½) Φ it is C = (Φᵀ Σ⁻¹ Φ + I)⁻¹ of Albrecht et al. 2013
+def _solve(matrix: FloatArray, offset: FloatArray, n_modes: int) -> tuple[FloatArray, FloatArray]:
+    """Fit columns (c, q, 3) to offsets (q, 3): coefficients (c,) and a root of their covariance."""
+    # The first n_modes have a standard normal prior. With rows A = [M; I of the prior] = Q R, the
+    # minimum is at R⁻¹ Qᵀ (d; 0), and the posterior covariance (Mᵀ M + prior)⁻¹ = (Rᵀ R)⁻¹
+    # = R⁻¹ R⁻ᵀ: with M = Σ^(−½) Φ it is C = (Φᵀ Σ⁻¹ Φ + I)⁻¹ of Albrecht et al. 2013
     n_columns = len(matrix)
     rows = np.concatenate([matrix.reshape(n_columns, -1).T, np.eye(n_columns)[:n_modes]])
     with serial_blas():
@@ -250,7 +255,7 @@ def _solved(matrix: FloatArray, offset: FloatArray, n_modes: int) -> tuple[Float
 
 
 def _deviations(columns: FloatArray, root: FloatArray) -> FloatArray:
-    """Find the deviation (n,) of the sum of columns (c, n, 3) whose coefficients have the covariance root · rootᵀ."""
+    """Deviations (n,) of Σ of columns (c, n, 3) with coefficients of covariance root · rootᵀ."""
     with serial_blas():
         spread = root.T @ columns.reshape(len(columns), -1)
     return np.asarray(np.sqrt((spread**2).reshape(len(columns), -1, 3).sum(axis=(0, 2))))
@@ -268,12 +273,13 @@ class Observations:
 
     points: PrecisePoints  #: q points, on the triangles of the model
     positions: FloatArray  #: (q, 3) where they were seen
-    #: of all, or (q,): root mean square distance between where a point was seen and where the modes of the model can have
-    #: it, in the units of the positions. Errors are taken as independent: points that err together need more noise.
+    #: of all, or (q,): root mean square distance between the seen point and the nearest one of the
+    #: model's modes, in the units of the positions. Errors are taken as independent: points that
+    #: err together need more noise
     noise: FloatArray
-    #: (q, 3) unit normals, where only the distance across the surface is known: along it, noise is ten times as large
+    #: (q, 3) unit normals, if noise along the surface is ten times as large as across it
     normals: FloatArray | None = None
-    #: what the points are of: where the shape is about known, its nearest points take their place
+    #: the surface that the points are on; nearest points on it replace them once the shape is known
     surface: SeenSurface | None = None
     notes: tuple[str, ...] = ()  #: what was left out, or is in doubt
 
@@ -300,13 +306,13 @@ class Observations:
         rows: IntArray = array_of(vertices, "vertices", InputError).astype(np.int64)
         return cls(PrecisePoints.at_vertices(rows), np.asarray(positions), np.asarray(noise))
 
-    def weighed(self, columns: FloatArray, rotation: FloatArray) -> FloatArray:
-        """Weigh displacements (c, q, 3) by what is known of them; a rotation carries their coordinates to those seen."""
+    def weigh(self, columns: FloatArray, rotation: FloatArray) -> FloatArray:
+        """Weigh displacements (c, q, 3) of the model across and along the surface, once rotated."""
         if self.normals is None:
             return columns
         normals = self.normals @ rotation
         across = np.einsum("cqd,qd->cq", columns, normals)[:, :, None] * normals
-        return np.asarray(across + ALONG * (columns - across))
+        return np.asarray(across + ALONG_WEIGHT * (columns - across))
 
     def check_fits(self, n_vertices: int) -> None:
         """Raise an `InputError` if the points are not on a surface with so many vertices."""
@@ -324,35 +330,34 @@ class SeenSurface:
     noise: FloatArray  # (n,)
 
     def nearest(self, shape: Mesh) -> Observations:
-        """Find the points of a shape of the model near it that are nearest to the vertices, and face as they do."""
+        """Find the points of a shape that are nearest to the vertices, and face as they do."""
         points = nearest_on_surface(shape, self.mesh.vertices)
         normals = points.interpolated(shape.vertex_normals)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
         cosines = (normals * self.mesh.vertex_normals).sum(axis=1)
         if np.median(cosines) < 0:  # the surface is wound inside out
             cosines = -cosines
-        rows = np.flatnonzero((cosines > FACING) & np.isfinite(self.noise))
+        rows = np.flatnonzero((cosines > MIN_COSINE) & np.isfinite(self.noise))
         if not len(rows):
-            raise InputError(
-                "no vertex of the part faces as the shape does where it is nearest; check the pose, and the part itself"
-            )
-        there = PrecisePoints(points.corners[rows], points.barycentric[rows])
-        return Observations(there, self.mesh.vertices[rows], self.noise[rows], normals[rows])
+            problem = "no vertex of the part faces as the shape does where it is nearest"
+            raise InputError(f"{problem}; check the pose, and the part itself")
+        nearest = PrecisePoints(points.corners[rows], points.barycentric[rows])
+        return Observations(nearest, self.mesh.vertices[rows], self.noise[rows], normals[rows])
 
 
 def model_noise(model: ShapeModel) -> float:
-    """Estimate how far points of further shapes are from what the modes describe: the error of a shape left out."""
+    """Estimate how far other shapes are from the modes: the error of a shape left out."""
     return float(generalisation(model).mean[-1]) if len(model.names) > 1 else 0.0
 
 
 def observed_vertices(
     model: ShapeModel, mesh: Mesh, known: BoolArray | None = None, noise: float | None = None
 ) -> Observations:
-    """Take the vertices that a mesh in the topology of a model has, without those that have no finite position.
+    """Observe the vertices of a mesh in the topology of a model that have a finite position.
 
-    Of the others, all (n,) were measured by default. The noise is the root mean square distance of a vertex from what
-    the modes describe, by default `model_noise`. As errors of neighbours are alike, all vertices within a square of 0.2
-    √area count as one.
+    ``known`` (n,) tells which of these were measured, by default all. The noise is the root mean
+    square distance of a vertex from the modes, by default `model_noise`. As errors of neighbours
+    are alike, all vertices within a square of 0.2 √area count as one.
     """
     if not np.array_equal(mesh.faces, model.faces) or mesh.n_vertices != len(model.mean):
         problem = f"{mesh!r} has other faces than the model ({len(model.mean)} vertices)"
@@ -370,24 +375,22 @@ def observed_vertices(
 def observed_landmarks(
     model: ShapeModel, own: Landmarks, found: Landmarks, noise: float | None = None
 ) -> Observations:
-    """Take landmarks of a shape, joined by name with the model's own, which are in the coordinates of its mean.
+    """Observe landmarks of a shape, joined by name with landmarks of the model's mean.
 
-    Their expected errors add to the noise, which is that of `observed_vertices`.
+    Their expected errors add to the noise, see `observed_vertices`.
     """
-    # of the mean, and of the shape
-    names = [[name for name, is_there in zip(x.names, x.placed) if is_there and name] for x in (own, found)]
-    shared = [name for name in names[0] if name in set(names[1])]
+    known, given = ([n for n, is_placed in zip(x.names, x.placed) if is_placed and n] for x in (own, found))
+    shared = [name for name in known if name in set(given)]
     if not shared:
-        of_both = f"{', '.join(names[1])[:80]} and {', '.join(names[0])[:80]}"
+        of_both = f"{', '.join(given)[:80]} and {', '.join(known)[:80]}"
         raise LandmarkError(f"no landmark of the shape is named like one of the mean: {of_both}")
-    twice = [name for name in shared if names[0].count(name) + names[1].count(name) > 2]
-    if twice:
+    if twice := [name for name in shared if known.count(name) + given.count(name) > 2]:
         raise LandmarkError(f"several landmarks are named {', '.join(twice)}; give each a name of its own")
     row_of = [{x.names[i]: i for i in np.flatnonzero(x.placed)} for x in (own, found)]
     rows, rows_found = ([of[name] for name in shared] for of in row_of)
     points = nearest_on_surface(model.mesh(), own.positions[rows])
     positions, errors = found.positions[rows_found], np.nan_to_num(found.expected_error[rows_found])
-    unknown = [name for name in names[1] if name not in shared]
+    unknown = [name for name in given if name not in shared]
     notes = (f"landmarks that the mean does not have: {', '.join(unknown)}",) if unknown else ()
     total = np.hypot(_noise(noise, model, points, positions), errors)
     return Observations(points, positions, total, notes=notes)
@@ -400,10 +403,11 @@ def observed_part(
     expected_error: ArrayLike = 0.0,
     noise: float | None = None,
 ) -> Observations:
-    """Take the m vertices of a surface, all of a shape or a part, of which a map to the mean of a model was found.
+    """Observe the m vertices of a shape, or a part, given its map to the mean of a model.
 
-    That is such as of ``match(part, model.mesh())``. Expected errors (m,) of its images, in √area, as a `MatchResult`
-    has them, add to the noise, which is that of `observed_vertices`, until nearest points take their place.
+    The map may be from ``match(part, model.mesh())``. Expected errors (m,) of its images, in √area,
+    as a `MatchResult` has them, add to the noise, see `observed_vertices`, until nearest points
+    replace the images.
     """
     part, mean = mesh_from(part), model.mesh()
     found.check_fits(part, mean)
@@ -432,12 +436,12 @@ def read_observations(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Observations:
-    """Read what is known of a shape: a mesh in the topology of a model without some vertices, any mesh, or landmarks.
+    """Read observations of a shape: a mesh, in the topology of a model or not, or landmarks.
 
-    A mesh with the faces of the model has its vertices, without those with ``measured`` = 0; others are matched to the
-    mean, as by `match`. Landmarks, see `Landmarks.read`, need those of the mean, in another file. A folder of such
-    meshes, named like structures of the model, is in the coordinates of one subject. Noise is that of
-    `observed_vertices`.
+    A mesh with the faces of the model gives its vertices, without those with ``measured`` = 0;
+    others are matched to the mean by `match`. Landmarks, see `Landmarks.read`, need those of the
+    mean, in another file. A folder of meshes, named like structures of the model, is in the
+    coordinates of one subject. For the noise, see `observed_vertices`.
     """
     path = Path(path)
     if path.is_dir():
@@ -462,7 +466,7 @@ def read_observations(
 
 
 def _of_structures(folder: Path, model: ShapeModel, noise: float | None, **how: Any) -> Observations:
-    """Take the structures of a subject that are in a folder; one in another topology is brought into that of the mean."""
+    """Observe the structures of a subject in a folder, matched to the mean if needed."""
     files = {legible(file.stem): file for file in meshes_among(folder.iterdir())}
     if not files or not set(files) <= set(model.structures):
         remedy = f"give some of the structures of the model, {[*model.structures]}"
@@ -484,7 +488,7 @@ def _of_structures(folder: Path, model: ShapeModel, noise: float | None, **how: 
 
 
 def _counted(shares: FloatArray) -> FloatArray:
-    """Root of the number of independent observations that a vertex with a share of the area stands for, at most 1."""
+    """Root of the number of independent observations that a vertex stands for, at most 1."""
     return np.minimum(np.sqrt(shares) / PATCH, 1.0)
 
 
@@ -498,8 +502,8 @@ def _noise(noise: float | None, model: ShapeModel, points: PrecisePoints, positi
 
 
 def _scale(model: ShapeModel, points: PrecisePoints, positions: FloatArray) -> float:
-    """About how many times as large as the model a shape is, if sizes were removed."""
+    """Estimate the size of a shape over that of the model, if sizes were removed."""
     if model.size is None:
         return 1.0
-    there, here = (x - x.mean(axis=0) for x in (positions, points.interpolated(model.mean)))
-    return float(np.linalg.norm(there) / max(np.linalg.norm(here), np.finfo(float).tiny)) or 1.0
+    sizes = [np.linalg.norm(x - x.mean(axis=0)) for x in (positions, points.interpolated(model.mean))]
+    return float(sizes[0] / max(sizes[1], np.finfo(float).tiny)) or 1.0

@@ -1,4 +1,4 @@
-"""Whether two groups of shapes differ, at every vertex: Hotelling's test, by permutations or by its distribution."""
+"""Hotelling's test of the difference of two groups of shapes at every vertex."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.linear_model import N_PERMUTATIONS
 
 TestMethod = Literal["permutation", "parametric"]
-BLOCK = 2**22  # numbers in memory at a time
+MAX_NUMBERS = 2**22  # numbers in memory at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,17 +25,15 @@ class GroupTest:
 
     groups: tuple[str, str]  #: their names, in alphabetical order
     counts: tuple[int, int]  #: numbers of shapes
-    difference: (
-        FloatArray  #: (n, d) mean of the second group minus that of the first, in the units of the shapes
-    )
+    difference: FloatArray  #: (n, d) mean of the second group minus that of the first
     t_squared: FloatArray  #: (n,) of Hotelling; ``inf`` if the groups are separated completely
-    #: (n,) probability of a T² at least as large if both groups have the same distribution, and the least false discovery
-    #: rate at which the vertex counts as different (Benjamini & Hochberg 1995)
-    p_values: FloatArray
+    p_values: FloatArray  #: (n,) probability of as large a T² if the groups have one distribution
+    #: (n,) least false discovery rate at which a vertex counts as different (Benjamini & Hochberg
+    #: 1995)
     q_values: FloatArray
 
     def significant(self, false_discovery_rate: float = 0.05) -> BoolArray:
-        """(n,) which vertices differ, at an expected share of false ones among them."""
+        """(n,) vertices that differ, with an expected share of false ones among them."""
         return np.asarray(self.q_values <= false_discovery_rate)
 
 
@@ -57,20 +55,22 @@ def group_test(
     groups : sequence of str
         The group of each of the m shapes; two different names, of two shapes or more.
     method : {"permutation", "parametric"}
-        Whether p-values come from random exchanges of the group labels, which assumes nothing about the distribution, or
-        from Hotelling's F distribution, which assumes a normal one and the same covariance in both groups.
+        Whether p-values come from random exchanges of the group labels, which assumes nothing about
+        the distribution, or from Hotelling's F distribution, which assumes a normal one and the
+        same covariance in both groups.
     n_permutations, seed : int
-        Number of random exchanges, and what draws them; no p-value is below 1 / (n_permutations + 1).
+        Number of random exchanges, and what draws them; no p-value is below
+        1 / (n_permutations + 1).
     measured : (m, n) array of bool, optional
-        Which vertices were measured; by default all. A vertex that fewer than two shapes of a group measured is left
-        out: its p- and q-values are 1. Of others, shapes that lack it stand on the mean of all, see `filled`, which
-        makes no difference larger.
+        Which vertices were measured; by default all. A vertex that fewer than two shapes of a group
+        measured is left out: its p- and q-values are 1. Elsewhere, shapes that lack a vertex have
+        it on the mean of all, see `filled`, which makes no difference larger.
 
     Notes
     -----
-    T² = (m − 2) q / (1 − q), where q = (m₁ m₂ / m) dᵀ S⁻¹ d of the difference d of the group means and the total scatter
-    S of all shapes about their mean. O(n_permutations m n) time. Where a vertex varies in fewer than three directions,
-    only these are tested.
+    T² = (m − 2) q / (1 − q), where q = (m₁ m₂ / m) dᵀ S⁻¹ d, with the difference d of the group
+    means and the total scatter S of all shapes about their mean. O(n_permutations m n) time. Where a
+    vertex varies in fewer than three directions, only these are tested.
 
     Examples
     --------
@@ -85,10 +85,10 @@ def group_test(
     if n_permutations < 1:
         raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
     m = len(aligned)
-    # the total scatter S = L Lᵀ is the same for all labels, so that q = (m₁ m₂ / m) |L⁻¹ d|² needs one product of the
-    # whitened positions with the contrast, 1/m₂ in the second group and −1/m₁ in the first, whose product with shapes
-    # is d
-    white, rank = _whitened(aligned)
+    # The total scatter S = L Lᵀ is the same for all labels, so that q = (m₁ m₂ / m) |L⁻¹ d|² needs
+    # one product of the whitened positions with the contrast, 1/m₂ in the second group and −1/m₁ in
+    # the first, whose product with shapes is d
+    white, rank = _whiten(aligned)
     contrast = np.where(second, 1 / counts[1], -1 / counts[0])
     share = counts[0] * counts[1] / m
     q = np.minimum(share * (np.tensordot(contrast, white, 1) ** 2).sum(axis=1), 1.0)
@@ -97,8 +97,8 @@ def group_test(
     with np.errstate(divide="ignore"):
         t_squared = (m - 2) * q / np.where(q > 1 - 1e-12, 0.0, 1 - q)
     difference: FloatArray = np.tensordot(contrast, aligned, 1)
-    held = np.ones(white.shape[:2], dtype=bool) if measured is None else measured
-    tested = np.minimum(held[second].sum(axis=0), held[~second].sum(axis=0)) > 1
+    seen = np.ones(white.shape[:2], dtype=bool) if measured is None else measured
+    tested = np.minimum(seen[second].sum(axis=0), seen[~second].sum(axis=0)) > 1
     p_values, q_values = np.ones((2, len(p)))
     p_values[tested] = p[tested]
     q_values[tested] = false_discovery_control(p[tested])
@@ -106,7 +106,7 @@ def group_test(
 
 
 def _labels(groups: Sequence[str], m: int) -> tuple[BoolArray, tuple[str, str], tuple[int, int]]:
-    """Which shapes are in the second group; the names and sizes of both."""
+    """Tell which shapes are in the second group, and the names and sizes of both."""
     if len(groups) != m:
         raise InputError(f"{len(groups)} groups for {m} shapes; give one for each")
     labels, index, counts = np.unique(np.asarray(groups, dtype=str), return_inverse=True, return_counts=True)
@@ -116,8 +116,8 @@ def _labels(groups: Sequence[str], m: int) -> tuple[BoolArray, tuple[str, str], 
     return index == 1, (str(labels[0]), str(labels[1])), (int(counts[0]), int(counts[1]))
 
 
-def _whitened(aligned: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Positions about their mean with a total scatter of the identity, (m, n, 3), and its rank at each vertex, (n,)."""
+def _whiten(aligned: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Give positions (m, n, 3) unit scatter about their mean at each vertex; also its rank (n,)."""
     centred = aligned - aligned.mean(axis=0)
     values, axes = np.linalg.eigh(np.einsum("sij,sik->ijk", centred, centred))
     noise = np.maximum(1e-10 * values[:, -1], 1e-24 * np.ptp(aligned, axis=(0, 1)).max() ** 2)
@@ -133,7 +133,7 @@ def _permuted(
     m, n, dim = white.shape
     labels = generator(seed).permuted(np.tile(contrast, (n_permutations, 1)), axis=1)
     reached = np.ones(n)  # the labels as they are
-    width = max(BLOCK // (dim * n_permutations), 1)
+    width = max(MAX_NUMBERS // (dim * n_permutations), 1)
     with serial_blas():
         for first in range(0, n, width):
             block = slice(first, first + width)

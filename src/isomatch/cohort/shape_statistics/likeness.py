@@ -1,4 +1,4 @@
-"""How alike shapes are: distances, tree and map; and which hardly belong to a sample as they are."""
+"""The likeness of shapes: distances, tree and map; and shapes that hardly belong to a sample."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from isomatch.cohort.shape_statistics.procrustes import generalised_procrustes, 
 from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 
-# Of seven sets of animals and people in many poses, of which up to a half was mirrored at random, these find 202 of 208,
-# none of TOSCA victoria, whose poses differ most, and nothing wrong in any.
-SAMPLE_AGREES = 0.35  # median agreement of all shapes: with less, poses differ too much to tell
-SHAPE_AGREES = 0.15  # the same of one shape with the others
-MIRRORED = 0.7  # times its distance: of fewer shapes, a mirror image must also be nearer by this
-THINNEST = 0.01  # times its size: a shape twice as thick has no mirror image
-SAME = 1e-5  # of its size: distance of one shape from itself in another file
-FAR = 10.0  # sizes from the middle of all centroids
-UNLIKE = 2.0  # times the usual distance from the others
-FEWEST = 4  # shapes that tell what is usual
+# In seven sets of animals and people in many poses, up to half of which were mirrored at random,
+# the first two find 202 of 208 mirror images, none in TOSCA victoria, whose poses differ most, and
+# no wrong ones.
+MIN_SAMPLE_AGREEMENT = 0.35  # median of all shapes; below it, poses differ too much to tell
+MIN_SHAPE_AGREEMENT = 0.15  # median of one shape with the others
+MIRROR_RATIO = 0.7  # distance of the mirror image over that of the shape, in samples of few shapes
+MIN_THICKNESS = 0.01  # thickness over size; a thinner shape equals its mirror image
+SAME_SHAPE = 1e-5  # distance over size; a shape in another file is nearer
+FAR_SIZES = 10.0  # distance from the middle of all centroids, in sizes, from which a shape is far
+UNLIKE_RATIO = 2.0  # distance from the others over the usual one, from which a shape is unlike them
+MIN_SHAPES = 4  # number of shapes that tell what is usual
 Kind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]
 N_SAMPLES = 100
 
 
 class Doubt(NamedTuple):
-    """Why shapes hardly belong to a sample as they are: a kind, see `doubtful_shapes`, and a reason in words."""
+    """Shapes that hardly belong to a sample: kind, see `doubtful_shapes`, and reason."""
 
     kind: Kind
     names: tuple[str, ...]
@@ -43,14 +44,15 @@ class Doubt(NamedTuple):
 def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
     """Find shapes that hardly belong to a sample as they are; look at them before a model is made.
 
-    - *units*: the size is so different from others that it may be a matter of units, see `size_factors`.
-    - *mirrored*: mirror images are nearer, in Procrustes distance without size, to most of the other shapes. They are
-      not found among bodies whose poses differ more than left and right.
-    - *twice*: two shapes are the same but for a motion and their size.
-    - *far*: of four shapes or more, the centroid lies more than ten median sizes from the middle of all, and is an
-      outlier of six standard deviations. Alignment removes it.
-    - *unlike*: of four shapes or more, the median distance from the others is an outlier of six standard deviations,
-      at least twice the usual one; or all vertices are at one position.
+    - *units*: the size is so different from others that it may be a matter of units, see
+      `size_factors`.
+    - *mirrored*: mirror images are nearer, in Procrustes distance without size, to most of the
+      other shapes. They are not found among bodies whose poses differ more than left and right.
+    - *twice*: two shapes are equal up to a motion and their size.
+    - *far*: the centroid lies more than ten median sizes from the middle of all, and is an outlier
+      of six standard deviations, among four shapes or more. Alignment removes it.
+    - *unlike*: the median distance from the others is an outlier of six standard deviations, at
+      least twice the usual one, among four shapes or more; or all vertices are at one position.
 
     All vertices count alike. O(m² n) time for m shapes.
 
@@ -69,14 +71,14 @@ def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
 
 
 def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt]:
-    """Find the same by names and finite corresponding positions (m, n, 3) alone, such as of some of the vertices."""
+    """Find the same from names and corresponding positions (m, n, 3), all finite."""
     sizes = np.sqrt(((vertices - vertices.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean(axis=1))
     has_size = (sizes > 0) & np.ptp(vertices, axis=1).any(axis=1)
     if not has_size.all():
         points, kept = (tuple(compress(names, which)) for which in (~has_size, has_size))
         reason = "has no size: all its vertices are at one position"
-        told = [Doubt("unlike", (name,), reason) for name in points]
-        return told + (doubtful_positions(kept, vertices[has_size]) if kept else [])
+        doubts = [Doubt("unlike", (name,), reason) for name in points]
+        return doubts + (doubtful_positions(kept, vertices[has_size]) if kept else [])
     if len(names) < 2:
         return []
     distances = procrustes_distances(vertices / sizes[:, None, None], scale="remove")
@@ -86,76 +88,80 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
     opposite = mirrored[:, None] != mirrored
     reasons: dict[Kind, dict[int, str]] = {
         "units": {i: told_factor(factors[i]) for i in np.flatnonzero(factors != 1).tolist()},
-        "mirrored": dict.fromkeys(
-            np.flatnonzero(mirrored).tolist(), "fits the others better as its mirror image"
-        ),
+        "mirrored": {
+            i: "fits the others better as its mirror image" for i in np.flatnonzero(mirrored).tolist()
+        },
         "far": _far(vertices.mean(axis=1), sizes, factors),
         "unlike": _unlike(np.where(opposite, reflected, distances)),
     }
-    doubts = [Doubt(kind, (names[i],), told[i]) for kind, told in reasons.items() for i in told]
-    n_groups, group = connected_components(distances <= SAME, directed=False)
-    alike = [tuple(compress(names, group == each)) for each in range(n_groups)]
+    doubts = [Doubt(kind, (names[i],), found[i]) for kind, found in reasons.items() for i in found]
+    n_groups, group = connected_components(distances <= SAME_SHAPE, directed=False)
+    alike = [tuple(compress(names, group == i)) for i in range(n_groups)]
     reason = "are the same shape, but for a motion and their size"
-    return doubts + [Doubt("twice", each, reason) for each in alike if len(each) > 1]
+    return doubts + [Doubt("twice", same, reason) for same in alike if len(same) > 1]
 
 
 def _mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
     """Tell which shapes, (m,), are mirror images of most."""
-    # two shapes agree by 1 if their thinnest directions do, and by −1 if these are opposite, so that the mirror image is
-    # nearer. Signs of the leading eigenvector of the agreements tell the two sides.
-    # reflected² − distance² = ±4 σ₃, with the least singular value σ₃ of XᵀWY: of a shape and itself, thickness²
+    # Two shapes agree by 1 if their thinnest directions do, and by −1 if these are opposite, so
+    # that the mirror image is nearer. Signs of the leading eigenvector of the agreements tell the
+    # sides. reflected² − distance² = ±4 σ₃, with the least singular value σ₃ of XᵀWY: thickness²
+    # for a shape and itself
     m = len(distances)
     thickness = np.diag(reflected)
     scale = thickness[:, None] * thickness
-    agreement = np.divide(reflected**2 - distances**2, scale, out=np.zeros((m, m)), where=scale > THINNEST**2)
+    thick = scale > MIN_THICKNESS**2
+    agreement = np.divide(reflected**2 - distances**2, scale, out=np.zeros((m, m)), where=thick)
     side = np.where(np.linalg.eigh(agreement)[1][:, -1] < 0, -1.0, 1.0)
     if side.sum() < 0 or (side.sum() == 0 and side[0] < 0):
         side = -side
-    others = (agreement * side[:, None] * side)[~np.eye(m, dtype=bool)].reshape(m, m - 1)
-    is_clear = np.median(others, axis=1) > SHAPE_AGREES
-    if m < FEWEST:
-        is_clear &= (reflected < MIRRORED * distances).any(axis=1)
-    return np.asarray((side < 0) & is_clear & (np.median(others) > SAMPLE_AGREES))
+    others = _without_diagonal(agreement * side[:, None] * side)
+    is_clear = np.median(others, axis=1) > MIN_SHAPE_AGREEMENT
+    if m < MIN_SHAPES:
+        is_clear &= (reflected < MIRROR_RATIO * distances).any(axis=1)
+    return np.asarray((side < 0) & is_clear & (np.median(others) > MIN_SAMPLE_AGREEMENT))
+
+
+def _without_diagonal(values: FloatArray) -> FloatArray:
+    m = len(values)
+    return np.asarray(values[~np.eye(m, dtype=bool)].reshape(m, m - 1))
 
 
 def _far(centroids: FloatArray, sizes: FloatArray, factors: FloatArray) -> dict[int, str]:
     away = np.linalg.norm(centroids - np.median(centroids, axis=0), axis=1)
-    limit = max(FAR * float(np.median(sizes)), DEVIATIONS * TO_STANDARD * float(np.median(away)))
-    is_far = (away > limit) & (factors == 1) & (len(sizes) >= FEWEST)
+    limit = max(FAR_SIZES * float(np.median(sizes)), MAX_DEVIATIONS * MAD_TO_SD * float(np.median(away)))
+    is_far = (away > limit) & (factors == 1) & (len(sizes) >= MIN_SHAPES)
     rows = np.flatnonzero(is_far).tolist()
     return {i: f"lies {away[i]:.4g} away from the others, which alignment removes" for i in rows}
 
 
 def _unlike(distances: FloatArray) -> dict[int, str]:
-    m = len(distances)
-    if m < FEWEST:
+    if len(distances) < MIN_SHAPES:
         return {}
-    typical = np.median(distances[~np.eye(m, dtype=bool)].reshape(m, m - 1), axis=1)
+    typical = np.median(_without_diagonal(distances), axis=1)
     usual = float(np.median(typical))
-    spread = TO_STANDARD * float(np.median(np.abs(typical - usual)))
-    rows = np.flatnonzero(typical > max(UNLIKE * usual, usual + DEVIATIONS * spread, SAME)).tolist()
-    return {
-        i: f"differs from the others by {typical[i]:.3g} of its size; they differ by {usual:.3g}"
-        for i in rows
-    }
+    spread = MAD_TO_SD * float(np.median(np.abs(typical - usual)))
+    limit = max(UNLIKE_RATIO * usual, usual + MAX_DEVIATIONS * spread, SAME_SHAPE)
+    start, ending = "differs from the others by", f"of its size; they differ by {usual:.3g}"
+    return {i: f"{start} {typical[i]:.3g} {ending}" for i in np.flatnonzero(typical > limit).tolist()}
 
 
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 """Units of length, in metres."""
-SIZE_FACTOR = 2.0  # from the median size: less is not a matter of units, of which 2.54 is the smallest factor
-SIZE_GAP = 5.0  # between two sizes that follow each other: no sample of one kind has it
-DEVIATIONS = 6.0  # median absolute deviations, scaled to standard ones, from the median: beyond is an outlier
-TO_STANDARD = 1.4826  # times the median absolute deviation is the standard deviation of a normal distribution
-# of two pairs with one factor, what is tried first
-USUAL = ("mm", "m"), ("mm", "cm"), ("cm", "m"), ("mm", "in")
+MIN_SIZE_RATIO = 2.0  # ratio to the median size that units may explain; they differ by 2.54 or more
+MIN_SIZE_GAP = 5.0  # ratio of two consecutive sizes that no sample of one kind has
+MAX_DEVIATIONS = 6.0  # standard deviations from the median, beyond which a value is an outlier
+MAD_TO_SD = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
+# units of a shape and of the others that are tried first, in this order
+USUAL_UNITS = ("mm", "m"), ("mm", "cm"), ("cm", "m"), ("mm", "in")
 
 
 def size_factors(sizes: FloatArray) -> FloatArray:
     """Find sizes so different from the others that it may be a matter of units.
 
-    That is more than twice or less than half the median, and farther from it than six standard deviations (robust, of
-    the logarithms), or where sizes (m,) > 0 fall in two groups, one five times as large. Returns how many times as large
-    as the median of the others each of these is, and 1 for all others.
+    Such a size is more than twice or less than half the median, and farther from it than six
+    standard deviations (robust, of the logarithms); or sizes (m,) > 0 fall in two groups, one five
+    times as large. Returns their ratio to the median of the others, and 1 for all others.
 
     Examples
     --------
@@ -166,30 +172,29 @@ def size_factors(sizes: FloatArray) -> FloatArray:
         return np.ones(0)
     logarithms = np.log(sizes)
     off = np.abs(logarithms - np.median(logarithms))
-    odd = np.asarray(off > max(np.log(SIZE_FACTOR), DEVIATIONS * TO_STANDARD * float(np.median(off))))
+    odd = np.asarray(off > max(np.log(MIN_SIZE_RATIO), MAX_DEVIATIONS * MAD_TO_SD * float(np.median(off))))
     ordered = np.sort(sizes)
     gaps = ordered[1:] / ordered[:-1]
-    if not odd.any() and gaps.max(initial=1.0) > SIZE_GAP:
-        at = int(gaps.argmax())
-        odd = sizes > ordered[at] if 2 * (at + 1) >= len(sizes) else sizes <= ordered[at]
+    if not odd.any() and gaps.max(initial=1.0) > MIN_SIZE_GAP:
+        i = int(gaps.argmax())
+        odd = sizes > ordered[i] if 2 * (i + 1) >= len(sizes) else sizes <= ordered[i]
     return np.where(odd, sizes / np.median(sizes[~odd]), 1.0)
 
 
 def likely_units(factor: float) -> tuple[str, str] | None:
-    """Name the units, of the shape and of the others, that explain why it is so many times as large; None if none does.
+    """Find the units, of a shape and of the others, that explain a ratio of sizes; None if none do.
 
     >>> likely_units(940), likely_units(1 / 27), likely_units(1.3), likely_units(1e9)
     (('mm', 'm'), ('in', 'mm'), None, None)
     """
-    turned = tuple((others, own) for own, others in USUAL)
-    pairs = [*USUAL, *turned, *permutations(METRES, 2)]
-    apart = [abs(np.log(factor * METRES[own] / METRES[others])) for own, others in pairs]
-    best = int(np.round(apart, 9).argmin())
-    return pairs[best] if apart[best] < min(abs(np.log(factor)), np.log(SIZE_FACTOR)) else None
+    pairs = [*USUAL_UNITS, *(pair[::-1] for pair in USUAL_UNITS), *permutations(METRES, 2)]
+    errors = [abs(np.log(factor * METRES[own] / METRES[others])) for own, others in pairs]
+    best = int(np.round(errors, 9).argmin())
+    return pairs[best] if errors[best] < min(abs(np.log(factor)), np.log(MIN_SIZE_RATIO)) else None
 
 
 def told_factor(factor: float) -> str:
-    """Say that a shape is so many times as large as the others, and which units would explain it."""
+    """Tell the ratio of a size to that of the others, and which units would explain it."""
     text = f"is {factor:.4g} times as large as the others"
     units = likely_units(factor)
     return f"{text}: in {units[0]}, if they are in {units[1]}?" if units else text
@@ -202,11 +207,12 @@ def geodesic_distortions(
     engine: str | None = None,
     progress: Callable[[str], None] = lambda name: None,
 ) -> FloatArray:
-    """Compute how much geodesic distances differ between each pair of m shapes; a change of pose counts little.
+    """Compute how much geodesic distances differ between each pair of m shapes, in any pose.
 
-    Returns root mean square differences (m, m) between distances, each divided by √(area of its shape), of n_samples
-    farthest points of the mean, beginning with the vertex farthest from its centroid. `distance_engine` has the engines;
-    progress is given the name of each shape before its distances are computed. O(m n_samples n log n) time.
+    Returns root mean square differences (m, m) of distances over √(area of the shape), between
+    n_samples farthest points of the mean, beginning with the vertex farthest from its centroid.
+    See `distance_engine` for engines; progress is called with the name of each shape before its
+    distances are computed. O(m n_samples n log n) time.
     """
     if n_samples < 1:
         raise SettingError(f"n_samples = {n_samples} is not at least 1")
@@ -227,7 +233,7 @@ def geodesic_distortions(
 
 
 def shape_tree(distances: FloatArray) -> FloatArray:
-    """Merge the nearest groups of shapes again and again, by the average of their symmetric distances (m, m).
+    """Merge the nearest groups of shapes repeatedly, by the average of symmetric distances (m, m).
 
     Returns a linkage matrix of ``scipy.cluster.hierarchy``, (m − 1, 4).
     """
@@ -238,9 +244,9 @@ def shape_tree(distances: FloatArray) -> FloatArray:
 
 
 def classical_scaling(distances: FloatArray, dim: int = 2) -> FloatArray:
-    """Place shapes as points (m, dim) whose distances approximate symmetric ones (m, m), by classical scaling.
+    """Place shapes as points (m, dim) that approximate symmetric distances (m, m).
 
-    Coordinates are centred, in decreasing order of spread; 0 along axes that the distances do not need.
+    Coordinates are centred, in decreasing order of spread, and 0 along axes that are not needed.
 
     >>> classical_scaling([[0, 1, 3], [1, 0, 2], [3, 2, 0]], dim=1).round(6).ravel()
     array([-1.333333, -0.333333,  1.666667])

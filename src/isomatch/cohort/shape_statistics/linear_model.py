@@ -1,4 +1,4 @@
-"""Linear models of shape: formulas, tests of their terms and of pairs of groups by permuted residuals, classification."""
+"""Linear models of shape: formulas, tests of terms and of pairs of groups, classification."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 from scipy.special import boxcox
 
-from isomatch._core.arrays import FloatArray, numbers_of
+from isomatch._core.arrays import FloatArray, IntArray, numbers_of
 from isomatch._core.errors import InputError, SettingError
 from isomatch._core.first_use import package
 from isomatch._core.settings import generator
@@ -25,36 +25,36 @@ from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.procrustes import scalar_products, shares_of
 
 N_PERMUTATIONS = 4999
-BLOCK = 2**21  # numbers in memory at a time
-FEWEST = 3  # shapes: two differ along any variable
-POWERS = (-5.0, 5.0)  # of a Box–Cox transformation
-LEAST_SHARE = 1e-9  # of the largest singular value of the variables: one with less depends on the others
-HELD = 0.95  # share of the variance that the modes of a classification hold
+MAX_NUMBERS = 2**21  # numbers in memory at a time
+MIN_SHAPES = 3  # two shapes differ along any variable
+POWERS = (-5.0, 5.0)  # bounds of the power of a Box–Cox transformation
+MIN_SINGULAR = 1e-9  # singular value over the largest; a variable with less depends on the others
+HELD_VARIANCE = 0.95  # share of the variance in the modes of a classification
 
 Terms = tuple[tuple[str, ...], ...]
 
 
 class TermTest(NamedTuple):
-    """A row of the analysis of variance: a term, "residuals" or "total"; nan where a row has no such value."""
+    """A row of the analysis of variance: a term, "residuals" or "total"; nan without a value."""
 
     term: str
     degrees: int
-    squares: float  # sum over shapes, in squared units of these: root mean square over vertices
+    squares: float  # sum over shapes of mean squares over vertices, in squared units
     mean_square: float
     r_squared: float
     f: float
-    z: float  # standard deviations of F from its mean under permutations, after a Box–Cox transformation
+    z: float  # standard deviate of F among permutations, after a Box–Cox transformation
     p_value: float
 
 
 class PairTest(NamedTuple):
-    """How far two groups are apart: their means, or how they change with a variable."""
+    """The distance of two groups: of their means, or of their slopes along a variable."""
 
     of: str  # the factor, or the term of own slopes
     first: str
     second: str
-    distance: float  # of the means, or of the slopes for one unit of the variable, in the units of the shapes
-    angle: float  # between slopes, in degrees; nan of means
+    distance: float  # of means, or of slopes for one unit of the variable, in units of the shapes
+    angle: float  # between slopes, in degrees; nan for means
     z: float
     p_value: float
     adjusted_p: float  # for the number of pairs (Holm 1979)
@@ -66,17 +66,18 @@ class ShapeDesign:
 
     formula: str
     terms: Terms  #: the variables of each, single ones first
-    #: (m, q) numbers of each variable; of a factor, a column of 0 and 1 for each level but the first
+    #: (m, q) numbers of each variable; a factor has a column of 0 and 1 for each level after the
+    #: first
     codes: Mapping[str, FloatArray]
-    levels: Mapping[str, tuple[str, ...]]  #: of each factor
+    levels: Mapping[str, tuple[str, ...]]  #: by factor
 
     @classmethod
     def of(cls, formula: str, table: Mapping[str, Sequence[object]]) -> ShapeDesign:
         """Read a formula such as ``size * group + age`` of columns (m,) of a table.
 
-        ``+`` joins terms, ``a:b`` is what a and b have together, ``a * b`` is ``a + b + a:b``, ``log(a)`` the natural
-        logarithm, ``factor(a)`` takes numbers as names of groups. Columns with words are factors. `InputError` if a
-        column does not exist, lacks a value, or does not vary.
+        ``+`` joins terms, ``a:b`` is an interaction, ``a * b`` is ``a + b + a:b``, ``log(a)`` the
+        natural logarithm, ``factor(a)`` takes numbers as names of groups. Columns with words are
+        factors. `InputError` if a column does not exist, lacks a value, or does not vary.
 
         Examples
         --------
@@ -106,12 +107,12 @@ class ShapeDesign:
         return [":".join(term) for term in self.terms]
 
     def columns(self, term: tuple[str, ...], codes: Mapping[str, FloatArray] | None = None) -> FloatArray:
-        """Products (m, q) of the codes of the variables of a term, by default of all shapes."""
-        own = [(codes or self.codes)[name] for name in term]
-        return reduce(lambda a, b: (a[:, :, None] * b[:, None]).reshape(len(a), -1), own)
+        """Products (m, q) of the codes of the variables of a term, by default for all shapes."""
+        factors = [(codes or self.codes)[name] for name in term]
+        return reduce(lambda a, b: (a[:, :, None] * b[:, None]).reshape(len(a), -1), factors)
 
     def row(self, changed: Mapping[str, FloatArray], slope: str = "") -> FloatArray:
-        """Coefficients of a mean, at the means of numbers and over all levels alike but for changed codes; of a slope."""
+        """Coefficients of a mean or slope, with changed codes and means of other variables."""
         codes = {}
         for name, code in self.codes.items():
             levels = self.levels.get(name)
@@ -125,13 +126,13 @@ class ShapeDesign:
 def _coded(
     name: str, formula: str, table: Mapping[str, Sequence[object]], is_factor: bool
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Code (m, q) of a variable, and its levels if it is a factor."""
+    """Return the codes (m, q) of a variable, and its levels if it is a factor."""
     call = None if name in table else re.fullmatch(r"log\s*\(\s*(.+?)\s*\)", name)
     column = call[1] if call else name
     if column not in table:
-        told = f"there is no variable {column!r}" if column else "a variable is missing"
+        problem = f"there is no variable {column!r}" if column else "a variable is missing"
         known = f"the table has {', '.join(table)[:80]}"
-        raise InputError(f"{formula!r}: {told}; {known}; write a formula such as size * group + age")
+        raise InputError(f"{formula!r}: {problem}; {known}; write a formula such as size * group + age")
     cells = [str(cell).strip() for cell in table[column]]
     if lacking := [i for i, cell in enumerate(cells) if cell.lower() in NO_TEXT]:
         raise InputError(f"{column} has no value of {len(lacking)} of the shapes; give it, or leave them out")
@@ -150,19 +151,19 @@ def _coded(
         if not (numbers > 0).all():
             raise InputError(f"{formula!r}: {column} has values not above 0, which have no logarithm")
         numbers = np.log(numbers)
-    if not np.isfinite(numbers).all() or np.ptp(numbers) <= LEAST_SHARE * np.abs(numbers).max(initial=0.0):
+    if not np.isfinite(numbers).all() or np.ptp(numbers) <= MIN_SINGULAR * np.abs(numbers).max(initial=0.0):
         raise InputError(f"{column} does not vary, or has a value that is not finite; leave it out")
     return numbers[:, None], ()
 
 
 @dataclass(frozen=True, eq=False)
 class ShapeAnova:
-    """Analysis of variance of shapes by the terms of a model, each after those before it, and of pairs of groups."""
+    """Sequential analysis of variance by the terms of a model, and tests of pairs of groups."""
 
-    rows: tuple[TermTest, ...]  #: of the terms in their order, of the residuals, and of all
-    pairs: tuple[PairTest, ...]  #: of each factor and of each term of own slopes
+    rows: tuple[TermTest, ...]  #: the terms in their order, residuals, total
+    pairs: tuple[PairTest, ...]  #: for each factor and each term of own slopes
     n_permutations: int
-    seed: int  #: draws them
+    seed: int  #: draws the permutations
 
 
 def shape_anova(
@@ -173,7 +174,7 @@ def shape_anova(
     n_permutations: int = N_PERMUTATIONS,
     seed: int = 0,
 ) -> ShapeAnova:
-    """Test what each term of a model describes of the variance of shapes, beside the terms before it.
+    """Test the variance of shapes that each term of a model describes beyond the terms before it.
 
     Parameters
     ----------
@@ -184,7 +185,8 @@ def shape_anova(
     weights : (n,) array of float, optional
         Weight of each vertex; by default all are equal.
     n_permutations, seed : int
-        Number of random exchanges of residuals between shapes, and what draws them; see `group_test`.
+        Number of random exchanges of residuals between shapes, and what draws them; see
+        `group_test`.
 
     Raises
     ------
@@ -193,11 +195,11 @@ def shape_anova(
 
     Notes
     -----
-    Sequential sums of squares; Collyer, Sekora & Adams, *A method for analysis of phenotypic change for phenotypes
-    described by high-dimensional data*, Heredity 2015. Residuals of the model of the terms before are permuted and added
-    to what it describes, and F is compared; for pairs, the terms of the factor are left out, and means at the mean of
-    other variables compared, or slopes with the term of own slopes left out. A permutation takes O(m² q) time for q
-    columns.
+    Sequential sums of squares; Collyer, Sekora & Adams, *A method for analysis of phenotypic change
+    for phenotypes described by high-dimensional data*, Heredity 2015. The residuals of the model of
+    all earlier terms are permuted and added to its fitted values, and F is compared. For pairs, the
+    terms of the factor are left out, and means at the mean of other variables compared; or the term
+    of own slopes is left out, and slopes compared. A permutation takes O(m² q) time for q columns.
 
     Examples
     --------
@@ -217,13 +219,20 @@ def shape_anova(
             remedy = "give two or more of each group, or leave it out"
             raise InputError(f"{name} {alone[0]!r} has one shape; {remedy}")
     products = scalar_products(aligned - aligned.mean(axis=0), shares_of(aligned, weights))
-    return _tested(products, design, n_permutations, seed)
+    return _test_terms(products, design, n_permutations, seed)
 
 
-def _tested(products: FloatArray, design: ShapeDesign, n_permutations: int, seed: int) -> ShapeAnova:
+def permutations_of(m: int, n_permutations: int, seed: int) -> IntArray:
+    """Return the identity and random orders of m numbers, (n_permutations + 1, m)."""
+    orders = np.tile(np.arange(m), (n_permutations + 1, 1))
+    generator(seed).permuted(orders[1:], axis=1, out=orders[1:])
+    return orders
+
+
+def _test_terms(products: FloatArray, design: ShapeDesign, n_permutations: int, seed: int) -> ShapeAnova:
     m = len(products)
-    if m < FEWEST:
-        raise InputError(f"{m} shapes are too few for a regression; give {FEWEST} or more")
+    if m < MIN_SHAPES:
+        raise InputError(f"{m} shapes are too few for a regression; give {MIN_SHAPES} or more")
     if n_permutations < 1:
         raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
     blocks = [design.columns(term) for term in design.terms]
@@ -235,55 +244,53 @@ def _tested(products: FloatArray, design: ShapeDesign, n_permutations: int, seed
     if free < 1:
         wanted = f"{design.formula!r}, which has {whole.shape[1]} coefficients"
         raise InputError(f"{m} shapes are too few for {wanted}; give more shapes, or fewer terms")
-    orders = generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1)
-    orders = np.vstack([np.arange(m), orders])
+    orders = permutations_of(m, n_permutations, seed)
     total, rows = float(np.trace(products)), list[TermTest]()
     residual = max(total - float(np.einsum("iq,ij,jq->", whole, products, whole)), 0.0)
     for i, name in enumerate(design.names, start=1):
-        # of Y* = H Y + Π E, with residuals E = (I − H) Y of the terms before, a basis U of what the term adds explains
-        # ‖Uᵀ Π E‖², and the residuals of all are ‖E‖² − ‖Qᵀ Π E‖², with a basis Q of all
+        # With residuals E = (I − H) Y of the terms before, and Y* = H Y + Π E: a basis U of what
+        # the term adds explains ‖Uᵀ Π E‖², and the residuals of all terms, with a basis Q, are
+        # ‖E‖² − ‖Qᵀ Π E‖²
         left = _residual_products(products, np.hstack(parts[:i]))
         squares = explained_squares(parts[i], left, orders)
-        around = np.maximum(np.trace(left) - explained_squares(whole, left, orders), 0.0)
-        own, degrees = float(squares[0]), parts[i].shape[1]
+        residuals = np.maximum(np.trace(left) - explained_squares(whole, left, orders), 0.0)
+        first, degrees = float(squares[0]), parts[i].shape[1]
         with np.errstate(divide="ignore", invalid="ignore"):
-            f = np.nan_to_num(squares / degrees / (around / free), nan=0.0, posinf=np.inf)
-        row = name, degrees, own, own / degrees, own / (total or 1.0)
-        rows.append(TermTest(*row, float(f[0]), *_compared(f)))
+            f = np.nan_to_num(squares / degrees / (residuals / free), nan=0.0, posinf=np.inf)
+        row = name, degrees, first, first / degrees, first / (total or 1.0)
+        rows.append(TermTest(*row, float(f[0]), *_compare_first(f)))
     none = np.nan, np.nan, np.nan
     rows.append(TermTest("residuals", free, residual, residual / free, residual / (total or 1.0), *none))
     rows.append(TermTest("total", m - 1, total, np.nan, 1.0, *none))
-    # groups are compared by their means, and by the slopes of a number, of each factor alone
-    of_one = [
-        each for each in design.terms if len(each) < 3 and sum(name in design.levels for name in each) == 1
-    ]
+    # the groups of a single factor are compared by means, or by slopes of a number
+    of_one = [term for term in design.terms if len(term) < 3 and len(design.levels.keys() & {*term}) == 1]
     pairs = [pair for term in of_one for pair in _pairs(design, blocks, products, orders, term)]
     return ShapeAnova(tuple(rows), tuple(pairs), n_permutations, seed)
 
 
 def _orthonormal_parts(blocks: Sequence[FloatArray], m: int) -> Iterator[FloatArray]:
-    """Yield orthonormal bases (m, r) of constants, and of what each block of columns (m, q) adds to those before."""
+    """Yield orthonormal bases (m, r) of constants, and of what each block of columns (m, q) adds."""
     basis = np.full((m, 1), m**-0.5)
     yield basis
     for block in blocks:
         scale = np.linalg.norm(block, axis=0).max(initial=0.0)
-        for _ in range(2):  # the second removes what rounding left of the first
+        for _ in range(2):  # the second time removes rounding of the first
             block = block - basis @ (basis.T @ block)
-        own, singular, _ = np.linalg.svd(block, full_matrices=False)
-        own = own[:, singular > LEAST_SHARE * scale]
-        basis = np.hstack([basis, own])
-        yield own
+        part, singular, _ = np.linalg.svd(block, full_matrices=False)
+        part = part[:, singular > MIN_SINGULAR * scale]
+        basis = np.hstack([basis, part])
+        yield part
 
 
 def _residual_products(products: FloatArray, basis: FloatArray) -> FloatArray:
-    """Scalar products (m, m) of shapes without what an orthonormal basis (m, r) describes."""
+    """Scalar products (m, m) of the residuals of shapes from an orthonormal basis (m, r)."""
     left = products - basis @ (basis.T @ products)
     return np.asarray(left - (left @ basis) @ basis.T)
 
 
-def explained_squares(basis: FloatArray, products: FloatArray, orders: FloatArray) -> FloatArray:
-    """Squares (p,) that a basis (m, r) explains of shapes with given products (m, m) in each order (p, m)."""
-    width = max(BLOCK // max(basis.size, 1), 1)
+def explained_squares(basis: FloatArray, products: FloatArray, orders: IntArray) -> FloatArray:
+    """Squares (p,) that a basis (m, r) explains of shapes with products (m, m), in orders (p, m)."""
+    width = max(MAX_NUMBERS // max(basis.size, 1), 1)
     with serial_blas():
         found = []
         for first in range(0, len(orders), width):
@@ -293,14 +300,14 @@ def explained_squares(basis: FloatArray, products: FloatArray, orders: FloatArra
     return np.concatenate(found)
 
 
-def _compared(values: FloatArray) -> tuple[float, float]:
-    """Compare the first of some values with all: its standard deviate after a Box–Cox transformation, and p."""
+def _compare_first(values: FloatArray) -> tuple[float, float]:
+    """Return the standard deviate of the first value, after a Box–Cox transformation, and p."""
     p_value = float((values >= values[0] * (1 - 1e-9)).mean())
     if not np.isfinite(values).all() or np.ptp(values[1:]) <= 1e-12 * np.abs(values).max():
         return np.nan, p_value
     positive = values if values.min() > 0 else values - values.min() + 1e-4
     positive = np.clip(positive / np.exp(np.log(positive[1:]).mean()), 1e-30, 1e30)
-    # of values whose geometric mean is 1, the likeliest power leaves the least variance
+    # if the geometric mean of values is 1, the likeliest power leaves the least variance
     power = minimize_scalar(lambda x: boxcox(positive[1:], x).var(), bounds=POWERS, method="bounded").x
     like_normal = boxcox(positive, power)
     deviation = float(like_normal.std())
@@ -308,27 +315,28 @@ def _compared(values: FloatArray) -> tuple[float, float]:
 
 
 def _pairs(
-    design: ShapeDesign, blocks: list[FloatArray], products: FloatArray, orders: FloatArray, of: Sequence[str]
+    design: ShapeDesign, blocks: list[FloatArray], products: FloatArray, orders: IntArray, of: Sequence[str]
 ) -> list[PairTest]:
     """Compare means, or slopes, of each pair of groups of a factor."""
     m, factor = len(products), next(name for name in of if name in design.levels)
     slope = next((name for name in of if name not in design.levels), "")
     kept = [block for block, term in zip(blocks, design.terms) if not {*of} <= {*term}]
     left = _residual_products(products, np.hstack([*_orthonormal_parts(kept, m)]))
-    # the mean, or slope, of a group is cᵀ Y with c = X⁺ᵀ l, and the distance of two √(dᵀ P d) of the difference d
+    # the mean, or slope, of a group is cᵀ Y with c = X⁺ᵀ l; two with the difference d are √(dᵀ P d)
+    # apart
     inverse = np.linalg.pinv(np.hstack([np.ones((m, 1)), *blocks]))
     levels = design.levels[factor]
     codes = np.eye(len(levels))[:, 1:]
     of_level = np.array([design.row({factor: code}, slope) @ inverse for code in codes])
     found = []
     for i, j in combinations(range(len(levels)), 2):
-        apart = of_level[j] - of_level[i]
-        drawn = np.sqrt(np.maximum(explained_squares(apart[:, None], left, orders), 0.0))
-        z, p_value = _compared(drawn)
+        difference = of_level[j] - of_level[i]
+        drawn = np.sqrt(np.maximum(explained_squares(difference[:, None], left, orders), 0.0))
+        z, p_value = _compare_first(drawn)
         (ii, ij), (_, jj) = (of_level[[i, j]] @ products @ of_level[[i, j]].T).tolist()
         cosine = np.clip(ij / np.sqrt(max(ii * jj, 1e-300)), -1, 1)
         angle = float(np.degrees(np.arccos(cosine))) if slope else np.nan
-        distance = float(np.sqrt(max(float(apart @ products @ apart), 0.0)))
+        distance = float(np.sqrt(max(float(difference @ products @ difference), 0.0)))
         found.append(PairTest(":".join(of), levels[i], levels[j], distance, angle, z, p_value, p_value))
     # Holm: the i-th of n p-values in ascending order times n − i, none below the one before
     ascending = np.argsort([pair.p_value for pair in found], kind="stable").tolist()
@@ -341,18 +349,16 @@ def _pairs(
 
 @dataclass(frozen=True, eq=False)
 class ShapeRegression:
-    """Regression of m aligned shapes on q variables: shape = mean + Σ (variable − its mean) · coefficient."""
+    """Regression of m shapes on q variables: mean + Σ (variable − its mean) · coefficient."""
 
-    #: share of the variance of shape that the variables describe, and the probability of as large a share if they tell
-    #: nothing about shape, from permutations
-    r_squared: float
-    p_value: float
+    r_squared: float  #: share of the variance of shape that the variables describe
+    p_value: float  #: probability of as large a share without any relation, from permutations
     n_permutations: int
-    seed: int  #: draws them
+    seed: int  #: draws the permutations
     mean: FloatArray  #: (n, 3)
     coefficients: FloatArray  #: (q, n, 3) displacement for one unit of each variable
-    #: (m, q) regression scores of Drake & Klingenberg (2008): how far each shape lies from the mean in the direction of
-    #: each coefficient, in the units of the shapes; against the variable, they show what it describes
+    #: (m, q) regression scores of Drake & Klingenberg (2008): distance of each shape from the mean
+    #: in the direction of each coefficient, in the units of the shapes, to be drawn against it
     scores: FloatArray
 
 
@@ -369,13 +375,15 @@ def shape_regression(
     Parameters
     ----------
     aligned : (m, n, 3) array of float
-        Shapes moved onto their mean, such as ``generalised_procrustes(...).aligned``; for allometry with sizes removed.
+        Shapes moved onto their mean, such as ``generalised_procrustes(...).aligned``; for allometry
+        with sizes removed.
     variables : (m,) or (m, q) array_like of float
-        Their values. Groups are columns of 0 and 1, of all groups but one.
+        Their values. Groups are columns of 0 and 1, for all groups but one.
     weights : (n,) array of float, optional
         Weight of each vertex, such as `CorrespondedShapes.area_weights`; by default all are equal.
     n_permutations, seed : int
-        Number of random exchanges of the values between shapes, and what draws them; see `group_test`.
+        Number of random exchanges of the values between shapes, and what draws them; see
+        `group_test`.
 
     Notes
     -----
@@ -398,29 +406,29 @@ def shape_regression(
         raise InputError(f"variables have shape {values.shape}; {remedy}")
     centred = values - values.mean(axis=0)
     singular, scale = np.linalg.svd(centred, compute_uv=False), np.abs(values).max(initial=0.0) * np.sqrt(m)
-    if m >= FEWEST and (not len(singular) or singular[-1] <= LEAST_SHARE * max(singular[0], scale)):
+    if m >= MIN_SHAPES and (not len(singular) or singular[-1] <= MIN_SINGULAR * max(singular[0], scale)):
         raise InputError("the variables do not vary, or one depends on the others; leave it out")
     share = shares_of(aligned, weights)
     mean = aligned.mean(axis=0)
     about_mean = aligned - mean
     design = ShapeDesign("the variables", (("variables",),), {"variables": values}, {})
-    whole = _tested(scalar_products(about_mean, share), design, n_permutations, seed).rows[0]
+    whole = _test_terms(scalar_products(about_mean, share), design, n_permutations, seed).rows[0]
     coefficients = np.tensordot(np.linalg.pinv(centred), about_mean, 1)
     length = np.sqrt(np.einsum("i,qij,qij->q", share, coefficients, coefficients))
     along = coefficients / np.where(length > 0, length, 1.0)[:, None, None]
     scores = np.einsum("i,mij,qij->mq", share, about_mean, along)
-    of_whole = whole.r_squared, whole.p_value, n_permutations, seed
-    return ShapeRegression(*of_whole, mean, coefficients, scores)
+    test = whole.r_squared, whole.p_value, n_permutations, seed
+    return ShapeRegression(*test, mean, coefficients, scores)
 
 
 class Classification(NamedTuple):
-    """Canonical variates of groups of shapes, and how well shapes are told apart that had no part in them."""
+    """Canonical variates of groups, and the group that the others predict for each shape."""
 
     groups: tuple[str, ...]
     variates: FloatArray  # (m, k) of each shape, in standard deviations within groups
-    predicted: tuple[str, ...]  # the group that the others give for each shape
-    counts: FloatArray  # (g, g) shapes of each group, by the group predicted
-    n_modes: int  # how many modes are used
+    predicted: tuple[str, ...]  # for each shape
+    counts: FloatArray  # (g, g) number of shapes by group and predicted group
+    n_modes: int  # number of modes used
 
     @property
     def share_right(self) -> float:
@@ -429,7 +437,7 @@ class Classification(NamedTuple):
 
 
 def classify(scores: FloatArray, groups: Sequence[str]) -> Classification:
-    """Find the directions in which groups differ most, over how they vary, and predict the group of each shape left out.
+    """Find the directions in which groups differ most, and predict each shape left out.
 
     Parameters
     ----------
@@ -440,9 +448,10 @@ def classify(scores: FloatArray, groups: Sequence[str]) -> Classification:
 
     Notes
     -----
-    Linear discriminants of the first modes: as many as hold 95 % of the variance, and at most half of m minus the number
-    of groups, so that the covariance within groups is known. Groups count alike. Each shape is predicted by discriminants
-    of all others. Needs scikit-learn, of the extra ``statistics``.
+    Linear discriminants of the first modes: as many as hold 95 % of the variance, and at most half
+    of m minus the number of groups, so that the covariance within groups is known. Groups count
+    alike. Each shape is predicted by discriminants of all others. Needs scikit-learn, of the extra
+    ``statistics``.
 
     Examples
     --------
@@ -454,15 +463,15 @@ def classify(scores: FloatArray, groups: Sequence[str]) -> Classification:
     names, of, counts = np.unique(labels, return_inverse=True, return_counts=True)
     g = len(names)
     if g < 2 or counts.min() < 2 or len(labels) != m:
-        told = ", ".join(f"{name!r} of {count}" for name, count in zip(names.tolist(), counts))
-        raise InputError(f"groups {told} for {m} shapes; give two groups or more, of two shapes or more")
+        given = ", ".join(f"{name!r} of {count}" for name, count in zip(names.tolist(), counts))
+        raise InputError(f"groups {given} for {m} shapes; give two groups or more, of two shapes or more")
     discriminant: Any = package("sklearn.discriminant_analysis", "statistics", "canonical variates")
     selection: Any = package("sklearn.model_selection", "statistics", "canonical variates")
-    held = np.cumsum((scores**2).sum(axis=0)) / max((scores**2).sum(), 1e-300)
-    n_modes = max(min(int(np.searchsorted(held, HELD)) + 1, (m - g) // 2, scores.shape[1]), 1)
+    shares = np.cumsum((scores**2).sum(axis=0)) / max((scores**2).sum(), 1e-300)
+    n_modes = max(min(int(np.searchsorted(shares, HELD_VARIANCE)) + 1, (m - g) // 2, scores.shape[1]), 1)
     used = scores[:, :n_modes]
     model = discriminant.LinearDiscriminantAnalysis(priors=np.full(g, 1 / g))
-    with warnings.catch_warnings(action="ignore"):  # of modes in which shapes of a group do not differ
+    with warnings.catch_warnings(action="ignore"):  # about modes in which shapes of a group are equal
         predicted = selection.cross_val_predict(model, used, labels, cv=selection.LeaveOneOut())
         variates = model.fit(used, labels).transform(used)
     within = variates - np.array([variates[of == i].mean(axis=0) for i in range(g)])[of]

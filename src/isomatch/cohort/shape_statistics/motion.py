@@ -1,4 +1,4 @@
-"""Shapes that move: area, volume, thickness of walls, displacement and strain of the shapes of a series, by region."""
+"""The motion of a series of shapes: area, volume, thickness, displacement and strain, by region."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from isomatch._core.texts import natural_order
 from isomatch._core.threads import parallel_map
 from isomatch.surfaces import Mesh
 
-INSIDE = -1e-9  # least weight of a corner, so that no ray slips through an edge
+MIN_CORNER_WEIGHT = -1e-9  # below 0, so that no ray slips through an edge
 
 
 def surface_strain(reference: Mesh, deformed: Mesh) -> FloatArray:
-    """Compute the first and second principal strain of each face, and by which share its area grows, (3, f).
+    """Compute both principal strains, and the relative growth of area, of each face, (3, f).
 
-    The strain is E = ½ (FᵀF − I), of Green and Lagrange, in the plane of the face in the reference: a length that becomes
-    s times as long has (s² − 1) / 2, and a motion gives none. Nan where the reference has no area.
+    The strain is E = ½ (FᵀF − I), of Green and Lagrange, in the plane of the face in the reference:
+    a length that becomes s times as long has (s² − 1) / 2, and a motion gives none. Nan where the
+    reference has no area.
 
     Examples
     --------
@@ -30,9 +31,9 @@ def surface_strain(reference: Mesh, deformed: Mesh) -> FloatArray:
     """
     if not np.array_equal(reference.faces, deformed.faces):
         raise MeshError("strain is that between two meshes with the same faces; these have others")
-    # In an orthonormal frame whose first axis is along the edge u of a face, its edges u and v are the columns of
-    # D = [p q; 0 h], with p² = u·u, p q = u·v, and p h twice the area. Deformed, they are those of F D, with the inner
-    # products G = Dᵀ FᵀF D: so FᵀF = D⁻ᵀ G D⁻¹.
+    # In an orthonormal frame whose first axis is along the edge u of a face, its edges u and v are
+    # the columns of D = [p q; 0 h], with p² = u·u, p q = u·v, and p h twice the area. Deformed,
+    # they are the columns of F D, with the inner products G = Dᵀ FᵀF D: so FᵀF = D⁻ᵀ G D⁻¹.
     (pp, pq), _ = _products_of_edges(reference)
     (g11, g12), (_, g22) = _products_of_edges(deformed)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -53,9 +54,10 @@ def _products_of_edges(mesh: Mesh) -> FloatArray:
 def wall_thickness(mesh: Mesh) -> FloatArray:
     """Measure how thick a solid is behind each face of its surface (f,).
 
-    It is the distance from the middle of the face, along its inward normal, to the next face that looks away: of a ball
-    the diameter, at the rim of a plate its width; 1 / cos of their angle too long between walls at an angle. Nan where no
-    face is met, and for surfaces that are not closed. f² steps: 0.1 s for 4000 faces, 10 s for 40 000.
+    It is the distance from the middle of the face, along its inward normal, to the next face that
+    looks away: the diameter of a ball, the width of a plate at its rim; too long by 1 / cos of the
+    angle between walls at an angle. Nan where no face is met, and for surfaces that are not closed.
+    f² steps: 0.1 s for 4000 faces, 10 s for 40 000.
 
     Examples
     --------
@@ -67,8 +69,8 @@ def wall_thickness(mesh: Mesh) -> FloatArray:
         return np.full(mesh.n_faces, np.nan)
     corners = (mesh.vertices - mesh.vertices.mean(axis=0))[mesh.sound_faces]  # (f, 3, 3)
     corners = corners if mesh.volume > 0 else corners[:, ::-1]
-    # x is on the face (a, b, c), with the edges u and v at a and n = u × v, if n·(x − a) = 0 and no weight is negative:
-    # (v × n)·(x − a) / n² of b, (n × u)·(x − a) / n² of c, and what is left to 1 of a
+    # x is on the face (a, b, c), with the edges u and v at a and n = u × v, if n·(x − a) = 0 and no
+    # weight is negative: (v × n)·(x − a) / n² of b, (n × u)·(x − a) / n² of c, and 1 − both of a
     a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     n = np.cross(u, v)
     square = (n**2).sum(axis=1, keepdims=True)
@@ -80,24 +82,24 @@ def wall_thickness(mesh: Mesh) -> FloatArray:
 
 @compiled()
 def _cast(i: int, middles: FloatArray, rows: FloatArray, levels: FloatArray) -> float:
-    """Find how far it is from the middle of a face inward to the next one that looks away."""
+    """Measure the distance from the middle of a face inward to the next one that looks away."""
     (x, y, z), (dx, dy, dz) = middles[i], -rows[0, i]
     nearest = np.inf
     for f in range(len(middles)):
         slope = rows[0, f, 0] * dx + rows[0, f, 1] * dy + rows[0, f, 2] * dz
         height = levels[0, f] - rows[0, f, 0] * x - rows[0, f, 1] * y - rows[0, f, 2] * z
-        # each alone is often true, and a branch that is guessed wrong costs more than all three
+        # one branch, as each condition is often true, and a wrong guess costs more than all three
         if (slope > 0) & (height > 0) & (height < nearest * slope):
             px, py, pz = x + height / slope * dx, y + height / slope * dy, z + height / slope * dz
             b = rows[1, f, 0] * px + rows[1, f, 1] * py + rows[1, f, 2] * pz - levels[1, f]
             c = rows[2, f, 0] * px + rows[2, f, 1] * py + rows[2, f, 2] * pz - levels[2, f]
-            if min(b, c, 1 - b - c) >= INSIDE:
+            if min(b, c, 1 - b - c) >= MIN_CORNER_WEIGHT:
                 nearest = height / slope
     return nearest if nearest < np.inf else np.nan
 
 
 def face_motion(mesh: Mesh, reference: Mesh) -> dict[str, FloatArray]:
-    """Measure thickness, mean displacement of the corners, and strains (f,) of the faces of a mesh that moved."""
+    """Measure thickness, mean displacement, and strains (f,) of the faces of a moved mesh."""
     moved = np.linalg.norm(mesh.vertices - reference.vertices, axis=1)[mesh.sound_faces].mean(axis=1)
     strains = zip(("first_strain", "second_strain", "area_strain"), surface_strain(reference, mesh))
     return {"thickness": wall_thickness(mesh), "displacement": moved, **dict(strains)}
@@ -106,11 +108,12 @@ def face_motion(mesh: Mesh, reference: Mesh) -> dict[str, FloatArray]:
 def motion_by_region(
     mesh: Mesh, reference: Mesh, motion: dict[str, FloatArray], regions: Sequence[str] = ()
 ) -> list[dict[str, float | str]]:
-    """Sum up what `face_motion` gives: for ``all``, and for each region, named at each vertex, "" for none.
+    """Average the values of `face_motion` for ``all``, and for each region, named at each vertex.
 
-    Returned are ``region``, ``area``, ``volume``, which is nan of regions and of surfaces that are not closed, and means
-    by area: thickness by that of the mesh, the others by that of the reference, so that ``area_strain`` is the growth of
-    the region. A face at a border counts a third for each corner.
+    Returns ``region``, ``area``, ``volume``, which is nan for regions and surfaces that are not
+    closed, and means weighted by area: thickness by that of the mesh, the others by that of the
+    reference, so that ``area_strain`` is the growth of the region. A face at a border counts a
+    third for each corner. The name "" is no region.
     """
     of = np.array(regions, dtype=str)
     rows: list[dict[str, float | str]] = []

@@ -17,20 +17,21 @@ from isomatch.correspondence import nearest_rotation
 Scale = Literal["keep", "remove"]
 
 TOLERANCE = 1e-11  # largest movement of a shape in the last iteration, over the size of the mean
-MOST_ITERATIONS = 1000
+MAX_ITERATIONS = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class ProcrustesAlignment:
-    """Shapes after generalised Procrustes analysis: ``scales[s] * vertices[s] @ rotations[s].T + translations[s]``."""
+    """Aligned shapes: ``scales[s] * vertices[s] @ rotations[s].T + translations[s]``."""
 
     aligned: FloatArray  #: (m, n, d), in tangent space if that was asked for
     rotations: FloatArray  #: (m, d, d)
     translations: FloatArray  #: (m, d)
     scales: FloatArray  #: (m,), all 1 if the scale is kept
-    #: root mean square distance from the centroid that every shape was given; None if the scale is kept
+    #: root mean square distance from the centroid that every shape was given; None if the scale is
+    #: kept
     size: float | None
-    n_iterations: int  #: how often all shapes were turned to their mean
+    n_iterations: int  #: number of times that all shapes were turned to their mean
 
     @property
     def mean(self) -> FloatArray:
@@ -44,12 +45,12 @@ def generalised_procrustes(
     scale: Scale = "keep",
     *,
     tangent: bool = False,
-    most_iterations: int = MOST_ITERATIONS,
+    most_iterations: int = MAX_ITERATIONS,
 ) -> ProcrustesAlignment:
     """Move shapes so that the sum of squared distances from their mean is least.
 
-    The shapes lie about where they were on average: their mean centroid is kept, and the rotations are as near as
-    possible to the identity. Up to this common motion, the result does not depend on the order, the places or the
+    The mean centroid of the shapes is kept, and the rotations are as near as possible to the
+    identity. Up to this common motion, the result does not depend on the order, the places or the
     orientations of the shapes, nor on their sizes if those are removed.
 
     Parameters
@@ -59,17 +60,19 @@ def generalised_procrustes(
     weights : (n,) array of float, optional
         Weight of each vertex, such as `CorrespondedShapes.area_weights`; by default all are equal.
     scale : {"keep", "remove"}
-        Whether shapes are only moved, or also brought to one size: the root of the mean squared distance from the
-        centroid becomes the geometric mean of those of all shapes.
+        Whether shapes are only moved, or also brought to one size, the geometric mean of the sizes
+        of all shapes: of root mean square distances from the centroid.
     tangent : bool
-        Project the aligned shapes, without size, on the space tangent to all shapes of that size at their mean.
+        Project the aligned shapes, without size, on the space tangent to all shapes of that size at
+        their mean.
     most_iterations : int
-        After so many, shapes that still move end in a `NotConvergedError`.
+        Number of iterations after which shapes that still move raise a `NotConvergedError`.
 
     Notes
     -----
-    Gower, *Generalized Procrustes analysis*, Psychometrika 1975, without reflections, started from the shape whose
-    distances to all others are least. O(m² n) time, O(m²) for each iteration, and 216 m² bytes.
+    Gower, *Generalized Procrustes analysis*, Psychometrika 1975, without reflections, started from
+    the shape whose distances to all others are least. O(m² n) time, O(m²) for each iteration, and
+    216 m² bytes.
 
     Examples
     --------
@@ -86,8 +89,7 @@ def generalised_procrustes(
     centred = centred * scales[:, None, None]
     products = _products(centred, share)
     rotations, n_iterations = _converged(products, most_iterations)
-    # the common turn that is nearest to none
-    rotations = _nearest_rotations(rotations.sum(axis=0)) @ rotations
+    rotations = _nearest_rotations(rotations.sum(axis=0)) @ rotations  # nearest to the identity
     translations = centroids.mean(axis=0) - scales[:, None] * np.einsum("sij,sj->si", rotations, centroids)
     aligned = centred @ rotations.transpose(0, 2, 1)
     if tangent:
@@ -104,10 +106,11 @@ def generalised_procrustes(
 def procrustes_distances(
     vertices: FloatArray, weights: FloatArray | None = None, scale: Scale = "keep", *, mirrored: bool = False
 ) -> FloatArray:
-    """Compute the root mean square distance of each pair of shapes, (m, m), after the best motion of one onto the other.
+    """Compute the distance of each pair of shapes, (m, m), after the best motion.
 
-    Arguments are those of `generalised_procrustes`. If ``mirrored``, one shape of each pair is replaced by its mirror
-    image first. A squared distance is a difference of squared sizes, so equal shapes are up to 1e-8 of their size apart.
+    It is a root mean square over vertices. Arguments are those of `generalised_procrustes`. If
+    ``mirrored``, one shape of each pair is replaced by its mirror image first. A squared distance
+    is a difference of squared sizes, so equal shapes are up to 1e-8 of their size apart.
 
     Examples
     --------
@@ -136,7 +139,7 @@ def aligned_to(
 
 
 def shares_of(vertices: FloatArray, weights: FloatArray | None) -> FloatArray:
-    """(n,) share of each vertex of shapes (m, n, d) in all weights (n,), by default 1 / n; `SettingError` of others."""
+    """(n,) share of each vertex of shapes (m, n, d) in the weights (n,), by default 1 / n."""
     n = vertices.shape[1]
     if weights is None:
         return np.full(n, 1 / n)
@@ -147,7 +150,7 @@ def shares_of(vertices: FloatArray, weights: FloatArray | None) -> FloatArray:
 
 
 def _common_size(centred: FloatArray, share: FloatArray, scale: Scale) -> tuple[float | None, FloatArray]:
-    """Find the size that all shapes get, none if theirs are kept, and the factors (m,)."""
+    """Find the size that all shapes get, None if sizes are kept, and their factors (m,)."""
     require_one_of("scale", scale, Scale)
     if scale == "keep":
         return None, np.ones(len(centred))
@@ -187,9 +190,10 @@ def _nearest_rotations(products: FloatArray) -> FloatArray:
 
 
 def _pair_distances(products: FloatArray, mirrored: bool = False) -> FloatArray:
-    """Root mean square distances of each pair, (m, m), after the best rotation, or the best reflection."""
-    # min over R of |X Rᵀ − Y|² = |X|² + |Y|² − 2 (σ₁ + σ₂ ± σ₃) with singular values σ of XᵀWY, and − where its
-    # determinant is negative, for then the best orthogonal matrix is a reflection (Kabsch 1976)
+    """Distances of pairs, (m, m), after the best rotation, or the best reflection."""
+    # min over R of |X Rᵀ − Y|² = |X|² + |Y|² − 2 (σ₁ + σ₂ ± σ₃) with singular values σ of XᵀWY, and
+    # − where its determinant is negative, for then the best orthogonal matrix is a reflection
+    # (Kabsch 1976)
     values = np.linalg.svd(products, compute_uv=False)
     values[..., -1] *= np.where((np.linalg.det(products) < 0) != mirrored, -1.0, 1.0)
     squares = np.einsum("ssii->s", products)
@@ -206,8 +210,8 @@ def _converged(products: FloatArray, most: int) -> tuple[FloatArray, int]:
     own = np.einsum("ssij->sij", products)
     size = np.sqrt(max(np.einsum("sii->s", own).mean(), np.finfo(float).tiny))
     for iteration in range(most):
-        # Σₜ Xₛᵀ W Xₜ Rₜᵀ / m = Xₛᵀ W (mean): the 3 × 3 products of pairs suffice, and no vertex is touched. The rotation
-        # Rₛ onto the mean is that which maximises the trace of its product with it; then the mean is made anew (Gower)
+        # Σₜ Xₛᵀ W Xₜ Rₜᵀ / m = Xₛᵀ W (mean): the 3 × 3 products of pairs suffice. The rotation Rₛ
+        # onto the mean maximises the trace of its product with it; then the mean is renewed (Gower)
         to_mean = np.einsum("stij,tkj->sik", products, rotations) / len(products)
         turned = _nearest_rotations(to_mean)
         change = turned - rotations
@@ -216,18 +220,17 @@ def _converged(products: FloatArray, most: int) -> tuple[FloatArray, int]:
         moved = np.sqrt(np.maximum(np.einsum("sij,sjk,sik->s", change, own, change), 0.0))
         if moved.max() <= TOLERANCE * size:
             return rotations, iteration + 1
-    raise NotConvergedError(
-        f"Procrustes analysis: the shapes still move by {moved.max() / size:.1e} of their size after {most} "
-        "iterations; they may be too different for one mean: leave out outliers"
-    )
+    problem = f"the shapes still move by {moved.max() / size:.1e} of their size after {most} iterations"
+    remedy = "they may be too different for one mean: leave out outliers"
+    raise NotConvergedError(f"Procrustes analysis: {problem}; {remedy}")
 
 
 def centroid_sizes(vertices: FloatArray, weights: FloatArray | None = None) -> FloatArray:
-    """Compute the centroid sizes (m,) of shapes: roots of the sums of squared distances of vertices from their centroid.
+    """Compute centroid sizes (m,): roots of the sums of squared distances from the centroid.
 
-    Of weights, such as `CorrespondedShapes.area_weights`, a vertex counts n times its share of the sum, so that the size
-    does not depend on where vertices are dense; by default all count once. Sizes, in the units of the shapes, grow with
-    √n, and compare shapes of one topology only.
+    With weights, such as `CorrespondedShapes.area_weights`, a vertex counts n times its share of
+    the sum, so that the size does not depend on where vertices are dense; by default all count
+    once. Sizes, in the units of the shapes, grow with √n, and compare shapes of one topology only.
 
     Examples
     --------

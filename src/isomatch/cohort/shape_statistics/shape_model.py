@@ -1,4 +1,4 @@
-"""The statistical shape model, a mean shape and its principal modes, how good it is, and files of other tools."""
+"""The statistical shape model: mean and principal modes, its quality, and files of other tools."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ from isomatch.io import write_mesh
 from isomatch.surfaces import Mesh
 
 Weighting = Literal["area", "uniform"]
-LEAST_DEVIATION = 1e-10  # of a mode, over the size of the mean; below is rounding
+MIN_DEVIATION = 1e-10  # deviation along a mode over the size of the mean; smaller ones are rounding
+MAX_LEFT_OUT = 100  # shapes left out in turn; of more, a random sample
+N_SAMPLES = 1000  # Styner et al. 2003 draw 10 000; with 1000 the mean is known to about 1 %
 FORMAT = ArrayFormat(
     what="a shape model",
     writer="ShapeModel.save",
@@ -69,13 +71,13 @@ class ScoredShape:
     scores: FloatArray  #: (k,) coordinates along the modes, in the units of the shapes
     deviations: FloatArray  #: (k,) the same in standard deviations of the modes
     aligned: FloatArray  #: (n, 3) the shape moved onto the mean
-    reconstructed: FloatArray  #: (n, 3) that of the model with these scores
-    error: float  #: root mean square distance of the two: what the modes do not describe
-    measured: BoolArray | None = None  #: (n,) which vertices tell something; by default all
+    reconstructed: FloatArray  #: (n, 3) the shape of the model with these scores
+    error: float  #: root mean square distance of the two, which the modes do not describe
+    measured: BoolArray | None = None  #: (n,) which vertices were measured; by default all
 
     @property
     def vertex_errors(self) -> FloatArray:
-        """(n,) distance of each aligned vertex from the reconstructed one; nan where it was not measured."""
+        """(n,) distance of each aligned vertex from the reconstructed one; nan if not measured."""
         errors = np.linalg.norm(self.aligned - self.reconstructed, axis=1)
         return np.asarray(errors if self.measured is None else np.where(self.measured, errors, np.nan))
 
@@ -86,10 +88,10 @@ class ScoredShape:
 
     @property
     def p_value(self) -> float:
-        """Probability that a shape of the model is as far from the mean: the tail of χ² with one degree for each mode.
+        """Probability that a shape of the model is as far from the mean, from χ².
 
-        That takes the variances for exact. Where a model has nearly as many modes as shapes, almost every new shape has a
-        small one: compare its distance with those of `leave_one_out`.
+        Variances are taken as exact. If a model has nearly as many modes as shapes, almost every
+        new shape has a small p-value: compare its distance with those of `leave_one_out`.
         """
         return float(chi2.sf(self.mahalanobis**2, len(self.deviations))) if len(self.deviations) else 1.0
 
@@ -111,18 +113,16 @@ class ShapeModel:
 
     names: tuple[str, ...]  #: of the shapes
     mean: FloatArray  #: (n, 3)
-    faces: IntArray  #: (f, 3); none of landmarks
+    faces: IntArray  #: (f, 3); empty for landmarks
     weights: FloatArray  #: (n,) weight of each vertex in all distances; the sum is 1
-    #: (k, n, 3) displacements of the vertices, orthonormal in the weighted scalar product, in decreasing order of
-    #: variance; as many as are needed to describe all shapes, at most m − 1
+    #: (k, n, 3) displacements of the vertices, orthonormal in the weighted scalar product, in
+    #: decreasing order of variance; as many as describe all shapes, at most m − 1
     modes: FloatArray
-    variances: (
-        FloatArray  #: (k,) of the scores, in squared units of the shapes, with m − 1 degrees of freedom
-    )
+    variances: FloatArray  #: (k,) of the scores, with m − 1 degrees of freedom
     scores: FloatArray  #: (m, k) coordinates of the shapes along the modes
     #: root mean square distance from the centroid that every shape was given, if sizes were removed
     size: float | None = None
-    #: of subjects of several surfaces: the number of vertices of each structure, in their order
+    #: for subjects of several surfaces: number of vertices of each structure, in their order
     structures: Mapping[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -140,15 +140,16 @@ class ShapeModel:
     ) -> ShapeModel:
         """Align shapes and find their modes.
 
-        Vertices that were not measured are where the mean of the others is, see `filled`; whether size is part of the
-        shape, and whether it is projected on a tangent space, see `generalised_procrustes`. With ``weights="area"``, a
-        vertex counts by its share of the area, so that the model does not depend on how densely the surface is sampled;
-        with "uniform" all count alike.
+        Vertices that were not measured are where the mean of the others is, see `filled`; for
+        ``scale`` and ``tangent``, see `generalised_procrustes`. With ``weights="area"``, a vertex
+        counts by its share of the area, so that the model does not depend on how densely the
+        surface is sampled; with "uniform" all count alike.
 
         Notes
         -----
-        Cootes et al., *Active shape models*, CVIU 1995. One singular value decomposition of the weighted m × 3n matrix:
-        O(m n min(m, n)) time. The sign of a mode is such that it moves the outer parts of the mean outward.
+        Cootes et al., *Active shape models*, CVIU 1995. One singular value decomposition of the
+        weighted m × 3n matrix: O(m n min(m, n)) time. The sign of a mode is such that it moves the
+        outer parts of the mean outward.
         """
         require_one_of("weights", weights, Weighting)
         n = shapes.n_vertices
@@ -161,7 +162,7 @@ class ShapeModel:
             # X √W = U S Vᵀ of displacements X (m, 3 n): the modes are S⁻¹ Uᵀ X, the scores U S
             weighted = (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1)
             u, values, _ = np.linalg.svd(weighted, full_matrices=False)
-            least = LEAST_DEVIATION * np.sqrt(len(shapes) * (share @ about_centre**2).max())
+            least = MIN_DEVIATION * np.sqrt(len(shapes) * (share @ about_centre**2).max())
             kept = int((values[: len(shapes) - 1] > least).sum())
             u, values = u[:, :kept], values[:kept]
             modes = np.tensordot(u.T / values[:, None], about_mean, 1)  # also where a vertex has no weight
@@ -189,12 +190,12 @@ class ShapeModel:
 
     @cached_property
     def vertex_variances(self) -> FloatArray:
-        """(n,) variance of each vertex, the sum over its three coordinates; their weighted mean is the total variance."""
+        """(n,) variance of each vertex, summed over coordinates; the weighted mean is the total."""
         return np.asarray(np.einsum("k,kij,kij->i", self.variances, self.modes, self.modes))
 
     @property
     def structure_shares(self) -> dict[str, FloatArray]:
-        """Share of each structure in the variance of each mode, (k,); those of all structures sum to 1."""
+        """Share of each structure in the variance of each mode, (k,); their sum is 1."""
         own = np.einsum("i,kij,kij->ki", self.weights, self.modes, self.modes)
         return {name: own[:, part].sum(axis=1) for name, part in slices_of(self.structures).items()}
 
@@ -216,7 +217,7 @@ class ShapeModel:
         return self._topology.moved(self.vertices(scores))
 
     def mode_mesh(self, mode: int, deviations: float) -> Mesh:
-        """Return the mean moved along one mode, counted from 0, by a number of standard deviations."""
+        """Return the mean moved along one mode, counted from 0, by some standard deviations."""
         if not 0 <= mode < self.n_modes:
             raise SettingError(f"mode = {mode} is not one of the {self.n_modes} modes, counted from 0")
         return self._topology.moved(self.mean + deviations * self.deviations[mode] * self.modes[mode])
@@ -228,14 +229,15 @@ class ShapeModel:
     def score(self, mesh: Mesh, measured: BoolArray | None = None) -> ScoredShape:
         """Describe another shape in the same topology; the model stays as it is.
 
-        Vertices that were not ``measured``, (n,), tell nothing: they are taken to be where the mean is, and have no part
-        in the error. By default all were.
+        Vertices that were not ``measured``, (n,), by default none, are taken to be on the mean, and
+        do not count in the error.
 
         Notes
         -----
-        The shape is moved onto the mean, and its difference from it projected on the modes. The shapes of the model
-        have the scores that are stored, with what was not measured too unless sizes were removed: then the part that was
-        is brought to the size of the same part of the mean.
+        The shape is moved onto the mean, and its difference from it projected on the modes. The
+        shapes of the model get their stored scores, also with vertices that were not measured,
+        unless sizes were removed: then the measured part is brought to the size of the same part of
+        the mean.
         """
         if not np.array_equal(mesh.faces, self.faces) or mesh.n_vertices != len(self.mean):
             remedy = "bring it into correspondence with isomatch collect add"
@@ -256,9 +258,9 @@ class ShapeModel:
         return ScoredShape(scores, scores / self.deviations, aligned, reconstructed, error, measured)
 
     def score_file(self, path: str | Path) -> ScoredShape:
-        """Score the shape in a file, see `score`; of a PLY file, ``measured`` tells what was measured.
+        """Score the shape in a file, see `score`; a PLY file may have ``measured``.
 
-        Polygons are cut as those of the model were. Errors have the name of the file.
+        Polygons are cut like those of the model. Errors name the file.
         """
         try:
             return self.score(*read_corresponding(path, self.faces))
@@ -272,12 +274,13 @@ class ShapeModel:
 
     def save(self, path: str | Path) -> None:
         """Write the model to an ``.npz`` file, which `load` reads."""
-        told = ("names", "size", "structures")
-        arrays = {name: getattr(self, name) for name in FORMAT.arrays if name not in told}
-        own = {} if self.size is None else {"size": np.array(self.size)}
+        arrays = {"names": np.array(json.dumps(self.names))}
+        others = [name for name in FORMAT.arrays if name not in ("names", "size", "structures")]
+        arrays |= {name: getattr(self, name) for name in others}
+        arrays |= {} if self.size is None else {"size": np.array(self.size)}
         if self.structures:
-            own["structures"] = np.array(json.dumps(list(self.structures.items())))
-        save_arrays(path, FORMAT.version, {"names": np.array(json.dumps(self.names)), **arrays, **own})
+            arrays["structures"] = np.array(json.dumps(list(self.structures.items())))
+        save_arrays(path, FORMAT.version, arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> ShapeModel:
@@ -288,52 +291,44 @@ class ShapeModel:
             structures = {str(name): int(n) for name, n in json.loads(stored.pop("structures", "[]"))}
         except (ValueError, TypeError, RecursionError):
             names, structures = None, {}
-        is_told = not structures or sum(structures.values()) == len(stored["mean"])
-        if not isinstance(names, list) or len(names) != len(stored["scores"]) or not is_told:
+        fits = not structures or sum(structures.values()) == len(stored["mean"])
+        if not isinstance(names, list) or len(names) != len(stored["scores"]) or not fits:
             remedy = "expected a file written by ShapeModel.save"
             raise FormatError(f"{path}: not a shape model (its names); {remedy}")
         size = float(stored.pop("size")) if "size" in stored else None
         return cls(names=tuple(map(str, names)), size=size, structures=structures, **stored)
 
 
-MOST_LEFT_OUT = 100
-N_SAMPLES = 1000  # Styner et al. 2003 draw 10 000; with 1000 the mean is known to about 1 %
-
-
 @dataclass(frozen=True, eq=False)
 class ModelCurve:
-    """Means (k,) of a measure, ``mean[j]`` with j modes, and their standard errors, in the units of the shapes."""
+    """Means (k,) of a measure, ``mean[j]`` with j modes, and their standard errors."""
 
     mean: FloatArray
     standard_error: FloatArray
 
     @classmethod
     def of_rows(cls, rows: FloatArray) -> ModelCurve:
-        """Make a curve of the values of each case, (cases, k)."""
+        """Make a curve of the values of all cases, (cases, k)."""
         return cls(rows.mean(axis=0), rows.std(axis=0) / np.sqrt(max(len(rows) - 1, 1)))
 
 
 def compactness(model: ShapeModel) -> FloatArray:
-    """Compute the share of the total variance that the first j modes have, (k + 1,) for j = 0…k."""
+    """Compute the share of the total variance in the first j modes, (k + 1,) for j = 0…k."""
     return np.concatenate([[0.0], np.cumsum(model.variance_ratios)])
 
 
 def _without_each(
     model: ShapeModel, seed: int, most: int
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Yield for each shape left out: its difference from the mean of the others, their axes, and the variances along."""
-    # of the scores, which span the same space as the shapes, with the same distances, as the modes are orthonormal; the
-    # mirror image of a shape is left out with it
+    """Yield the difference of each shape from the mean of the others, their axes and variances."""
+    # computed with scores, which span the same space as the shapes, with the same distances, as the
+    # modes are orthonormal; the mirror image of a shape is left out with it
     m = len(model.names)
     chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
-    number = {name: i for i, name in enumerate(model.names)}
-    ends = [(name, "" if name.endswith(MIRRORED) else MIRRORED) for name in model.names]
-    both = [
-        sorted({i, number.get(name.removesuffix(MIRRORED) + end, i)}) for i, (name, end) in enumerate(ends)
-    ]
+    own = np.array([name.removesuffix(MIRRORED) for name in model.names])
     with serial_blas():
         for left_out in chosen if m > 1 else ():
-            others = np.delete(model.scores, both[left_out], axis=0)
+            others = model.scores[own != own[left_out]]
             mean = others.mean(axis=0)
             _, values, axes = np.linalg.svd(others - mean, full_matrices=False)
             used = values[: m - 2] > 1e-10 * max(values.max(initial=0.0), 1e-300)
@@ -341,17 +336,18 @@ def _without_each(
             yield model.scores[left_out] - mean, axes[: m - 2][used], variances
 
 
-def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OUT) -> ModelCurve:
-    """Measure how well the model describes shapes that it was not made from, leaving out one at a time.
+def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MAX_LEFT_OUT) -> ModelCurve:
+    """Measure how well the model describes new shapes, leaving out one at a time.
 
-    The curve is the root mean square distance between a shape left out and its nearest in the span of j modes of the
-    others, for j = 0…m − 2; it never increases with j, and is empty for one shape. Of more than ``most`` shapes, that
-    many are drawn by the seed; the standard error of their mean is then small.
+    The curve is the root mean square distance between a shape left out and the nearest one in the
+    span of j modes of the others, for j = 0…m − 2; it never increases with j, and is empty for one
+    shape. If there are more than ``most`` shapes, the seed draws that many.
 
     Notes
     -----
-    Davies, *Learning shape: optimal models for analysing natural variability*, 2002; Styner et al., IPMI 2003. Alignment
-    is not repeated without the shape left out. Its mirror image (`CorrespondedShapes.mirrored`) is left out with it.
+    Davies, *Learning shape: optimal models for analysing natural variability*, 2002; Styner et al.,
+    IPMI 2003. Alignment is not repeated without the shape left out. Its mirror image
+    (`CorrespondedShapes.mirrored`) is left out with it.
     """
     rows = []
     for missed, axes, _ in _without_each(model, seed, most):
@@ -365,21 +361,17 @@ def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OU
 
 @dataclass(frozen=True, eq=False)
 class LeaveOneOut:
-    """How unusual shapes of a model are to a model of the others; `leave_one_out` returns it.
+    """How unusual each shape is to a model of the others; see `leave_one_out`."""
 
-    They are, (c,), as in a `ScoredShape`, of each shape left out: its Mahalanobis distance, and what the modes of the
-    others do not describe, in the units of the shapes.
-    """
-
-    mahalanobis: FloatArray
-    errors: FloatArray
+    mahalanobis: FloatArray  #: (c,)
+    errors: FloatArray  #: (c,) in the units of the shapes
 
 
-def leave_one_out(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OUT) -> LeaveOneOut:
-    """Measure how unusual each shape of a model is to a model of the others: what is usual for a new shape.
+def leave_one_out(model: ShapeModel, *, seed: int = 0, most: int = MAX_LEFT_OUT) -> LeaveOneOut:
+    """Measure how unusual each shape of a model is to a model of the others.
 
-    Arguments, and what is repeated, are those of `generalisation`, of which the errors have the last mean. O(m⁴) time for
-    m ≤ ``most`` shapes.
+    Arguments are those of `generalisation`, whose curve ends with the mean of the errors. O(m⁴)
+    time for m ≤ ``most`` shapes.
 
     Examples
     --------
@@ -401,16 +393,17 @@ def leave_one_out(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OUT
 
 
 def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0) -> ModelCurve:
-    """Measure how much random shapes of the model look like those that it was made from.
+    """Measure how much random shapes of the model look like the shapes that it was made from.
 
-    The curve is the root mean square distance of a random shape of j modes from the nearest of the m shapes, for
-    j = 0…k. The seed draws ``n_samples`` shapes, whose scores are independent and normally distributed.
+    The curve is the root mean square distance of a random shape of j modes from the nearest of the
+    m shapes, for j = 0…k. The seed draws ``n_samples`` shapes, with independent normal scores.
 
     Notes
     -----
     Davies 2002; Styner et al. 2003. O(n_samples m k) time: distances are those of the scores.
     """
-    # |x − xᵢ|² of a shape with scores z and the i-th, with scores b, is Σ (z − b)²: all modes but the first j have z = 0
+    # |x − xᵢ|² is Σ (z − b)², with scores z of a shape, 0 after the first j modes, and b of the
+    # i-th
     draws = generator(seed).standard_normal((n_samples, model.n_modes)) * model.deviations
     squares = np.broadcast_to((model.scores**2).sum(axis=1), (n_samples, len(model.names))).copy()
     rows = [np.sqrt(squares.min(axis=1))]
@@ -421,10 +414,10 @@ def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0)
 
 
 def write_shapeworks(folder: str | Path, shapes: CorrespondedShapes, aligned: FloatArray) -> None:
-    """Write a project of ShapeWorks, whose particles are the vertices, local as they are and world as aligned, (m, n, 3).
+    """Write a project of ShapeWorks to an existing folder, whose particles are the vertices.
 
-    An existing folder gets ``project.swproj``, which ShapeWorks Studio opens, and a mesh and two ``.particles`` files of
-    each shape: text with x y z on each line.
+    ShapeWorks Studio opens ``project.swproj``. Each shape has a mesh and two ``.particles`` files,
+    text with x y z on each line: local as they are, and world as ``aligned``, (m, n, 3).
     """
     folder = Path(folder)
     subjects = []
@@ -443,10 +436,11 @@ def _lines(points: FloatArray) -> str:
 
 
 def write_statismo(path: str | Path, model: ShapeModel) -> None:
-    """Write a model as the HDF5 file, ``.h5``, that Scalismo and Statismo read; needs the extra ``statistics``.
+    """Write an HDF5 file, ``.h5``, for Scalismo and Statismo; needs the extra ``statistics``.
 
-    The model must have a mode. Version 0.9 of the format, in single precision. Its modes are orthonormal without
-    weights, so they differ from those of a model with area weights; the distribution of shapes is the same.
+    The model must have a mode. Version 0.9 of the format, in single precision. Its modes are
+    orthonormal without weights, so they differ from those of a model with area weights; the
+    distribution of shapes is the same.
     """
     if not model.n_modes:
         problem = "the model has no mode of variation, which the format needs"

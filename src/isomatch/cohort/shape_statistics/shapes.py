@@ -1,4 +1,4 @@
-"""Shapes in correspondence: the same vertices in every shape, with those that a shape lacks."""
+"""Shapes in correspondence: the same vertices in every shape, some of them not measured."""
 
 from __future__ import annotations
 
@@ -35,15 +35,16 @@ from isomatch.surfaces import Mesh
 MIRRORED = "_mirrored"  # appended to the names of shapes that are mirror images
 
 T = TypeVar("T")
-MEASURED = "measured"  # attribute of the points of a file: 1 where the surface is that of the shape, else 0
-LEAST_MEASURED = 0.5  # share of its vertices: a shape with less is left out
-CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
-# beside subjects of several surfaces: how many vertices each structure has, in order
-STRUCTURES = "structures.csv"
+MEASURED = "measured"  # attribute of points: 1 where a surface was measured, 0 where it was continued
+MIN_MEASURED = 0.5  # share of the vertices that must be measured for a shape to be used
+CORRESPONDED = "corresponded"  # subfolder of a collection with its shapes in one topology
+STRUCTURES = "structures.csv"  # table of the number of vertices of each structure of subjects
+TOLERANCE = 1e-6  # movement of a missing vertex in the last round, over the size of the mean
+MAX_ROUNDS = 500  # each round reduces the movement to at most the largest missing share of a shape
 
 
 def slices_of(structures: Mapping[str, int]) -> dict[str, slice]:
-    """Return where the vertices of each structure are, by their numbers: of 5 and 2, in 0:5 and 5:7."""
+    """Return the slice of the vertices of each structure: numbers 5 and 2 give 0:5 and 5:7."""
     ends = accumulate(structures.values())
     return {name: slice(end - n, end) for (name, n), end in zip(structures.items(), ends)}
 
@@ -66,17 +67,17 @@ class CorrespondedShapes:
     """
 
     names: tuple[str, ...]  #: one for each of the m shapes; no two are the same
-    #: (m, n, 3) positions of their vertices, in one unit, all finite; of landmarks, also (m, n, 2)
+    #: (m, n, 3) positions of their vertices, in one unit, all finite; landmarks also (m, n, 2)
     vertices: FloatArray
     #: (f, 3) 0-based vertex indices of the triangles that they share; landmarks have none
     faces: IntArray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
-    left_out: tuple[str, ...] = ()  #: which shapes were left out, each with the reason
-    #: (m, n) which vertices have a counterpart on the shape, rather than a place that continues those around them; by
-    #: default all
+    left_out: tuple[str, ...] = ()  #: the shapes that were left out, each with the reason
+    #: (m, n) which vertices have a counterpart on the shape, rather than a place by those around
+    #: them; by default all
     measured: BoolArray | None = None
-    #: of subjects of several surfaces, see `stacked`: the number of vertices of each structure, in their order
+    #: for subjects of several surfaces, see `stacked`: number of vertices of each structure
     structures: Mapping[str, int] = field(default_factory=dict)
-    landmarks: Landmarks | None = None  #: those of one of the shapes, with their names and curves
+    landmarks: Landmarks | None = None  #: landmarks of one shape, with their names and curves
 
     def __post_init__(self) -> None:
         vertices = numbers_of(self.vertices, "vertices", MeshError)
@@ -86,16 +87,14 @@ class CorrespondedShapes:
             raise MeshError(f"vertices have shape {vertices.shape}, expected {expected}")
         if not len(vertices):
             raise MeshError("no shapes; give at least one")
-        twice = [name for name, count in Counter(self.names).items() if count > 1]
-        if twice:
-            raise MeshError(f"several shapes are named {', '.join(twice)}; give each its own name")
+        if repeated := [name for name, count in Counter(self.names).items() if count > 1]:
+            raise MeshError(f"several shapes are named {', '.join(repeated)}; give each its own name")
         bad = np.flatnonzero(~np.isfinite(vertices).all(axis=(1, 2)))
         if len(bad):
             problem = f"shape {self.names[bad[0]]} has vertices without a position ({len(bad)} such shapes)"
             raise MeshError(f"{problem}; leave it out, as CorrespondedShapes.of_meshes does")
-        faces = (
-            Mesh(vertices[0], self.faces).sound_faces if len(self.faces) else np.zeros((0, 3), dtype=np.int64)
-        )
+        no_faces = np.zeros((0, 3), dtype=np.int64)
+        faces = Mesh(vertices[0], self.faces).sound_faces if len(self.faces) else no_faces
         vertices.flags.writeable = False
         measured = None if self.measured is None else np.asarray(self.measured, dtype=bool)
         if measured is not None and measured.shape != vertices.shape[:2]:
@@ -103,10 +102,10 @@ class CorrespondedShapes:
             raise MeshError(f"measured has shape {measured.shape}, {expected}")
         measured = None if measured is None or measured.all() else measured
         if self.structures and sum(self.structures.values()) != vertices.shape[1]:
-            remedy = "give those of each structure"
-            raise MeshError(f"{self.structures} are not {vertices.shape[1]} vertices; {remedy}")
-        vars(self).update(names=tuple(self.names), vertices=vertices, faces=faces)
-        vars(self).update(left_out=tuple(self.left_out), measured=measured)
+            problem = f"{self.structures} are not {vertices.shape[1]} vertices"
+            raise MeshError(f"{problem}; give those of each structure")
+        own = {"names": tuple(self.names), "left_out": tuple(self.left_out)}
+        vars(self).update(**own, vertices=vertices, faces=faces, measured=measured)
 
     def __repr__(self) -> str:
         return f"CorrespondedShapes({len(self)} shapes of {self.n_vertices} {self.points})"
@@ -122,13 +121,14 @@ class CorrespondedShapes:
         polygons: Mapping[str, Polygons] | None = None,
         structures: Mapping[str, int] | None = None,
     ) -> CorrespondedShapes:
-        """Collect meshes, by name with numbers in their order; those that are not in correspondence are left out.
+        """Collect meshes in natural order of names, without those that are not in correspondence.
 
-        A mesh is left out if its faces, or the ``polygons`` they were cut from, are not those of most meshes, but for
-        their order and that of corners; if it has a vertex without a finite position, which is how unmatched vertices are
-        written; or if less than half of its vertices were ``measured``, an array (n,) for each mesh with vertices that
-        were not, and they have no ``structures``. Polygons are cut as in the first mesh. ``left_out`` says which and why.
-        `MeshError` if none is left.
+        A mesh is left out if its faces, or the ``polygons`` they were cut from, differ from those
+        of most meshes by more than their order and that of corners; if it has a vertex without a
+        finite position, as unmatched vertices are written; or if less than half of its vertices
+        were ``measured``, an array (n,) for each mesh with some that were not, and there are no
+        ``structures``. Polygons are cut as in the first mesh. ``left_out`` tells which and why.
+        `MeshError` if none remains.
         """
         ordered = {name: meshes[name] for name in sorted(meshes, key=natural_order)}
         if not ordered:
@@ -144,7 +144,7 @@ class CorrespondedShapes:
                 left_out.append(f"{name}: other faces than most shapes ({mesh!r})")
             elif len(unplaced):
                 left_out.append(f"{name}: vertices without a position, {some(unplaced)}")
-            elif name in masks and not structures and masks[name].mean() < LEAST_MEASURED:
+            elif name in masks and not structures and masks[name].mean() < MIN_MEASURED:
                 left_out.append(f"{name}: only {masks[name].mean():.0%} of its vertices were measured")
             else:
                 kept[name] = mesh
@@ -156,15 +156,15 @@ class CorrespondedShapes:
         windings = {name: _digest(outlines[name].corners) for name in kept}
         usual = _most_common(windings.values())
         faces = next(mesh.faces for name, mesh in kept.items() if windings[name] == usual)
-        everything = np.ones(positions.shape[1], dtype=bool)
-        own = np.array([masks.get(name, everything) for name in kept])
-        return cls(tuple(kept), positions, faces, tuple(left_out), own, dict(structures or {}))
+        all_vertices = np.ones(positions.shape[1], dtype=bool)
+        seen = np.array([masks.get(name, all_vertices) for name in kept])
+        return cls(tuple(kept), positions, faces, tuple(left_out), seen, dict(structures or {}))
 
     @classmethod
     def of_landmarks(cls, specimens: Mapping[str, Landmarks]) -> CorrespondedShapes:
-        """Take landmarks of specimens, see `read_specimens`, as shapes; those without a place are not measured.
+        """Make shapes of landmarks, see `read_specimens`; those without a place are not measured.
 
-        `LandmarkError` if specimens have other landmarks, or one has a place in none of them.
+        `LandmarkError` if specimens have different landmarks, or one has a place in none of them.
 
         Examples
         --------
@@ -176,16 +176,17 @@ class CorrespondedShapes:
         names, first = tuple(specimens), next(iter(specimens.values()))
         if other := [n for n in names if specimens[n].positions.shape != first.positions.shape]:
             raise LandmarkError(f"{other[0]} has other landmarks than {names[0]}; give the same of each")
-        at = np.array([each.positions for each in specimens.values()])
-        placed = np.isfinite(at).all(axis=2)
-        if len(nowhere := np.flatnonzero(~placed.any(axis=0))):
-            named = first.names[nowhere[0]] or nowhere[0] + 1
+        positions = np.array([marks.positions for marks in specimens.values()])
+        placed = np.isfinite(positions).all(axis=2)
+        if len(missing := np.flatnonzero(~placed.any(axis=0))):
+            named = first.names[missing[0]] or missing[0] + 1
             raise LandmarkError(f"the landmark {named} has a place in no specimen; leave it out")
-        if len(few := np.flatnonzero(placed.mean(axis=1) < LEAST_MEASURED)):
-            told = f"{names[few[0]]} lacks {(~placed[few[0]]).sum()} of {len(first)} landmarks"
-            raise LandmarkError(f"{told}, more than half; leave it out")
-        at = np.where(placed[:, :, None], at, np.nanmean(at, axis=1, keepdims=True))
-        return cls(names, at, measured=placed, landmarks=first)
+        if len(few := np.flatnonzero(placed.mean(axis=1) < MIN_MEASURED)):
+            problem = f"{names[few[0]]} lacks {(~placed[few[0]]).sum()} of {len(first)} landmarks"
+            raise LandmarkError(f"{problem}, more than half; leave it out")
+        centroids = np.nanmean(positions, axis=1, keepdims=True)
+        positions = np.where(placed[:, :, None], positions, centroids)
+        return cls(names, positions, measured=placed, landmarks=first)
 
     @property
     def points(self) -> str:
@@ -194,7 +195,7 @@ class CorrespondedShapes:
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names of the landmarks, numbers from 1 where they have none; numbers from 0 of vertices."""
+        """Names of landmarks, or their numbers from 1 without names; numbers of vertices from 0."""
         if self.landmarks is None:
             return tuple(map(str, range(self.n_vertices)))
         return tuple(name or str(i) for i, name in enumerate(self.landmarks.names, start=1))
@@ -220,8 +221,8 @@ class CorrespondedShapes:
     def area_weights(self) -> FloatArray:
         """(n,) share of each vertex in the area, averaged over the shapes; the sum is 1.
 
-        Of several structures, each has the same sum, so that large ones do not drown small ones. All landmarks count
-        alike.
+        All structures have the same sum, so that large ones do not drown small ones. All landmarks
+        have the same share.
         """
         if not len(self.faces):
             return np.full(self.n_vertices, 1 / self.n_vertices)
@@ -251,20 +252,20 @@ class CorrespondedShapes:
     def mirrored(self, left_right: Sequence[Correspondence]) -> CorrespondedShapes:
         """Return the shapes followed by their mirror images, moved onto them.
 
-        The left–right map of each shape, such as `left_right_map` finds, tells the point on the other side that
-        corresponds to each vertex. A vertex without one stays where it is in the mirror image, and is not measured there.
+        The left–right map of each shape, see `left_right_map`, gives the point on the other side
+        for each vertex. A vertex without one stays in its place in the mirror image, and is not
+        measured there.
         """
         m, n = self.vertices.shape[:2]
-        if len(left_right) != m or not all(
-            each.shape == (n, n) and each.matched.any() for each in left_right
-        ):
+        fits = all(sides.shape == (n, n) and sides.matched.any() for sides in left_right)
+        if len(left_right) != m or not fits:
             raise MeshError(f"{left_right!r} are no maps of {m} shapes of {n} vertices onto themselves")
         images, seen = self.vertices.copy(), self.seen.copy()
-        for shape, image, there, sides in zip(self.vertices, images, seen, left_right):
-            held = sides.matched
+        for shape, image, own_seen, sides in zip(self.vertices, images, seen, left_right):
+            matched = sides.matched
             other = sides.pull_back(shape, fill=0.0) * [-1.0, *np.ones(shape.shape[1] - 1)]
-            image[held] = aligned_to(shape, other, held / held.sum())[held]
-            there[:] = there[sides.vertices] & held
+            image[matched] = aligned_to(shape, other, matched / matched.sum())[matched]
+            own_seen[:] = own_seen[sides.vertices] & matched
         names = (*self.names, *(name + MIRRORED for name in self.names))
         vertices, measured = np.concatenate([self.vertices, images]), np.concatenate([self.seen, seen])
         return replace(self, names=names, vertices=vertices, measured=measured)
@@ -275,7 +276,7 @@ def _digest(faces: IntArray) -> bytes:
 
 
 def _form(polygons: Polygons) -> bytes:
-    """Digest which points each polygon joins, in whatever order."""
+    """Digest which points each polygon joins, in any order."""
     starts = np.cumsum(polygons.sizes) - polygons.sizes
     rows = []
     for size in np.unique(polygons.sizes).tolist():
@@ -285,32 +286,34 @@ def _form(polygons: Polygons) -> bytes:
 
 
 def _most_common(values: Iterable[T]) -> T:
-    """Return the most frequent value, the first of those that are as frequent."""
+    """Return the most frequent value, the first on a tie."""
     return Counter(values).most_common(1)[0][0]
 
 
 def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes:
-    """Read meshes in one topology: of a folder, of one that ``isomatch collect`` wrote, or the files themselves.
+    """Read meshes in one topology: a folder, that of ``isomatch collect``, or given files.
 
-    A shape has the name of its file without the suffix; ``left_out`` names files that are not in correspondence with the
-    others. The attribute ``measured`` of PLY files tells which vertices were measured; a table ``structures.csv`` beside
-    them, of which surfaces subjects are made.
+    A shape has the name of its file without the suffix; ``left_out`` names files that are not in
+    correspondence with the others. The attribute ``measured`` of PLY files tells which vertices
+    were measured; a table ``structures.csv`` beside them, which surfaces subjects are made of.
     """
-    files = _files_of(Path(source)) if isinstance(source, str | Path) else [Path(path) for path in source]
-    twice = [name for name, count in Counter(legible(file.stem) for file in files).items() if count > 1]
-    if twice:
-        raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
-    assets = {legible(file.stem): read_as_far_as_possible(file) for file in files}
-    masks = {name: _measured(file, assets[name]) for file in files if (name := legible(file.stem))}
-    meshes = {name: Mesh(each.placed_points, each.polygons.triangles) for name, each in assets.items()}
-    if any(each.n_faces for each in meshes.values()):
-        for name in [name for name, each in meshes.items() if not each.n_faces]:
+    paths = _files_of(Path(source)) if isinstance(source, str | Path) else [Path(path) for path in source]
+    files = {legible(path.stem): path for path in paths}
+    if len(files) < len(paths):
+        counts = Counter(legible(path.stem) for path in paths)
+        repeated = [name for name, count in counts.items() if count > 1]
+        raise FormatError(f"{source}: several files are named {', '.join(repeated)}; keep one of each")
+    assets = {name: read_as_far_as_possible(path) for name, path in files.items()}
+    meshes = {name: Mesh(asset.placed_points, asset.polygons.triangles) for name, asset in assets.items()}
+    if any(mesh.n_faces for mesh in meshes.values()):
+        for name in [name for name, mesh in meshes.items() if not mesh.n_faces]:
             tell_skipped(f"{name}: left out, as it has no faces")
             del meshes[name]
     polygons = {name: assets[name].polygons for name in meshes}
-    measured = {name: own for name, own in masks.items() if own is not None and name in meshes}
-    table = files[0].parent / STRUCTURES if files else Path(STRUCTURES)
-    structures = _structures_in(table) if files and table.exists() else {}
+    masks = ((name, _measured(files[name], assets[name])) for name in meshes)
+    measured = {name: mask for name, mask in masks if mask is not None}
+    table = paths[0].parent / STRUCTURES if paths else Path(STRUCTURES)
+    structures = _structures_in(table) if paths and table.exists() else {}
     return CorrespondedShapes.of_meshes(meshes, measured, polygons, structures)
 
 
@@ -318,12 +321,12 @@ def _structures_in(table: Path) -> dict[str, int]:
     try:
         return {line["structure"]: int(line["vertices"]) for line in read_table(table).records()}
     except (KeyError, ValueError):
-        lack = "not the structures of subjects; its columns are structure, vertices"
-        raise FormatError(f"{table}: {lack}") from None
+        problem = "not the structures of subjects; its columns are structure, vertices"
+        raise FormatError(f"{table}: {problem}") from None
 
 
 def read_corresponding(path: str | Path, faces: IntArray) -> tuple[Mesh, BoolArray | None]:
-    """Read a mesh, cut like triangles (m, 3) if it has their polygons, and which vertices were measured (PLY)."""
+    """Read a mesh, cut like triangles (f, 3) if they fit, and its ``measured``, if any."""
     asset = read_as_far_as_possible(path)
     triangles = faces if _cut_as(asset.polygons, faces) else asset.polygons.triangles
     return Mesh(asset.placed_points, triangles), _measured(path, asset)
@@ -344,13 +347,13 @@ def _cut_as(polygons: Polygons, triangles: IntArray) -> bool:
 def _measured(file: str | Path, asset: Asset) -> BoolArray | None:
     if Path(file).suffix.lower() != ".ply":
         return None
-    own = [each for each in asset.attributes if (each.name, each.domain) == (MEASURED, "point")]
-    return np.asarray(own[0].values != 0) if own and own[0].values.ndim == 1 else None
+    own = [x.values for x in asset.attributes if (x.name, x.domain) == (MEASURED, "point")]
+    return np.asarray(own[0] != 0) if own and own[0].ndim == 1 else None
 
 
 def _files_of(folder: Path) -> list[Path]:
-    inner = folder / CORRESPONDED
-    folder = inner if inner.is_dir() else folder
+    corresponded = folder / CORRESPONDED
+    folder = corresponded if corresponded.is_dir() else folder
     if not folder.is_dir():
         raise MissingFileError(f"{folder}: no such folder; give a folder of meshes in one topology")
     files = meshes_among(folder.iterdir())
@@ -359,43 +362,39 @@ def _files_of(folder: Path) -> list[Path]:
     return files
 
 
-TOLERANCE = 1e-6  # of the size of the mean: movement of a missing vertex in the last round
-MOST_ROUNDS = 500  # each leaves less of the movement than the largest share of a shape that is missing
-
-
 def filled(
     shapes: CorrespondedShapes, weights: FloatArray | None = None, scale: Scale = "keep"
 ) -> CorrespondedShapes:
-    """Move the vertices that were not measured to where the mean of those that were is, seen from each shape.
+    """Move vertices that were not measured onto the mean of those that were.
 
-    So aligned, as by `generalised_procrustes` with these weights, a missing vertex lies on the mean: it adds no variance,
-    and does not turn or shift its shape. One that no shape measured stays where the surfaces around it were continued.
+    After `generalised_procrustes` with these weights, a missing vertex lies on the mean: it adds no
+    variance, and does not turn or shift its shape. One that no shape measured stays where it is.
 
     Notes
     -----
-    Alignment and means take turns until nothing moves, which is expectation maximisation for one mean and deviations of
-    one size everywhere. A round takes the time of `generalised_procrustes`.
+    Alignment and means alternate until nothing moves, which is expectation maximisation for one
+    mean and equal deviations everywhere. A round takes the time of `generalised_procrustes`.
     """
     measured = shapes.measured
     if measured is None:
         return shapes
-    stays = measured | ~measured.any(axis=0)  # what no shape measured stays, too
+    stays = measured | ~measured.any(axis=0)
     count = stays.sum(axis=0)[:, None]
     vertices = shapes.vertices.copy()
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         now = generalised_procrustes(vertices, weights, scale)
         mean = np.einsum("sn,sni->ni", stays, now.aligned) / count
-        back = (mean - now.translations[:, None]) @ now.rotations / now.scales[:, None, None]
-        apart = np.abs(np.where(stays[:, :, None], 0.0, back - vertices)).max(axis=(1, 2)) * now.scales
-        vertices = np.where(stays[:, :, None], vertices, back)
-        if apart.max() <= TOLERANCE * np.sqrt(((mean - mean.mean(axis=0)) ** 2).sum(axis=1).mean()):
+        placed = (mean - now.translations[:, None]) @ now.rotations / now.scales[:, None, None]
+        moved = np.abs(np.where(stays[:, :, None], 0.0, placed - vertices)).max(axis=(1, 2)) * now.scales
+        vertices = np.where(stays[:, :, None], vertices, placed)
+        if moved.max() <= TOLERANCE * np.sqrt(((mean - mean.mean(axis=0)) ** 2).sum(axis=1).mean()):
             return replace(shapes, vertices=vertices)
-    problem = f"the mean of shapes of which parts are missing still moves after {MOST_ROUNDS} rounds"
+    problem = f"the mean of shapes of which parts are missing still moves after {MAX_ROUNDS} rounds"
     raise NotConvergedError(f"{problem}; leave out those of which little was measured")
 
 
 def measured_variances(aligned: FloatArray, shapes: CorrespondedShapes) -> FloatArray:
-    """(n,) variance of each vertex of aligned shapes (m, n, 3), among those that measured it; nan of fewer than two."""
+    """(n,) variance of each vertex of shapes (m, n, 3) that measured it; nan for fewer than two."""
     measured = shapes.measured
     if measured is None:
         return np.asarray(((aligned - aligned.mean(axis=0)) ** 2).sum(axis=(0, 2)) / max(len(aligned) - 1, 1))

@@ -1,8 +1,9 @@
-"""Semilandmarks, slid along curves and surfaces until specimens differ least from the mean shape."""
+"""Sliding of semilandmarks along curves and surfaces until specimens differ least from the mean."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import compress
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -21,16 +22,18 @@ from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes, filled
 from isomatch.landmarks import Curve
 from isomatch.surfaces import Mesh, nearest_on_surface, vertex_normals
 
-MOST_ROUNDS, ENOUGH = 4, 0.02  # a round that gains less than this share of the energy is the last
-MOST_ITERATIONS, CLOSE = 30, 0.01  # of conjugate gradients; share of the first residual
-SHARES = 1.0, 0.5, 0.25  # of a step that are tried
-NEIGHBOURS = 5  # points, with the one itself, to which a tangent plane is fitted
-AFFINE = 0.01  # m times the mean distance; with 1, twice as many iterations
-RIDGE = 1e-10  # of the mean distance, so that two curves may end in one point
+MAX_ROUNDS = 4
+MIN_GAIN = 0.02  # share of the energy that a round must gain for another to follow
+MAX_ITERATIONS = 30  # of conjugate gradients
+MAX_RESIDUAL = 0.01  # of conjugate gradients, over the first residual
+STEP_SHARES = 1.0, 0.5, 0.25  # shares of a step that are tried in turn
+N_NEIGHBOURS = 5  # points, with the one itself, to which a tangent plane is fitted
+AFFINE_WEIGHT = 0.01  # over m times the mean distance; with 1, iterations are twice as many
+RIDGE = 1e-10  # over the mean distance, so that two curves may end in one point
 
 
 class Slid(NamedTuple):
-    """How far the landmarks of a specimen slid, and the bending energy from the mean shape."""
+    """How far the landmarks of a specimen slid, and its bending energy from the mean shape."""
 
     specimen: str
     mean: float
@@ -43,14 +46,14 @@ class SlidSemilandmarks(NamedTuple):
     """Landmarks of s specimens, after semilandmarks have slid."""
 
     positions: FloatArray  # (s, m, d); nan where there was no place
-    energy_before: FloatArray  # (s,) bending energy from the mean, of centroid size 1, without the factor 8π
+    energy_before: FloatArray  # (s,) bending energy from the mean at centroid size 1, without 8π
     energy_after: FloatArray
 
     def of_each(self, names: Sequence[str], before: FloatArray) -> list[Slid]:
-        """Tell how far the landmarks of named specimens slid from their positions before, (s, m, d)."""
-        far = np.linalg.norm(self.positions - before, axis=2)
-        columns = np.nanmean(far, axis=1), np.nanmax(far, axis=1), self.energy_before, self.energy_after
-        return [Slid(*each) for each in zip(names, *(column.tolist() for column in columns))]
+        """Measure how far landmarks of named specimens slid from positions before, (s, m, d)."""
+        slid = np.linalg.norm(self.positions - before, axis=2)
+        columns = np.nanmean(slid, axis=1), np.nanmax(slid, axis=1), self.energy_before, self.energy_after
+        return [Slid(*row) for row in zip(names, *(column.tolist() for column in columns))]
 
 
 Criterion = Literal["bending", "distance"]
@@ -63,10 +66,10 @@ def slid_semilandmarks(
     patch: Sequence[int] = (),
     *,
     criterion: Criterion = "bending",
-    most_rounds: int = MOST_ROUNDS,
-    enough: float = ENOUGH,
+    most_rounds: int = MAX_ROUNDS,
+    enough: float = MIN_GAIN,
 ) -> SlidSemilandmarks:
-    """Slide semilandmarks along curves and surfaces until specimens differ least from the mean shape.
+    """Slide semilandmarks along curves and surfaces until specimens differ least from the mean.
 
     The result does not depend on the order, places, orientations and sizes of the specimens.
 
@@ -75,17 +78,19 @@ def slid_semilandmarks(
     positions : (s, m, d) array of float
         Corresponding points of s ≥ 2 specimens in 2 or 3 dimensions, nan where one has no place.
     surfaces : sequence of Mesh, optional
-        The surface of each specimen, on which points stay. Without surfaces, points of the patch move in the plane that
-        is nearest to them and their four neighbours, points of curves along the chord of their neighbours.
+        The surface of each specimen, on which points stay. Without surfaces, points of the patch
+        move in the plane nearest to them and their four neighbours, points of curves along the
+        chord of their neighbours.
     curves, patch : sequence of Curve, sequence of int
-        Points of curves slide along them, without the ends of an open curve and the first point of a closed one; those
-        of the patch slide on the surface. All others are fixed.
+        Points of curves slide along them, except the ends of an open curve and the first point of a
+        closed one; points of the patch slide on the surface. All others are fixed.
     criterion : {"bending", "distance"}
-        What becomes least: the bending energy of thin-plate splines from the mean, or the squared Procrustes distance.
+        The measure that is minimised: the bending energy of thin-plate splines from the mean, or
+        the squared Procrustes distance.
     most_rounds : int
-        How often the mean is taken and points are moved.
+        Number of times that the mean is taken and points are moved.
     enough : float
-        A round in which the sum of what becomes least falls by less than this share is the last.
+        Share by which the sum of the measure must fall in a round for another to follow.
 
     Raises
     ------
@@ -94,11 +99,13 @@ def slid_semilandmarks(
 
     Notes
     -----
-    Bookstein, *Landmark methods for forms without landmarks*, 1997; Gunz, Mitteroecker & Bookstein, *Semilandmarks in
-    three dimensions*, 2005. Each round takes the mean of a Procrustes analysis, finds the steps along tangents after
-    which specimens differ least from it, and moves points back to curves and surfaces: by half a step, a quarter or none
-    where a normal would turn by more than a right angle. A specimen that would differ more stays. Points without a place
-    move freely, so that they do not count. 28 m² bytes; of 7,500 points, a round takes 5 s and 1 s for each specimen.
+    Bookstein, *Landmark methods for forms without landmarks*, 1997; Gunz, Mitteroecker & Bookstein,
+    *Semilandmarks in three dimensions*, 2005. Each round takes the mean of a Procrustes analysis,
+    finds the steps along tangents after which specimens differ least from it, and moves points back
+    to curves and surfaces: by half a step, a quarter or none where a normal would turn by more than
+    a right angle. A specimen that would differ more stays. Points without a place move freely, so
+    that they do not count. 28 m² bytes; with 7,500 points, a round takes 5 s and 1 s for each
+    specimen.
 
     Examples
     --------
@@ -115,61 +122,61 @@ def slid_semilandmarks(
         raise LandmarkError(f"{len(positions)} specimens have no mean shape to slide to; give 2 or more")
     placed: BoolArray = np.asarray(np.isfinite(positions).all(axis=2))
     known = np.where(placed[:, :, None], positions, np.nanmean(positions, axis=1, keepdims=True))
-    # what has no place begins where the mean has it, wherever it was put
+    # points without a place begin on the mean
     names = tuple(map(str, range(len(known))))
     now = filled(CorrespondedShapes(names, known, measured=placed), scale="remove").vertices
     sizes, energies = centroid_sizes(now)[:, None, None], list[FloatArray]()
     of: Sequence[Mesh | None] = surfaces or [None] * len(now)
     rows, given = np.array(patch, dtype=np.int64), list(zip(of, now, placed))
-    specimens = parallel_map(lambda each: _Specimen(*each, curves, rows), given)
-    closeness = min(CLOSE, enough)
+    specimens = parallel_map(lambda own: _Specimen(*own, curves, rows), given)
+    closeness = min(MAX_RESIDUAL, enough)
     with serial_blas():
         for _ in range(most_rounds):
             onto_mean = generalised_procrustes(now, scale="remove")
             mean, bending = onto_mean.mean, BendingEnergy(onto_mean.mean)
-            # the mean, of the size of the specimens, as each has it, x = (y − t) R / s
+            # the mean at the common size, placed like each specimen: x = (y − t) R / s
             about = mean - mean.mean(axis=0)
             whole = mean + about * (onto_mean.size / np.sqrt((about**2).sum(axis=1).mean()) - 1)
             goal = (whole - onto_mean.translations[:, None]) @ onto_mean.rotations
             goal /= onto_mean.scales[:, None, None]
-            tangents = np.stack([each.tangents() for each in specimens])
+            tangents = np.stack([specimen.tangents() for specimen in specimens])
             if criterion == "bending":
                 steps = sizes * bending.least(now / sizes, tangents, closeness)
             else:
                 steps = np.einsum("smij,smj->smi", tangents, goal - now)
-            moved = parallel_map(lambda each: each[0].moved(each[1]), list(zip(specimens, steps)))
-            after = np.stack([at for at, _ in moved])
-            bent = [bending.of_each(at / sizes) for at in (now, after)]
-            apart = [((at - goal) ** 2).sum(axis=(1, 2)) / sizes.ravel() ** 2 for at in (now, after)]
-            least = bent if criterion == "bending" else apart
-            is_better = least[1] < least[0]
-            for each, own, moves in zip(specimens, moved, is_better):
-                each.positions, each.normals = own if moves else (each.positions, each.normals)
-            now = np.stack([each.positions for each in specimens])
-            energies += [bent[0], np.where(is_better, bent[1], bent[0])]
-            if np.minimum(*least).sum() > (1 - enough) * least[0].sum():
+            moved = parallel_map(lambda pair: pair[0].moved(pair[1]), list(zip(specimens, steps)))
+            after = np.stack([positions for positions, _ in moved])
+            energy = [bending.of_each(x / sizes) for x in (now, after)]
+            squares = [((x - goal) ** 2).sum(axis=(1, 2)) / sizes.ravel() ** 2 for x in (now, after)]
+            measure = energy if criterion == "bending" else squares
+            is_better = measure[1] < measure[0]
+            for specimen, state in compress(zip(specimens, moved), is_better):
+                specimen.positions, specimen.normals = state
+            now = np.stack([specimen.positions for specimen in specimens])
+            energies += [energy[0], np.where(is_better, energy[1], energy[0])]
+            if np.minimum(*measure).sum() > (1 - enough) * measure[0].sum():
                 break
     return SlidSemilandmarks(np.where(placed[:, :, None], now, np.nan), energies[0], energies[-1])
 
 
 class BendingEnergy:
-    """Bending energy of thin-plate splines at points (m, d), as if their centroid size were 1; a matrix (m, m)."""
+    """Matrix (m, m) of the bending energy of thin-plate splines at points (m, d), scaled to 1."""
 
     def __init__(self, points: FloatArray) -> None:
         m = len(points)
         require_memory(28.0 * m**2, f"the bending energy of {m} points", "use fewer points")
         centred = points - points.mean(axis=0)
         centred /= np.linalg.norm(centred)
-        # In space, the spline −Σ wᵢ |x − pᵢ| + affine has Qᵀw = 0 and the energy wᵀKw, K = (−|pᵢ − pⱼ|), where Q spans
-        # the affine functions; in the plane, it has |x − pᵢ|² log |x − pᵢ|² instead. With P = I − QQᵀ, w is the
-        # pseudoinverse of PKP times the values, so that the energy is of the matrix
-        # B = (PKP)⁺ = P (PKP + a QQᵀ)⁻¹ P. What is inverted is positive definite: K + QWᵀ + WQᵀ with
-        # W = Q (QᵀKQ + a I) / 2 − KQ.
-        apart = cdist(centred, centred)
-        kernel = -apart if points.shape[1] == 3 else 2 * apart**2 * np.log(np.where(apart > 0, apart, 1.0))
+        # In space, the spline −Σ wᵢ |x − pᵢ| + affine has Qᵀw = 0 and the energy wᵀKw,
+        # K = (−|pᵢ − pⱼ|), where Q spans the affine functions; in the plane, it has
+        # |x − pᵢ|² log |x − pᵢ|² instead. With P = I − QQᵀ, w is the pseudoinverse of PKP times the
+        # values, so that the matrix of the energy is B = (PKP)⁺ = P (PKP + a QQᵀ)⁻¹ P. The inverted
+        # matrix is positive definite: K + QWᵀ + WQᵀ with W = Q (QᵀKQ + a I) / 2 − KQ.
+        r = cdist(centred, centred)
+        kernel = -r if points.shape[1] == 3 else 2 * r**2 * np.log(np.where(r > 0, r, 1.0))
         mean = float(np.abs(kernel).mean())
         q = self._affine = orth(np.column_stack([np.ones(m), centred]))
-        w = q @ (q.T @ kernel @ q + AFFINE * m * mean * np.eye(q.shape[1])) / 2 - kernel @ q
+        w = q @ (q.T @ kernel @ q + AFFINE_WEIGHT * m * mean * np.eye(q.shape[1])) / 2 - kernel @ q
         kernel += np.hstack([q, w]) @ np.hstack([w, q]).T
         kernel.flat[:: m + 1] += RIDGE * mean
         self._inverse = kernel.astype(np.float32)
@@ -181,12 +188,12 @@ class BendingEnergy:
         return np.asarray(bent - self._affine @ (self._affine.T @ bent))
 
     def of_each(self, shapes: FloatArray) -> FloatArray:
-        """(s,) energy of the splines to each of the shapes (s, m, d), summed over the coordinates."""
+        """(s,) energy of the splines to each shape (s, m, d), summed over the coordinates."""
         values = shapes.transpose(1, 0, 2).reshape(shapes.shape[1], -1)  # (m, d s)
         return np.asarray((values * (self @ values)).sum(axis=0).reshape(len(shapes), -1).sum(axis=1))
 
     def least(self, shapes: FloatArray, tangents: FloatArray, closeness: float | None = None) -> FloatArray:
-        """Find the steps (s, m, d), each in the image of a projector (s, m, d, d), after which shapes bend least."""
+        """Find the steps (s, m, d), in the images of projectors, that minimise the energy."""
         values = shapes.transpose(1, 0, 2)  # (m, s, 3)
 
         def tangential(product: Callable[[FloatArray], FloatArray]) -> LinearOperator:
@@ -196,12 +203,13 @@ class BendingEnergy:
 
             return LinearOperator((values.size,) * 2, along, dtype=float)
 
-        # With the projectors U, the step t = Ut minimises (y + t)ᵀ B (y + t), so UBU t = −UBy. UB⁻¹U is a near inverse of
-        # UBU: exact where B and U commute, as they nearly do for what varies faster than the normals.
+        # With the projectors U, the step t = Ut minimises (y + t)ᵀ B (y + t), so UBU t = −UBy.
+        # UB⁻¹U is nearly the inverse of UBU: exactly where B and U commute, as they nearly do for
+        # displacements that vary faster than the normals.
         bend = tangential(self.__matmul__)
         near_inverse = tangential(lambda columns: row_product(self._inverse, columns))
-        closeness = closeness or CLOSE
-        most = round(MOST_ITERATIONS * np.log(closeness) / np.log(CLOSE))
+        closeness = closeness or MAX_RESIDUAL
+        most = round(MAX_ITERATIONS * np.log(closeness) / np.log(MAX_RESIDUAL))
         step, _ = cg(bend, -(bend @ values.ravel()), rtol=closeness, maxiter=most, M=near_inverse)
         return np.asarray(step.reshape(values.shape).transpose(1, 0, 2))
 
@@ -224,23 +232,22 @@ class _Specimen:
         else:
             self._vertex_normals = vertex_normals(surface.vertices, surface.faces)
             self.normals = nearest_on_surface(surface, points[self._patch]).interpolated(self._vertex_normals)
-        self._tracks = []  # of each curve: points that slide, and those before and after them
-        self._lines = list[Mesh]()  # on a surface: the polyline of each curve
+        self._tracks = []  # for each curve: points that slide, and those before and after them
+        self._lines = list[Mesh]()  # with a surface: the polyline of each curve
         for _, of, closed in curves:
             rows, n = np.array(of), len(of) - 1 if closed else len(of) - 2
             if placed[rows].all() and n > 0:
                 self._tracks.append((rows[1 : n + 1], rows[:n], np.roll(rows, -2)[:n]))
                 if surface is not None:
                     step = np.arange(n + 1)
-                    self._lines.append(
-                        Mesh(points[[*rows, rows[0]]], np.stack([step, step + 1, step + 1], 1))
-                    )
+                    segments = np.stack([step, step + 1, step + 1], 1)
+                    self._lines.append(Mesh(points[[*rows, rows[0]]], segments))
 
     def _normals_of(self, points: FloatArray) -> FloatArray:
-        """Return normals of the patch: of the plane nearest to each point and its neighbours."""
+        """Fit the normals of the patch: of the plane nearest to each point and its neighbours."""
         if points.shape[1] == 2 or not len(self._patch):
             return np.zeros((len(self._patch), points.shape[1]))  # all directions are in the plane
-        near = points[cKDTree(points).query(points[self._patch], min(NEIGHBOURS, len(points)))[1]]
+        near = points[cKDTree(points).query(points[self._patch], min(N_NEIGHBOURS, len(points)))[1]]
         return np.asarray(np.linalg.svd(near - near.mean(axis=1, keepdims=True))[2][:, -1])
 
     def tangents(self) -> FloatArray:
@@ -254,7 +261,7 @@ class _Specimen:
         return allowed
 
     def moved(self, steps: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Move points by steps (m, d) and back to curves and the surface; return their positions and normals."""
+        """Move points by steps (m, d), back to curves and surface; return positions and normals."""
         if self._surface is None:
             return self.positions + steps, self._normals_of(self.positions + steps)
         after, normals, vertices = self.positions.copy(), self.normals.copy(), self._surface.vertices
@@ -263,13 +270,13 @@ class _Specimen:
             on_curve = nearest_on_surface(line, after[inner] + steps[inner]).interpolated(line.vertices)
             after[inner] = nearest_on_surface(self._surface, on_curve).interpolated(vertices)
         left = np.arange(len(self._patch))
-        for share in SHARES:
+        for share in STEP_SHARES:
             rows = self._patch[left]
             near = nearest_on_surface(self._surface, self.positions[rows] + share * steps[rows])
-            there = near.interpolated(self._vertex_normals)
-            is_near = (there * normals[left]).sum(axis=1) > 0  # else beyond an edge, or behind a wall
+            turned = near.interpolated(self._vertex_normals)
+            is_near = (turned * normals[left]).sum(axis=1) > 0  # else beyond an edge, or behind a wall
             after[rows[is_near]] = near.interpolated(vertices)[is_near]
-            normals[left[is_near]], left = there[is_near], left[~is_near]
+            normals[left[is_near]], left = turned[is_near], left[~is_near]
         return after, normals
 
 

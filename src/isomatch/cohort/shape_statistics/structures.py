@@ -1,4 +1,4 @@
-"""Subjects of several surfaces: their structures stacked, the pose of each among the others, one told by the others."""
+"""Structures of subjects: stacked as one shape, their poses, and their prediction."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from isomatch.correspondence import nearest_rotation
 
 
 def stacked(parts: Mapping[str, CorrespondedShapes]) -> CorrespondedShapes:
-    """Take structures of subjects, named like these, for one shape each: their vertices one after the other.
+    """Stack the vertices of the structures of each subject as one shape.
 
-    The result has all subjects that have a structure. One that a subject lacks was not measured: it lies where it is in a
-    subject that has it and most of the others, moved as these are.
+    The result has all subjects that have a structure. A structure that a subject lacks was not
+    measured: it is taken from a subject that has it and most of the others, moved as these are.
 
     Examples
     --------
@@ -47,13 +47,13 @@ def stacked(parts: Mapping[str, CorrespondedShapes]) -> CorrespondedShapes:
         measured[rows, where] = part.seen
         faces.append(part.faces + where.start)
         left_out += [f"{structure} of {reason}" for reason in part.left_out]
-    there, known = np.isfinite(vertices[:, :, 0]), np.nan_to_num(vertices)
+    has, known = np.isfinite(vertices[:, :, 0]), np.nan_to_num(vertices)
     for where in slices_of(structures).values():
-        having = np.flatnonzero(there[:, where.start])
-        for i in np.flatnonzero(~there[:, where.start]):
-            shared = there[having] & there[i]
+        donors = np.flatnonzero(has[:, where.start])
+        for i in np.flatnonzero(~has[:, where.start]):
+            shared = has[donors] & has[i]
             k = int(shared.sum(axis=1).argmax())
-            other, weights = known[having[k]], shared[k].astype(float)
+            other, weights = known[donors[k]], shared[k].astype(float)
             placed = aligned_to(known[i], other, weights) if weights.any() else other
             vertices[i, where] = placed[where]
     joined = tuple(names), vertices, np.concatenate(faces)
@@ -61,24 +61,23 @@ def stacked(parts: Mapping[str, CorrespondedShapes]) -> CorrespondedShapes:
 
 
 class StructurePoses(NamedTuple):
-    """Subjects, ``shapes``, whose structures are aligned each by itself, and the poses that were taken away.
+    """Subjects whose structures are each aligned by itself, and the poses that were removed.
 
-    That are rotation vectors (m, s, 3), in radians, and translations of centroids, nan where a subject lacks a structure;
-    ``shares`` (s,) is what part of the variance of each structure is that of its pose.
+    Poses of structures that a subject lacks are nan.
     """
 
     shapes: CorrespondedShapes
-    rotations: FloatArray
-    translations: FloatArray
-    shares: FloatArray
+    rotations: FloatArray  # (m, s, 3) rotation vectors, in radians
+    translations: FloatArray  # (m, s, 3) of centroids
+    shares: FloatArray  # (s,) share of the pose in the variance of each structure
 
 
 def aligned_structures(
     shapes: CorrespondedShapes, weights: Weighting = "area", scale: Scale = "keep"
 ) -> StructurePoses:
-    """Align each structure of subjects by itself, so that poses among each other are no part of a model.
+    """Align each structure of subjects by itself, so that poses are no part of a model.
 
-    Poses are those after the alignment of whole subjects, which would change nothing of the result.
+    Poses are measured after the alignment of whole subjects, which does not change the result.
     """
     share = shapes.area_weights if weights == "area" else np.full(shapes.n_vertices, 1 / shapes.n_vertices)
     joint = generalised_procrustes(filled(shapes, share, scale).vertices, share, scale)
@@ -105,11 +104,12 @@ def aligned_structures(
 def hidden_structures(
     shapes: CorrespondedShapes, hidden: Collection[str], weights: Weighting = "area", scale: Scale = "keep"
 ) -> list[dict[str, Any]]:
-    """Complete structures of each subject, all at once, from its others, by a model of all other subjects.
+    """Complete hidden structures of each subject from its others, by a model of all other subjects.
 
-    Returns a line for each subject and hidden structure: root mean square ``error`` from the true one, ``mean_error`` of
-    the mean of the others, placed by what is known, and what the completion says, ``expected_error``. `InputError` if a
-    name is no structure, none stays, or there are less than three subjects.
+    Returns a line for each subject and hidden structure: root mean square ``error`` of the
+    completion, ``mean_error`` of the mean of the others placed by the known structures, and
+    ``expected_error``, the estimate of the completion. `InputError` if a name is no structure, none
+    stays, or there are less than three subjects.
     """
     parts = slices_of(shapes.structures)
     if not set(hidden) < set(parts) or len(shapes) < 3:
@@ -121,23 +121,24 @@ def hidden_structures(
         known[parts[name]] = False
     found = []
     for i, subject in enumerate(shapes.names):
-        there = {name: own for name in hidden if (own := seen[i, parts[name]]).any()}
         if not (seen[i] & known).any():
             continue
         rest = np.delete(np.arange(len(shapes)), i)
         names = tuple(shapes.names[j] for j in rest)
         others = replace(shapes, names=names, vertices=shapes.vertices[rest], measured=seen[rest])
         model = ShapeModel.fit(others, scale, weights)
-        none, scores = slice(0), model.scores[:, :0]
-        mean = replace(model, modes=model.modes[none], variances=model.variances[none], scores=scores)
-        told = observed_vertices(model, shapes.mesh(i), seen[i] & known)
-        completed, of_mean = complete(model, told), complete(mean, told)
-        for name, own in there.items():
-            rows = np.flatnonzero(own) + parts[name].start
+        scores = model.scores[:, :0]
+        mean = replace(model, modes=model.modes[:0], variances=model.variances[:0], scores=scores)
+        observed = observed_vertices(model, shapes.mesh(i), seen[i] & known)
+        completed, of_mean = complete(model, observed), complete(mean, observed)
+        for name in hidden:
+            rows = np.flatnonzero(seen[i, parts[name]]) + parts[name].start
+            if not len(rows):
+                continue
             share = model.weights[rows] / model.weights[rows].sum()
-            apart = [each.mesh.vertices[rows] - shapes.vertices[i, rows] for each in (completed, of_mean)]
-            squares = [*((each**2).sum(axis=1) for each in apart), completed.expected_error[rows] ** 2]
-            errors = (float(np.sqrt(share @ each)) for each in squares)
+            away = [x.mesh.vertices[rows] - shapes.vertices[i, rows] for x in (completed, of_mean)]
+            squares = [*((x**2).sum(axis=1) for x in away), completed.expected_error[rows] ** 2]
+            errors = (float(np.sqrt(share @ x)) for x in squares)
             named = dict(zip(("error", "mean_error", "expected_error"), errors))
             found.append({"name": subject, "structure": name, **named})
     return found
