@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Generic, TypeVar
@@ -236,9 +236,13 @@ class RefiningModel(MatchingModel[F, C]):
     def _refusal(self, how: str) -> SettingError:
         return SettingError(f"the refinement {type(self.refinement).__name__} {how}")
 
-    def everywhere(self, fit: F) -> Embedding:
-        """Coordinates of all vertices by the refinement; `SettingError` if shapes are wrong."""
-        embedding = Embedding(*self.refinement.everywhere(self.pair, fit, partial(self.embedding, fit)))
+    def everywhere(self, fit: F, coordinates: Callable[[F], Embedding] | None = None) -> Embedding:
+        """Coordinates of all vertices by the refinement; `SettingError` if shapes are wrong.
+
+        Unless the refinement has its own, they are ``coordinates`` of the fit, by default its `embedding`.
+        """
+        given = partial(coordinates or self.embedding, fit)
+        embedding = Embedding(*self.refinement.everywhere(self.pair, fit, given))
         sizes = self.source.body.n_vertices, self.target.body.n_vertices
         shapes = tuple(np.shape(points) for points in embedding)
         if [shape[:1] for shape in shapes] != [(size,) for size in sizes] or shapes[0][1:] != shapes[1][1:]:

@@ -207,7 +207,8 @@ def _is_unsure_isometry(problem: Problem, attempts: Attempts) -> bool:
     match = attempts.matches.get(ISOMETRIC.name)
     if match is None or attempts.hypotheses is not None:
         return False
-    nothing_else_is_sure = len(attempts.solutions) == 1 or attempts.is_unsure
+    others = (solution for solution in attempts.solutions if solution.way != ISOMETRIC.name)
+    nothing_else_is_sure = all(solution.outcome not in SURE_OUTCOMES for solution in others)
     return nothing_else_is_sure and not is_sure(cast(Isometry, match.model), match.ranking)
 
 

@@ -30,8 +30,7 @@ from isomatch.surfaces import Mesh, label_components
 
 # Numbers without another source: decisions.md, one verification
 BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area: the shape resists bending below these
-# vertices of the bent shape; 1000 select the same map on 14 of 14 pairs of species and ants
-N_BENT_VERTICES = 500
+N_BENT_VERTICES = 1000  # of the bent shape; with 500, costs are 1.1 to 1.5 times as high
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0  # 3 to 10 and 1 to 3 choose alike
 # the unit, in radians, is about the median turning of right maps;
 # decisions.md, turning

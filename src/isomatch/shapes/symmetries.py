@@ -144,7 +144,7 @@ class SymmetrySearch:
         """Find symmetries among maps of the first samples, and products of the best of them."""
         points, distances = self.points, self.distances
         samples, between = self._first_samples
-        self_maps: list[tuple[Symmetry, FloatArray]] = []
+        self_maps: list[tuple[Symmetry, FloatArray, IntArray]] = []
         largest_tried = GENERATOR_RESIDUAL_RATIO * most if n_generators else most
         tried = [np.arange(len(between))]
 
@@ -155,7 +155,7 @@ class SymmetrySearch:
             tried.append(sample_map)
             image_row = nearest_under_rotation(points, points, rotation)
             moved = distances[image_row, np.arange(len(distances))].mean()
-            repeats = any(distances[image_row, s.image_row].mean() < SAME_SYMMETRY for s, _ in self_maps)
+            repeats = any(distances[image_row, s.image_row].mean() < SAME_SYMMETRY for s, *_ in self_maps)
             if moved < MIN_MOVED or repeats:
                 return
             rotation = signed_procrustes(points, points.at(image_row))
@@ -170,17 +170,18 @@ class SymmetrySearch:
             # no symmetry, although the distances of a limb that is turned in its place hardly show
             # it.
             if side == 0 or abs(side) >= MIN_ORIENTATION or residual <= EXACT_RESIDUAL_RATIO * largest:
-                self_maps.append((Symmetry(image_row, residual, side, float(moved)), rotation))
+                self_maps.append((Symmetry(image_row, residual, side, float(moved)), rotation, sample_map))
 
         for alignment in sorted(alignments, key=attrgetter("residual")):
             if alignment.residual <= SEARCH_RESIDUAL_RATIO * largest_tried:
                 add(alignment.rotation)
         # Symmetries are a group: σ τ is one, which the beam may have missed. Two mirror images make
         # a rotation.
-        generators = [rotation for _, rotation in self_maps[:n_generators]]
+        generators = [rotation for _, rotation, _ in self_maps[:n_generators]]
+        tried[1:] = [sample_map for *_, sample_map in self_maps]  # a product may mend a map that was rejected
         for first, second in product(generators, repeat=2):
             add(second @ first)
-        symmetries = [symmetry for symmetry, _ in self_maps if symmetry.residual <= most]
+        symmetries = [symmetry for symmetry, *_ in self_maps if symmetry.residual <= most]
         return tuple(sorted(symmetries, key=attrgetter("residual")))
 
 

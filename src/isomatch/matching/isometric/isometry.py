@@ -289,13 +289,14 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def image(self, best: Fit) -> Int[BodyVertices, "n_s"]:
         """Vertex of the target's body for each vertex of the source's."""
-        if not self.refinement.in_rounds:
-            embedding = self.everywhere(best)
-        else:  # the registration is omitted, because it takes two thirds of the time of a verification
-            all_vertices = np.arange(self.source.body.n_vertices)
-            points = PrecisePoints.at_vertices(best.image)
-            embedding = joint_coordinates(self.pair, points, self.pair.n_functions, best.side, all_vertices)
+        # the registration is omitted, because it takes two thirds of the time of a verification
+        embedding = self.everywhere(best, self._unregistered)
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source))
+
+    def _unregistered(self, fit: Fit) -> Embedding:
+        """Joint coordinates of all vertices, with all functions."""
+        all_vertices, points = np.arange(self.source.body.n_vertices), PrecisePoints.at_vertices(fit.image)
+        return joint_coordinates(self.pair, points, self.pair.n_functions, fit.side, all_vertices)
 
     def _compare_with_mirror_image(
         self, ranking: Ranking[Fit], candidates: Sequence[Candidate]
@@ -396,8 +397,10 @@ class Isometry(RefiningModel[Fit, Embedding]):
         """Polish a map, and look for symmetric maps that fit as well."""
         level, points, notes = self._polish_points(match.measured, timer)
         if level is not self.pair:
+            timer.start("carry")
             found = level.source.correspondence(level.target, points)
             solution = replace(solution, map=found, notes=(*solution.notes, *notes))
+        timer.start("quality")
         return self._with_rivals(match, match.measured, solution)
 
     def _with_rivals(self, match: IsometricMatch, map_: Measured, solution: Solution) -> Solution:
@@ -411,8 +414,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _find_symmetric_rivals(self, map_: Measured) -> list[Candidate]:
         """Compose the map with near-symmetries; return maps that fit about as well."""
         pair, config = self.pair, self.pair.config
-        # given hypotheses come from a map that was already compared with its symmetric rivals
-        searches = self.refinement.searches_further and self.problem.starts is None and self._found is None
+        searches = self.refinement.searches_further and self.problem.starts is None
         if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
             return []
         image, bounds = BodyVertices(map_.points.corners[pair.source_vertices, 0]), config.outcome
