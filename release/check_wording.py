@@ -16,7 +16,7 @@ from pathlib import Path
 OPENINGS = re.compile(
     r"^(over|of which|of what|that of|but for|so many|as far as|than that)\b", re.IGNORECASE
 )
-TURNS = re.compile(r"\b(of which|that of|those of|but for|so many|as far as)\b", re.IGNORECASE)
+TURNS = re.compile(r"\b(of which|that of|but for|so many|as far as)\b", re.IGNORECASE)
 PRONOUNS = {"apart", "each", "here", "it", "own", "so", "that", "them", "there", "those", "told"}
 
 
@@ -39,15 +39,18 @@ def faults_of(path: Path) -> Iterator[tuple[int, str]]:
             yield getattr(node, "lineno", 1), f"docstring with {found.group()!r}"
         name = _bound_name(node)
         if name in PRONOUNS:
-            yield node.lineno, f"{name!r} is a pronoun, not a name"  # type: ignore[attr-defined]
+            line = getattr(node, "lineno", None) or node.target.lineno  # type: ignore[attr-defined]
+            yield line, f"{name!r} is a pronoun, not a name"
 
 
 def _bound_name(node: ast.AST) -> str | None:
     """Name that a node binds, if it binds one."""
     if isinstance(node, ast.arg):
         return node.arg
-    if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-        return node.id
+    if isinstance(node, (ast.Assign, ast.For, ast.NamedExpr, ast.comprehension)):
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        names = {name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+        return next(iter(names & PRONOUNS), None)
     return node.name if isinstance(node, (ast.FunctionDef, ast.ClassDef)) else None
 
 
