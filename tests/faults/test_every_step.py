@@ -21,7 +21,6 @@ from isomatch.cohort import Collection
 from isomatch.cohort import ledger as ledger_module
 from isomatch.cohort.map_file import changed_files
 from isomatch.io import Asset, Attribute, write_asset
-from later import some_later
 from small_collections import QUICK, arrays_of
 
 ALLOCATORS = ("empty", "zeros", "full", "array", "concatenate", "arange")
@@ -149,9 +148,6 @@ COMMANDS = {
 KINDS = ("write", "flush", "rename", "folder")
 
 
-GROWTH = [2, pytest.param(1, marks=pytest.mark.long)]
-
-
 def steps(growth):
     """Yield 1, 2, 3, … or 1, 2, 4, …; who takes them ends when no step of that number is reached."""
     n = 1
@@ -210,8 +206,9 @@ def test_old_or_new(command, kind, most, prepared, faults, tmp_path, monkeypatch
     assert not reached, "all steps were counted"
 
 
-@pytest.mark.parametrize("growth", GROWTH)
-@pytest.mark.parametrize("kind", some_later([*KINDS, "row", "allocation"], lambda kind: kind == "row"))
+@pytest.mark.long
+@pytest.mark.parametrize("growth", [1, 2])
+@pytest.mark.parametrize("kind", [*KINDS, "row", "allocation"])
 def test_collect(kind, growth, prepared, small, in_threads, faults, tmp_path, capsys):
     """Of a collection in which a shape, a map and a surface have to be made again."""
     expected = arrays_of(prepared / "all")
