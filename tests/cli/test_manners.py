@@ -385,7 +385,7 @@ def test_the_clock_tells_rate_and_time_left_of_steps_that_are_counted(monkeypatc
 
 
 def test_without_a_terminal_there_are_dated_lines(monkeypatch, capsys):
-    monkeypatch.setattr(terminal, "LINES_APART", 0.01)
+    monkeypatch.setattr(terminal, "SECONDS_BETWEEN_LINES", 0.01)
     with Talk().progress() as tell:
         tell("matched 1 of 4: a", 0.25)
         time.sleep(0.1)

@@ -18,8 +18,8 @@ from isomatch.cli.outputs import claimed_files
 from isomatch.cli.results import Inputs, ResultFolder, match_again, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part, say_rows
 
-N_JUDGED = 500  # source vertices, drawn with seed 0, whose images a demo compares with the ground truth
-N_SPECIMENS, N_VERTICES = 5, 2000
+N_COMPARED = 500  # random source vertices that are compared with the ground truth
+N_SPECIMENS, N_SPECIMEN_VERTICES = 5, 2000
 
 demo = App(name="demo", default_parameter=Parameter(negative=()))
 
@@ -49,7 +49,7 @@ def landmarks(*, output: Output = Path(), force: Force = False, talk: Talk = TAL
     """
     scans, marks = output / "scans", output / "a.mrk.json"
     heads = [
-        datasets.animal_head(n_vertices=N_VERTICES, individual=i, triangulation=i).turned(i)
+        datasets.animal_head(n_vertices=N_SPECIMEN_VERTICES, individual=i, triangulation=i).turned(i)
         for i in range(N_SPECIMENS)
     ]
     files: dict[Path, Callable[[Path], object]] = {
@@ -57,12 +57,14 @@ def landmarks(*, output: Output = Path(), force: Force = False, talk: Talk = TAL
         for name, head in zip("abcde", heads)
     }
     files[marks] = partial(isomatch.write_landmarks, landmarks=heads[0].landmarks)
-    following = f"isomatch collect {scans} -o {output / 'cohort'} --template a --landmarks {marks}"
-    _write(files, following, force, talk)
+    next_command = f"isomatch collect {scans} -o {output / 'cohort'} --template a --landmarks {marks}"
+    _write(files, next_command, force, talk)
 
 
-def _write(files: Mapping[Path, Callable[[Path], object]], following: str, force: bool, talk: Talk) -> None:
-    """Write files, each by its function, and say what to do with them."""
+def _write(
+    files: Mapping[Path, Callable[[Path], object]], next_command: str, force: bool, talk: Talk
+) -> None:
+    """Write each file by its function, and print the command to go on with."""
     with ExitStack() as made:
         for folder in dict.fromkeys(path.parent for path in files):
             made.enter_context(made_folder(folder))
@@ -70,7 +72,9 @@ def _write(files: Mapping[Path, Callable[[Path], object]], following: str, force
         for path, write in files.items():
             write(path)
     names = [str(path) for path in files]
-    talk.result({"files": names}, lambda: say_rows([("wrote", ", ".join(names)), ("go on with", following)]))
+    talk.result(
+        {"files": names}, lambda: say_rows([("wrote", ", ".join(names)), ("go on with", next_command)])
+    )
 
 
 @demo.default
@@ -89,7 +93,7 @@ def run(*, output: Output = Path("demo"), details: Details = False, talk: Talk =
         tell("comparing", 0.6)
         truth = datasets.ground_truth(source, target).vertices
         pairs = np.column_stack([np.arange(len(truth)), truth])
-        errors = evaluation.geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
+        errors = evaluation.geodesic_errors(target.mesh, result.map, pairs, N_COMPARED)
         tell("writing", 0.7)
         facts = {"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"}
         inputs = Inputs(*ends, match_again(*ends, output=output), facts=facts)
@@ -103,7 +107,7 @@ def run(*, output: Output = Path("demo"), details: Details = False, talk: Talk =
         say_result(result, details)
         accuracy = (
             f"{errors.mean():.2%} of the size (√area) off on average, at most {np.quantile(errors, 0.95):.2%} at 95% of "
-            f"the {N_JUDGED} vertices that were compared"
+            f"the {N_COMPARED} vertices that were compared"
         )
         say_rows([("in truth", accuracy)])
         say_files(record)

@@ -28,9 +28,9 @@ from isomatch.repair import without_seams
 from isomatch.spectral import BasisMethod, Weighting
 from isomatch.surfaces import PrecisePoints
 
-AT_ONCE = 16  # columns between two announcements of progress
-WHICH = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
-HOW = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
+COLUMNS_PER_UPDATE = 16  # distance columns between two updates of the progress
+WHICH_DISTANCES = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
+HOW_COMPUTED = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
 
 
 def _require_engine(_: object, name: str | None) -> None:
@@ -52,12 +52,12 @@ def distance(
     file: Path,
     /,
     *,
-    pairs: Annotated[Path | None, Parameter(group=WHICH)] = None,
-    sources: Annotated[str | None, Parameter(name="--from", group=WHICH)] = None,
+    pairs: Annotated[Path | None, Parameter(group=WHICH_DISTANCES)] = None,
+    sources: Annotated[str | None, Parameter(name="--from", group=WHICH_DISTANCES)] = None,
     targets: Annotated[str | None, Parameter(name="--to")] = None,
-    engine: Annotated[EngineOption, Parameter(group=HOW)] = None,
-    basis: Annotated[Path | None, Parameter(group=HOW)] = None,
-    path: Annotated[Path | None, Parameter(group=HOW)] = None,
+    engine: Annotated[EngineOption, Parameter(group=HOW_COMPUTED)] = None,
+    basis: Annotated[Path | None, Parameter(group=HOW_COMPUTED)] = None,
+    path: Annotated[Path | None, Parameter(group=HOW_COMPUTED)] = None,
     weld: Weld = True,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     force: Force = False,
@@ -79,8 +79,8 @@ def distance(
         path: File for the shortest paths of the pairs, or from --from to --to, as polylines: .obj or .vtp. The distances
             are their lengths, which are exact.
         output: File to write the distances to, instead of printing them: .csv, or .npz with distances and pairs, or
-            sources and targets; numbers after those of the vertices are those of points in faces, whose corners and
-            weights it has.
+            sources and targets. Numbers beyond the last vertex stand for points in faces; the file then also holds
+            their corners and weights.
     """
     if output is not None and output.suffix not in (".csv", ".npz"):
         raise FormatError(f"{output}: suffix {output.suffix!r} cannot be written; use .csv or .npz")
@@ -92,55 +92,56 @@ def distance(
         raise SettingError("--to needs --from, the points to measure from")
     if path is not None and pairs is None and targets is None:
         raise SettingError("--path needs the ends of the paths: --pairs, or --from and --to")
-    words: dict[str, list[Any]] = {"pairs": word_pairs(pairs)} if pairs else {}
+    words: dict[str, list[Any]] = {"pairs": read_point_pairs(pairs)} if pairs else {}
     if pairs is None:
-        words["sources"] = words_of(sources or "", "--from")
+        words["sources"] = split_point_list(sources or "", "--from")
     if targets is not None:
-        words["targets"] = words_of(targets, "--to")
+        words["targets"] = split_point_list(targets, "--to")
     with claimed_files(output, path, force=force), talk.progress() as tell:
         tell("reading", 0.0)
-        asked = _Asked(isomatch.read_mesh(file), words)
-        measured = _measured(asked, engine, basis, path, weld, part(tell, 0.1, 0.9))
+        request = _Request(isomatch.read_mesh(file), words)
+        answer = _measure(request, engine, basis, path, weld, part(tell, 0.1, 0.9))
         if output is not None:
             tell("writing", 0.9)
-            _write(output, asked, measured.distances)
+            _write(output, request, answer.distances)
         tell("done", 1.0)
-    record = {"file": str(file), "engine": measured.name, "basis": basis and str(basis), **_plain(words)}
-    record |= {"approximate": basis is not None, "notes": list(measured.notes)}
-    if measured.error is not None:
-        record["estimated_relative_error"] = measured.error
+    record = {"file": str(file), "engine": answer.name, "basis": basis and str(basis), **_plain(words)}
+    record |= {"approximate": basis is not None, "notes": list(answer.notes)}
+    if answer.error is not None:
+        record["estimated_relative_error"] = answer.error
     if path is not None:
         record["path"] = str(path)
     if output is None:
-        record["distances"] = measured.distances.tolist()
+        record["distances"] = answer.distances.tolist()
     else:
         record["output"] = str(output)
-    remark = "" if measured.error is None else f", approximate: estimated relative error {measured.error:.2%}"
+    remark = "" if answer.error is None else f", approximate: estimated relative error {answer.error:.2%}"
 
     def summary() -> None:
-        for note in measured.notes:
+        for note in answer.notes:
             complain(f"{file}: {note}")
         if path is not None:
             complain(f"wrote {path}")
         if output is not None:
-            say(f"wrote {output}: {measured.distances.size} distances by {measured.name}{remark}")
+            say(f"wrote {output}: {answer.distances.size} distances by {answer.name}{remark}")
             return
-        say("\n".join(asked.lines(measured.distances)))
+        say("\n".join(request.lines(answer.distances)))
         if remark:
-            complain(f"distances by {measured.name}{remark}")
+            complain(f"distances by {answer.name}{remark}")
 
     talk.result(record, summary, is_answer=output is None)
 
 
-class _Asked:
-    """Points between which distances are asked for, by number: a vertex by its own, a point in a face by a higher one."""
+class _Request:
+    """Points between which distances are asked for; numbers beyond the last vertex stand for points in faces."""
 
     def __init__(self, mesh: isomatch.Mesh, words: dict[str, list[Any]]) -> None:
-        self.mesh, self.words = mesh, words  # as they were written: pairs; or sources and perhaps targets
+        self.mesh = mesh
+        self.words = words  # as they were typed: pairs; or sources and perhaps targets
         self._corners: list[IntArray] = []
         self._weights: list[list[float]] = []
         # (m, 2) pairs; or (s,) sources and (t,) targets, by default all vertices
-        self.numbers = {kind: self._numbers(kind, each) for kind, each in words.items()}
+        self.numbers = {kind: self._numbers(kind, points) for kind, points in words.items()}
 
     def _numbers(self, kind: str, words: list[Any]) -> IntArray:
         if kind == "pairs":
@@ -157,7 +158,7 @@ class _Asked:
         parts = np.array(weights.split(","), dtype=np.float64)
         if int(face) >= self.mesh.n_faces:
             raise isomatch.MeshError(f"{word}: there is no such face; faces are 0…{self.mesh.n_faces - 1}")
-        if not abs(parts.sum() - 1) <= SUM:
+        if not abs(parts.sum() - 1) <= WEIGHT_SUM_TOLERANCE:
             raise isomatch.MeshError(f"{word}: the weights add up to {parts.sum():g}, not to 1")
         self._corners.append(self.mesh.faces[int(face)])
         self._weights.append((parts / parts.sum()).tolist())
@@ -169,7 +170,7 @@ class _Asked:
         return PrecisePoints(np.array(self._corners), np.array(self._weights)) if self._corners else None
 
     def at(self, numbers: IntArray) -> PrecisePoints:
-        """Return points by their numbers."""
+        """Return the points with these numbers."""
         n = self.mesh.n_vertices
         corners = [[v] * 3 if v < n else self._corners[v - n] for v in numbers]
         weights = [[1.0, 0.0, 0.0] if v < n else self._weights[v - n] for v in numbers]
@@ -188,18 +189,18 @@ class _Asked:
         return (-1,) if "pairs" in self.numbers else tuple(map(len, self.numbers.values()))
 
     def lines(self, distances: FloatArray) -> list[str]:
-        """One distance a line for pairs; else a table with a row for each vertex or target, a column for each source."""
+        """Write a distance a line for pairs; else a table with a row per vertex or target and a column per source."""
         if "pairs" in self.words:
             return [repr(value) for value in distances.tolist()]
         rows = self.words.get("targets", range(distances.shape[1]))
         name = "target" if "targets" in self.words else "vertex"
         header = [name, *(f"from_{word}" for word in self.words["sources"])]
         cells = ([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))
-        return table_text([header, *cells]).splitlines()  # a point in a face, which has commas, is quoted
+        return table_text([header, *cells]).splitlines()  # quotes points in faces, which contain commas
 
 
-class _Measured(NamedTuple):
-    """Distances, (m,) of pairs or a row for each source; what computed them, their estimated error, and notes."""
+class _Answer(NamedTuple):
+    """Distances, (m,) of pairs or a row per source, with their method, estimated error and notes."""
 
     name: str
     distances: FloatArray
@@ -207,45 +208,45 @@ class _Measured(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def _measured(
-    asked: _Asked, engine: str | None, basis: Path | None, path: Path | None, weld: bool, tell: Tell
-) -> _Measured:
+def _measure(
+    request: _Request, engine: str | None, basis: Path | None, path: Path | None, weld: bool, tell: Tell
+) -> _Answer:
     tell("distances", 0.0)
-    mesh, precise = asked.mesh, asked.precise
+    mesh, precise = request.mesh, request.precise
     if path is not None:
-        return _paths(asked, path, weld, tell)
+        return _write_paths(request, path, weld, tell)
     if basis is not None:
-        return _from_basis(asked, basis)
+        return _approximate(request, basis)
     chosen = isomatch.distance_engine(surface_of(mesh), engine, weld=weld, points=precise)
     notes = getattr(chosen, "notes", ())
-    if "sources" not in asked.numbers or "targets" in asked.numbers:
-        apart = geodesics.pair_distances(chosen, asked.all_pairs)
-        return _Measured(chosen.name, apart.reshape(asked.shape), None, notes)
-    rows, sources = [], asked.numbers["sources"]
-    for first in range(0, len(sources), AT_ONCE):
-        columns = chosen.distances_from(sources[first : first + AT_ONCE])
+    if "sources" not in request.numbers or "targets" in request.numbers:
+        distances = geodesics.pair_distances(chosen, request.all_pairs)
+        return _Answer(chosen.name, distances.reshape(request.shape), None, notes)
+    rows, sources = [], request.numbers["sources"]
+    for first in range(0, len(sources), COLUMNS_PER_UPDATE):
+        columns = chosen.distances_from(sources[first : first + COLUMNS_PER_UPDATE])
         rows.append(columns[:, : mesh.n_vertices])
-        tell(f"distances from {min(first + AT_ONCE, len(sources))} of {len(sources)}", first / len(sources))
-    return _Measured(chosen.name, np.concatenate(rows), None, notes)
+        n_done = min(first + COLUMNS_PER_UPDATE, len(sources))
+        tell(f"distances from {n_done} of {len(sources)}", first / len(sources))
+    return _Answer(chosen.name, np.concatenate(rows), None, notes)
 
 
-def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Measured:
+def _write_paths(request: _Request, file: Path, weld: bool, tell: Tell) -> _Answer:
     """Write shortest paths, and return their lengths."""
-    pairs, mesh, paths = asked.all_pairs, asked.mesh, []
-    ends = (asked.at(column) for column in pairs.T)
-    ways = geodesics.geodesic_paths(mesh, *ends, weld=weld)
-    for number, path in enumerate(ways, start=1):
+    pairs, mesh, paths = request.all_pairs, request.mesh, []
+    ends = (request.at(column) for column in pairs.T)
+    for number, path in enumerate(geodesics.geodesic_paths(mesh, *ends, weld=weld), start=1):
         paths.append(path)
         tell(f"path {number} of {len(pairs)}", number / len(pairs))
     geodesics.write_paths(file, paths)
     lengths = np.array([path.length for path in paths], dtype=np.float64)
     _, seams = without_seams(mesh, weld)
-    return _Measured("exact path", lengths.reshape(asked.shape), None, seams.changes if seams else ())
+    return _Answer("exact path", lengths.reshape(request.shape), None, seams.changes if seams else ())
 
 
-def _from_basis(asked: _Asked, file: Path) -> _Measured:
-    """Approximate distances, with those of a point from itself set to 0."""
-    low_rank, n = isomatch.DistanceBasis.load(file), asked.mesh.n_vertices
+def _approximate(request: _Request, file: Path) -> _Answer:
+    """Approximate distances by a basis; the distance of a point from itself is 0."""
+    low_rank, n = isomatch.DistanceBasis.load(file), request.mesh.n_vertices
     if len(low_rank.vectors) != n:
         raise isomatch.MeshError(
             f"{file}: a basis of {len(low_rank.vectors)} points, but the surface has {n} vertices; "
@@ -253,36 +254,36 @@ def _from_basis(asked: _Asked, file: Path) -> _Measured:
         )
     name = f"{low_rank.method} basis of rank {low_rank.rank} by {low_rank.engine}"
     error, notes = low_rank.error_estimate(), low_rank.notes
-    if (precise := asked.precise) is not None:
+    if (precise := request.precise) is not None:
         low_rank = low_rank.with_points(precise)
-    if "pairs" in asked.numbers:
-        first, second = asked.numbers["pairs"].T
-        apart = low_rank.distance(first, second)
+    if "pairs" in request.numbers:
+        first, second = request.numbers["pairs"].T
+        distances = low_rank.distance(first, second)
     else:
-        sources, second = asked.numbers["sources"], asked.numbers.get("targets", np.arange(n))
-        first, apart = sources[:, None], low_rank.between(sources, second)
-    return _Measured(name, np.maximum(np.where(first == second, 0.0, apart), 0.0), error, notes)
+        sources, second = request.numbers["sources"], request.numbers.get("targets", np.arange(n))
+        first, distances = sources[:, None], low_rank.between(sources, second)
+    return _Answer(name, np.maximum(np.where(first == second, 0.0, distances), 0.0), error, notes)
 
 
 def _plain(words: Any) -> Any:
-    """Points as plain values: numbers of vertices, and words of points in faces."""
+    """Convert points to plain values: vertices to numbers, points in faces to their words."""
     if isinstance(words, dict):
-        return {kind: _plain(each) for kind, each in words.items()}
+        return {kind: _plain(points) for kind, points in words.items()}
     if isinstance(words, list | tuple):
         return [_plain(word) for word in words]
     return words if words.startswith("f") else int(words)
 
 
-def _write(path: Path, asked: _Asked, distances: FloatArray) -> None:
+def _write(path: Path, request: _Request, distances: FloatArray) -> None:
     if path.suffix == ".npz":
-        arrays: dict[str, Any] = {"distances": distances, **asked.numbers}
-        if asked.precise is not None:
-            arrays["corners"], arrays["weights"] = asked.precise
+        arrays: dict[str, Any] = {"distances": distances, **request.numbers}
+        if request.precise is not None:
+            arrays["corners"], arrays["weights"] = request.precise
         write_arrays(path, arrays)
         return
-    lines = asked.lines(distances)
-    if "pairs" in asked.words:
-        rows = ([*pair, line] for pair, line in zip(asked.words["pairs"], lines))
+    lines = request.lines(distances)
+    if "pairs" in request.words:
+        rows = ([*pair, line] for pair, line in zip(request.words["pairs"], lines))
         lines = table_text([["source", "target", "distance"], *rows]).splitlines()
     write_text(path, "\n".join([*lines, ""]))
 
@@ -291,40 +292,41 @@ _WEIGHT = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"
 _WORD = re.compile(_POINT, re.ASCII)
 _WORDS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)
-SUM = 0.01  # by which weights written with few digits may differ from 1 together
-NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
+WEIGHT_SUM_TOLERANCE = 0.01  # largest difference of the sum of three weights from 1; files round them
+POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
 
 
-def _words(line: str) -> list[str]:
-    """Split a line into points; empty if it is anything else."""
+def _split_points(line: str) -> list[str]:
+    """Split a line into points; return none if it contains anything else."""
     if ":" in line:
         return _WORD.findall(line) if _WORDS.fullmatch(line) else []
     words = line.replace(",", " ").split()
     return words if all(map(is_whole_number, words)) else []
 
 
-def words_of(text: str, option: str) -> list[str]:
+def split_point_list(text: str, option: str) -> list[str]:
     """Split a list of points that are separated by commas."""
     if not _WORDS.fullmatch(text.strip()):
         raise SettingError(
             f"{option} {text!r} is not a list of points; write 0-based indices separated by commas, such as 0,12; "
-            f"each is {NOTATION}"
+            f"each is {POINT_NOTATION}"
         )
     return _WORD.findall(text)
 
 
-def word_pairs(path: Path) -> list[tuple[str, str]]:
+def read_point_pairs(path: Path) -> list[tuple[str, str]]:
     """Read a pair of points from each line."""
-    no_pair = (
-        f"is not a pair; write two 0-based vertex indices, separated by a comma or blank; each is {NOTATION}"
+    complaint = (
+        "is not a pair; write two 0-based vertex indices, separated by a comma or blank; "
+        f"each is {POINT_NOTATION}"
     )
     if ":" not in read_text(path):
-        return [(str(a), str(b)) for a, b in read_integers(path, 2, no_pair).tolist()]
+        return [(str(a), str(b)) for a, b in read_integers(path, 2, complaint).tolist()]
     pairs = []
     for number, line in text_lines(path):
-        words = _words(line)
+        words = _split_points(line)
         if len(words) != 2:
-            raise FormatError(f"{path}:{number}: {line[:80]!r} {no_pair}")
+            raise FormatError(f"{path}:{number}: {line[:80]!r} {complaint}")
         pairs.append((words[0], words[1]))
     return pairs
 
@@ -350,7 +352,7 @@ def basis(
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
-    """Compute the geodesic distance basis of a mesh: all its distances, approximately, in n × k numbers.
+    """Compute the geodesic distance basis of a mesh: n × k numbers that approximate all its distances.
 
     Args:
         file: Mesh of one component: any surface file, such as .ply, .obj or .vtp.
@@ -369,8 +371,8 @@ def basis(
         mesh = isomatch.read_mesh(file)
         tell("distances", 0.05)
         started = time.perf_counter()
-        how = method, weights, seed, engine, tolerance, np.float32 if single else np.float64
-        computed = isomatch.distance_basis(mesh, k, p, *how, weld=weld)
+        options = method, weights, seed, engine, tolerance, np.float32 if single else np.float64
+        computed = isomatch.distance_basis(mesh, k, p, *options, weld=weld)
         seconds = time.perf_counter() - started
         tell("writing", 0.95 if canonical is None else 0.55)
         computed.save(output)

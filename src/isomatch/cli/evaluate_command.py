@@ -30,8 +30,8 @@ MEASURES = (
     ("bending back", "bending_back", ".1e", "the same of the target onto the source"),
     ("cost", "cost", ".1e", "all in one; compares maps of these two shapes, lower is better"),
 )
-COLOURS = {"right": "green", "doubtful": "yellow", "wrong": "red"}
-CURVE = (0.01, 0.02, 0.05, 0.1, 0.25)  # √(target area)
+VERDICT_COLOURS = {"right": "green", "doubtful": "yellow", "wrong": "red"}
+ERROR_THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.25)  # √(target area)
 
 
 def evaluate(
@@ -67,10 +67,10 @@ def evaluate(
         source: Mesh that the map leads from.
         target: Mesh that the map leads to.
         target_marks: Marks of the target, such as a .vts file: the vertex on each line, counted from 1, corresponds to
-            that on the same line of TRUTH.
-        counts_from: What MAP counts from, 0 or 1. By default from 1 where its largest index is the number of target
-            vertices and none is 0, which a note tells, and otherwise from 0; of a .mat file that may well count from
-            either, it has to be said.
+            the vertex on the same line of TRUTH.
+        counts_from: What MAP counts from, 0 or 1. By default from 1 if its largest index is the number of target
+            vertices and no index is 0, which a note says, and otherwise from 0. A .mat file that may count from either
+            needs this option.
         truth_counts_from: The same of TRUTH.
         variable: Name of the map in a .mat or .npz file that holds several arrays of its length.
         points: Number of truth points to judge, drawn without replacement; all by default.
@@ -80,12 +80,12 @@ def evaluate(
     """
     if target is None:
         reading = {"counts_from": counts_from, "variable": variable}
-        maps, refused = _Maps(map_file, reference, reading), read_verdicts(fail_on)
+        maps, failing_verdicts = _Maps(map_file, reference, reading), read_verdicts(fail_on)
         with talk.progress() as tell, claimed_files(output, force=force):
-            found, judged = maps.judge((truth, source), output, seed, tell)
-        talk.result(judged, lambda: _say_judgement(found, judged), is_answer=True)
-        if found.verdict in refused:
-            raise NotConvergedError(str(found))
+            judgement, judgement_record = maps.judge((truth, source), output, seed, tell)
+        talk.result(judgement_record, lambda: _say_judgement(judgement, judgement_record), is_answer=True)
+        if judgement.verdict in failing_verdicts:
+            raise NotConvergedError(str(judgement))
         return
     if reference or output or fail_on:
         raise InputError("--reference, --output and --fail-on need a map without a truth: MAP SOURCE TARGET")
@@ -93,42 +93,43 @@ def evaluate(
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         sizes = shapes[0].n_vertices, shapes[1].n_vertices
-        read = correspondence.read_map(map_file, *sizes[::-1], counts_from=counts_from, variable=variable)
-        notes = [read.note]
-        read.map.check_fits(*shapes)
-        points_there = None
+        loaded = correspondence.read_map(map_file, *sizes[::-1], counts_from=counts_from, variable=variable)
+        notes = [loaded.note]
+        loaded.map.check_fits(*shapes)
+        truth_points = None
         if target_marks is None:
             table = evaluation.read_truth(truth, *shapes, truth_counts_from)
-            pairs, points_there = table.rows, table.points
+            pairs, truth_points = table.rows, table.points
             notes.append(table.base.note)
             if truth.suffix.lower() == ".mat" and not table.base.is_likely:
                 raise FormatError(f"{truth}: can count from 0 or from 1; say which by --truth-counts-from")
         else:
-            pairs = _of_marks(truth, target_marks)
+            pairs = _read_marks(truth, target_marks)
             _require_within(truth, pairs, sizes)
         tell("geodesic distances", 0.1)
-        most = None if points is None else min(points, len(pairs))
-        errors = evaluation.geodesic_errors(shapes[1], read.map, pairs, most, seed, points=points_there)
-        coverage = evaluation.coverage(shapes[1], read.map)
+        n_points = None if points is None else min(points, len(pairs))
+        errors = evaluation.geodesic_errors(shapes[1], loaded.map, pairs, n_points, seed, points=truth_points)
+        coverage = evaluation.coverage(shapes[1], loaded.map)
         tell("done", 1.0)
-    counted = evaluation.counted(errors)
+    bounded_errors = evaluation.counted(errors)
+    shares_within = evaluation.cumulative_curve(errors, ERROR_THRESHOLDS)
     record: dict[str, Any] = {
         "map": str(map_file),
         "truth": str(truth),
         "points": len(errors),
         "unmatched": float(np.isinf(errors).mean()),
-        "mean": float(counted.mean()),
-        "median": float(np.median(counted)),
-        "p95": float(np.quantile(counted, 0.95)),
-        "max": float(counted.max()),
-        "auc": evaluation.area_under_curve(counted),
-        "within": dict(zip(map(str, CURVE), map(float, evaluation.cumulative_curve(errors, CURVE)))),
+        "mean": float(bounded_errors.mean()),
+        "median": float(np.median(bounded_errors)),
+        "p95": float(np.quantile(bounded_errors, 0.95)),
+        "max": float(bounded_errors.max()),
+        "auc": evaluation.area_under_curve(bounded_errors),
+        "within": dict(zip(map(str, ERROR_THRESHOLDS), map(float, shares_within))),
         "coverage": coverage,
         "notes": [note for note in notes if note],
     }
 
     def summary() -> None:
-        say_table(_rows(record))
+        say_table(_table_rows(record))
         say_notes(record["notes"])
 
     talk.result(record, summary, is_answer=True)
@@ -144,7 +145,7 @@ def read_verdicts(names: str | None) -> list[str]:
 
 @dataclass(frozen=True)
 class _Maps:
-    """Files of the map to judge and of a map taken to be right, if any; how they are read."""
+    """Files of the map to judge and of the reference map, if any, with the options to read them."""
 
     given: Path
     reference: Path | None
@@ -160,32 +161,32 @@ class _Maps:
         shapes = isomatch.read_mesh(ends[0]), isomatch.read_mesh(ends[1])
         sizes = shapes[1].n_vertices, shapes[0].n_vertices
         files = filter(None, (self.given, self.reference))
-        read = [correspondence.read_map(path, *sizes, **self.reading) for path in files]
-        other = read[1].map if self.reference else None
-        found = isomatch.judge(*shapes, read[0].map, other, seed=seed, progress=part(tell, 0.1, 0.8))
+        loaded = [correspondence.read_map(path, *sizes, **self.reading) for path in files]
+        other = loaded[1].map if self.reference else None
+        judgement = isomatch.judge(*shapes, loaded[0].map, other, seed=seed, progress=part(tell, 0.1, 0.8))
         tell("writing", 0.9)
         if page:
-            visualization.write_judgement(page, *shapes, found, names=(ends[0].name, ends[1].name))
+            visualization.write_judgement(page, *shapes, judgement, names=(ends[0].name, ends[1].name))
         tell("done", 1.0)
-        return found, {
+        return judgement, {
             "map": str(self.given),
-            "verdict": found.verdict,
-            "sentence": found.sentence,
-            "ratio": found.ratio,
-            "elsewhere": found.elsewhere,
-            "regions": [region.to_dict() for region in found.regions],
-            "given": {**asdict(found.given), "cost": found.given.cost},
-            "reference": {**asdict(found.reference), "cost": found.reference.cost},
+            "verdict": judgement.verdict,
+            "sentence": judgement.sentence,
+            "ratio": judgement.ratio,
+            "elsewhere": judgement.elsewhere,
+            "regions": [region.to_dict() for region in judgement.regions],
+            "given": {**asdict(judgement.given), "cost": judgement.given.cost},
+            "reference": {**asdict(judgement.reference), "cost": judgement.reference.cost},
             "page": page and str(page),
-            "notes": [each.note for each in read if each.note],
+            "notes": [file.note for file in loaded if file.note],
         }
 
 
-def _say_judgement(found: isomatch.Judgement, record: dict[str, Any]) -> None:
-    say(str(found), COLOURS[found.verdict])
-    say_rows(("region", str(region)) for region in found.regions)
+def _say_judgement(judgement: isomatch.Judgement, record: dict[str, Any]) -> None:
+    say(str(judgement), VERDICT_COLOURS[judgement.verdict])
+    say_rows(("region", str(region)) for region in judgement.regions)
     rows = [
-        (name, *(f"{getattr(each, field):{form}}" for each in (found.given, found.reference)), meaning)
+        (name, *(f"{getattr(fit, field):{form}}" for fit in (judgement.given, judgement.reference)), meaning)
         for name, field, form, meaning in MEASURES
     ]
     say_table([("", "this map", "reference", ""), *rows])
@@ -193,11 +194,12 @@ def _say_judgement(found: isomatch.Judgement, record: dict[str, Any]) -> None:
     say_rows([("page", record["page"] or "")])
 
 
-def _of_marks(of_source: Path, of_target: Path) -> IntArray:
-    marks = [evaluation.read_indices(path) for path in (of_source, of_target)]
+def _read_marks(source_file: Path, target_file: Path) -> IntArray:
+    marks = [evaluation.read_indices(path) for path in (source_file, target_file)]
     if len(marks[0]) != len(marks[1]):
         raise FormatError(
-            f"{of_source}: {len(marks[0])} marks, but {of_target} has {len(marks[1])}; give files whose lines correspond"
+            f"{source_file}: {len(marks[0])} marks, but {target_file} has {len(marks[1])}; "
+            "give files whose lines correspond"
         )
     return np.column_stack(marks)
 
@@ -213,7 +215,7 @@ def _require_within(path: Path, pairs: IntArray, sizes: tuple[int, int]) -> None
             )
 
 
-def _rows(record: dict[str, Any]) -> list[tuple[str, ...]]:
+def _table_rows(record: dict[str, Any]) -> list[tuple[str, ...]]:
     of_area, within = "of √(target area)", record["within"].items()
     return [
         ("error, mean", f"{record['mean']:.2%}", of_area + "; a point without an image counts 100 %"),

@@ -64,12 +64,12 @@ def read_surface(path: Path) -> Surface:
 
 @contextmanager
 def naming_files(**files: Path) -> Iterator[None]:
-    """Name the file of each role, such as ``source``, in errors whose message speaks of ``source:``."""
+    """Add the file name to ``source:``, or another role, in the messages of errors."""
     try:
         yield
     except IsomatchError as error:
         role = rf"(^|; )({'|'.join(files)}): "
-        message = re.sub(role, lambda at: f"{at[1]}{at[2]} {files[at[2]]}: ", str(error))
+        message = re.sub(role, lambda found: f"{found[1]}{found[2]} {files[found[2]]}: ", str(error))
         raise type(error)(message) from error
 
 

@@ -14,10 +14,10 @@ from isomatch._core.threads import n_threads
 from isomatch.cli.inputs import Json
 from isomatch.cli.terminal import say, say_json, say_table
 
-NEEDED = ("numpy", "scipy", "numba", "robust_laplacian", "mapbox_earcut", "matplotlib", "rich", "cyclopts")
+REQUIRED = ("numpy", "scipy", "numba", "robust_laplacian", "mapbox_earcut", "matplotlib", "rich", "cyclopts")
 OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT", "h5py")
 
-CACHES = "__pycache__ next to each module, or the cache of the user"
+DEFAULT_CACHES = "__pycache__ next to each module, or the cache of the user"
 SETTINGS = {
     "threads": "ISOMATCH_NUM_THREADS",
     "memory_budget_gib": "ISOMATCH_MEMORY_BUDGET",
@@ -30,12 +30,12 @@ def info(*, json: Json = False) -> None:
     facts = {
         "isomatch": isomatch.__version__,
         "python": platform.python_version(),
-        **versions(NEEDED + OPTIONAL),
+        **versions(REQUIRED + OPTIONAL),
         "platform": platform.platform(),
         "processor": processor(),
         "threads": n_threads(),
         "blas": kernels(),
-        "numba_cache": os.environ.get("NUMBA_CACHE_DIR") or CACHES,
+        "numba_cache": os.environ.get("NUMBA_CACHE_DIR") or DEFAULT_CACHES,
         "memory_budget_gib": round(memory_budget() / GIB, 1),
     }
     if json:
@@ -49,7 +49,7 @@ def warm() -> None:
 
     It matches the shipped pair. python -m isomatch.warm does the same.
     """
-    begun = time.perf_counter()
+    started = time.perf_counter()
     source, target = datasets.example_pair()
     isomatch.match(source.mesh, target.mesh)
-    say(f"the loops of a match are in the cache; {time.perf_counter() - begun:.1f} s")
+    say(f"the loops of a match are in the cache; {time.perf_counter() - started:.1f} s")

@@ -58,15 +58,16 @@ class Priors:
             --target-landmarks, the points marked on the source.
         target_landmarks: The points marked on the target: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or text.
             Points of both files are joined by name, or in order if no name is shared.
-        pin: Landmarks hold: the map is bent around those farther off than this, in √area; 0 holds all exactly.
+        pin: Largest error of a landmark, in √area: the map is bent around landmarks with a larger one. 0 enforces all
+            exactly.
         hypotheses: Whether automatic maps compete with the priors (all, the default), or are only reported as
             alternatives (given).
         initial_map: A map to start from: a text file with one target vertex per line (-1: unknown), an .npy, .mat or
             map.npz.
         function: Name of a scalar or a colour of the points that means the same in both files, such as thickness: it
             takes part in search and refinement. May be given several times.
-        via: Surface file of a whole of which both shapes show parts, by way of which they are matched. Given twice: a
-            whole of the source's kind, then one of the target's.
+        via: Surface file of a complete shape, if both shapes are parts of such a shape: they are matched through it.
+            Given twice: a complete shape of the source's kind, then one of the target's.
     """
 
     landmarks: Path | None = None
@@ -78,7 +79,7 @@ class Priors:
     via: list[Path] | None = None
 
     def read(self, ends: tuple[Path, Path], shapes: tuple[Surface, Surface]) -> dict[str, Any]:
-        """Read what `isomatch.match` takes of them."""
+        """Read the files, as arguments of `isomatch.match`."""
         pairs = read_landmarks(self.landmarks, self.target_landmarks, ends)
         counts, names = [shape.n_vertices for shape in shapes], self.function
         functions = tuple(map(read_functions, ends, (names, names), counts)) if names else None
@@ -89,7 +90,7 @@ class Priors:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Way:
+class SearchOptions:
     """How a map is searched and refined.
 
     Args:
@@ -107,7 +108,7 @@ class Way:
     config: ConfigFile = None
 
 
-PRIORS, WAY = Priors(), Way()
+PRIORS, SEARCH_OPTIONS = Priors(), SearchOptions()
 
 
 def match(
@@ -117,7 +118,7 @@ def match(
     *,
     output: Output,
     priors: Priors = PRIORS,
-    way: Way = WAY,
+    search: SearchOptions = SEARCH_OPTIONS,
     both: bool = False,
     fail_on: str | None = None,
     report: Annotated[bool, Parameter(name="--report", negative="--no-report", show_default=False)] = True,
@@ -137,23 +138,23 @@ def match(
             choose; with --both also map_back.npz. Without a map, picker.html.
         both: Also find the map of the other direction, map_back.npz; both together take about 1.3 times as long as one.
         fail_on: Outcomes that make the exit code 4, after all files are written: low-confidence, mirror-image,
-            symmetry-ambiguous, priors-contradicted, partial, converged; several with commas. With --both, that of either
-            direction counts.
+            symmetry-ambiguous, priors-contradicted, partial, converged; several with commas. With --both, the outcome
+            of either direction counts.
         report: Whether to write report.html.
         as_mesh: Surface file to write: the source, with its faces and all that its file carries, in the shape of the
             target, in the target's coordinates and frame.
     """
-    refused = read_outcomes(fail_on)
+    failing_outcomes = read_outcomes(fail_on)
     if both and priors.via:
         raise InputError(
             "--via finds the map of one direction; match the other by a second command, without --both"
         )
     folder, ends = ResultFolder(output, report=report, both=both), (source, target)
-    options: dict[str, Any] = {**vars(way), "pin": priors.pin, "hypotheses": priors.hypotheses}
+    options: dict[str, Any] = {**vars(search), "pin": priors.pin, "hypotheses": priors.hypotheses}
     chosen = {name: value for name, value in options.items() if value is not None and name != "config"}
-    config = replace(read_config(way.config) or isomatch.Config(), **chosen)
+    config = replace(read_config(search.config) or isomatch.Config(), **chosen)
     options |= {name: getattr(priors, name) for name in ("initial_map", "function", "via")}
-    again = match_again(*ends, **options, output=output, seed=seed, both=both, as_mesh=as_mesh)
+    command = match_again(*ends, **options, output=output, seed=seed, both=both, as_mesh=as_mesh)
     with talk.progress() as tell:
         tell("reading", 0.0)
         shapes = read_surface(source), read_surface(target)
@@ -161,9 +162,9 @@ def match(
         pairs = hints["landmarks"]
         files = {name: getattr(priors, name) for name in ("landmarks", "target_landmarks", "initial_map")}
         facts = {name.replace("_", " "): str(path) for name, path in files.items() if path is not None}
-        inputs = Inputs(*ends, again, [] if pairs is None else pairs.tolist(), facts, hints["initial_map"])
-        assets, beside = _to_wrap(as_mesh, ends, shapes, rounded)
-        with folder.claimed(force), claimed_files(as_mesh, *beside, force=force):
+        inputs = Inputs(*ends, command, [] if pairs is None else pairs.tolist(), facts, hints["initial_map"])
+        assets, side_files = _read_for_wrapping(as_mesh, ends, shapes, rounded)
+        with folder.claimed(force), claimed_files(as_mesh, *side_files, force=force):
             run: Callable[..., Any] = isomatch.match_both if both else isomatch.match
             try:
                 with naming_files(source=source, target=target):
@@ -175,9 +176,12 @@ def match(
             record = folder.write(shapes, result, inputs, back=(back.map, described(back)) if back else None)
             if as_mesh is not None:
                 wrapped, errors = isomatch.wrap(result.map, *shapes), result.expected_error
-                told = write_wrapped(as_mesh, assets[0], assets[1].frame, wrapped, errors, rounded)
-                told |= {"files_beside": list(map(str, beside)), "notes": notes_on(dict(zip(ends, assets)))}
-                record["as_mesh"] = told
+                mesh_record = write_wrapped(as_mesh, assets[0], assets[1].frame, wrapped, errors, rounded)
+                mesh_record |= {
+                    "files_beside": list(map(str, side_files)),
+                    "notes": notes_on(dict(zip(ends, assets))),
+                }
+                record["as_mesh"] = mesh_record
                 write_text(folder.result, json_text(record))
         tell("done", 1.0)
 
@@ -192,16 +196,16 @@ def match(
 
     talk.result(record, summary)
     for matched in filter(None, (result, back)):
-        if (outcome := matched.outcome) in refused:
+        if (outcome := matched.outcome) in failing_outcomes:
             raise NotConvergedError(
                 f"{outcome.value} ({matched.map!r}); the files are in {output}. {outcome.advice}"
             )
 
 
-def _to_wrap(
+def _read_for_wrapping(
     as_mesh: Path | None, ends: tuple[Path, Path], shapes: tuple[Surface, Surface], rounded: bool
 ) -> tuple[list[isomatch.Asset], list[Path]]:
-    """Read what the file of ``--as-mesh`` is made of, and name the files beside it; nothing without that option."""
+    """Read the assets for the file of ``--as-mesh``, and name the files beside it; none without that option."""
     if as_mesh is None:
         return [], []
     for path, shape in zip(ends, shapes):
@@ -231,8 +235,10 @@ def choose(folder: Path, number: int, /, *meshes: Path, details: Details = False
         tell("reading", 0.0)
         shapes = earlier.surfaces()
         with naming_files(source=inputs.source, target=inputs.target):
-            before = earlier.result(*shapes)
-            result = matching.continue_with(before, number, *shapes, landmarks, part(tell, 0.05, 0.85))
+            earlier_result = earlier.result(*shapes)
+            result = matching.continue_with(
+                earlier_result, number, *shapes, landmarks, part(tell, 0.05, 0.85)
+            )
         tell("writing", 0.85)
         had_back = earlier.folder.has_back
         record = earlier.folder.write(shapes, result, replace(inputs, facts={"chosen": result.notes[0]}))

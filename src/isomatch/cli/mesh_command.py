@@ -24,14 +24,15 @@ from isomatch.cli.terminal import in_shell, say, say_json
 from isomatch.io import FORMATS, files_beside, meshes_among, prepare_for_writing, read_as_far_as_possible
 from isomatch.repair import Repair, without_seams
 
-NUMBERS = 50  # columns of a table beside the names
-LEAST_LEFT = 0.1  # share of the vertices; triangle soups have six times as many as meshes
-LEAST_NAME = 12  # columns of a name, however narrow the terminal is
+NUMBER_COLUMNS = 50  # terminal columns that a table has beside the names
+# share of the vertices, below which a weld is reported; a soup of triangles keeps about a sixth
+MIN_SHARE_LEFT = 0.1
+MIN_NAME_COLUMNS = 12  # columns of a name in the narrowest terminal
 
 Verb = Literal["distance", "basis", "match"]
 
-# how each command sets out, which is where it refuses a mesh
-_BEGINNINGS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
+# first step of each command, which refuses the meshes that the command cannot use
+_FIRST_STEPS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
     "distance": lambda mesh: isomatch.distance_engine(surface_of(mesh)),
     "basis": lambda mesh: spectral.basis_domain(without_seams(mesh)[0], n_columns=N_COLUMNS),
     "match": lambda mesh: shapes.body_of(surface_of(mesh), isomatch.Config().preparation),
@@ -60,7 +61,7 @@ def check(
     """
     paths = [path for place in (file, *more) for path in _meshes(place)]
     several = len(paths) > 1 or file.is_dir()
-    records = [_examined(path, wall, in_table=several) for path in paths]
+    records = [_examine(path, wall, in_table=several) for path in paths]
     if json:
         plain = [{name: value for name, value in record.items() if name != "report"} for record in records]
         say_json(plain if several else plain[0])
@@ -68,7 +69,7 @@ def check(
         _say_several(records)
     elif not quiet:
         _say_one(records[0])
-    bad = {record["file"]: reason for record in records if (reason := _reason(record, verb))}
+    bad = {record["file"]: reason for record in records if (reason := _reason_against(record, verb))}
     if several and bad:
         raise isomatch.MeshError(f"{len(bad)} of {len(paths)} meshes are not fit: {', '.join(bad)}")
     for name, reason in bad.items():
@@ -76,7 +77,7 @@ def check(
 
 
 def _meshes(place: Path) -> list[Path]:
-    """Meshes in a folder and the folders in it, by name; or the file itself."""
+    """List the meshes in a folder and its subfolders, by name; or the file itself."""
     if not place.is_dir():
         return [place]
     paths = meshes_among(place.rglob("*"))
@@ -85,8 +86,8 @@ def _meshes(place: Path) -> list[Path]:
     return paths
 
 
-def _examined(path: Path, wall: float, in_table: bool) -> dict[str, Any]:
-    """Plain values about a file; in a table, one that cannot be read is a row."""
+def _examine(path: Path, wall: float, in_table: bool) -> dict[str, Any]:
+    """Collect plain values about a file; in a table, an unreadable file is a row, not an error."""
     try:
         asset = read_as_far_as_possible(path)
         mesh = isomatch.Mesh(asset.placed_points, asset.polygons.triangles)
@@ -107,73 +108,75 @@ def _examined(path: Path, wall: float, in_table: bool) -> dict[str, Any]:
     }
 
 
-def _reason(record: dict[str, Any], verb: Verb | None) -> str | None:
-    """Why a mesh is bad; None if it is not."""
+def _reason_against(record: dict[str, Any], verb: Verb | None) -> str | None:
+    """Say why a mesh is bad; None if it is not."""
     if "unreadable" in record:
         return str(record["unreadable"])
     return record["refused_by"][verb] if verb else "; ".join(record["fatal"]) or None
 
 
 def _say_one(record: dict[str, Any]) -> None:
-    """Print the report of one mesh, its long sentences no wider than the terminal, and what the mesh is fit for."""
+    """Print the report of one mesh, wrapped to the terminal, and the commands that the mesh is fit for."""
     size = "none" if record["size"] is None else f"{record['size']:.4g}"
     say(f"{'longest side, in the units of the file':<45} {size:>7}")
     for line in record["report"].splitlines():
-        told = in_shell(line)
-        say(told if len(told) <= Console().width else _filled(told))
+        sentence = in_shell(line)
+        say(sentence if len(sentence) <= Console().width else _wrap(sentence))
     for note in record["notes"]:
-        say(_filled(f"note: {note}"))
+        say(_wrap(f"note: {note}"))
     say(f"fit for {_fitness(record)}")
     for purpose, reason in record["refused_by"].items():
         if reason:
-            say(_filled(f"not fit for {purpose}: {reason}"))
+            say(_wrap(f"not fit for {purpose}: {reason}"))
 
 
 def _say_several(records: list[dict[str, Any]]) -> None:
     """Print a row for each mesh, and below it a line for each defect, no wider than the terminal."""
-    names = _short([record["file"] for record in records])
-    wide = min(max(map(len, (*names, "file"))), max(Console().width - NUMBERS, LEAST_NAME))
-    say(f"{'file':<{wide}}  {'vertices':>10} {'faces':>10} {'size':>9}  fit for")
+    names = _relative_names([record["file"] for record in records])
+    name_columns = min(
+        max(map(len, (*names, "file"))), max(Console().width - NUMBER_COLUMNS, MIN_NAME_COLUMNS)
+    )
+    say(f"{'file':<{name_columns}}  {'vertices':>10} {'faces':>10} {'size':>9}  fit for")
     for name, record in zip(names, records):
         vertices, faces = (f"{record[key]:,}" if key in record else "–" for key in ("n_vertices", "n_faces"))
         size = "–" if record.get("size") is None else f"{record['size']:.4g}"
         style = "" if _fitness(record) != "nothing" else "bold red"
-        if len(name) > wide:
+        if len(name) > name_columns:
             say(name, style)
             name = ""
-        say(f"{name:<{wide}}  {vertices:>10} {faces:>10} {size:>9}  {_fitness(record)}", style)
+        say(f"{name:<{name_columns}}  {vertices:>10} {faces:>10} {size:>9}  {_fitness(record)}", style)
         for defect in _defects(record):
-            say(_filled(defect, "  "), "dim")
-    say(_filled("Size is the longest side, in the units of the file. isomatch check FILE tells what to do."))
+            say(_wrap(defect, "  "), "dim")
+    say(_wrap("Size is the longest side, in the units of the file. isomatch check FILE tells what to do."))
 
 
 def _fitness(record: dict[str, Any]) -> str:
     """Name the commands that a mesh is fit for."""
     fit = [verb for verb, reason in record.get("refused_by", {}).items() if not reason]
-    return "everything" if len(fit) == len(_BEGINNINGS) else ", ".join(fit) or "nothing"
+    return "everything" if len(fit) == len(_FIRST_STEPS) else ", ".join(fit) or "nothing"
 
 
-def _filled(text: str, indent: str = "") -> str:
+def _wrap(text: str, indent: str = "") -> str:
     """Break a sentence between words."""
     indents: dict[str, Any] = {"initial_indent": indent, "subsequent_indent": indent + "  "}
     return fill(text, Console().width, **indents, break_long_words=False, break_on_hyphens=False)
 
 
 def _defects(record: dict[str, Any]) -> list[str]:
-    """Name what is wrong with a mesh, without what it means, and why commands would refuse it, each reason once."""
+    """Name the defects of a mesh without explanations, and why commands would refuse it, each reason once."""
     if "unreadable" in record:
         return [record["unreadable"]]
-    told = [sentence.partition(": ")[0] for sentence in (*record["fatal"], *record["warnings"])]
+    defects = [sentence.partition(": ")[0] for sentence in (*record["fatal"], *record["warnings"])]
     reasons: dict[str, list[str]] = {}
     for verb, reason in record["refused_by"].items():
         if reason and reason not in record["fatal"]:
             reasons.setdefault(reason.partition(";")[0], []).append(verb)
     refused = [f"not fit for {', '.join(verbs)}: {reason}" for reason, verbs in reasons.items()]
-    return [*told, *record["notes"], *refused]
+    return [*defects, *record["notes"], *refused]
 
 
-def _short(files: list[str]) -> list[str]:
-    """Names of files without the folder that all are in."""
+def _relative_names(files: list[str]) -> list[str]:
+    """Return the paths of files relative to the folder that contains all of them."""
     if len({isabs(file) for file in files}) > 1:
         return files
     common = commonpath([dirname(file) for file in files])
@@ -182,23 +185,23 @@ def _short(files: list[str]) -> list[str]:
 
 def _refusal(verb: Verb, mesh: isomatch.Mesh) -> str | None:
     try:
-        _BEGINNINGS[verb](mesh)
+        _FIRST_STEPS[verb](mesh)
     except isomatch.MeshError as error:
         return str(error)
     return None
 
 
 def _require_something_left(file: Path, repaired: Repair, weld: float | None) -> None:
-    """Raise `MeshError` if nothing is left to write; tell if most is gone."""
+    """Raise `MeshError` if nothing is left to write; warn if few vertices are left."""
     after, n_before = repaired.mesh, len(repaired.new_index)
     what = "points" if not after.n_vertices else "faces" if not after.n_faces else ""
-    far = f"--weld {weld:g} is in the units of the file; " if weld else ""
+    hint = f"--weld {weld:g} is in the units of the file; " if weld else ""
     if what == "points" or (what and isomatch.read_mesh(file).n_faces):
         raise isomatch.MeshError(
-            f"{file}: no {what} would be left, so nothing is written; {far}see isomatch check"
+            f"{file}: no {what} would be left, so nothing is written; {hint}see isomatch check"
         )
-    if far and after.n_vertices < LEAST_LEFT * n_before:
-        tell_skipped(f"{file}: {after.n_vertices} of {n_before} vertices are left; {far}see isomatch check")
+    if hint and after.n_vertices < MIN_SHARE_LEFT * n_before:
+        tell_skipped(f"{file}: {after.n_vertices} of {n_before} vertices are left; {hint}see isomatch check")
 
 
 _INDICES = ("vertex_index", "new_index", "polygon_index", "face_index")
@@ -240,7 +243,7 @@ def repair(
     index = output.with_suffix(".index.npz")
     with claimed_files(output, index, force=force):
         repaired = isomatch.repair(
-            _whole(file, output),
+            _with_joined_parts(file, output),
             weld=True if weld is None else weld,
             unmerge=unmerge,
             outer=outer,
@@ -268,8 +271,8 @@ def repair(
     say(f"{what} {', '.join(files)}")
 
 
-def _whole(file: Path, output: Path) -> Path | isomatch.Asset:
-    """Return the file, or its parts as one surface if the output has no parts, so that they are welded too."""
+def _with_joined_parts(file: Path, output: Path) -> Path | isomatch.Asset:
+    """Return the file; or, if the output cannot store parts, one surface of all parts, so that they are welded."""
     mesh_format = FORMATS.get(output.suffix.lower())
     if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
         return file

@@ -58,8 +58,8 @@ def open_page(
         target: Mesh to map to; with a folder, the mesh that was matched, if it is not where it was.
         other: With a folder, the mesh to which it was matched, likewise.
         output: Folder into which the page saves the files that isomatch match writes. Without it, the page offers them
-            as a download. A result that is opened is saved into its own folder; once there is another map, without its
-            map back.
+            as a download. A result that is opened is saved into its own folder; its map back is removed once the map
+            has changed.
         landmarks: Landmarks to begin with, as for isomatch match.
         target_landmarks: The points marked on the target, if they have a file of their own.
         initial_map: A map of any tool to look at; a match starts from it, and shows both.
@@ -91,9 +91,9 @@ def open_page(
         inputs = Inputs(source, target, again, [] if pairs is None else pairs.tolist(), facts, given)
         keeper = _Files(inputs, surfaces, ResultFolder(output) if output else None)
     marks = keeper.inputs.landmarks
-    drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
+    meshes = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
     page = visualization.WorkPage(
-        *drawn, names=keeper.inputs.names, landmarks=marks, given=keeper.inputs.initial_map
+        *meshes, names=keeper.inputs.names, landmarks=marks, given=keeper.inputs.initial_map
     )
     with keeper.claimed(force):
         server = PageServer(Session(surfaces, page, keeper, landmarks=marks, **session), port)
@@ -124,7 +124,7 @@ class _Files:
     inputs: Inputs
     surfaces: tuple[Surface, Surface]
     results: ResultFolder | None
-    earlier: Earlier | None = None  # what was opened, whose map back and mesh file are kept with no other map
+    earlier: Earlier | None = None  # the opened result; its other files are dropped once the map differs
     opened: isomatch.MatchResult | None = None
     back: Back | None = None
 
@@ -143,11 +143,11 @@ class _Files:
             raise SettingError("there is no folder to save into; start isomatch open with -o DIR")
         had_back = self.results.has_back
         record = self._write(self.results, result, landmarks)
-        told = [*record["undrawn"], *([BACK_REMOVED] if had_back and not self.results.has_back else [])]
+        remarks = [*record["undrawn"], *([BACK_REMOVED] if had_back and not self.results.has_back else [])]
         if self.earlier and result is not self.opened:
-            told += self.earlier.mesh_left
+            remarks += self.earlier.mesh_left
         names = ", ".join(Path(path).name for path in record["files"].values())
-        return f"Saved {names} in {self.folder}{''.join(f'; {what}' for what in told)}."
+        return f"Saved {names} in {self.folder}{''.join(f'; {remark}' for remark in remarks)}."
 
     def packed(self, result: isomatch.MatchResult, landmarks: Pairs) -> bytes:
         archive = BytesIO()

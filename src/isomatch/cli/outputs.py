@@ -1,4 +1,4 @@
-"""What several commands write and say: files that are claimed, surfaces in the shape of others, notes."""
+"""Output that several commands share: claimed files, surfaces in the shape of others, and notes."""
 
 from __future__ import annotations
 
@@ -50,18 +50,23 @@ def write_wrapped(
     rounded: bool = False,
 ) -> dict[str, Any]:
     """Write the asset of the source in the shape of the target, and say how good it is."""
-    # shape keys turn with the surface, normals and tangents are left out, and the frame is that of the target
+    # shape keys turn with the surface; normals and tangents are left out; the target gives the frame
     moved = replace(asset.moved(wrapped.mesh.vertices[asset.point_of_vertex]), frame=frame)
     if asset.of_kind("key"):
         unmoved = isomatch.Correspondence(range(len(asset.points)), len(asset.points))
         moved = isomatch.carry_attributes(unmoved, moved, asset, "keys").asset
-    turned = [each.name for each in moved.attributes if each.kind == "normal" or each.is_tangent]
+    former_directions = [a.name for a in moved.attributes if a.kind == "normal" or a.is_tangent]
     scalars = {"expected_error": expected_error, "extended": wrapped.extended.astype(float)}
-    own = [Attribute(name, "point", "scalar", values) for name, values in scalars.items()]
-    moved = moved.without_attributes(*turned).with_attributes(*own)
-    left = isomatch.write_asset(path, moved, rounded=rounded)
-    names = [attribute.name for attribute in left if all(attribute is not each for each in own)]
-    return {"file": str(path), **asdict(wrapped.quality), "left_out": names, "not_of_this_shape": turned}
+    measured = [Attribute(name, "point", "scalar", values) for name, values in scalars.items()]
+    moved = moved.without_attributes(*former_directions).with_attributes(*measured)
+    unwritten = isomatch.write_asset(path, moved, rounded=rounded)
+    left_out = [a.name for a in unwritten if all(a is not other for other in measured)]
+    return {
+        "file": str(path),
+        **asdict(wrapped.quality),
+        "left_out": left_out,
+        "not_of_this_shape": former_directions,
+    }
 
 
 def say_wrapped(record: dict[str, Any]) -> None:
@@ -94,6 +99,6 @@ def notes_on(assets: Mapping[Path, isomatch.Asset]) -> list[str]:
 
 
 def say_notes(notes: Iterable[str]) -> None:
-    """Print what is to be known of files or a result."""
+    """Print notes on files or a result."""
     for note in notes:
         say(f"note: {in_shell(note)}")

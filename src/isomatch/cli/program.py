@@ -20,7 +20,7 @@ from isomatch.cli.terminal import IncompleteError, complain, print_anything, sta
 DONE, BAD, MISUSED, INCOMPLETE, UNSURE, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit codes
 STRICT = "--strict"  # an option of all commands
 
-COMMANDS = (  # the group, the place and an example of each, which begins with its name
+COMMANDS = (  # group, module:function and example of each command; the example begins with its name
     ("Match", "match_command:match", "match a.ply b.ply -o result"),
     ("Match", "match_command:choose", "choose result 1"),
     ("Match", "demo_command:demo", "demo"),
@@ -38,8 +38,8 @@ COMMANDS = (  # the group, the place and an example of each, which begins with i
     ("Develop", "machine_command:warm", "warm"),
 )
 EXAMPLES = {example.split()[0]: example for _, _, example in COMMANDS}
-OWN = {name: f"isomatch.cli.{place}" for name, (_, place, _) in zip(EXAMPLES, COMMANDS)}
-_ORDERED = {title: Group.create_ordered(title) for title in dict.fromkeys(each[0] for each in COMMANDS)}
+COMMAND_PLACES = {name: f"isomatch.cli.{place}" for name, (_, place, _) in zip(EXAMPLES, COMMANDS)}
+_ORDERED = {title: Group.create_ordered(title) for title in dict.fromkeys(row[0] for row in COMMANDS)}
 GROUPS = {name: _ORDERED[title] for name, (title, *_) in zip(EXAMPLES, COMMANDS)}
 
 app = App(
@@ -53,7 +53,7 @@ app = App(
     version_flags=["--version", "-V"],
     default_parameter=Parameter(negative=()),
 )
-for name, place in OWN.items():  # each is imported when it is called
+for name, place in COMMAND_PLACES.items():  # a command is imported when it is called
     app.command(place, name=name, group=GROUPS[name])
 app.register_install_completion_command(
     help="Complete commands and options in the shell: writes a script and adds a line to the shell's start-up file."
@@ -61,7 +61,7 @@ app.register_install_completion_command(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command, by default that of the process, and return its exit code.
+    """Run one command, by default the one in ``sys.argv``, and return its exit code.
 
     0 if it succeeded, 1 if something cannot be read, computed or written, 2 for wrong usage, 3 if some shapes or pairs
     failed, 4 if a result is not sure.
@@ -71,11 +71,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else list(argv)
     strict = STRICT in words
     words = [word for word in words if word != STRICT]
-    if not words or words[0] not in OWN:
-        # of other packages, such as isomatch_lab
-        others = {each.name: each.value for each in entry_points(group="isomatch.commands")}
+    if not words or words[0] not in COMMAND_PLACES:
+        # commands of other packages, such as isomatch_lab
+        plugins = {point.name: point.value for point in entry_points(group="isomatch.commands")}
         is_list = not words or words[0] in app.help_flags
-        for name, place in {**others, **OWN}.items() if is_list else others.items():
+        for name, place in {**plugins, **COMMAND_PLACES}.items() if is_list else plugins.items():
             if name in app:
                 del app[name]
             group = GROUPS.get(name, _ORDERED["Develop"])
@@ -85,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         asked = " ".join(("isomatch", *(error.command_chain or ())))
-        return _complain(f"{_in_words(error)} See {asked} --help.", MISUSED)
+        return _complain(f"{_message_of(error)} See {asked} --help.", MISUSED)
     try:
         with telling_once(strict):
             command(*bound.args, **bound.kwargs)
@@ -110,8 +110,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 _NUMBERS = {int: "a whole number", float: "a number"}
 
 
-def _in_words(error: CycloptsError) -> str:
-    """Say what is wrong with the words of a command, without the names of Python's types."""
+def _message_of(error: CycloptsError) -> str:
+    """Say what is wrong with the arguments of a command, without the names of Python's types."""
     if isinstance(error, CoercionError) and error.token and error.target_type in _NUMBERS:
         name = error.token.keyword or (error.argument and error.argument.name)
         return f"{name}: {error.token.value!r} is not {_NUMBERS[error.target_type]}."
@@ -119,11 +119,11 @@ def _in_words(error: CycloptsError) -> str:
 
 
 def _first_line(place: str) -> str:
-    """Read what a command does from its file, without the import of all that it needs."""
+    """Read the summary of a command from its source file, which is faster than to import it."""
     module, _, name = place.partition(":")
     spec = find_spec(module)
     tree = parse(Path(spec.origin).read_text(encoding="utf-8")) if spec and spec.origin else Module([], [])
-    functions = {each.name: each for each in tree.body if isinstance(each, FunctionDef)}
+    functions = {node.name: node for node in tree.body if isinstance(node, FunctionDef)}
     command = functions.get(name, functions.get("run"))  # a command with commands of its own runs that
     return ((command and get_docstring(command)) or "").partition("\n")[0]
 

@@ -1,4 +1,4 @@
-"""The folder of a match: its files are written, said, and read again to be continued by `choose` or in a page."""
+"""The folder of a match: its files are written, listed, and read again by `choose` and `open`."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def match_again(source: Path, target: Path, **options: Any) -> str:
     for name, value in options.items():
         if value is not None and value is not False and (name, value) != ("seed", 0):
             option = f"--{name.replace('_', '-')}"
-            for each in value if isinstance(value, list) else [value]:
-                words += [option, *([] if each is True else [str(each)])]
+            for part in value if isinstance(value, list) else [value]:
+                words += [option, *([] if part is True else [str(part)])]
     return shlex.join([*words, "--landmarks", "landmarks.txt", "--force"])
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a match was given, as its files tell it."""
+    """The inputs of a match, as its files record them."""
 
     source: Path
     target: Path
@@ -57,7 +57,7 @@ class Inputs:
         return self.source.name, self.target.name
 
     def shown(self, **first: object) -> dict[str, Any]:
-        """Give what a report shows of it, see `visualization.write_report`; some facts come first."""
+        """Give the options of `visualization.write_report`; the facts begin with ``first``."""
         facts = {**first, "source": str(self.source), "target": str(self.target), **self.facts}
         marks = self.landmarks or None
         return {"names": self.names, "facts": facts, "landmarks": marks, "command": self.again}
@@ -119,17 +119,17 @@ class ResultFolder:
         back: Back | None = None,
         meshes: Mapping[str, isomatch.Mesh] | None = None,
     ) -> dict[str, Any]:
-        """Write all files, which replace earlier ones at once when they are complete; return the contents of the last."""
-        # titles are below the shapes of the picture; what cannot be drawn is left out, and named under "undrawn";
+        """Write all files, and replace the earlier ones when all are complete; return the contents of result.json."""
+        # titles are below the shapes of the picture; failed drawings are left out and named under "undrawn";
         # meshes, by file name, are written beside the map
         drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
-        own = replace(self, both=back is not None)
-        others = dict(zip(self.alternatives, result.alternatives))
+        this_folder = replace(self, both=back is not None)
+        alternatives_by_path = dict(zip(self.alternatives, result.alternatives))
         record: dict[str, Any] = {
             "isomatch": isomatch.__version__,
             "source": str(inputs.source),
             "target": str(inputs.target),
-            "meshes": [_seen_from(self.folder, path) for path in (inputs.source, inputs.target)],
+            "meshes": [_path_from(self.folder, path) for path in (inputs.source, inputs.target)],
             "match_again": inputs.again,
             "landmarks": [list(pair) for pair in inputs.landmarks],
             **(more or {}),
@@ -138,31 +138,31 @@ class ResultFolder:
         if back:
             record["back"] = back[1]
         with staged(self.folder, last=RESULT) as folder:
-            files = {what: str(folder / Path(path).name) for what, path in own.files.items()}
+            files = {what: str(folder / Path(path).name) for what, path in this_folder.files.items()}
             replace(result, alternatives=()).save(files["map"])
             result.map.save(files["text"])
             for name, mesh in (meshes or {}).items():
                 isomatch.write_mesh(folder / name, mesh)
-            for path, other in others.items():
+            for path, other in alternatives_by_path.items():
                 other.map.save(folder / path.name)
             picture, undrawn = files["picture"], list[str]()
-            with _noted("picture", undrawn):
-                below = titles or (f"source: {inputs.names[0]}", f"target: {inputs.names[1]}")
-                visualization.draw_map(*drawn, result.map, picture, titles=below)
+            with _note_failure("picture", undrawn):
+                picture_titles = titles or (f"source: {inputs.names[0]}", f"target: {inputs.names[1]}")
+                visualization.draw_map(*drawn, result.map, picture, titles=picture_titles)
             if self.report:
-                shown = inputs.shown(isomatch=isomatch.__version__) | {"given": inputs.initial_map}
-                shown |= {"picture": "" if undrawn else picture}
-                with _noted("report", undrawn):
-                    visualization.write_report(files["report"], *drawn, result, **shown)
+                report_options = inputs.shown(isomatch=isomatch.__version__) | {"given": inputs.initial_map}
+                report_options |= {"picture": "" if undrawn else picture}
+                with _note_failure("report", undrawn):
+                    visualization.write_report(files["report"], *drawn, result, **report_options)
             if back:
                 back[0].save(files["map back"])
-            written = own.files | {path.stem: str(path) for path in others}
-            there = {RESULT, *(path.name for path in folder.iterdir())}
+            written = this_folder.files | {path.stem: str(path) for path in alternatives_by_path}
+            file_names = {RESULT, *(path.name for path in folder.iterdir())}
             record["undrawn"] = undrawn
-            record["files"] = {what: path for what, path in written.items() if Path(path).name in there}
+            record["files"] = {what: path for what, path in written.items() if Path(path).name in file_names}
             write_text(folder / RESULT, json_text(record))
-        every = ResultFolder(self.folder, both=True).files.values()
-        for name in (*every, *map(str, self.alternatives), self._picker):
+        all_files = ResultFolder(self.folder, both=True).files.values()
+        for name in (*all_files, *map(str, self.alternatives), self._picker):
             if name not in record["files"].values():
                 Path(name).unlink(missing_ok=True)
         return record
@@ -170,10 +170,10 @@ class ResultFolder:
     def write_picker(
         self, surfaces: tuple[Surface, Surface], error: isomatch.IsomatchError, inputs: Inputs
     ) -> isomatch.IsomatchError:
-        """Write a page for landmarks beside any earlier result; return the error that no map was found, with its name."""
+        """Write a page to pick landmarks, beside any earlier result; return the error with the page's name added."""
         undrawn: list[str] = []
         if self.report:
-            with _noted("page to pick landmarks", undrawn):
+            with _note_failure("page to pick landmarks", undrawn):
                 drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
                 visualization.write_landmark_picker(self._picker, *drawn, str(error), **inputs.shown())
         if undrawn or not self.report:
@@ -182,8 +182,8 @@ class ResultFolder:
 
 
 @contextmanager
-def _noted(what: str, undrawn: list[str]) -> Iterator[None]:
-    """Note a drawing that fails, so that the map is not lost with it; a full disk is an error."""
+def _note_failure(what: str, undrawn: list[str]) -> Iterator[None]:
+    """Note that a drawing failed, so that the map is still written; a full disk remains an error."""
     try:
         yield
     except OSError:
@@ -198,14 +198,14 @@ def described(result: isomatch.MatchResult) -> dict[str, Any]:
     return {**result.to_dict(), "bounds": visualization.quality_bounds(result)}
 
 
-def _seen_from(folder: Path, mesh: Path) -> str:
-    """Write the path of a mesh as seen from a folder, so that both can be moved; one that was given whole is kept."""
+def _path_from(folder: Path, mesh: Path) -> str:
+    """Write the path of a mesh relative to a folder, so that both can be moved; keep an absolute path."""
     same_drive = mesh.absolute().drive == folder.absolute().drive
     return relpath(mesh, folder) if same_drive and not mesh.is_absolute() else str(mesh.absolute())
 
 
-def _found(folder: Path, seen: str, typed: str) -> Path:
-    """Find a mesh of a result: as seen from its folder, as it was typed, in the folder or beside it."""
+def _find_mesh(folder: Path, seen: str, typed: str) -> Path:
+    """Find a mesh of a result: by its path from the folder, as it was typed, in the folder or beside it."""
     name = Path(typed).name
     places = [Path(normpath(folder / seen))] if seen else []
     places += [Path(typed), folder / name, folder.parent / name]
@@ -217,13 +217,13 @@ def _found(folder: Path, seen: str, typed: str) -> Path:
     )
 
 
-_NEEDED: dict[str, type] = dict.fromkeys(("source", "target", "match_again", "origin"), str)
-_NEEDED |= {"landmarks": list, "alternatives": list, "config": dict, "files": dict, "seed": int}
+_REQUIRED_FIELDS: dict[str, type] = dict.fromkeys(("source", "target", "match_again", "origin"), str)
+_REQUIRED_FIELDS |= {"landmarks": list, "alternatives": list, "config": dict, "files": dict, "seed": int}
 
 
 @dataclass(frozen=True)
 class Earlier:
-    """What the folder of a result holds."""
+    """The contents of the folder of a result."""
 
     folder: ResultFolder
     record: dict[str, Any]  # contents of result.json
@@ -231,13 +231,13 @@ class Earlier:
 
     @classmethod
     def read(cls, folder: Path, *meshes: Path | None) -> Earlier:
-        """Read ``result.json``, and require what a match writes; meshes, if given, are where the shapes are now."""
+        """Read ``result.json`` and check its fields; ``meshes``, if given, are the present files of the shapes."""
         path = ResultFolder(folder).result
         text = read_bytes(path)
         fields: dict[str, Any] = {}
         with suppress(ValueError):
             fields = record if isinstance(record := loads(text), dict) else {}
-        missing = [name for name, kind in _NEEDED.items() if not isinstance(fields.get(name), kind)]
+        missing = [name for name, kind in _REQUIRED_FIELDS.items() if not isinstance(fields.get(name), kind)]
         if missing:
             raise FormatError(
                 f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
@@ -247,7 +247,7 @@ class Earlier:
         if len(meshes) not in (0, 2):
             raise InputError(f"{folder}: give both meshes after it, source and target, or none")
         names = zip(meshes or (None, None), seen, (fields["source"], fields["target"]))
-        ends = [given or _found(folder, *told) for given, *told in names]
+        ends = [given or _find_mesh(folder, *places) for given, *places in names]
         inputs = Inputs(ends[0], ends[1], fields["match_again"], fields["landmarks"])
         return cls(ResultFolder(folder, report="report" in fields["files"]), fields, inputs)
 
@@ -273,13 +273,13 @@ class Earlier:
 
     @property
     def as_mesh(self) -> dict[str, Any]:
-        """What is told of the mesh file of the result; empty if there is none."""
-        told = self.record.get("as_mesh")
-        return told if isinstance(told, dict) and isinstance(told.get("file"), str) else {}
+        """Record of the mesh file of the result; empty if there is none."""
+        record = self.record.get("as_mesh")
+        return record if isinstance(record, dict) and isinstance(record.get("file"), str) else {}
 
     @property
     def mesh_left(self) -> list[str]:
-        """Say that the mesh file is not of another map; empty if there is none."""
+        """Say that the mesh file still shows the former map; empty if there is no such file."""
         remedy = "in Python, MatchResult.as_mesh gives the surface by this one"
         file = self.as_mesh.get("file")
         return [f"{file} is of the map before and was left; {remedy}"] if file else []
@@ -292,19 +292,19 @@ def _alternative(evidence: Mapping[str, Any], other: isomatch.Correspondence) ->
 
 
 _STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red", "MIRROR_IMAGE": "bold red"}
-MOST_NOTES = 2  # in a summary; the report has all
+MAX_NOTES = 2  # notes in a summary; the report has all
 
 
 def say_result(result: isomatch.MatchResult, details: bool = False) -> None:
-    """Print what came out in plain words; in detail, also every measure, the stages and all notes."""
+    """Print a result in plain words; with details, also every measure, the stages and all notes."""
     summary = visualization.summary_of(result)
     say(summary.headline, _STYLES.get(result.outcome.name, "bold yellow"))
     say_rows([("how sure", summary.sureness), ("what to do", summary.advice)])
     if details:
         _say_details(result)
     else:
-        more = len(result.notes) - MOST_NOTES
-        say_rows(("note", in_shell(note)) for note in result.notes[:MOST_NOTES])
+        more = len(result.notes) - MAX_NOTES
+        say_rows(("note", in_shell(note)) for note in result.notes[:MAX_NOTES])
         say_rows([("", f"{more} more {'note' if more == 1 else 'notes'}: --details")] if more > 0 else [])
 
 
@@ -330,12 +330,12 @@ def _say_details(result: isomatch.MatchResult) -> None:
 def say_files(record: Mapping[str, Any]) -> None:
     """Print how long it took, which file to open first, what else was written, and what could not be drawn."""
     files = record["files"]
-    first = next(files[kind] for kind in ("report", "picture", "map") if kind in files)
-    names = {Path(file).name for file in files.values() if file != first}
+    first_file = next(files[kind] for kind in ("report", "picture", "map") if kind in files)
+    names = {Path(file).name for file in files.values() if file != first_file}
     alternatives = {name for name in names if name.startswith("alternative_")}
-    short = {"alternative_*.npz"} if len(alternatives) > 1 else alternatives
+    short_names = {"alternative_*.npz"} if len(alternatives) > 1 else alternatives
     sizes = f"{record['n_source']:,} → {record['n_target']:,} vertices"
     say_rows(("note", note) for note in record["undrawn"])
     say_rows([("took", f"{waited():.1f} s, of which {record['timings']['total']:.1f} s to match {sizes}")])
-    say(f"{'  open first':<{INDENT}}{first}")  # whole, to be copied
-    say_rows([("also there", ", ".join(sorted((names - alternatives) | short)))])
+    say(f"{'  open first':<{INDENT}}{first_file}")  # whole, to be copied
+    say_rows([("also there", ", ".join(sorted((names - alternatives) | short_names)))])

@@ -29,23 +29,23 @@ from isomatch._core.texts import json_text, without_nonfinite
 
 Tell: TypeAlias = Callable[[str, float], None]
 
-WIDEST = 100  # columns of text; longer lines are hard to read
-LEAST_WIDTH = 20  # of a text, however narrow the terminal is
-MOST_NAMED = 5  # shapes and pairs in an error
-INDENT = 14  # columns of a label
+MAX_TEXT_COLUMNS = 100  # longer lines of text are hard to read
+MIN_TEXT_COLUMNS = 20  # also in a narrower terminal
+MAX_NAMED = 5  # shapes and pairs that an error names
+INDENT = 14  # columns that a label takes
 
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
 
 
 def print_anything() -> None:
-    """Make both streams escape characters that their encoding lacks, so that no text, such as a file name, fails."""
+    """Make both streams escape characters that their encoding lacks, so that any text can be printed."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
 def printable(text: str) -> str:
-    """Escape control characters other than tabs and line ends: those of a file name must not reach the terminal."""
+    """Escape control characters other than tabs and line ends, so that no file name controls the terminal."""
     return text.translate(_CONTROLS)
 
 
@@ -56,7 +56,7 @@ def say(text: str, style: str = "") -> None:
 
 def say_rows(rows: Iterable[tuple[str, str]], indent: int = INDENT) -> None:
     """Print labels with texts beside them, broken between words; rows without a text are left out."""
-    width = max(min(Console().width, WIDEST) - indent, LEAST_WIDTH)
+    width = max(min(Console().width, MAX_TEXT_COLUMNS) - indent, MIN_TEXT_COLUMNS)
     for label, text in rows:
         lines = wrap(text, width, break_long_words=False, break_on_hyphens=False)
         for start, line in zip([f"  {label}", *[""] * len(lines)], lines):
@@ -68,7 +68,7 @@ def complain(message: str) -> None:
     sys.stderr.write(f"isomatch: {printable(' '.join(in_shell(message).split()))}\n")
 
 
-_IN_SHELL = (  # calls and settings, and what to type for them
+_SHELL_WORDS = (  # pattern of a Python call or setting, and what to type in a shell instead
     (r"repair\(mesh, outer=True\)", "isomatch repair --outer"),
     (r"repair\(mesh, without_base=True\)", "isomatch repair --without-base"),
     (r"repair\(mesh, weld=(\S+)\)", r"isomatch repair --weld \1"),
@@ -78,23 +78,23 @@ _IN_SHELL = (  # calls and settings, and what to type for them
 
 
 def in_shell(text: str) -> str:
-    """Say with commands and options what a text of the library says in Python."""
-    for call, typed in _IN_SHELL:
+    """Replace Python calls and settings in a text by commands and options."""
+    for call, typed in _SHELL_WORDS:
         text = re.sub(call, typed, text)
     return text
 
 
 class IncompleteError(IsomatchError):
-    """Some of many shapes failed; all that is made of the others is written."""
+    """Some of many shapes failed; the results of the others are written."""
 
 
 def require_complete(failed: Sequence[str], folder: Path) -> None:
     """Raise `IncompleteError` if shapes or pairs failed, and name the first."""
     if failed:
         what = "1 shape or pair" if len(failed) == 1 else f"{len(failed)} shapes or pairs"
-        more = f" and {len(failed) - MOST_NAMED} more" if len(failed) > MOST_NAMED else ""
+        more = f" and {len(failed) - MAX_NAMED} more" if len(failed) > MAX_NAMED else ""
         raise IncompleteError(
-            f"{what} failed: {', '.join(failed[:MOST_NAMED])}{more}; the rest is in {folder}, and isomatch collect "
+            f"{what} failed: {', '.join(failed[:MAX_NAMED])}{more}; the rest is in {folder}, and isomatch collect "
             "status says why"
         )
 
@@ -131,7 +131,7 @@ def say_json(value: Any) -> None:
 
 
 class _Clock(ProgressColumn):
-    """How long the work has taken and, where a stage counts its steps, how fast they are and how long the rest takes."""
+    """Time since the start and, if a stage counts its steps, their rate and the time left."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -140,23 +140,23 @@ class _Clock(ProgressColumn):
         self._kind, self._steps = "", [0, 0]
 
     def tell(self, stage: str, share: float) -> None:
-        """Note a stage, such as "matched 3 of 8: a and b", and the share of it that is done."""
+        """Note a stage, such as "matched 3 of 8: a and b", and the share of all work that is done."""
         counted = _COUNTED.match(stage)
         kind = counted[1] if counted else stage
-        if kind != self._kind:  # its first step has begun when the last one of another kind ended
+        if kind != self._kind:  # the first step of a kind began when the last step of the kind before ended
             self._kind, self._since = kind, self._last
         self._steps = [int(counted[2]), int(counted[3])] if counted else [0, 0]
         self.stage, self.share, self._last = stage, share, time.monotonic()
 
     def __str__(self) -> str:
         now = time.monotonic()
-        told = [str(timedelta(seconds=round(now - self._begun)))]
-        done, of = self._steps
+        texts = [str(timedelta(seconds=round(now - self._begun)))]
+        done, n_steps = self._steps
         if done and self._last > self._since:
-            seconds = (self._last - self._since) / done  # of a step
-            left = max((of - done) * seconds - (now - self._last), 0)
-            told += [f"{60 / seconds:.3g} a minute", f"{timedelta(seconds=round(left))} left"]
-        return ", ".join(told)
+            seconds = (self._last - self._since) / done  # time of one step
+            left = max((n_steps - done) * seconds - (now - self._last), 0)
+            texts += [f"{60 / seconds:.3g} a minute", f"{timedelta(seconds=round(left))} left"]
+        return ", ".join(texts)
 
     def render(self, task: Task) -> Text:
         """Show it in a bar."""
@@ -164,7 +164,7 @@ class _Clock(ProgressColumn):
 
 
 _COUNTED = re.compile(r"(.+?) (\d+) of (\d+)")
-LINES_APART = 60.0  # seconds
+SECONDS_BETWEEN_LINES = 60.0  # between two lines of progress in a log
 
 
 @contextmanager
@@ -173,7 +173,7 @@ def _lines_on(console: Console, clock: _Clock) -> Iterator[Tell]:
     ended = Event()
 
     def write() -> None:
-        while not ended.wait(LINES_APART):
+        while not ended.wait(SECONDS_BETWEEN_LINES):
             now = datetime.now().astimezone().isoformat(" ", "seconds")
             console.file.write(f"{now}  {printable(clock.stage)}  {clock.share:.0%}  {clock}\n")
             console.file.flush()
@@ -204,7 +204,7 @@ class Talk:
 
     @contextmanager
     def progress(self) -> Iterator[Tell]:
-        """Give a function that shows a stage and the share that is done, on standard error.
+        """Give a function that shows a stage and the share of work done, on standard error.
 
         A terminal has a bar; elsewhere, as in the log of a cluster, there is a dated line each minute.
         """
@@ -235,7 +235,7 @@ class Talk:
                 yield tell
 
     def result(self, record: dict[str, Any], summary: Callable[[], None], *, is_answer: bool = False) -> None:
-        """Print plain values or a summary, as was asked for; an answer, all that a command gives, is always printed."""
+        """Print plain values or a summary, as was asked for; ``quiet`` does not suppress an answer."""
         if self.json:
             say_json(record)
         elif self.json_lines:
@@ -264,9 +264,9 @@ def _log_on(console: Console) -> Iterator[None]:
 
 
 def part(tell: Tell, first: float, last: float) -> Tell:
-    """Make the progress of a part of the work progress from one share of it to another."""
+    """Map the progress of a part of the work to the range of shares ``first`` to ``last``."""
     return lambda stage, share: tell(stage, first + (last - first) * share)
 
 
 TALK = Talk()
-"""How a command talks by default."""
+"""How a command prints by default."""

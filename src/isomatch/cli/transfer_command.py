@@ -52,8 +52,8 @@ def transfer(
     Polygons, seams, transforms and units of the file that receives stay as they are.
 
     Args:
-        map_file: Map source -> target of these two files: map.npz, as match writes it, or that of another program: a text
-            of one target vertex on each line, an .npy or .mat.
+        map_file: Map source -> target of these two files: map.npz, as match writes it, or a map of another program: a
+            text with one target vertex on each line, an .npy or .mat.
         source: Mesh that the map starts from.
         target: Mesh that the map goes to.
         output: Surface file to write: what receives, with the data of the other; all is kept in the format of its own
@@ -89,14 +89,14 @@ def transfer(
         tell("reading", 0.0)
         assets = isomatch.read_asset(source), isomatch.read_asset(target)
         giver = assets[to == "source"]
-        brought = number_equal_names(each for path in values or () for each in read_attributes(path, giver))
-        giver = giver.with_attributes(*brought)
+        read_values = number_equal_names(a for path in values or () for a in read_attributes(path, giver))
+        giver = giver.with_attributes(*read_values)
         assets = (assets[0], giver) if to == "source" else (giver, assets[1])
-        words = [each.name for each in brought] or ["all"]
+        words = [attribute.name for attribute in read_values] or ["all"]
         if data:
             words = [word.strip() for word in data.split(",")]
         n_target = len(assets[1].points)
-        # by which it is found among the arrays of a file, or the maps of a pair
+        # these files hold several arrays or maps; the number of source vertices selects one
         n_source = len(assets[0].points) if map_file.suffix in (".mat", ".npz") else None
         correspondence = isomatch.Correspondence.load(map_file, n_target, n_source)
         tell("carrying", 0.3)
@@ -111,46 +111,46 @@ def transfer(
                 )
                 counts = {"n_unmatched": carried.unmatched, "n_across_seams": carried.across_seams}
         tell("writing", 0.8)
-        others = () if holds_values(output) else files_beside(output, carried.asset)
-        beside = [each for each in others if each != picture]
+        side_files = () if holds_values(output) else files_beside(output, carried.asset)
+        other_files = [path for path in side_files if path != picture]
         pictures = {picture: baked.png} if picture else {}
         if picture and len(baked.tiles) > 1:  # by their UDIM numbers
-            pictures = {picture.with_suffix(f".{i}.png"): png_of(each) for i, each in baked.tiles.items()}
-            beside += [each for each in pictures if each not in beside]
-        with claimed_files(*beside, force=force):
-            left = _written(output, carried.asset, carried.names, rounded)
-            for each, png in pictures.items():
-                with replaced(each) as file:
+            pictures = {picture.with_suffix(f".{i}.png"): png_of(tile) for i, tile in baked.tiles.items()}
+            other_files += [path for path in pictures if path not in other_files]
+        with claimed_files(*other_files, force=force):
+            left_out = _write(output, carried.asset, carried.names, rounded)
+            for path, png in pictures.items():
+                with replaced(path) as file:
                     file.write(png)
         tell("done", 1.0)
-    told = [*notes_on(dict(zip(ends, assets))), *carried.notes]
+    notes = [*notes_on(dict(zip(ends, assets))), *carried.notes]
     record: dict[str, Any] = {
-        "files": [*dict.fromkeys(map(str, (output, *beside, *pictures)))],
+        "files": [*dict.fromkeys(map(str, (output, *other_files, *pictures)))],
         "to": to,
-        "carried": [name for name in carried.names if name not in left],
-        "left_out": left,
+        "carried": [name for name in carried.names if name not in left_out],
+        "left_out": left_out,
         "taken_as_labels": list(carried.taken_as_labels),
         **counts,
     }
-    if told:
-        record["notes"] = told
-    talk.result(record, lambda: _summary(record, output))
+    if notes:
+        record["notes"] = notes
+    talk.result(record, lambda: _say_summary(record, output))
 
 
-def _written(output: Path, asset: isomatch.Asset, names: Collection[str], rounded: bool) -> list[str]:
-    """Write the asset, or what was carried alone; return the names of what has no place there."""
+def _write(output: Path, asset: isomatch.Asset, names: Collection[str], rounded: bool) -> list[str]:
+    """Write the asset, or only the carried values; return the attributes that the file cannot store."""
     if not holds_values(output):
         return [attribute.name for attribute in isomatch.write_asset(output, asset, rounded=rounded)]
     carried = [attribute for attribute in asset.attributes if attribute.name in names]
-    left = [attribute.name for attribute in write_attributes(output, carried, asset)]
-    if set(names) <= set(left):
-        no_place = f"a {output.suffix} file has no place for {', '.join(left)}"
-        reason = no_place if left else "nothing was carried"
+    left_out = [attribute.name for attribute in write_attributes(output, carried, asset)]
+    if set(names) <= set(left_out):
+        no_place = f"a {output.suffix} file has no place for {', '.join(left_out)}"
+        reason = no_place if left_out else "nothing was carried"
         raise FormatError(f"{output}: {reason}; name other --data or --values, or write another format")
-    return left
+    return left_out
 
 
-def _summary(record: dict[str, Any], output: Path) -> None:
+def _say_summary(record: dict[str, Any], output: Path) -> None:
     say(f"carried to the {record['to']}: {', '.join(record['carried']) or 'nothing'}")
     if labels := ", ".join(record["taken_as_labels"]):
         say(f"taken for labels, which are not averaged: {labels}; --as values interpolates")
@@ -176,32 +176,34 @@ def _transfer_landmarks(
     force: bool,
     talk: Talk,
 ) -> None:
-    """Carry the landmarks of a file, see `isomatch.carry_landmarks`, write and tell them."""
+    """Carry the landmarks of a file by `isomatch.carry_landmarks`, write and print them."""
     shape_landmarks.writer_of(output)
     with talk.progress() as tell, claimed_files(output, force=force):
         tell("reading", 0.0)
         assets = isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1])
-        way = _read_map(map_file, *(len(each.points) for each in assets))
-        given, receiving = assets if to == "target" else assets[::-1]
+        correspondence = _read_map(map_file, *(len(asset.points) for asset in assets))
+        giver, receiver = assets if to == "target" else assets[::-1]
         try:
-            own = isomatch.Landmarks.read(landmarks, given)
+            marks = isomatch.Landmarks.read(landmarks, giver)
         except LandmarkError as error:
             side = "source" if to == "target" else "target"
             raise LandmarkError(f"{error}. They are taken as landmarks of the {side}, see --to") from None
         tell("carrying", 0.3)
         with naming_files(source=ends[0], target=ends[1]):
-            carried = isomatch.carry_landmarks(way, *assets, own, to=to, curve_points=curve_points)
+            carried = isomatch.carry_landmarks(
+                correspondence, *assets, marks, to=to, curve_points=curve_points
+            )
         tell("writing", 0.8)
-        left = isomatch.write_landmarks(output, carried)
+        left_out = isomatch.write_landmarks(output, carried)
         tell("done", 1.0)
     columns = zip(carried.names, carried.positions.tolist(), carried.expected_error.tolist())
     record = {
         "files": [str(output)],
         "to": to,
-        "landmarks": [dict(zip(("name", "position", "expected_error"), each)) for each in columns],
+        "landmarks": [dict(zip(("name", "position", "expected_error"), row)) for row in columns],
         "n_unmatched": int((~carried.placed).sum()),
-        "left_out": list(left),
-        "notes": [*notes_on(dict(zip(ends, assets))), *_supposed(carried, given, receiving, output)],
+        "left_out": list(left_out),
+        "notes": [*notes_on(dict(zip(ends, assets))), *_note_assumed_axes(carried, giver, receiver, output)],
     }
     talk.result(record, lambda: _say_landmarks(record, carried, output))
 
@@ -215,11 +217,11 @@ def _read_map(path: Path, n_source: int, n_target: int) -> Any:
     return isomatch.Correspondence.load(path, n_target, n_source)
 
 
-def _supposed(
-    carried: isomatch.Landmarks, given: isomatch.Asset, receiving: isomatch.Asset, output: Path
+def _note_assumed_axes(
+    carried: isomatch.Landmarks, giver: isomatch.Asset, receiver: isomatch.Asset, output: Path
 ) -> list[str]:
-    """Say what was supposed of the space of a surface that does not say it, beside one that does."""
-    axes = [asset.frame.axes if asset.frame else None for asset in (given, receiving)]
+    """Note that the receiver names no axes, so that its axes are assumed to be the giver's."""
+    axes = [asset.frame.axes if asset.frame else None for asset in (giver, receiver)]
     if axes[0] is None or axes[1] is not None:
         return []
     return [
