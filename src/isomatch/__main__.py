@@ -11,7 +11,7 @@ from types import FrameType
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a terminal that was closed
 
-CLEARED = b"\r\x1b[2K\x1b[?25h"  # ends the line of a progress bar, which hides the cursor
+CLEARED = b"\r\x1b[2K\x1b[?25h"  # clears the line of a progress bar and shows the cursor, which the bar hides
 
 
 def program() -> None:
@@ -19,16 +19,16 @@ def program() -> None:
     # the command runs on another thread, so that a signal is handled even while a compiled loop runs
     for name in SIGNALS:
         number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup sets it
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores signals
             signal.signal(number, _end)
-    # the process that removes what workers shared would say so when a signal has ended this one
+    # silences the process that removes shared memory of workers after a signal
     sys.warnoptions.append("ignore:resource_tracker:UserWarning")
     codes: list[int] = []
     work = Thread(target=lambda: codes.append(_command()), daemon=True)
     work.start()
     while work.is_alive():
         work.join(0.2)  # Windows handles no signal before a wait ends
-    _ignore_signals()  # all is done; while the interpreter ends, their default would make the exit code that of a kill
+    _ignore_signals()  # the work is done; a signal while the interpreter ends would change the exit code
     sys.exit(codes.pop() if codes else 1)
 
 
@@ -54,7 +54,7 @@ def _end(number: int, _: FrameType | None) -> None:
         for worker in active_children():
             worker.kill()
         os.write(2, (CLEARED if os.isatty(2) else b"") + b"isomatch: interrupted\n")
-    finally:  # whatever fails, other threads go on and would write what is to be abandoned
+    finally:  # even after an error: other threads would go on and write abandoned files
         os._exit(128 + number)
 
 

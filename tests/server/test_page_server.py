@@ -13,7 +13,7 @@ from isomatch import Mesh, MeshError, SettingError
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, match
 from isomatch.server import PageServer
-from isomatch.server.app import _bound
+from isomatch.server.app import _bind
 from isomatch.server.session import Job
 from served_pages import PAIRS, QUICK, bent, serving
 
@@ -313,7 +313,7 @@ def test_a_port_that_is_taken_is_refused(page, shape):
 def test_a_port_is_shared_with_nobody(system, reused, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr("os.name", system)
-        made = _bound(0)
+        made = _bind(0)
     with made:
         assert bool(made.getsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR)) == reused
 

@@ -23,7 +23,7 @@ from isomatch.visualization import HEADLINES, position_colours, report, summary_
 from isomatch.visualization.colours import to_screen
 from isomatch.visualization.measures import MEASURES, quality_bounds, quality_measures
 from isomatch.visualization.scene import scene_of, stretch
-from isomatch.visualization.summary import share_elsewhere, told_of_all, told_of_alternative
+from isomatch.visualization.summary import describe_alternative, describe_alternatives, share_elsewhere
 
 HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
 VOID = {"meta", "img", "br", "line", "circle", "input"}
@@ -411,7 +411,7 @@ def test_the_script_is_sound_javascript():
 )
 def test_alternatives_are_told_by_how_near_they_come(result, runner_up, mirrored, words):
     quality = dataclasses.replace(result.quality, runner_up=runner_up, mirrored=mirrored)
-    assert told_of_all(dataclasses.replace(result, quality=quality)).startswith(words)
+    assert describe_alternatives(dataclasses.replace(result, quality=quality)).startswith(words)
 
 
 @pytest.mark.parametrize(
@@ -420,11 +420,11 @@ def test_alternatives_are_told_by_how_near_they_come(result, runner_up, mirrored
 def test_an_alternative_is_told_by_where_it_goes(pair, result, orientation, words):
     source, target, _ = pair
     same = Alternative(lambda: result.map, 0.1, orientation, "flip")
-    told = told_of_alternative(source, target, result, same)
+    told = describe_alternative(source, target, result, same)
     assert told.startswith("Differs on 0% of the surface. ")
     assert words in told
     former = dataclasses.replace(same, energy=np.nan, orientation=np.nan)
-    assert told_of_alternative(source, target, result, former).startswith(
+    assert describe_alternative(source, target, result, former).startswith(
         "The map before this one was chosen. Differs on 0%"
     )
 

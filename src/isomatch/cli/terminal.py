@@ -169,7 +169,7 @@ SECONDS_BETWEEN_LINES = 60.0  # between two lines of progress in a log
 
 @contextmanager
 def _lines_on(console: Console, clock: _Clock) -> Iterator[Tell]:
-    """Give a function that notes a stage, and write a dated line every `LINES_APART`."""
+    """Give a function that notes a stage, and write a dated line every `SECONDS_BETWEEN_LINES`."""
     ended = Event()
 
     def write() -> None:

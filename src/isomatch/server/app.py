@@ -16,22 +16,22 @@ from isomatch.server.guard import App, Guard
 from isomatch.server.session import Session
 
 HOST = "127.0.0.1"
-EXTRA, WHAT = "open", "isomatch open"
-REFUSED = 400  # answer to what cannot be done, with the reason in words
-MANY = 2**31  # no surface has so many vertices
+EXTRA, FEATURE = "open", "isomatch open"
+REFUSED_STATUS = 400  # HTTP status of a request that fails; its body gives the reason in words
+VERTEX_LIMIT = 2**31  # all surfaces have fewer vertices
 T = TypeVar("T")
 
 
 def require_server() -> None:
     """Raise `MissingDependencyError` if starlette or uvicorn is not installed."""
     for name in ("starlette", "uvicorn"):
-        package(name, EXTRA, WHAT)
+        package(name, EXTRA, FEATURE)
 
 
-def app_of(session: Session, token: str, port: int, once: str = "") -> App:
+def make_app(session: Session, token: str, port: int, once: str = "") -> App:
     """Make the ASGI application of a session; for the token and ``once`` see `Guard`."""
     modules = "applications", "responses", "routing"
-    applications, responses, routing = (package(f"starlette.{name}", EXTRA, WHAT) for name in modules)
+    applications, responses, routing = (package(f"starlette.{name}", EXTRA, FEATURE) for name in modules)
     text = partial(responses.Response, media_type="text/plain")
 
     def answers(function: Callable[..., Any], **fields: Callable[[Any], Any]) -> Any:
@@ -39,10 +39,10 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
             try:
                 if request.method == "GET":
                     return responses.JSONResponse(function())
-                function(**_fields(await request.body(), fields))
+                function(**_read_fields(await request.body(), fields))
                 return text("", 202)
             except IsomatchError as error:
-                return text(str(error), REFUSED)
+                return text(str(error), REFUSED_STATUS)
 
         return answer
 
@@ -52,7 +52,7 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
     async def packed(request: Any) -> Any:
         return responses.Response(session.archive(), media_type="application/zip")
 
-    of_match = {"landmarks": _pairs, "only": _flag, "hold": _flag, "start": _word, "orientation": _word}
+    of_match = {"landmarks": _read_pairs, "only": _flag, "hold": _flag, "start": _word, "orientation": _word}
     get = {"/": page, "/packed": packed}
     get |= {"/state": answers(session.state), "/result": answers(session.shown)}
     post = {
@@ -70,17 +70,17 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
 class PageServer:
     """Serves the page of a session to browsers of this machine, on a port; 0 is any that is free.
 
-    ``address`` is that of the page, with the token; ``once`` is another, which works once: for command lines, which other
-    users of a machine can read. `SettingError` if the port cannot be used.
+    ``address`` is the page's address with the token. ``once`` is an address that works a single time: it is for command
+    lines, which other users of the machine can read. `SettingError` if the port cannot be used.
     """
 
     def __init__(self, session: Session, port: int = 0) -> None:
-        uvicorn = package("uvicorn", EXTRA, WHAT)
+        uvicorn = package("uvicorn", EXTRA, FEATURE)
         token, key = secrets.token_urlsafe(32), secrets.token_urlsafe(32)
-        self._socket = _bound(port)
+        self._socket = _bind(port)
         number = self._socket.getsockname()[1]
         try:
-            app = app_of(session, token, number, key)
+            app = make_app(session, token, number, key)
         except BaseException:
             self._socket.close()
             raise
@@ -99,13 +99,13 @@ class PageServer:
         self._server.should_exit = True
 
 
-def _bound(port: int) -> socket.socket:
+def _bind(port: int) -> socket.socket:
     made = socket.socket()
     try:
-        if os.name == "posix":  # elsewhere it lets others take a port that is used
+        if os.name == "posix":  # on Windows it would let others take a port in use
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         made.bind((HOST, port))
-        made.listen()  # a browser that is quicker than the server waits
+        made.listen()  # a browser that asks before the server is ready then waits
     except (OSError, OverflowError) as error:
         made.close()
         raise SettingError(
@@ -114,8 +114,8 @@ def _bound(port: int) -> socket.socket:
     return made
 
 
-def _fields(body: bytes, fields: Mapping[str, Callable[[object], object]]) -> dict[str, Any]:
-    """Read the fields of a JSON object, all of which have to be there, and no others."""
+def _read_fields(body: bytes, fields: Mapping[str, Callable[[object], object]]) -> dict[str, Any]:
+    """Read the fields of a JSON object; `SettingError` if any is missing or unknown."""
     try:
         values = json.loads(body)
         if not isinstance(values, dict) or values.keys() != fields.keys():
@@ -137,11 +137,11 @@ def _exactly(kind: type[T]) -> Callable[[object], T]:
 _whole, _word, _flag = _exactly(int), _exactly(str), _exactly(bool)
 
 
-def _pairs(value: object) -> list[tuple[int, int]]:
+def _read_pairs(value: object) -> list[tuple[int, int]]:
     pairs = []
     for row in _exactly(list)(value):
         first, second = map(_whole, _exactly(list)(row))
-        if max(abs(first), abs(second)) >= MANY:
+        if max(abs(first), abs(second)) >= VERTEX_LIMIT:
             raise ValueError
         pairs.append((first, second))
     return pairs

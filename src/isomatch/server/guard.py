@@ -1,4 +1,4 @@
-"""The guard in front of the server: who may ask is the page itself, with the token, in a browser on this machine."""
+"""The guard in front of the server: it admits only the page itself, with the token, on this machine."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 TOKEN_HEADER = b"x-isomatch-token"
-LARGEST_BODY = 2**20  # bytes; some 70 000 pairs of landmarks
-PAGE = "/"  # its address has the token; all else is asked for by its script, with a header that no other page can send
+LARGEST_BODY = 2**20  # bytes; about 70 000 pairs of landmarks fit
+# The page's address carries the token. Its script sends the token in a header, which no other page can.
+PAGE = "/"
 HEADERS = (
     (b"cache-control", b"no-store"),
-    (b"referrer-policy", b"no-referrer"),  # the address has the token
+    (b"referrer-policy", b"no-referrer"),  # the address carries the token
     (b"x-content-type-options", b"nosniff"),
     (b"content-security-policy", b"frame-ancestors 'none'"),
     (b"cross-origin-opener-policy", b"same-origin"),
@@ -26,12 +27,12 @@ HEADERS = (
 
 
 class Guard:
-    """An ASGI application that lets through what has the token and comes from the page, in a browser on this machine."""
+    """An ASGI application that admits requests of the page, with the token, from a browser on this machine."""
 
-    # The token has to be in the query of the page's address, and in a header of all other requests: without cookies
-    # there is nothing that a browser would send along for another page. Host and, of a POST, Origin must name this
-    # machine and the port, so that no foreign name that leads here passes. once, in the query, leads to the page's
-    # address a single time.
+    # The token must be in the query of the page's address, and in a header of all other requests. There are no
+    # cookies, which a browser would also send for requests of other pages. Host, and Origin of a POST, must name this
+    # machine and the port; this refuses foreign host names that resolve to this machine. The key "once" in the query
+    # redirects to the page's address a single time.
 
     def __init__(self, app: App, token: str, port: int, once: str = "") -> None:
         self._app, self._token, self._once = app, token.encode(), once.encode()
@@ -42,7 +43,7 @@ class Guard:
         if scope["type"] != "http":
             return
 
-        async def guarded(message: MutableMapping[str, Any]) -> None:
+        async def send_guarded(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
                 message["headers"] = [*message.get("headers", ()), *HEADERS]
             await send(message)
@@ -52,14 +53,14 @@ class Guard:
             body = await _body(receive)
             if body is not None:
 
-                async def again() -> MutableMapping[str, Any]:
+                async def replay() -> MutableMapping[str, Any]:
                     return {"type": "http.request", "body": body, "more_body": False}
 
-                return await self._app(scope, again, guarded)
+                return await self._app(scope, replay, send_guarded)
             code, words = 413, "The request is too large."
         headers.append((b"content-type", b"text/plain"))
-        await guarded({"type": "http.response.start", "status": code, "headers": headers})
-        await guarded({"type": "http.response.body", "body": words.encode()})
+        await send_guarded({"type": "http.response.start", "status": code, "headers": headers})
+        await send_guarded({"type": "http.response.body", "body": words.encode()})
 
     def _refused(self, scope: Scope) -> tuple[Any, ...] | None:
         """Return code, reason and headers of an answer in place of the application's; None if the request passes."""

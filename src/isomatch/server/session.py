@@ -1,4 +1,4 @@
-"""What a page works on: two shapes, prepared once; one job at a time; the result so far."""
+"""The state behind the page: two shapes, prepared once; one job at a time; the latest result."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from isomatch.surfaces import Surface
 from isomatch.visualization import WorkPage
 
 Tell = Callable[[str, float], None]
-POLL = 0.05  # seconds between two looks at a job that is waited for
+POLL_SECONDS = 0.05  # between two checks whether a job has ended
 logger = logging.getLogger(__name__)
 
 Pairs = Sequence[Sequence[int]]  # (source vertex, target vertex)
-DRAWING = 0.97  # share of a match after which its result is drawn
+SHARE_BEFORE_DRAWING = 0.97  # share of the progress at which a match ends and drawing begins
 
 
 class Job:
-    """Runs a function, called with a function of stage and share of the work, on a thread of its own."""
+    """Runs a function on its own thread; the function receives a callback for stage and share of the work."""
 
     def __init__(self, name: str, work: Callable[[Tell], Any]) -> None:
         self.name = name
         self._result: Any = None
         self._error: Exception | None = None
-        self.succeeded = False  # whether it has come to a result, even if it was given up before
+        self.succeeded = False  # whether the function has returned, even if the job was given up before
         self._now = ("", 0.0)  # the stage, and the share of the work that is done
         self._since = time.perf_counter()
         self._end: float | None = None
@@ -55,7 +55,7 @@ class Job:
         self._now = stage, share
 
     def give_up(self) -> None:
-        """Let it end at the next place where it can stop."""
+        """Let the function end at the next point where it checks for a stop."""
         self._call.abandoned = True
 
     @property
@@ -69,10 +69,10 @@ class Job:
         return (self._end or time.perf_counter()) - self._since
 
     def join(self) -> None:
-        """Wait until it is over, however it ended; a wait within a job ends with that job."""
+        """Wait until the thread has ended; a wait inside another job ends if that job is given up."""
         while not self.is_over:
             stop_if_abandoned()
-            self._thread.join(POLL)
+            self._thread.join(POLL_SECONDS)
 
     def wait(self) -> Any:
         """Wait until it is over (`join`), and return its result or raise its error."""
@@ -95,20 +95,20 @@ class Keeper(Protocol):
 
     @property
     def folder(self) -> str:
-        """Where it writes them, for the page; empty if nowhere, and then `write` raises `SettingError`."""
+        """The folder that it writes into, for the page; if empty, `write` raises `SettingError`."""
 
     def write(self, result: MatchResult, landmarks: Pairs) -> str:
-        """Write them into the folder, and say in words what was done."""
+        """Write the files into the folder, and return a sentence that says so."""
 
     def packed(self, result: MatchResult, landmarks: Pairs) -> bytes:
-        """Return them in a zip archive."""
+        """Return the files in a zip archive."""
 
 
 class Session:
     """The state behind a page that is drawn by a `WorkPage`; its methods are called from one thread.
 
-    The preparation of the surfaces, source and target, begins at once. A ``result`` to begin with comes with the
-    landmarks with which it was found. A match starts from the map that the page was given, if it was.
+    The preparation of the surfaces, source and target, begins at once. If a ``result`` is given, ``landmarks`` are
+    those with which it was found. If the page has a given map, a match starts from it.
     """
 
     def __init__(
@@ -142,7 +142,7 @@ class Session:
         return self._page.html(self._keeper.folder, self._config)
 
     def shown(self) -> dict[str, Any]:
-        """Tell all that the page shows of the result; `SettingError` if there is none."""
+        """Return all that the page shows of the result; `SettingError` if there is none."""
         if self._shown is None:
             raise SettingError("there is no result yet; match first")
         return self._shown
@@ -152,7 +152,7 @@ class Session:
         return self._packed[1]
 
     def state(self) -> dict[str, Any]:
-        """Tell in plain values what is done now, and what has changed."""
+        """Return in plain values which job runs, how far it is, and what has changed."""
         self._settle()
         job = self._job
         stage, share = job.now() if job else ("", 0.0)
@@ -182,22 +182,22 @@ class Session:
     ) -> None:
         """Begin a match with landmarks, or without any if there are none.
 
-        ``only`` maps that follow the landmarks may win; they ``hold`` if the map goes through them exactly, or as the
-        settings say.
+        With ``only``, no map that ignores the landmarks can win. With ``hold``, the map goes through the landmarks,
+        exactly or within the tolerance ``pin`` of the settings.
         """
         hypotheses: Hypotheses = "given" if only and landmarks else "all"
         pin = (self._config.pin or 0.0) if hold and landmarks else None
         config = replace(self._config, hypotheses=hypotheses, pin=pin, start=start, orientation=orientation)
-        before = None if self._result is None else self._result.map
+        earlier_map = None if self._result is None else self._result.map
 
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
             source, target = self._preparation.wait()
             tell("match", 0.0)
-            told, marks, seed = _before_drawing(tell), landmarks or None, self._seed
-            hints: dict[str, Any] = {"landmarks": marks, "initial_map": self._page.given}
-            result = match(source, target, **hints, config=config, seed=seed, progress=told)
-            tell("drawing", DRAWING)
-            return result, landmarks, self._page.result(result, before, landmarks)
+            progress, pairs, seed = _scale_to_drawing(tell), landmarks or None, self._seed
+            hints: dict[str, Any] = {"landmarks": pairs, "initial_map": self._page.given}
+            result = match(source, target, **hints, config=config, seed=seed, progress=progress)
+            tell("drawing", SHARE_BEFORE_DRAWING)
+            return result, landmarks, self._page.result(result, earlier_map, landmarks)
 
         self._begin("match", work)
 
@@ -207,7 +207,7 @@ class Session:
 
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
             source, target = self._preparation.wait()
-            chosen = continue_with(result, number, source, target, landmarks or None, _before_drawing(tell))
+            chosen = continue_with(result, number, source, target, landmarks or None, _scale_to_drawing(tell))
             return chosen, landmarks, self._page.result(chosen, None, landmarks)
 
         self._begin("choose", work)
@@ -225,7 +225,7 @@ class Session:
         self._begin(name, lambda tell: (revision, work(result, landmarks)))
 
     def cancel(self) -> None:
-        """Give up what is done now; what it has computed so far is dropped, but not files that it has saved."""
+        """Give up the present job and drop its result; files that it has saved remain."""
         self._settle()
         if self._job is not None:
             self._job.give_up()
@@ -245,18 +245,18 @@ class Session:
         self._error = ""
         given_up = tuple(self._given_up)
 
-        def alone(tell: Tell) -> Any:
+        def work_alone(tell: Tell) -> Any:
             for job in given_up:
                 job.join()
             return work(tell)
 
-        self._job = Job(name, alone)
+        self._job = Job(name, work_alone)
 
     def _settle(self) -> None:
-        """Take in what jobs have come to that have ended; of those that were given up, what was saved all the same."""
-        over = [job for job in self._given_up if job.is_over]
-        self._given_up = [job for job in self._given_up if job not in over]
-        for job in over:
+        """Take in the results of jobs that have ended; from a job that was given up, only that it saved files."""
+        ended = [job for job in self._given_up if job.is_over]
+        self._given_up = [job for job in self._given_up if job not in ended]
+        for job in ended:
             if job.name == "save" and job.succeeded:
                 self._take_in(job)
         if self._job is not None and self._job.is_over:
@@ -266,39 +266,39 @@ class Session:
     def _take_in(self, job: Job) -> None:
         self._last = {"job": job.name, "seconds": job.seconds}
         try:
-            came = job.wait()
+            outcome = job.wait()
         except Exception as error:
-            self._error = _in_words(error)
+            self._error = _message_of(error)
             return
         if job.name in ("match", "choose"):
-            self._result, self._landmarks, self._shown = came
+            self._result, self._landmarks, self._shown = outcome
             self._revision += 1
             self._written = ""
         elif job.name == "save":
-            self._saved, self._written = came
+            self._saved, self._written = outcome
         else:
-            self._saved, archive = came
+            self._saved, archive = outcome
             self._packed = self._packed[0] + 1, archive
 
     def _prepare(self, tell: Tell) -> list[PreparedShape]:
         shares = [0.0, 0.0]
 
-        def prepared(side: int) -> PreparedShape:
-            def told(stage: str, share: float) -> None:
+        def prepare_side(side: int) -> PreparedShape:
+            def report(stage: str, share: float) -> None:
                 shares[side] = share
                 tell("both shapes are prepared, once", sum(shares) / 2)
 
-            return prepare(self._surfaces[side], self._config, self._seed, progress=told)
+            return prepare(self._surfaces[side], self._config, self._seed, progress=report)
 
-        return parallel_map(prepared, (0, 1))
-
-
-def _before_drawing(tell: Tell) -> Tell:
-    return lambda stage, share: tell(stage, DRAWING * share)
+        return parallel_map(prepare_side, (0, 1))
 
 
-def _in_words(error: Exception) -> str:
-    """Say what went wrong; of an error that is not of isomatch, the log has the place."""
+def _scale_to_drawing(tell: Tell) -> Tell:
+    return lambda stage, share: tell(stage, SHARE_BEFORE_DRAWING * share)
+
+
+def _message_of(error: Exception) -> str:
+    """Say what went wrong; the traceback of an unexpected error goes to the log."""
     if isinstance(error, IsomatchError):
         return str(error)
     if isinstance(error, MemoryError):

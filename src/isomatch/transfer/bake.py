@@ -30,11 +30,14 @@ from isomatch.surfaces import Mesh, PrecisePoints, label_components, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
 
-CHUNK = 2**18  # texels at once
-UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # grey: what is unmatched, or would show what cannot be read
-SIZES = (8, 16384)
-FIRST_TILE, MOST_TILES = 1001, 16  # of UDIM; more are taken for a picture that repeats
-APART = 0.01  # √area: two places of the surface that one texel shows
+TEXELS_PER_CHUNK = 2**18  # bounds the memory for colours
+UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey: unmatched places and unreadable pictures
+SIZE_LIMITS = (8, 16384)  # texels
+FIRST_UDIM_TILE, MAX_TILES = (
+    1001,
+    16,
+)  # more UDIM tiles than this mean that a picture repeats
+SAME_PLACE_DISTANCE = 0.01  # √area; points of one texel that are farther apart are different places
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +54,8 @@ class Baked:
     unmatched : int
         Texels of the surface without an image, which are grey.
     notes : tuple of str
-        What of the other cannot be read, and why; what it would paint is grey. Which places of the picture two parts of
-        the surface share, of which the first is painted.
+        Pictures of the other that cannot be read, and why; their places are grey. The share of the surface that shows
+        other parts, because two parts have the same places in the picture; the first is painted.
     """
 
     tiles: Mapping[int, AnyArray]
@@ -121,19 +124,21 @@ def bake_texture(
     """
     from scipy.ndimage import distance_transform_edt
 
-    if not SIZES[0] <= size <= SIZES[1]:
-        raise SettingError(f"size = {size}; give a number of texels from {SIZES[0]} to {SIZES[1]}")
+    if not SIZE_LIMITS[0] <= size <= SIZE_LIMITS[1]:
+        raise SettingError(
+            f"size = {size}; give a number of texels from {SIZE_LIMITS[0]} to {SIZE_LIMITS[1]}"
+        )
     receiver = source if to == "source" else target
     if not receiver.of_kind("uv"):
         remedy = "carry those of the other instead (uv)"
         raise DescriptorError(f"the {to} has no texture coordinates to bake for; {remedy}")
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
     paint = _Paint.of(bridge.giver)
-    uv, tile_of_triangle, used = _in_tiles(receiver)
+    uv, tile_of_triangle, used = _split_into_tiles(receiver)
     tiles, unmatched, hidden = dict[int, AnyArray](), 0, 0.0
     for tile in used:
-        own = np.flatnonzero(tile_of_triangle == tile)
-        covered, seen, area = _texels(receiver.mesh, own, uv[own], size)
+        triangles = np.flatnonzero(tile_of_triangle == tile)
+        covered, seen, area = _rasterise_faces(receiver.mesh, triangles, uv[triangles], size)
         if covered.any():
             colours, n_unmatched = _colours_at(seen, bridge, paint)
             unmatched, hidden = unmatched + n_unmatched, hidden + area
@@ -149,54 +154,56 @@ def bake_texture(
         notes += (f"{share} shows other parts, which have the same places in the picture and come first",)
     names = [f"baked_{tile}" for tile in tiles] if len(tiles) > 1 else ["baked"]
     pictures = dict(zip(names, map(png_of, tiles.values())))
-    of_triangle = np.searchsorted(list(tiles), tile_of_triangle).clip(0, len(tiles) - 1)
-    return Baked(tiles, with_tiles(receiver, of_triangle, pictures), unmatched, notes)
+    picture_of_triangle = np.searchsorted(list(tiles), tile_of_triangle).clip(0, len(tiles) - 1)
+    return Baked(tiles, with_tiles(receiver, picture_of_triangle, pictures), unmatched, notes)
 
 
-def _in_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]:
-    """(t, 3, 2) texture coordinates in the tile of each triangle, (t,) the numbers of these tiles, and those in use."""
+def _split_into_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]:
+    """Return coordinates (t, 3, 2) within each triangle's tile, the numbers (t,) of the tiles, and the used tiles."""
     attribute = receiver.of_kind("uv")[0]
     of_corner = columns(attribute)[rows_of_corners(receiver, attribute), :2]
     uv = of_corner[receiver.polygons.corner_of_triangle]
     low = np.floor(uv.mean(axis=1))
     uv -= low[:, None]
     is_without = np.isnan(uv).any(axis=(1, 2))
-    uv[is_without] = -1.0  # beside the first tile
+    uv[is_without] = -1.0  # outside the first tile
     is_in_first = is_without | (low < 0).any(axis=1) | (low[:, 0] > 9)
-    tile = np.where(is_in_first, FIRST_TILE, FIRST_TILE + low @ [1, 10]).astype(np.int64)
-    if len(np.unique(tile[~is_without])) > MOST_TILES:  # a picture that repeats, and no tiles
-        tile[:] = FIRST_TILE
+    tile = np.where(is_in_first, FIRST_UDIM_TILE, FIRST_UDIM_TILE + low @ [1, 10]).astype(np.int64)
+    if len(np.unique(tile[~is_without])) > MAX_TILES:  # a repeated picture, not tiles
+        tile[:] = FIRST_UDIM_TILE
     return uv, tile, np.unique(tile[~is_without]).tolist()
 
 
-def _texels(mesh: Mesh, own: IntArray, uv: FloatArray, size: int) -> tuple[BoolArray, PrecisePoints, float]:
-    """(size, size) which texels show some faces, the points that they show, and the area hidden below these."""
+def _rasterise_faces(
+    mesh: Mesh, triangles: IntArray, uv: FloatArray, size: int
+) -> tuple[BoolArray, PrecisePoints, float]:
+    """Find the texels (size, size) that show faces, the points that they show, and the area hidden below."""
     corners = uv.reshape(-1, 2)
-    height = -np.repeat(_chart(mesh.faces[own], uv), 3) / size  # the first chart is on top
+    height = -np.repeat(_number_charts(mesh.faces[triangles], uv), 3) / size  # the first chart is on top
     texels = np.column_stack([corners[:, 0], 1 - corners[:, 1], height]) * size
-    of_corners = np.arange(len(corners)).reshape(-1, 3)
-    above, below = (rasterise(texels * [1, 1, way], of_corners, size, size) for way in (1, -1))
+    rows = np.arange(len(corners)).reshape(-1, 3)
+    above, below = (rasterise(texels * [1, 1, sign], rows, size, size) for sign in (1, -1))
     covered = above.covered
-    face, face_below = own[above.face[covered]], own[below.face[covered]]
+    face, face_below = triangles[above.face[covered]], triangles[below.face[covered]]
     seen = PrecisePoints(mesh.faces[face], above.barycentric[covered])
     hidden = PrecisePoints(mesh.faces[face_below], below.barycentric[covered])
     return covered, seen, _hidden_area(mesh, face_below, seen, hidden)
 
 
 def _colours_at(points: PrecisePoints, bridge: Bridge, paint: _Paint) -> tuple[FloatArray, int]:
-    """(m, 4) colours of points of the receiver, and how many of these have no image."""
+    """Compute colours (m, 4) of points of the receiver, and count the points without an image."""
     colours, unmatched = np.zeros((len(points.corners), 4)), 0
-    for first in range(0, len(colours), CHUNK):
-        rows = slice(first, first + CHUNK)
+    for first in range(0, len(colours), TEXELS_PER_CHUNK):
+        rows = slice(first, first + TEXELS_PER_CHUNK)
         places = bridge.at(PrecisePoints(points.corners[rows], points.barycentric[rows]))
-        colours[rows] = np.where(places.has_place[:, None], paint.at(places), UNPAINTED)
+        colours[rows] = np.where(places.has_place[:, None], paint.at(places), UNPAINTED_COLOUR)
         unmatched += int((~places.has_place).sum())
     return colours, unmatched
 
 
-def _chart(faces: IntArray, uv: FloatArray) -> IntArray:
+def _number_charts(faces: IntArray, uv: FloatArray) -> IntArray:
     """Find the chart, numbered by first triangles, of each triangle (t, 3) with texture coordinates (t, 3, 2)."""
-    # A chart is connected in the picture and on the surface, and not turned over, as the mirror image beside it is.
+    # A chart is connected in the picture and on the surface, and has one orientation: mirrored halves are two charts.
     a, b, c = uv.transpose(1, 0, 2)
     sides = np.sign((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
     corners = np.column_stack([faces.ravel(), uv.reshape(-1, 2), np.repeat(sides, 3)])
@@ -209,10 +216,14 @@ def _chart(faces: IntArray, uv: FloatArray) -> IntArray:
 
 
 def _hidden_area(mesh: Mesh, below: IntArray, seen: PrecisePoints, hidden: PrecisePoints) -> float:
-    """Area of the faces of which most texels show what lies elsewhere on the surface."""
-    there, here = (points.interpolated(mesh.vertices) for points in (hidden, seen))
-    apart = np.linalg.norm(there - here, axis=1) > APART * np.sqrt(mesh.area)
-    n_hidden, n_texels = (np.bincount(below, each, mesh.n_faces) for each in (apart, np.ones(len(below))))
+    """Compute the area of the faces with most of their texels showing another place of the surface."""
+    hidden_positions, seen_positions = (points.interpolated(mesh.vertices) for points in (hidden, seen))
+    is_elsewhere = np.linalg.norm(hidden_positions - seen_positions, axis=1) > SAME_PLACE_DISTANCE * np.sqrt(
+        mesh.area
+    )
+    n_hidden, n_texels = (
+        np.bincount(below, weights, mesh.n_faces) for weights in (is_elsewhere, np.ones(len(below)))
+    )
     return float(mesh.face_areas[n_hidden > 0.5 * np.maximum(n_texels, 1)].sum())
 
 
@@ -246,27 +257,29 @@ class _Paint:
             return self._of_points(places)
         look = np.where(places.has_place, self.looks.of_triangle[places.triangle], -1)
         colours = np.ones((len(look), 4))
-        for i, each in enumerate(self.looks.looks):
-            here = look == i
-            those = Places(places.asset, places.triangle[here], places.barycentric[here])
-            base = self._of_layer(each.base, those)
+        for i, appearance in enumerate(self.looks.looks):
+            rows = look == i
+            some_places = Places(places.asset, places.triangle[rows], places.barycentric[rows])
+            base = self._of_layer(appearance.base, some_places)
             if self.looks.tinted and self.asset.of_kind("colour"):
-                base = multiply_colours(base, self._of_points(those))
-            if each.emitted:
-                glow = self._of_layer(each.emitted, those)
+                base = multiply_colours(base, self._of_points(some_places))
+            if appearance.emitted:
+                glow = self._of_layer(appearance.emitted, some_places)
                 base[:, :3] = srgb_of(linear_of(base) + linear_of(glow))[:, :3]
-            colours[here] = base
+            colours[rows] = base
         return colours
 
     def _of_points(self, places: Places) -> FloatArray:
         colour = self.asset.of_kind("colour")[0]
-        seen = np.nan_to_num(places.interpolated(colour.fractions, places.rows(colour)), nan=UNPAINTED[0])
+        seen = np.nan_to_num(
+            places.interpolated(colour.fractions, places.rows(colour)), nan=UNPAINTED_COLOUR[0]
+        )
         return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
 
     def _of_layer(self, layer: Layer, places: Places) -> FloatArray:
         uv = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]
         if layer.picture in self.pixels and uv:
-            at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
-            return sample_texture(self.pixels[layer.picture], layer, np.nan_to_num(at))
-        colour = np.array(UNPAINTED if layer.picture else layer.tint, dtype=np.float64)
+            sample_uv = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
+            return sample_texture(self.pixels[layer.picture], layer, np.nan_to_num(sample_uv))
+        colour = np.array(UNPAINTED_COLOUR if layer.picture else layer.tint, dtype=np.float64)
         return np.tile(colour, (len(places.triangle), 1))

@@ -1,4 +1,4 @@
-"""The map from the asset that receives to the one that gives, and what it says of points, pieces, corners and turns."""
+"""The map from the receiving asset to the giving one: places of points, pieces, corners, and rotations."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from isomatch.io import Asset, Attribute
 from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-# × extent of the surface: farther from its image, a corner was kept on its side of a texture seam
-ACROSS = 1e-6
-SAME_SIZE = 1.1  # times larger: less is what bending and noise of the map do to surfaces of one size
-# × √area: length over which the rotations of shape keys are averaged. On bodies and heads of other
-# people, directions of a key that moves by one vector then differ by 4° at most (median); with half
-# the length, by 6°
-SMOOTHED = 0.1
-N_COARSE = 4000  # vertices of the mesh of that average: edges of a sixth of the length
-SHIFT = 1e-9  # in 1 / area; makes a singular Laplacian definite
+# × extent of the surface; a corner that ends farther from its image was stopped at a texture seam
+ACROSS_SEAM_DISTANCE = 1e-6
+SAME_SIZE_RATIO = 1.1  # smaller ratios of size come from bending and from noise of the map
+# × √area; length over which the rotations of shape keys are averaged. It was measured on bodies and heads of
+# different people with keys that move by one vector: the directions differ by at most 4° (median), 6° with half
+# the length.
+SMOOTHING_LENGTH = 0.1
+N_COARSE_VERTICES = 4000  # of the mesh on which rotations are averaged; its edges have a sixth of that length
+LAPLACIAN_SHIFT = 1e-9  # 1 / area; makes a singular Laplacian definite
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Bridge:
             if not len(asset.polygons):
                 reason = "has no polygons, and values are carried between surfaces"
                 raise MeshError(f"{name}: {reason}; give a mesh")
-        meshes, vertices = zip(*map(_end_of_map, (source, target), images.shape))
+        meshes, vertices = zip(*map(_mesh_of_map, (source, target), images.shape))
         images.check_fits(*meshes)
         welded = welded_map(images, *vertices)
         if to_source:
@@ -81,27 +81,27 @@ class Bridge:
 
     @cached_property
     def at_vertices(self) -> Places:
-        """Where the vertices of the receiver's mesh lie."""
+        """Places of the vertices of the receiver's mesh."""
         return self._places(self.map)
 
     @cached_property
     def image_positions(self) -> FloatArray:
-        """(n_vertices, 3) positions of these places."""
+        """Positions (n_vertices, 3) of the images of the receiver's vertices."""
         return self.map.pull_back(self.giver.mesh.vertices)
 
     def at(self, points: PrecisePoints) -> Places:
-        """Where points of the receiver's mesh lie."""
+        """Find the places of points of the receiver's mesh."""
         samples = Correspondence.of_points(points, self.receiver.mesh.n_vertices)
         return self._places(samples.then(self.map, self.receiver.mesh, self.giver.mesh))
 
     @cached_property
     def at_thirds(self) -> Places:
-        """Where the middles of the thirds of the receiver's triangles lie, three for each triangle."""
+        """Places of the middles of the thirds of the receiver's triangles, three per triangle."""
         return self.at(self._in_triangles(np.full((3, 3), 1 / 6) + np.eye(3) / 2))
 
     @cached_property
     def at_polygons(self) -> Places:
-        """Where the middle of each polygon's largest triangle lies."""
+        """Place of the middle of each polygon's largest triangle."""
         polygons = self.receiver.polygons
         by_size = np.lexsort([-self.receiver.mesh.face_areas, polygons.of_triangle])
         largest = by_size[np.unique(polygons.of_triangle[by_size], return_index=True)[1]]
@@ -113,7 +113,7 @@ class Bridge:
         return PrecisePoints(np.repeat(faces, len(weights), axis=0), np.tile(weights, (len(faces), 1)))
 
     def _places(self, images: Correspondence) -> Places:
-        """Find the triangles of precise images; one that lies in none is its nearest vertex."""
+        """Find the triangles of precise images; an image outside all triangles moves to its nearest vertex."""
         faces = self.giver.mesh.faces
         order, corner_order = np.argsort(images.faces, axis=1), np.argsort(faces, axis=1)
         triples = np.take_along_axis(images.faces, order, axis=1)
@@ -121,49 +121,51 @@ class Bridge:
         triangle = first_equal(np.concatenate([sorted_faces, triples]))[len(faces) :]
         inside = images.matched & (triangle < len(faces))
         triangle[~inside] = UNMATCHED
-        barycentric, held = np.zeros((len(triples), 3)), np.flatnonzero(inside)
+        barycentric, placed = np.zeros((len(triples), 3)), np.flatnonzero(inside)
         sorted_weights = np.take_along_axis(images.barycentric, order, axis=1)
-        barycentric[held[:, None], corner_order[triangle[held]]] = sorted_weights[held]
+        barycentric[placed[:, None], corner_order[triangle[placed]]] = sorted_weights[placed]
         corner_of_vertex = np.full(self.giver.mesh.n_vertices, UNMATCHED)
         corner_of_vertex[faces.ravel()] = np.arange(faces.size)
-        alone = np.flatnonzero(images.matched & ~inside)
-        corner = corner_of_vertex[images.faces[alone, images.barycentric[alone].argmax(axis=1)]]
-        triangle[alone] = np.where(corner >= 0, corner // 3, UNMATCHED)
-        barycentric[alone, corner % 3] = 1.0
+        without_triangle = np.flatnonzero(images.matched & ~inside)
+        corner = corner_of_vertex[
+            images.faces[without_triangle, images.barycentric[without_triangle].argmax(axis=1)]
+        ]
+        triangle[without_triangle] = np.where(corner >= 0, corner // 3, UNMATCHED)
+        barycentric[without_triangle, corner % 3] = 1.0
         return Places(self.giver, triangle, barycentric)
 
     @cached_property
     def growth(self) -> float:
-        """How many times larger the receiver is: the median around its matched faces; 1 if about one size."""
+        """Ratio of sizes, receiver to giver: the median over matched faces; 1 if the sizes are about equal."""
         faces = self.receiver.mesh.faces
         faces = faces[self.map.matched[faces].all(axis=1)]
-        here, there = (
+        receiver_lengths, giver_lengths = (
             np.linalg.norm(x[faces] - x[np.roll(faces, 1, axis=1)], axis=2).sum(axis=1)
             for x in (self.receiver.mesh.vertices, self.image_positions)
         )
-        ratios = here[there > 0] / there[there > 0]
+        ratios = receiver_lengths[giver_lengths > 0] / giver_lengths[giver_lengths > 0]
         ratio = float(np.median(ratios)) if len(ratios) else 1.0
-        return 1.0 if 1 / SAME_SIZE < ratio < SAME_SIZE else ratio
+        return 1.0 if 1 / SAME_SIZE_RATIO < ratio < SAME_SIZE_RATIO else ratio
 
     @cached_property
     def rotations(self) -> FloatArray:
-        """(n_vertices, 3, 3) the rotation from giver to receiver; the identity where no vertex around is matched."""
+        """(n_vertices, 3, 3) rotations from giver to receiver; the identity where no neighbour is matched."""
         return self._nearest_rotations(self._fits)
 
     @cached_property
     def smooth_rotations(self) -> FloatArray:
-        """(n_vertices, 3, 3) the rotations averaged over `SMOOTHED`, for what moves as a whole."""
+        """(n_vertices, 3, 3) rotations averaged over `SMOOTHING_LENGTH`, for parts that move as a whole."""
         # With the stiffness L and the areas A of the receiver, (A + t L) X = Σ HᵀG is one implicit
         # step of diffusion: X is an average of the fits, with weights that fall off over the
-        # length √t. A coarse mesh suffices for it.
+        # length √t. A coarse mesh suffices for that.
         part, kept = self._sound_part
         if not len(kept):
             return self.rotations
-        coarse = decimate(part, N_COARSE)
+        coarse = decimate(part, N_COARSE_VERTICES)
         summed = np.zeros((coarse.mesh.n_vertices, 9))
         np.add.at(summed, coarse.owner, self._fits[kept].reshape(-1, 9))
         stiffness, areas = stiffness_and_masses(coarse.mesh)
-        averages = factorise_for_threads(SMOOTHED**2 * areas.sum() * stiffness, areas)(summed)
+        averages = factorise_for_threads(SMOOTHING_LENGTH**2 * areas.sum() * stiffness, areas)(summed)
         fits = self._fits.copy()
         fits[kept] = Prolongation(part, coarse).on_coarse.interpolated(averages).reshape(-1, 3, 3)
         return self._nearest_rotations(fits)
@@ -177,7 +179,7 @@ class Bridge:
 
     @cached_property
     def _extension(self) -> tuple[IntArray, Callable[[FloatArray], AnyArray]]:
-        """Unmatched vertices, and the function that extends displacements, which are 0 there, to them."""
+        """Unmatched vertices, and the function that extends displacements to them; it expects 0 at them."""
         # L u = 0 at unmatched vertices: L_uu u_u = −L_um u_m. The shift makes L_uu definite on
         # components without matched ones.
         part, kept = self._sound_part
@@ -186,7 +188,7 @@ class Bridge:
             return rows, lambda moves: moves[rows]
         stiffness, areas = stiffness_and_masses(part)
         around = stiffness[rows]
-        solve = factorise_for_threads(csc_array(around[:, rows]), SHIFT / areas.sum() * areas[rows])
+        solve = factorise_for_threads(csc_array(around[:, rows]), LAPLACIAN_SHIFT / areas.sum() * areas[rows])
         return kept[rows], lambda moves: solve(-(around @ moves[kept]))
 
     @cached_property
@@ -226,7 +228,7 @@ class Bridge:
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Pieces of the receiver's surface, by which labels are voted for and values of polygons averaged."""
+    """Pieces of the receiver's surface; their areas weight the votes for labels and the means of values."""
 
     area: FloatArray  # of each piece
     owner: IntArray  # a vertex, a corner or a polygon
@@ -248,7 +250,7 @@ class Patches:
         return cls(area, owner[pieces], places.nearest_rows(attribute)[pieces], owner_of_row)
 
     def sums(self, of_piece: IntArray, n: int) -> csr_array:
-        """(n_owners, n) area of the pieces of each owner that have each of n values."""
+        """Sum the areas of the pieces with each of n values, for each owner: (n_owners, n)."""
         n_owners = int(self.owner_of_row.max(initial=-1)) + 1
         return csr_array((self.area, (self.owner, of_piece)), shape=(n_owners, n))
 
@@ -262,7 +264,7 @@ def is_seamless(asset: Asset, attribute: Attribute) -> bool:
 def interpolated_at_corners(bridge: Bridge, attribute: Attribute) -> tuple[FloatArray, int]:
     """Interpolate at the corners of the receiver, (c, d), nan without an image; count its polygons across a seam."""
     # The giver's mesh is cut along its seams. The search for the images of a polygon's corners starts at the place of
-    # the polygon's middle and walks to neighbours that are nearer. If a corner lies beyond a seam, it ends at the cut.
+    # the polygon's middle and walks to nearer neighbours. If a corner lies beyond a seam, the search ends at the cut.
     giver, receiver = bridge.giver, bridge.receiver
     first = _first_corners(giver, attribute)
     corner_of_piece, piece = np.unique(first, return_inverse=True)
@@ -271,14 +273,14 @@ def interpolated_at_corners(bridge: Bridge, attribute: Attribute) -> tuple[Float
     polygon = receiver.polygons.of_corner
     start = bridge.at_polygons.triangle[polygon]
     images = bridge.map.pull_back(positions)[receiver.vertex_of_corner]
-    held = np.flatnonzero((start >= 0) & bridge.map.matched[receiver.vertex_of_corner])
+    with_image = np.flatnonzero((start >= 0) & bridge.map.matched[receiver.vertex_of_corner])
     walk = PlacedMesh(cut, cut.vertices, VertexGroups.of(np.arange(cut.n_vertices), cut.n_vertices))
-    places = walk.inverse(images[held], cut.faces[start[held]])
-    off = np.linalg.norm(places.interpolated(cut.vertices) - images[held], axis=1)
+    places = walk.inverse(images[with_image], cut.faces[start[with_image]])
+    miss_distance = np.linalg.norm(places.interpolated(cut.vertices) - images[with_image], axis=1)
     of_corner = columns(attribute)[rows_of_corners(giver, attribute)]
     values = np.full((len(polygon), of_corner.shape[1]), np.nan)
-    values[held] = places.interpolated(of_corner[corner_of_piece])
-    return values, len(np.unique(polygon[held[off > ACROSS]]))
+    values[with_image] = places.interpolated(of_corner[corner_of_piece])
+    return values, len(np.unique(polygon[with_image[miss_distance > ACROSS_SEAM_DISTANCE]]))
 
 
 def _first_corners(asset: Asset, attribute: Attribute) -> IntArray:
@@ -301,8 +303,8 @@ def rows_of_corners(asset: Asset, attribute: Attribute) -> IntArray:
     return polygons.of_corner if attribute.domain == "face" else np.arange(len(polygons.corners))
 
 
-def _end_of_map(asset: Asset, n: int) -> tuple[Mesh, IntArray]:
-    """Return the mesh of n vertices that a map refers to, of points or welded, and their vertices in the welded one."""
+def _mesh_of_map(asset: Asset, n: int) -> tuple[Mesh, IntArray]:
+    """Return the mesh with the n vertices of a map, welded or not, and the welded vertex of each of its vertices."""
     if n == asset.mesh.n_vertices and n != len(asset.points):
         return asset.mesh, np.arange(n)
     return Mesh(asset.placed_points, asset.polygons.triangles), asset.vertex_of_point

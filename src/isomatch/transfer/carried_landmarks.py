@@ -18,7 +18,7 @@ from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surfac
 from isomatch.transfer.bridge import Bridge
 from isomatch.transfer.choices import Side
 
-WITHIN = 0.05  # √area of the target: its points farther from all images have none
+MAX_PREIMAGE_DISTANCE = 0.05  # √area of the target; a target point farther from all images has no preimage
 
 
 def carry_landmarks(
@@ -36,7 +36,7 @@ def carry_landmarks(
     Parameters
     ----------
     given : MatchResult or Correspondence
-        Map source → target. A result also tells the expected error of each point.
+        Map source → target. A result also gives the expected error of each point.
     source, target : Asset, or what `surface_from` takes
         Its two ends.
     landmarks : Landmarks
@@ -46,7 +46,7 @@ def carry_landmarks(
     curve_points : int, optional
         Number of points on each curve; by default as many as it was drawn with.
     expected_error : (n_source,) array of float, optional
-        At each vertex of the source, in √area of the target; by default that of the result, if it is one.
+        At each vertex of the source, in √area of the target; by default taken from ``given`` if it is a result.
 
     Returns
     -------
@@ -81,38 +81,43 @@ def carry_landmarks(
     if isinstance(given, MatchResult):
         expected_error = given.expected_error if expected_error is None else expected_error
         given = given.map
-    framed = with_frame(source), with_frame(target)
-    way = _Way.of(given, (framed[0][0], framed[1][0]), expected_error, to)
-    own, other = (frame.axes if frame else None for _, frame in (framed if to == "target" else framed[::-1]))
-    landmarks, axes = landmarks.in_axes(own).with_separate_curves(), other or landmarks.axes or own
+    surfaces = with_frame(source), with_frame(target)
+    landmark_map = _LandmarkMap.of(given, (surfaces[0][0], surfaces[1][0]), expected_error, to)
+    giver_axes, receiver_axes = (
+        frame.axes if frame else None for _, frame in (surfaces if to == "target" else surfaces[::-1])
+    )
+    landmarks = landmarks.in_axes(giver_axes).with_separate_curves()
+    axes = receiver_axes or landmarks.axes or giver_axes
     placed, unit = landmarks.placed, landmarks.unit
-    every = np.full((len(landmarks), 4), np.nan)
-    every[placed] = way.carried(landmarks.positions[placed])
-    along: dict[Curve, FloatArray] = {}
+    all_images = np.full((len(landmarks), 4), np.nan)
+    all_images[placed] = landmark_map.carried(landmarks.positions[placed])
+    images_of_curve: dict[Curve, FloatArray] = {}
     for curve in landmarks.curves:
         points = landmarks.positions[list(curve.rows)]
-        along[curve] = way.carried_curve(points, curve, curve_points or len(curve.rows))
+        images_of_curve[curve] = landmark_map.carried_curve(points, curve, curve_points or len(curve.rows))
     if curve_points is None:
-        for curve, values in along.items():
-            every[list(curve.rows)] = values
-        return Landmarks(every[:, :3], landmarks.names, landmarks.curves, every[:, 3], axes=axes, unit=unit)
+        for curve, values in images_of_curve.items():
+            all_images[list(curve.rows)] = values
+        return Landmarks(
+            all_images[:, :3], landmarks.names, landmarks.curves, all_images[:, 3], axes=axes, unit=unit
+        )
     names, images, curves = list[str](), list[FloatArray](), list[Curve]()
-    for row, (name, on) in enumerate(zip(landmarks.names, landmarks.curve_of)):
-        if on is None:
+    for row, (name, row_curve) in enumerate(zip(landmarks.names, landmarks.curve_of)):
+        if row_curve is None:
             names.append(name)
-            images.append(every[row])
-        elif row == on.rows[0]:
+            images.append(all_images[row])
+        elif row == row_curve.rows[0]:
             rows = range(len(names), len(names) + curve_points)
-            curves.append(Curve(on.name, tuple(rows), on.closed))
-            names += [f"{on.name}-{i + 1}" for i in range(curve_points)]
-            images += list(along[on])
+            curves.append(Curve(row_curve.name, tuple(rows), row_curve.closed))
+            names += [f"{row_curve.name}-{i + 1}" for i in range(curve_points)]
+            images += list(images_of_curve[row_curve])
     values = np.array(images).reshape(-1, 4)
     return Landmarks(values[:, :3], names, curves, values[:, 3], axes=axes, unit=unit)
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
-    """A map between welded surfaces, the error to be expected of it, and which way landmarks go."""
+class _LandmarkMap:
+    """A map between welded surfaces, its expected errors, and the direction in which landmarks go."""
 
     map: Correspondence
     source: Mesh | PointCloud
@@ -123,7 +128,7 @@ class _Way:
     @classmethod
     def of(
         cls, given: Correspondence, ends: tuple[SurfaceLike, SurfaceLike], errors: FloatArray | None, to: Side
-    ) -> _Way:
+    ) -> _LandmarkMap:
         errors = np.full(given.shape[0], np.nan) if errors is None else errors
         first, second = map(_surface, ends)
         if isinstance(first, Asset) and isinstance(second, Asset):
@@ -131,32 +136,32 @@ class _Way:
             if len(errors) == len(first.points):
                 errors = errors[first.point_of_vertex]
             return cls(images, first.mesh, second.mesh, errors, to)
-        source, target = (each.mesh if isinstance(each, Asset) else each for each in (first, second))
+        source, target = (end.mesh if isinstance(end, Asset) else end for end in (first, second))
         given.check_fits(source, target)
         return cls(given, source, target, errors, to)
 
     @property
     def ends(self) -> tuple[Mesh | PointCloud, Mesh | PointCloud]:
-        """What has landmarks, and what gets them."""
+        """The surface that has the landmarks, and the one that receives them."""
         return (self.source, self.target) if self.to == "target" else (self.target, self.source)
 
     def carried(self, positions: FloatArray) -> FloatArray:
-        """(m, 4) where positions (m, 3) go, and the error to be expected; nan where they have no image."""
+        """Map positions (m, 3) to images and expected errors (m, 4); nan where there is no image."""
         start, end = self.ends
         points = nearest_on_surface(start, positions)
-        own = Correspondence.of_points(points, start.n_vertices)
+        on_start = Correspondence.of_points(points, start.n_vertices)
         if not isinstance(self.source, Mesh) or not isinstance(self.target, Mesh):
-            way = self.map if self.to == "target" else self.map.reversed(self.source, self.target)
-            images = own.then(way)
+            directed_map = self.map if self.to == "target" else self.map.reversed(self.source, self.target)
+            images = on_start.then(directed_map)
         elif self.to == "target":
-            images = own.then(self.map, self.source, self.target)
+            images = on_start.then(self.map, self.source, self.target)
         else:
-            images = _preimages(self.map, points, self.source, self.target)
-        errors = (own if self.to == "target" else images).pull_back(self.errors)
+            images = _find_preimages(self.map, points, self.source, self.target)
+        errors = (on_start if self.to == "target" else images).pull_back(self.errors)
         return np.column_stack([images.pull_back(end.vertices), errors * np.sqrt(end.area)])
 
     def carried_curve(self, points: FloatArray, curve: Curve, n: int) -> FloatArray:
-        """(n, 4) the same for n points at equal distances along a curve through points; all nan if a part is."""
+        """Map n equally spaced points of a curve, as `carried` does (n, 4); all nan if a part has no image."""
         (start, end), nowhere = self.ends, np.full((n, 4), np.nan)
         if np.isnan(points).any():
             return nowhere
@@ -169,7 +174,9 @@ class _Way:
         return between
 
 
-def _preimages(images: Correspondence, points: PrecisePoints, source: Mesh, target: Mesh) -> Correspondence:
+def _find_preimages(
+    images: Correspondence, points: PrecisePoints, source: Mesh, target: Mesh
+) -> Correspondence:
     """Find the points of the source whose images are nearest to points of the target, on the same sheet."""
     image = images.vertices
     vertices = np.full(len(points.corners), UNMATCHED)
@@ -180,13 +187,13 @@ def _preimages(images: Correspondence, points: PrecisePoints, source: Mesh, targ
     starts = np.where(starts < 0, starts.max(axis=1, keepdims=True), starts)
     rows = np.flatnonzero(starts[:, 0] >= 0)
     positions, _, size = normalised(target.vertices)
-    places = np.full((len(image), 3), np.nan)
-    places[images.matched] = images.pull_back(positions)[images.matched]
+    positions_of_images = np.full((len(image), 3), np.nan)
+    positions_of_images[images.matched] = images.pull_back(positions)[images.matched]
     wanted = points.interpolated(positions)[rows]
-    placed = PlacedMesh(source, places, VertexGroups.of(image, target.n_vertices))
+    placed = PlacedMesh(source, positions_of_images, VertexGroups.of(image, target.n_vertices))
     preimages = placed.inverse(wanted, starts[rows])
-    apart = size * np.linalg.norm(preimages.interpolated(places) - wanted, axis=1)
-    reached = apart <= WITHIN * np.sqrt(target.area)
+    distances = size * np.linalg.norm(preimages.interpolated(positions_of_images) - wanted, axis=1)
+    reached = distances <= MAX_PREIMAGE_DISTANCE * np.sqrt(target.area)
     corners, barycentric = (np.zeros((len(vertices), 3), dtype=part.dtype) for part in preimages)
     corners[rows], barycentric[rows] = preimages
     barycentric[:, 0] += 1 - barycentric.sum(axis=1)

@@ -35,7 +35,7 @@ _SYNONYMS: dict[str, Kind] = {
     "weight": "weights",
     **dict.fromkeys(("shape key", "morph target", "blend shape"), "key"),
 }
-GREY = 0.5  # colour of what is unmatched
+UNMATCHED_COLOUR = 0.5  # grey, as a share of white
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Carried:
     across_seams : int
         Its polygons across a texture seam of the other, whose corners were kept on one side.
     notes : tuple of str
-        What does not go along or stay, such as pictures that cannot be read, and a skeleton that is posed.
+        Losses and obstacles, such as pictures that cannot be read, or a skeleton that is posed.
     taken_as_labels : tuple of str
         Attributes that were carried as labels because they are integers, or few whole numbers.
     """
@@ -98,8 +98,8 @@ def carry_attributes(
     to : {"source", "target"}
         Which of the two receives. To the target, the map is reversed on the surfaces.
     labels : {"nearest", "majority"}
-        Labels of points: that of the nearest vertex, or the one with most area around the point. Polygons always have
-        that of most area.
+        Labels of points: the label of the nearest vertex, or the one with most area around the point. Polygons always
+        take the label with most area.
     numbers_as : {"labels", "values"}, optional
         Whether numbers are carried as labels or interpolated. By default those that are named or declared as labels,
         integers, and floats of `Attribute.seems_labels` are labels. Labels that have names, or are texts, always are.
@@ -127,7 +127,7 @@ def carry_attributes(
         if value not in get_args(options) and not (value is None and options is NumbersAs):
             raise SettingError(f"{name} = {value!r} is unknown; use one of {', '.join(get_args(options))}")
     receiver, giver = (source, target) if to == "source" else (target, source)
-    chosen = selected(giver.placed, data)
+    chosen = select_attributes(giver.placed, data)
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
     names = [attribute.name for attribute in chosen]
     asset, across = receiver.without_attributes(*names), 0
@@ -136,23 +136,23 @@ def carry_attributes(
         if attribute.kind == "label" and not is_label:
             attribute = replace(attribute, kind="scalar")
         if is_label:
-            new = _labels(attribute, bridge, labels)
+            new = _carry_labels(attribute, bridge, labels)
         elif attribute.domain == "face":
-            new = _means(attribute, bridge)
+            new = _carry_means(attribute, bridge)
         elif attribute.kind == "weights":
-            new = _weights(attribute, bridge)
+            new = _carry_weights(attribute, bridge)
         elif attribute.kind == "key":
-            new = _key(attribute, bridge)
+            new = _carry_key(attribute, bridge)
         else:
-            new, torn = _interpolated(attribute, bridge)
-            across = max(across, torn)
+            new, n_across = _interpolate(attribute, bridge)
+            across = max(across, n_across)
         asset = asset.with_attributes(receiver.from_placed(new))
-    # formats that have but one of a kind write the first
+    # formats that store a single attribute of a kind write the first
     carried_first = sorted(asset.attributes, key=lambda attribute: attribute.name not in names)
     asset = replace(asset, attributes=tuple(carried_first))
     kinds, notes = {attribute.kind for attribute in chosen}, list[str]()
     if "uv" in kinds:
-        asset = asset.without_attributes(*(each.name for each in asset.attributes if each.is_tangent))
+        asset = asset.without_attributes(*(a.name for a in asset.attributes if a.is_tangent))
         asset = with_looks_of(asset, giver, bridge.at_polygons.triangle[receiver.polygons.of_triangle])
         notes += unreadable_files(giver)
     if "weights" in kinds:
@@ -164,16 +164,16 @@ def carry_attributes(
     asset = with_names_of(asset, giver.document)
     if animation_channels(asset) < animation_channels(receiver):
         notes.append("animations of joints and shape keys that the receiver had before are left out")
-    left = {attribute.name for attribute in asset.attributes}
-    supposed = () if numbers_as else (each for each, is_label in zip(chosen, as_labels) if is_label)
-    taken = tuple(each.name for each in supposed if not _is_declared(each))
+    remaining_names = {attribute.name for attribute in asset.attributes}
+    guessed_labels = () if numbers_as else (a for a, is_label in zip(chosen, as_labels) if is_label)
+    taken_as_labels = tuple(a.name for a in guessed_labels if not _is_declared(a))
     unmatched = int((~bridge.at_vertices.has_place).sum())
-    kept = tuple(name for name in names if name in left)
-    return Carried(asset, kept, unmatched, across, tuple(notes), taken)
+    kept = tuple(name for name in names if name in remaining_names)
+    return Carried(asset, kept, unmatched, across, tuple(notes), taken_as_labels)
 
 
-def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
-    """Return the attributes that have one of these names or kinds; `DescriptorError` for a word that none has."""
+def select_attributes(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
+    """Return the attributes with these names or kinds; `DescriptorError` for a word that matches none."""
     words = [data] if isinstance(data, str) else list(data)
     if words == ["all"]:
         return asset.attributes
@@ -182,18 +182,18 @@ def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
         kind = word.lower().removesuffix("s")
         kind = _SYNONYMS.get(kind.replace("_", " ").replace("-", " "), kind)
         like_labels = [a for a in asset.attributes if kind == "label" and a.seems_labels]
-        those = [a for a in asset.attributes if word == a.name or kind == a.kind or a in like_labels]
-        if not those:
+        matching = [a for a in asset.attributes if word == a.name or kind == a.kind or a in like_labels]
+        if not matching:
             available = ", ".join(f"{a.name} ({a.kind})" for a in asset.attributes) or "nothing"
             raise DescriptorError(
                 f"nothing to carry is named {word!r} or of that kind ({', '.join(get_args(Kind))}); there is {available}"
             )
-        chosen.update(those)
+        chosen.update(matching)
     return tuple(a for a in asset.attributes if a in chosen)
 
 
-def _interpolated(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]:
-    """Interpolate at points, or at corners if the values at a vertex differ; and count the polygons across a seam."""
+def _interpolate(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]:
+    """Interpolate at points, or at corners if corners of a vertex differ; count the polygons across a seam."""
     receiver, across = bridge.receiver, 0
     domain: Domain = "point"
     if is_seamless(bridge.giver, attribute):
@@ -203,28 +203,28 @@ def _interpolated(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]
         vertex, domain = receiver.vertex_of_corner, "corner"
         carried, across = interpolated_at_corners(bridge, attribute)
     if attribute.kind == "normal":
-        carried = _turned(bridge, carried, vertex)
-    return attribute.with_values(_in_type(carried, attribute), domain), across
+        carried = _turn_normals(bridge, carried, vertex)
+    return attribute.with_values(_to_type_of(carried, attribute), domain), across
 
 
-def _turned(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray:
-    """Turn normals as the surface turns at a vertex of the receiver, whose own are those of the unmatched."""
+def _turn_normals(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray:
+    """Turn normals with the surface at each vertex; unmatched vertices keep the receiver's normals."""
     turned = np.einsum("nij,nj->ni", bridge.rotations[vertex], normals)
     length = np.linalg.norm(turned, axis=1, keepdims=True)
-    own = bridge.receiver.mesh.vertex_normals[vertex]
+    receiver_normals = bridge.receiver.mesh.vertex_normals[vertex]
     with np.errstate(invalid="ignore"):
-        return np.where(length > 0, turned / length, own)
+        return np.where(length > 0, turned / length, receiver_normals)
 
 
-def _key(attribute: Attribute, bridge: Bridge) -> Attribute:
+def _carry_key(attribute: Attribute, bridge: Bridge) -> Attribute:
     """Turn interpolated displacements by averaged rotations, scale and extend them."""
     places, turn = bridge.at_vertices, bridge.growth * bridge.smooth_rotations
     carried = places.interpolated(columns(attribute), places.rows(attribute))
     moves = bridge.extended(np.einsum("nij,nj->ni", turn, carried))
-    return attribute.with_values(_in_type(moves[bridge.receiver.vertex_of_point], attribute), "point")
+    return attribute.with_values(_to_type_of(moves[bridge.receiver.vertex_of_point], attribute), "point")
 
 
-def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:
+def _carry_weights(attribute: Attribute, bridge: Bridge) -> Attribute:
     """Interpolate skinning weights; the smallest are left out, and the others sum to 1."""
     places = bridge.at_vertices
     dense = places.interpolated(attribute.dense_weights, places.rows(attribute))
@@ -238,7 +238,7 @@ def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:
 
 
 def _is_declared(attribute: Attribute) -> bool:
-    """Whether these are labels in any case."""
+    """Whether the attribute is a label by its names or type, whatever `numbers_as` says."""
     return attribute.kind == "label" and (bool(attribute.names) or attribute.values.dtype.kind not in "iu")
 
 
@@ -249,8 +249,8 @@ def _is_label(attribute: Attribute, numbers_as: NumbersAs | None) -> bool:
     return is_number and (attribute.seems_labels if numbers_as is None else numbers_as == "labels")
 
 
-def _labels(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribute:
-    """Carry labels to the same domain, by the area around each row unless by nearest."""
+def _carry_labels(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribute:
+    """Carry labels to the same domain: the nearest label, or the one with most area around each row."""
     receiver = bridge.receiver
     if attribute.domain == "point" and labels == "nearest":
         places = bridge.at_vertices
@@ -264,7 +264,7 @@ def _labels(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribut
     return attribute.with_values(winner[patches.owner_of_row])
 
 
-def _means(attribute: Attribute, bridge: Bridge) -> Attribute:
+def _carry_means(attribute: Attribute, bridge: Bridge) -> Attribute:
     """Carry values of polygons to the same domain, as the mean by area."""
     patches = Patches.of(attribute, bridge)
     sums = patches.sums(patches.rows, len(attribute))
@@ -272,15 +272,15 @@ def _means(attribute: Attribute, bridge: Bridge) -> Attribute:
         means = sums @ columns(attribute) / sums.sum(axis=1)[:, None]
     if attribute.kind == "normal":
         receiver = bridge.receiver
-        means = _turned(bridge, means, receiver.vertex_of_corner[receiver.polygons.starts])
-    return attribute.with_values(_in_type(means, attribute)[patches.owner_of_row])
+        means = _turn_normals(bridge, means, receiver.vertex_of_corner[receiver.polygons.starts])
+    return attribute.with_values(_to_type_of(means, attribute)[patches.owner_of_row])
 
 
-def _in_type(values: FloatArray, attribute: Attribute) -> AnyArray:
+def _to_type_of(values: FloatArray, attribute: Attribute) -> AnyArray:
     """Return interpolated columns in the shape and type of an attribute; integers are rounded."""
     kind = attribute.values.dtype
     if attribute.kind == "colour":
-        grey = attribute.full * np.array([GREY, GREY, GREY, 1.0])
+        grey = attribute.full * np.array([UNMATCHED_COLOUR, UNMATCHED_COLOUR, UNMATCHED_COLOUR, 1.0])
         values = np.where(np.isnan(values), grey[: values.shape[1]], values).clip(0, attribute.full)
     if kind.kind in "iu" and attribute.kind == "colour":
         values = np.rint(values)

@@ -1,4 +1,4 @@
-"""The values of options, in a file of their own: the command line lists them before anything slow is loaded."""
+"""The values of options; a separate file, so that the command line can list them without slow imports."""
 
 from typing import Literal
 

@@ -13,14 +13,16 @@ from isomatch.correspondence import Correspondence, nearest_rotation
 from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
 
-THREE_QUARTER = 32.0, 14.0  # degrees from the broad side, and above the horizon
-FROM_ABOVE = 0.0, 0.0  # of a sheet, whose broad side is its face
-FLAT = 0.1  # thickness over width below which a shape is a sheet, and is seen from above
-UPRIGHT = 1.6  # length over depth above which the long axis of a shape that can stand on it is upright, as of a person
-SELF_CONTACT = 0.06  # of the height; vertices this close to the ground support the shape
-LEANING = 0.02  # of the height; so far beyond its support may be the centroid of what stands
-LEAN = np.radians(65.0)  # a source rotated by less than this is left as it is; only its pose may differ
-SNAP = np.radians(35.0)  # a rotation within this angle of quarter turns is replaced by them
+STANDING_VIEW = 32.0, 14.0  # degrees from the broad side, and above the horizon
+SHEET_VIEW = 0.0, 0.0  # degrees, as above; a sheet is seen facing its broad side
+SHEET_RATIO = 0.1  # thickness over width; thinner shapes are sheets
+UPRIGHT_RATIO = 1.6  # length over depth; a longer shape that can stand on its end, as a person, is upright
+GROUND_SHARE = 0.06  # of the height; vertices this close to the ground carry the shape
+MAX_OVERHANG = 0.02  # of the height; distance of the centroid beyond the support of a shape that still stands
+MAX_KEPT_TURN = np.radians(
+    65.0
+)  # radians; a source turned by less is not rotated, as its pose may explain the turn
+MAX_SNAP_ANGLE = np.radians(35.0)  # radians; a rotation this near to quarter turns is replaced by them
 
 
 def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] | None = None) -> FloatArray:
@@ -50,7 +52,7 @@ def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] 
         raise SettingError(f"view = {view!r} is not two angles in degrees, such as (32, 14)")
     areas = mesh.vertex_areas
     moments, axes = principal_axes(mesh.vertices, areas)
-    is_sheet = moments[0] < FLAT**2 * moments[1]
+    is_sheet = moments[0] < SHEET_RATIO**2 * moments[1]
     if is_sheet:
         narrow, broad = axes[:, 0], axes[:, 2]
         up = np.cross(narrow, broad)
@@ -61,7 +63,7 @@ def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] 
         narrow = level_axes[:, 1]  # column 0 is the up axis, along which the projected points have no extent
         narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
         broad = np.cross(up, narrow)
-    azimuth, elevation = np.radians(view or (FROM_ABOVE if is_sheet else THREE_QUARTER))
+    azimuth, elevation = np.radians(view or (SHEET_VIEW if is_sheet else STANDING_VIEW))
     level_view = np.cos(azimuth) * narrow + np.sin(azimuth) * broad
     towards = np.cos(elevation) * level_view + np.sin(elevation) * up
     right = np.cross(up, level_view)
@@ -77,36 +79,36 @@ def principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, F
 
 def _up_axis(mesh: Mesh) -> int:
     """Guess the up axis, 1 or 2."""
-    # The one on whose zero the shape stands in its file, if it does so on one of them; else one along which it is long
-    # and on which it can stand (a wolf is long, but would fall on its nose); else the one on which it is more stable.
+    # First choice: the axis with the shape's lowest point at 0, if there is one such axis. Second: a long axis on which
+    # the shape can stand (a wolf is long, but would fall on its nose). Last: the axis on which it is more stable.
     used = mesh.vertices[mesh.vertex_areas > 0]
     extent = np.ptp(used, axis=0)
-    on_the_floor = [axis for axis in (1, 2) if abs(used[:, axis].min()) < SELF_CONTACT * extent[axis]]
+    on_the_floor = [axis for axis in (1, 2) if abs(used[:, axis].min()) < GROUND_SHARE * extent[axis]]
     if len(on_the_floor) == 1:
         return on_the_floor[0]
     stability = {axis: _stability(mesh, axis) for axis in (1, 2)}
     for axis, depth in ((1, 2), (2, 1)):
-        if extent[axis] > UPRIGHT * extent[depth] and stability[axis] > -LEANING:
+        if extent[axis] > UPRIGHT_RATIO * extent[depth] and stability[axis] > -MAX_OVERHANG:
             return axis
     return 1 if stability[1] > stability[2] else 2
 
 
 def _stability(mesh: Mesh, axis: int) -> float:
-    """Distance of the centroid from the rim of the support, on the ground, over the height; negative if it falls."""
+    """Distance on the ground from the centroid to the edge of the support, over the height; negative if it falls."""
     height = mesh.vertices[:, axis]
     used = mesh.vertex_areas > 0
     low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)
     ground = np.delete(mesh.vertices, axis, axis=1)
     centroid = np.average(ground, axis=0, weights=mesh.vertex_areas)
     try:
-        rim = ConvexHull(ground[used & (height < low + SELF_CONTACT * tall)]).equations
+        support_edges = ConvexHull(ground[used & (height < low + GROUND_SHARE * tall)]).equations
     except (QhullError, ValueError):
         return -np.inf
-    return float(-(rim[:, :2] @ centroid + rim[:, 2]).max() / tall)
+    return float(-(support_edges[:, :2] @ centroid + support_edges[:, 2]).max() / tall)
 
 
 def of_ordinary_size(mesh: Mesh) -> Mesh:
-    """Scale a mesh so large or small that its areas leave the range of floats; pictures do not depend on the scale."""
+    """Scale a mesh with areas beyond the range of floats; pictures do not depend on the scale."""
     unit = ordinary_unit(mesh)
     return mesh if unit == 1.0 else mesh.moved(mesh.vertices / unit)
 
@@ -117,7 +119,7 @@ def used_vertices(mesh: Mesh) -> IntArray:
 
 
 def seen_from(camera: FloatArray, mesh: Mesh, positions: FloatArray | None = None) -> FloatArray:
-    """Vertices, or positions, in camera coordinates (right, up, towards the viewer): unit area, their middle at 0."""
+    """Transform vertices, or positions, to camera coordinates (right, up, towards the viewer): unit area, middle at 0."""
     points = mesh.vertices @ camera.T / np.sqrt(mesh.area)
     drawn = points[used_vertices(mesh)]
     points = points if positions is None else positions @ camera.T / np.sqrt(mesh.area)
@@ -129,23 +131,24 @@ def turn_to_target(
 ) -> FloatArray:
     """Find the rotation (3, 3) that brings the vertices of the source closest to their images, by least squares.
 
-    If quarter turns about the axes are near it, they are taken instead, so that a shape that stands stays upright; not of
-    scans that lie anyhow, with ``upright=False``.
+    If quarter turns about the axes are near that rotation, they replace it, so that a standing shape stays upright. Use
+    ``upright=False`` for scans without a common up axis.
     """
-    seen = correspondence.matched
-    weights = source.vertex_areas[seen]
+    matched = correspondence.matched
+    weights = source.vertex_areas[matched]
     if not weights.any():
         return np.eye(3)
-    at_source, at_target = source.vertices[seen], target.vertices[correspondence.vertices[seen]]
+    at_source, at_target = source.vertices[matched], target.vertices[correspondence.vertices[matched]]
     at_source = at_source - np.average(at_source, axis=0, weights=weights)
     at_target = at_target - np.average(at_target, axis=0, weights=weights)
     best = nearest_rotation(at_target.T @ (at_source * weights[:, None]))
     if not upright:
         return best
     cosines = np.array([(np.trace(turn.T @ best) - 1) / 2 for turn in _QUARTER_TURNS])
-    cosines[0] += np.cos(SNAP) - np.cos(LEAN)  # the first turn is the identity, which is preferred up to LEAN
+    # the first turn is the identity, which is preferred up to `MAX_KEPT_TURN`
+    cosines[0] += np.cos(MAX_SNAP_ANGLE) - np.cos(MAX_KEPT_TURN)
     nearest = int(cosines.argmax())
-    return _QUARTER_TURNS[nearest] if cosines[nearest] > np.cos(SNAP) else best
+    return _QUARTER_TURNS[nearest] if cosines[nearest] > np.cos(MAX_SNAP_ANGLE) else best
 
 
 _QUARTER_TURNS = [

@@ -8,9 +8,9 @@ from isomatch._core.arrays import FloatArray
 from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import principal_axes
 
-MOST_VIVID = 0.17  # Oklab chroma that screens can show in most hues
-# 0: chroma is linear in the position, so the middle is grey; 1: all colours are equally vivid
-LESS_GREY = 0.3
+MAX_CHROMA = 0.17  # in Oklab; screens can show it in most hues
+# 0: chroma is linear in the position, and the middle is grey; 1: all colours are equally vivid
+CHROMA_EVENNESS = 0.3
 UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # linear light
 
 _OKLAB_TO_LMS = np.array(
@@ -35,7 +35,7 @@ def position_colours(mesh: Mesh) -> FloatArray:
     Returns
     -------
     (n, 3) array of float
-        Red, green and blue in linear light, 0 … 1; of the target of a map they are pulled back to the source.
+        Red, green and blue in linear light, 0 … 1. A picture of a map pulls the target's colours back to the source.
 
     Notes
     -----
@@ -53,23 +53,23 @@ def position_colours(mesh: Mesh) -> FloatArray:
     lightness = 0.72 + 0.06 * along + 0.12 * third
     chroma = np.column_stack([0.12 * across - 0.02 * along, 0.15 * along - 0.01])
     vividness = np.linalg.norm(chroma, axis=1, keepdims=True)
-    chroma *= (MOST_VIVID / np.maximum(vividness, 1e-3)) ** LESS_GREY
+    chroma *= (MAX_CHROMA / np.maximum(vividness, 1e-3)) ** CHROMA_EVENNESS
     oklab = np.column_stack([lightness, chroma])
     # to linear light, clipped to the gamut of sRGB
     return np.asarray(np.clip((oklab @ _OKLAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T, 0.0, 1.0))
 
 
 def principal_coordinates(mesh: Mesh) -> FloatArray:
-    """Coordinates along the principal axes, (n, 3), longest first, each in −1 … 1 and spread by area."""
+    """Compute coordinates along the principal axes, (n, 3), longest first, each in −1 … 1 and spread by area."""
     areas = np.maximum(mesh.vertex_areas, 0.0)
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=areas)
     axes = principal_axes(mesh.vertices, areas)[1][:, ::-1]
     # the largest component of each axis is positive
     axes = axes * np.sign(axes[np.abs(axes).argmax(axis=0), range(3)])
-    return np.column_stack([_evenly(column, areas) for column in (centred @ axes).T])
+    return np.column_stack([_spread_evenly(column, areas) for column in (centred @ axes).T])
 
 
-def _evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
+def _spread_evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
     """Average a value with its rank by area, both scaled to −1 … 1, so that colours vary on thin limbs and on bodies."""
     order = values.argsort()
     share = np.empty_like(values)

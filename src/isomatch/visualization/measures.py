@@ -108,7 +108,7 @@ _MEANINGS = {
     "relative to √area.",
 }
 MEASURES = {field: Measure(*shown, _MEANINGS[field]) for field, shown in _SHOWN.items()}
-# on which side a measure is bounded, and the setting that holds the bound; of a part, others are evidence
+# side of the bound of each measure, and the setting that holds it; maps of parts have other bounds
 _BOUNDS = {
     "spectral_residual": ("most", "outcome.poor_spectral_residual"),
     "runner_up": ("least", "outcome.tie"),
@@ -129,7 +129,7 @@ _BOUNDS_OF_PART = {
 
 
 def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool]]:
-    """Give the measures of a result that have values, with these, and whether a value is evidence against the map."""
+    """Yield each measure of a result with its value, and whether this is evidence against the map."""
     measures = _measures_of(result)
     for field, number in asdict(result.quality).items():
         measure = measures.get(field, Measure(field, "{:.3g}", "", ""))
@@ -142,7 +142,7 @@ def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool
 
 
 def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
-    """Give the bounds of the measures of a result, by the name of the field: {"spectral_residual": {"most": 0.6}, …}."""
+    """Return the bounds of the measures of a result, by field: {"spectral_residual": {"most": 0.6}, …}."""
     return {
         field: {side: bound for side in ("most", "least") if (bound := getattr(measure, side)) is not None}
         for field, measure in _measures_of(result).items()
@@ -151,7 +151,7 @@ def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
 
 
 def _measures_of(result: MatchResult) -> dict[str, Measure]:
-    """Give the measures with the bounds that the match of the result had."""
+    """Return the measures with the bounds in the settings of the result."""
     measures = dict(MEASURES)
     for field, (side, setting) in (_BOUNDS if is_of_whole(result) else _BOUNDS_OF_PART).items():
         bound: dict[str, Any] = {side: attrgetter(setting)(config_of(result))}
@@ -160,10 +160,10 @@ def _measures_of(result: MatchResult) -> dict[str, Measure]:
 
 
 def is_of_whole(result: MatchResult) -> bool:
-    """Whether the map was claimed to be one of complete shapes; maps of other methods are."""
+    """Whether the map is between complete shapes, as all maps of other methods are assumed to be."""
     return result.way not in STRATEGIES or STRATEGIES[result.way].overlap == "whole"
 
 
 def config_of(result: MatchResult) -> Config:
-    """Give the settings with the bounds of a result; the defaults if it was found with others than those of `match`."""
+    """Return the settings that hold the bounds of a result; the defaults if another method found the map."""
     return result.config if isinstance(result.config, Config) else Config()

@@ -27,16 +27,16 @@ from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, unsound_faces
 from isomatch.visualization.measures import MEASURES, quality_measures
 from isomatch.visualization.pair_page import (
-    asked_of,
     list_of_questions,
     maps_of,
+    open_questions_of,
     page_of,
     pairs_on,
     pairs_shown,
     parts_of,
 )
 from isomatch.visualization.picture import SHARPNESS
-from isomatch.visualization.plots import draw_map, drawable, paintable, plot_surface
+from isomatch.visualization.plots import draw_map, drawable, plot_surface, scale_for_drawing
 from isomatch.visualization.scene import layers_of, scene_of
 from isomatch.visualization.summary import HEADLINES, outcome_colour, summary_of
 from isomatch.visualization.viewer import html_table, template, text_of
@@ -98,21 +98,21 @@ def _(result: MatchResult) -> str:
         "chosen by": result.reason,
         "geodesic engine": result.engine,
         "seed": result.seed,
-        "settings changed": _listed(result.config.changed()),
+        "settings changed": _list_settings(result.config.changed()),
         "seconds": f"{result.timings['total']:.2f}" if "total" in result.timings else "",
     }
     measures = list(quality_measures(result))
     against = [measure.name for measure, _, against in measures if against]
-    told = f"against the map: {', '.join(against)}" if against else "none is against the map"
+    finding = f"against the map: {', '.join(against)}" if against else "none is against the map"
     values = [(m.name, m.value(x), m.bound + " (violated)" * is_bad, m.unit) for m, x, is_bad in measures]
     table = _table(values, ("measure", "value", "bound", "to compare with"))
     return _card(
         "",
         _verdict(result.outcome, summary.headline, summary.sureness, summary.advice_in_python),
         _pair_picture(result.map),
-        _told(rows),
-        _folded(f"{len(measures)} measures of quality, {told}", table),
-        _folded("How it was found", _told(origin)),
+        _table_of_known(rows),
+        _fold(f"{len(measures)} measures of quality, {finding}", table),
+        _fold("How it was found", _table_of_known(origin)),
     )
 
 
@@ -141,11 +141,11 @@ def _(shape: PreparedShape) -> str:
         "distances": f"rank {shape.distances.rank}, {len(shape.column_vertices)} columns by {shape.distances.engine}",
         "functions": f"{len(shape.laplace.values)} of the Laplacian",
         "further components": len(shape.others) or "",
-        "settings changed": _listed(shape.requested.changed()),
+        "settings changed": _list_settings(shape.requested.changed()),
         "notes": "; ".join(shape.notes),
         "seconds": f"{shape.seconds:.2f}",
     }
-    return _card("PreparedShape", _alone_picture(shape.surface), _told(rows))
+    return _card("PreparedShape", _alone_picture(shape.surface), _table_of_known(rows))
 
 
 @html_of.register
@@ -155,21 +155,21 @@ def _(basis: DistanceBasis) -> str:
         n_columns = len(basis.held_out.vertices)
         error = f"{basis.error_estimate():.2%} of the distances, on {n_columns} columns held out"
     method = f"{basis.method}, from {len(basis.samples)} columns by {basis.engine}"
-    return _basis(basis, {"rank": basis.rank, "method": method}, error=error)
+    return _basis_card(basis, {"rank": basis.rank, "method": method}, error=error)
 
 
 @html_of.register
 def _(basis: LaplaceBasis) -> str:
     values = f"up to {basis.values[-1]:.3g} / squared mesh units"
-    return _basis(basis, {"functions": basis.vectors.shape[1], "eigenvalues": values})
+    return _basis_card(basis, {"functions": basis.vectors.shape[1], "eigenvalues": values})
 
 
-def _basis(basis: DistanceBasis | LaplaceBasis, rows: Mapping[str, object], **more: str) -> str:
+def _basis_card(basis: DistanceBasis | LaplaceBasis, rows: Mapping[str, object], **more: str) -> str:
     n, size = len(basis.vectors), basis.vectors.nbytes
-    told = f"{size / 2**20:,.1f} MiB, where the matrix of all would take {8 * n * n / 2**20:,.0f}"
+    size_text = f"{size / 2**20:,.1f} MiB, where the matrix of all would take {8 * n * n / 2**20:,.0f}"
     notes = "; ".join(basis.notes)
-    rows = {"points": f"{n:,}", **rows, "size": told, **more, "notes": notes}
-    return _card(type(basis).__name__, _told(rows))
+    rows = {"points": f"{n:,}", **rows, "size": size_text, **more, "notes": notes}
+    return _card(type(basis).__name__, _table_of_known(rows))
 
 
 @html_of.register
@@ -177,24 +177,27 @@ def _(config: Config) -> str:
     default, settings = Config(), config.to_dict()
     changed = [(name, value, attrgetter(name)(default)) for name, value in config.changed().items()]
     stages = {name: settings.pop(name) for name in list(settings) if isinstance(settings[name], Mapping)}
-    every = {**settings, **{f"{stage}.{name}": x for stage, own in stages.items() for name, x in own.items()}}
-    told = "<p>All settings have their defaults.</p>"
+    every = {
+        **settings,
+        **{f"{stage}.{name}": x for stage, fields in stages.items() for name, x in fields.items()},
+    }
+    summary = "<p>All settings have their defaults.</p>"
     if changed:
-        told = _table(changed, ("changed", "value", "default"))
-    return _card("Config", told, _folded("All settings", _table(every.items())))
+        summary = _table(changed, ("changed", "value", "default"))
+    return _card("Config", summary, _fold("All settings", _table(every.items())))
 
 
-def _told(rows: Mapping[str, object]) -> str:
-    """Make a table of what has something to tell."""
+def _table_of_known(rows: Mapping[str, object]) -> str:
+    """Make a table of the rows with a text."""
     return _table((name, text) for name, text in rows.items() if text != "")
 
 
-def _verdict(outcome: Outcome, headline: str, *told: str) -> str:
-    """Say how a match ended and what to do, beside a bar in the colour of the outcome."""
+def _verdict(outcome: Outcome, headline: str, *texts: str) -> str:
+    """Show texts about an outcome beside a bar in its colour."""
     return (
         f'<div style="border-left:.35em solid {outcome_colour(outcome)};padding:.1em 0 .1em .8em;margin:.4em 0">'
         f"<b>{escape(headline)}</b> <code>Outcome.{outcome.name}</code>"
-        f"{''.join(f'<br>{escape(text)}' for text in told if text)}</div>"
+        f"{''.join(f'<br>{escape(text)}' for text in texts if text)}</div>"
     )
 
 
@@ -203,22 +206,22 @@ def _pair_picture(correspondence: Correspondence) -> str:
         surfaces = correspondence.surfaces()
     except MapError:
         return "<p>To see it, give the surfaces, which are no longer in use: <code>.plot(source, target)</code></p>"
-    source, target = map(_sound, surfaces)
+    source, target = map(_drawable_part, surfaces)
     if source is None or target is None:
         return ""
-    drawn = draw_map(source, target, correspondence, titles=("", ""), width=SHARPNESS * PAIR_WIDTH)
-    below = "".join(f'<span style="width:50%">{side}</span>' for side in ("source", "target"))
-    image = drawn.html(transparent=True)
-    return f'{image}<div style="display:flex;text-align:center;opacity:.75">{below}</div>'
+    picture = draw_map(source, target, correspondence, titles=("", ""), width=SHARPNESS * PAIR_WIDTH)
+    titles = "".join(f'<span style="width:50%">{side}</span>' for side in ("source", "target"))
+    image = picture.html(transparent=True)
+    return f'{image}<div style="display:flex;text-align:center;opacity:.75">{titles}</div>'
 
 
 def _alone_picture(surface: Surface) -> str:
-    mesh = _sound(surface)
+    mesh = _drawable_part(surface)
     return plot_surface(mesh, width=SHARPNESS * ALONE_WIDTH).html(transparent=True) if mesh else ""
 
 
-def _sound(surface: Surface) -> Mesh | None:
-    """Return what can be drawn of a surface, with all its vertices; None if nothing can."""
+def _drawable_part(surface: Surface) -> Mesh | None:
+    """Return a surface without the faces that cannot be drawn, with all vertices; None if nothing is left."""
     if isinstance(surface, Graph):
         return None
     mesh = drawable(surface)
@@ -227,7 +230,7 @@ def _sound(surface: Surface) -> Mesh | None:
         vertices = np.where(np.isfinite(mesh.vertices), mesh.vertices, 0.0)
         mesh = Mesh(vertices, mesh.faces[~unsound])
     try:
-        paintable(mesh, "")
+        scale_for_drawing(mesh, "")
     except MeshError:
         return None
     return mesh
@@ -246,24 +249,26 @@ def _table(rows: Iterable[Sequence[object]], heads: Sequence[str] = ()) -> str:
     return re.sub(r"<(table|td|th)\b", lambda tag: f'{tag[0]} style="{styles[tag[1]]}"', styled)
 
 
-def _folded(title: str, content: str) -> str:
+def _fold(title: str, content: str) -> str:
     return f'<details style="margin:.3em 0"><summary style="cursor:pointer">{escape(title)}</summary>{content}</details>'
 
 
-def _listed(settings: Mapping[str, Any]) -> str:
+def _list_settings(settings: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} = {value!r}" for name, value in settings.items())
 
 
 SANDBOX = "allow-scripts allow-downloads"  # the page reaches neither the notebook nor anything else
-FETCHED = "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
-STATIC = (
+HOW_TO_USE_CLICKS = (
+    "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
+)
+HOW_TO_SAVE_CLICKS = (
     f"To have clicked pairs in Python: <code>{install_command('notebook')}</code>, and show the result again. "
     "Until then, save the list and read it:"
 )
 MATCH_AGAIN = "match(source, target, landmarks=view.landmarks)"
 MATCH_SAVED = 'match(source, target, landmarks=read_landmarks("landmarks.txt", source, target))'
 EXTRA = "notebook"
-WHAT = "bringing clicked landmarks to Python"
+FEATURE = "bringing clicked landmarks to Python"
 
 
 class ResultView:
@@ -289,7 +294,7 @@ class ResultView:
         return _widget_class()(page=self._page, pairs=self._pairs, height=self._height)
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
-        """Give the widget where there is one, and the page alone for notebooks that are kept or exported without it."""
+        """Return the widget if anywidget is installed, and the page alone for exported notebooks."""
         shown = self.widget._repr_mimebundle_(**options) if clicks_return() else {}
         data, about = shown if isinstance(shown, tuple) else (shown, {})
         return {"text/plain": repr(self), **(data or {}), "text/html": self._repr_html_()}, about
@@ -312,22 +317,28 @@ def show_result(
     """Make the view of a result for a notebook, see `MatchResult.show`."""
     source, target = drawable(source), drawable(target)
     pairs = pairs_on(landmarks, source, target)
-    asked = asked_of(source, target, result)
+    open_questions = open_questions_of(source, target, result)
     scene = scene_of(
-        source, target, maps_of(result), layers=layers_of(result), landmarks=pairs_shown(pairs, asked)
+        source,
+        target,
+        maps_of(result),
+        layers=layers_of(result),
+        landmarks=pairs_shown(pairs, open_questions),
     )
     if notebook_shell() is None:
         logger.warning(
             "this view is for notebooks; isomatch.visualization.write_report('report.html', source, target, result) "
             "writes it as a page for a browser"
         )
-    told, command = (FETCHED, MATCH_AGAIN) if clicks_return() else (STATIC, MATCH_SAVED)
-    panel = template("inline_landmarks.html").substitute(told=told, command=escape(command))
+    instructions, command = (
+        (HOW_TO_USE_CLICKS, MATCH_AGAIN) if clicks_return() else (HOW_TO_SAVE_CLICKS, MATCH_SAVED)
+    )
+    panel = template("inline_landmarks.html").substitute(told=instructions, command=escape(command))
     ends, names = (source, target), ("source", "target")
-    own = {"style": text_of("inline.css"), "work": f"<script>\n{text_of('inline.js')}</script>"}
-    own |= {"picking": "" if result.outcome is Outcome.CONVERGED else " checked", "landmarks": panel}
-    own["details"] = list_of_questions(asked)
-    page = page_of(ends, names, scene, pairs, **own, **parts_of(scene, result))
+    parts = {"style": text_of("inline.css"), "work": f"<script>\n{text_of('inline.js')}</script>"}
+    parts |= {"picking": "" if result.outcome is Outcome.CONVERGED else " checked", "landmarks": panel}
+    parts["details"] = list_of_questions(open_questions)
+    page = page_of(ends, names, scene, pairs, **parts, **parts_of(scene, result))
     return ResultView(page, pairs, height)
 
 
@@ -338,7 +349,7 @@ def clicks_return() -> bool:
 
 @cache
 def _widget_class() -> Any:
-    traitlets, base = package("traitlets", EXTRA, WHAT), package("anywidget", EXTRA, WHAT).AnyWidget
+    traitlets, base = package("traitlets", EXTRA, FEATURE), package("anywidget", EXTRA, FEATURE).AnyWidget
 
     class PageWidget(base):  # type: ignore[misc, valid-type]
         """The page in a frame; ``pairs`` follows the list of landmarks in it."""

@@ -21,11 +21,11 @@ from isomatch.visualization.measures import quality_measures
 from isomatch.visualization.picture import png
 from isomatch.visualization.plots import draw_map
 from isomatch.visualization.summary import (
+    describe_alternative,
+    describe_alternatives,
+    describe_given_map,
     outcome_colour,
     summary_of,
-    told_of_all,
-    told_of_alternative,
-    told_of_given,
 )
 from isomatch.visualization.viewer import (
     html_page,
@@ -38,11 +38,11 @@ from isomatch.visualization.viewer import (
 )
 
 MOST_ALTERNATIVES = 4
-LEAST_TURN = 0.1  # degrees of a turn worth telling
+MIN_TURN_DEGREES = 0.1  # a smaller turn of the source is not mentioned
 SIDES = ("source", "target")
-GIVEN = "the map that was given"  # name of the map to start from, or of the one that was judged
-# of a page, besides what every page has; one that is served adds to the content security policy and has a kind
-_PARTS = ("policy", "kind", "work", "picture", "plain", "maps", "picking", "details", "run")
+GIVEN = "the map that was given"  # name of the map that a match started from, or that was judged
+# parts that a page may have; a served page has a kind and adds to the content security policy
+_OPTIONAL_PARTS = ("policy", "kind", "work", "picture", "plain", "maps", "picking", "details", "run")
 
 
 def page_of(
@@ -55,11 +55,11 @@ def page_of(
     sureness: str = "",
     **parts: str,
 ) -> str:
-    """Fill the template with the contents of every page, and with parts as HTML; those that are not given are empty."""
-    # the list of landmarks, which begins with the pairs, is kept for these shapes and landmarks
+    """Fill the template of a page with its contents and with ``parts`` as HTML; missing parts are empty."""
+    # the browser keeps the list of landmarks by this key; the list begins with the pairs
     kept = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": pairs.tolist()}
     titles = [title_of(side, name) for side, name in zip(SIDES, names)]
-    given = dict.fromkeys(_PARTS, "") | parts
+    given = dict.fromkeys(_OPTIONAL_PARTS, "") | parts
     body = template("report.html").substitute(
         **given,
         stage=stage_of(titles, "Both shapes in 3D", given["picture"]),
@@ -74,7 +74,7 @@ def page_of(
 
 
 def parts_of(scene: Mapping[str, Any], result: MatchResult) -> dict[str, str]:
-    """Say what came out, and what the view shows of it: parts of `page_of`."""
+    """Describe the outcome and what the view shows of the result: parts of `page_of`."""
     summary = summary_of(result)
     return {
         "colour": outcome_colour(result.outcome),
@@ -95,7 +95,7 @@ def maps_of(result: MatchResult, given: Correspondence | None = None) -> dict[st
 
 
 def pairs_on(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArray:
-    """Return those landmarks whose vertices both shapes have, (q, 2)."""
+    """Return the landmarks (q, 2) with vertices that both shapes have."""
     pairs = array_of(
         np.zeros((0, 2), dtype=np.int64) if landmarks is None else landmarks, "landmarks", LandmarkError
     )
@@ -108,12 +108,12 @@ def pairs_on(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArra
 
 
 def _remarks_on(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
-    """Explain what the view leaves out, and from which side it shows the source."""
+    """Explain what the view leaves out, and how it turns the source."""
     remarks = simplified(scene)
     if not result.map.matched.all():
         remarks.insert(0, f"Grey: {(~result.map.matched).sum():,} source vertices without an image.")
     angle = np.degrees(np.arccos(np.clip((np.trace(np.reshape(scene["filed"], (3, 3))) - 1) / 2, -1, 1)))
-    if angle > LEAST_TURN:
+    if angle > MIN_TURN_DEGREES:
         remarks.append(
             f"In 3D the source lies as in its file. The map implies that it faces like the target after a turn of "
             f"{angle:.0f}°; “turned by the map” and the pictures show it so. Where shapes lie alike in their files, look "
@@ -150,12 +150,12 @@ def details_of(
     source: Mesh,
     target: Mesh,
     result: MatchResult,
-    asked: Sequence[Question],
+    open_questions: Sequence[Question],
     given: Correspondence | None,
 ) -> str:
     """Make the sections below the view: questions, what speaks against the map, other maps, all measures, and notes."""
     return template("details.html").substitute(
-        questions=list_of_questions(asked),
+        questions=list_of_questions(open_questions),
         against=table_against(result),
         regions=table_of_regions(result),
         alternatives=pictures_of_others(source, target, result, given),
@@ -197,29 +197,29 @@ def table_of_regions(result: MatchResult) -> str:
     )
 
 
-def asked_of(source: Mesh, target: Mesh, result: MatchResult) -> tuple[Question, ...]:
+def open_questions_of(source: Mesh, target: Mesh, result: MatchResult) -> tuple[Question, ...]:
     """Return the questions that a page asks: none where the map is sure."""
     return () if result.outcome in (Outcome.CONVERGED, Outcome.PARTIAL) else questions(source, target, result)
 
 
-def pairs_shown(pairs: IntArray, asked: Iterable[Question]) -> IntArray:
-    """Add to landmarks (q, 2) the pairs that answers would be: their vertices are to be shown."""
-    answers = [(each.vertex, place) for each in asked for place in each.places]
+def pairs_shown(pairs: IntArray, open_questions: Iterable[Question]) -> IntArray:
+    """Add to landmarks (q, 2) the pairs of all possible answers, so that their vertices are shown."""
+    answers = [(question.vertex, place) for question in open_questions for place in question.places]
     return np.concatenate([pairs, np.array(answers, dtype=np.int64).reshape(-1, 2)])
 
 
-def list_of_questions(asked: Sequence[Question]) -> str:
-    """Ask where points of the source are: each place by a map is a button, which adds the pair to the landmarks."""
-    if not asked:
+def list_of_questions(open_questions: Sequence[Question]) -> str:
+    """Ask where points of the source are; a button for each possible place adds the pair to the landmarks."""
+    if not open_questions:
         return ""
     rows = "".join(
-        f"<li>Point {number} (vertex {each.vertex}) "
+        f"<li>Point {number} (vertex {question.vertex}) "
         + "".join(
-            f'<button type="button" class="small" data-pair="{each.vertex},{place}" data-map="{k}">{letter}</button> '
-            for letter, place, k in zip(ascii_uppercase, each.places, each.maps)
+            f'<button type="button" class="small" data-pair="{question.vertex},{place}" data-map="{k}">{letter}</button> '
+            for letter, place, k in zip(ascii_uppercase, question.places, question.maps)
         )
-        + f'<button type="button" class="small" data-pair="{each.vertex},?">elsewhere</button></li>'
-        for number, each in enumerate(asked, 1)
+        + f'<button type="button" class="small" data-pair="{question.vertex},?">elsewhere</button></li>'
+        for number, question in enumerate(open_questions, 1)
     )
     return (
         "<section><h2>Questions that decide</h2><p>Where are these points? Each letter is the place by one of the maps; "
@@ -238,8 +238,8 @@ def table_against(result: MatchResult) -> str:
 
 def table_of_quality(result: MatchResult) -> str:
     """Make a table of all measures."""
-    told = "<p>Computed without ground truth. A violated bound is evidence against the map.</p>"
-    return told + _headed_table(quality_rows(result), *_OF_MEASURES)
+    introduction = "<p>Computed without ground truth. A violated bound is evidence against the map.</p>"
+    return introduction + _headed_table(quality_rows(result), *_OF_MEASURES)
 
 
 def _headed_table(rows: str, *columns: str) -> str:
@@ -248,14 +248,14 @@ def _headed_table(rows: str, *columns: str) -> str:
 
 
 def pictures_of_others(source: Mesh, target: Mesh, result: MatchResult, given: Correspondence | None) -> str:
-    """Draw the map that was given and the alternatives, and say what they are."""
+    """Draw the given map and the alternatives, and describe them."""
     others = [
-        (f"Alternative {i}", other.map, told_of_alternative(source, target, result, other), other.origin)
+        (f"Alternative {i}", other.map, describe_alternative(source, target, result, other), other.origin)
         for i, other in enumerate(result.alternatives[:MOST_ALTERNATIVES], 1)
     ]
-    advice = f"<p>{escape(told_of_all(result))} {_HOW_TO_CHOOSE}</p>" if others else ""
+    advice = f"<p>{escape(describe_alternatives(result))} {_HOW_TO_CHOOSE}</p>" if others else ""
     if given:
-        others.insert(0, (sentence(GIVEN), given, told_of_given(source, target, result, given), "you"))
+        others.insert(0, (sentence(GIVEN), given, describe_given_map(source, target, result, given), "you"))
     figures = "".join(
         f'<figure><img src="{png(draw_map(source, target, other, titles=("", ""), width=STILL_WIDTH).png())}" '
         f'alt="{name}"><figcaption title="found by {escape(origin)}"><strong>{name}</strong> {escape(about)}'
@@ -280,7 +280,7 @@ def tables_of_run(result: MatchResult, facts: Mapping[str, object]) -> str:
         **versions(),
     }
     seconds = {stage: f"{spent:.2f}" for stage, spent in result.timings.items()}
-    # the settings that are not those of a single stage, and not left open
+    # settings of the whole match that have a value; changed settings of the stages are added below
     every = result.config.to_dict().items()
     everyday = {name: x for name, x in every if x is not None and not isinstance(x, dict)}
     settings = everyday | result.config.changed()
@@ -308,5 +308,5 @@ def sentence(text: str) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the libraries that decide numbers."""
+    """Return the versions of Python and of the libraries that affect numbers."""
     return {"python": python_version(), **machine.versions(LIBRARIES)}

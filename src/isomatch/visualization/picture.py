@@ -27,21 +27,21 @@ from isomatch._core.errors import DescriptorError, SettingError
 from isomatch.visualization.surface_image import SurfaceView
 
 DPI = 200
-SHARPNESS = 2  # pixels of a picture for each pixel of a page, as many as sharp screens have
-TALLEST = 1.15  # largest height of a panel over its width
-LEAST_WIDTH = 200  # pixels of a picture
-MARGIN, TITLE, COLOUR_BAR = 30, 70, 175  # pixels; the last is what a bar takes at least, with its label
-BAR, BAR_HEIGHT = 24, 0.7  # pixels across, and share of the height of a panel
-# pixels; least height of panels beside a bar, so that two numbers and a word of its label fit
-BESIDE_BAR = 120
+SHARPNESS = 2  # pixels of a picture per pixel of a page, for sharp screens
+MAX_HEIGHT_RATIO = 1.15  # height of a panel over its width
+MIN_WIDTH = 200  # pixels of a picture
+MARGIN, TITLE, COLOUR_BAR = 30, 70, 175  # pixels; the smallest width of a colour bar with its label
+BAR, BAR_HEIGHT = 24, 0.7  # width in pixels; height as a share of the panel's
+# pixels; height of panels at which a bar has room for two numbers and a word of its label
+MIN_HEIGHT_BESIDE_BAR = 120
 TEXT = 9  # points
 
 
 class Picture(Figure):
-    """A figure of matplotlib, of a size in pixels, that pyplot does not know; ``seen`` says what it shows."""
+    """A matplotlib figure with a size in pixels, unknown to pyplot; ``seen`` describes what it shows."""
 
     def __init__(self, width: int, height: int, seen: str = "") -> None:
-        whole = 1e-6  # of a pixel, so that rounding loses none
+        whole = 1e-6  # pixels; keeps rounding from losing one
         super().__init__(((width + whole) / DPI, (height + whole) / DPI), dpi=DPI, facecolor="white")
         FigureCanvasAgg(self)
         self.seen = seen
@@ -53,7 +53,7 @@ class Picture(Figure):
         return file.getvalue()
 
     def html(self, *, transparent: bool = False) -> str:
-        """Return the picture as an element of a page, as wide as it was made for or as there is room."""
+        """Return the picture as an HTML element, in its own width or the width of the page if that is less."""
         return (
             f'<img alt="{escape(self.seen)}" width="{round(self.bbox.width / SHARPNESS)}" '
             f'style="max-width:100%;height:auto" src="{png(self.png(transparent=transparent))}">'
@@ -63,20 +63,20 @@ class Picture(Figure):
         return self.html()
 
 
-def pictured(
+def compose_picture(
     panels: Sequence[SurfaceView], width: int, *, values: ValuePanel | None = None, title: str, seen: str
 ) -> Picture:
     """Place panels in a row, all at the same scale, beside a bar that explains the colours of values."""
-    if int(width) != width or width < LEAST_WIDTH:
-        raise SettingError(f"width = {width} is not an integer of at least {LEAST_WIDTH} pixels")
+    if int(width) != width or width < MIN_WIDTH:
+        raise SettingError(f"width = {width} is not an integer of at least {MIN_WIDTH} pixels")
     above, below = (TITLE if any(texts) else 0 for texts in ([title], [panel.title for panel in panels]))
     extents = np.array([panel.extent() for panel in panels])  # (panels, 2)
-    right, least = (0, 1) if values is None else (COLOUR_BAR, BESIDE_BAR)
-    room, scale, height = _fitted(extents, width - right, least)
+    right, least = (0, 1) if values is None else (COLOUR_BAR, MIN_HEIGHT_BESIDE_BAR)
+    room, scale, height = _fit_panels(extents, width - right, least)
     # a wider bar leaves less height for its label, and that may take more lines
-    while values is not None and right < (needed := min(_bar_room(values, height), width // 2)):
+    while values is not None and right < (needed := min(_bar_width(values, height), width // 2)):
         right = needed
-        room, scale, height = _fitted(extents, width - right, least)
+        room, scale, height = _fit_panels(extents, width - right, least)
     widths = np.ceil(scale * extents[:, 0]).astype(int)
     widths = np.maximum(widths + (room - int(widths.sum())) // len(panels), 1)
     picture = Picture(width, height + 2 * MARGIN + above + below, seen)
@@ -91,10 +91,10 @@ def pictured(
     return picture
 
 
-def _fitted(extents: FloatArray, width: int, least: int) -> tuple[int, float, int]:
-    """Pixels in a row for all panels, pixels for a unit of their extents (n, 2), and the height of the row."""
+def _fit_panels(extents: FloatArray, width: int, least: int) -> tuple[int, float, int]:
+    """Return the pixels in a row for all panels, pixels per unit of their extents (n, 2), and the row's height."""
     room = max(width - MARGIN * (len(extents) + 1), len(extents))
-    tallest = TALLEST * room / len(extents)
+    tallest = MAX_HEIGHT_RATIO * room / len(extents)
     scale = float(min(room / extents[:, 0].sum(), tallest / extents[:, 1].max()))
     return room, scale, max(int(np.ceil(scale * extents[:, 1].max())), least)
 
@@ -121,40 +121,42 @@ def _drawable(text: str) -> str:
 
 
 def _add_colour_bar(picture: Picture, values: ValuePanel, left: int, bottom: int, height: int) -> Axes:
-    """Add the bar beside a panel; its label is at most a margin longer than the bar at either end, if words allow it."""
+    """Add the bar beside a panel; its label may exceed the bar by a margin at each end, or more for long words."""
     size = np.array([picture.bbox.width, picture.bbox.height] * 2)
     tall = BAR_HEIGHT * height
     axes = picture.add_axes(tuple(np.array([left, bottom + (height - tall) / 2, BAR, tall]) / size))
     bar = picture.colorbar(ScalarMappable(values.scale(), values.colours), cax=axes, extend=values.beyond)
     bar.ax.tick_params(labelsize=TEXT - 2, colors="black")
     bar.ax.yaxis.offsetText.set_fontsize(TEXT - 2)
-    lines = _in_lines(_drawable(values.label), tall + 2 * MARGIN)
+    lines = _break_label(_drawable(values.label), tall + 2 * MARGIN)
     bar.set_label("\n".join(lines), size=TEXT - 2, color="black", parse_math=False)
     return bar.ax
 
 
-def _bar_room(values: ValuePanel, height: int) -> int:
-    """Pixels that a colour bar takes beside a panel of a height, with its numbers, its label and a margin."""
-    axes = _add_colour_bar(Picture(LEAST_WIDTH, height + 2 * MARGIN), values, 0, MARGIN, height)
+def _bar_width(values: ValuePanel, height: int) -> int:
+    """Measure the width in pixels of a colour bar with its numbers, label and a margin."""
+    axes = _add_colour_bar(Picture(MIN_WIDTH, height + 2 * MARGIN), values, 0, MARGIN, height)
     taken = axes.get_tightbbox()
     return MARGIN // 2 + (int(np.ceil(taken.x1)) if taken else 0)
 
 
-def _in_lines(label: str, length: float) -> list[str]:
-    """Break a label of a colour bar into as few lines as fit into a length in pixels, all nearly as long."""
+def _break_label(label: str, length: float) -> list[str]:
+    """Break the label of a colour bar into the fewest lines, of similar length, that fit a length in pixels."""
 
-    def broken(n_lines: int) -> list[str]:
+    def break_into(n_lines: int) -> list[str]:
         every = (wrap(label, width, break_long_words=False) for width in count(1))
         return next(lines for lines in every if len(lines) <= n_lines)
 
-    measured = Picture(LEAST_WIDTH, LEAST_WIDTH).text(0, 0, "", size=TEXT - 2, parse_math=False)
+    measured = Picture(MIN_WIDTH, MIN_WIDTH).text(0, 0, "", size=TEXT - 2, parse_math=False)
 
     def longest(lines: list[str]) -> float:
         measured.set_text("\n".join(lines))
         return measured.get_window_extent().width
 
     most = max(len(label.split()), 1)
-    return next((lines for n in range(1, most) if longest(lines := broken(n)) <= length), broken(most))
+    return next(
+        (lines for n in range(1, most) if longest(lines := break_into(n)) <= length), break_into(most)
+    )
 
 
 def png(data: bytes) -> str:
@@ -162,11 +164,11 @@ def png(data: bytes) -> str:
     return "data:image/png;base64," + b64encode(data).decode("ascii")
 
 
-OUTLIERS = 0.01  # share of the values beyond either end of the colour bar
-# of the largest magnitude; values that reach so far on both sides of 0 have colours of either sign
-EITHER_SIGN = 0.2
-FROM_ZERO = 0.5  # of the highest value; values above 0 that begin below this are shown from 0
-ONE_SIGN, BOTH_SIGNS = "cividis", "PuOr_r"  # both safe for the colour-blind
+OUTLIER_SHARE = 0.01  # values beyond each end of the colour bar
+# share of the largest magnitude; values reaching this far on both sides of 0 get a two-sided colour map
+BOTH_SIGNS_RATIO = 0.2
+ZERO_START_RATIO = 0.5  # of the highest value; positive values that begin lower are shown from 0
+ONE_SIGN_MAP, BOTH_SIGNS_MAP = "cividis", "PuOr_r"  # both safe for the colour-blind
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,9 +183,9 @@ class ValuePanel:
         Label of the colour bar, with the unit.
     highest : float, optional
         Value of the brightest colour, from 0; by default the bar spans all but a per cent of the values at either end,
-        from 0 if they begin near it, and as far on both sides of 0 if they have either sign.
+        from 0 if they begin near it, and symmetric around 0 if they have both signs.
     colour_map : str, optional
-        Name of a colour map of matplotlib; by default ``"cividis"``, or ``"PuOr_r"`` for values of either sign.
+        Name of a colour map of matplotlib; by default ``"cividis"``, or ``"PuOr_r"`` for values of both signs.
 
     Raises
     ------
@@ -203,23 +205,23 @@ class ValuePanel:
             )
 
     def scale(self) -> Normalize:
-        """Return the values of the first and the last colour."""
+        """Return the scale, which begins at the value of the first colour and ends at the last."""
         return Normalize(*self._ends)
 
     @property
     def colours(self) -> str:
         """Name of the colour map."""
-        return self.colour_map or (BOTH_SIGNS if self._ends[0] == -self._ends[1] else ONE_SIGN)
+        return self.colour_map or (BOTH_SIGNS_MAP if self._ends[0] == -self._ends[1] else ONE_SIGN_MAP)
 
     @property
     def beyond(self) -> Literal["neither", "min", "max", "both"]:
-        """On which ends of the scale there are values beyond it."""
+        """The ends of the scale that values exceed."""
         low, high = self._ends
         below, above = bool((self._finite < low).any()), bool((self._finite > high).any())
         return "both" if below and above else "min" if below else "max" if above else "neither"
 
     def rows(self, n: int) -> FloatArray:
-        """(n,) the values, nan where they are not finite; `DescriptorError` if there are not as many."""
+        """Return the values (n,), nan where they are not finite; `DescriptorError` if their number is not n."""
         rows = numbers_of(self.values, "values", DescriptorError)
         if rows.shape != (n,):
             raise DescriptorError(f"values have shape {rows.shape}; expected ({n},), one for each vertex")
@@ -240,13 +242,13 @@ class ValuePanel:
             return 0.0, self.highest
         if not len(self._finite):
             return 0.0, 1.0
-        low, high = np.quantile(self._finite, [OUTLIERS, 1 - OUTLIERS]).tolist()
+        low, high = np.quantile(self._finite, [OUTLIER_SHARE, 1 - OUTLIER_SHARE]).tolist()
         if low == high:
             low, high = float(self._finite.min()), float(self._finite.max())
         most = max(abs(low), abs(high))
-        if -low > EITHER_SIGN * most and high > EITHER_SIGN * most:
+        if -low > BOTH_SIGNS_RATIO * most and high > BOTH_SIGNS_RATIO * most:
             return -most, most
-        low = 0.0 if 0.0 <= low < FROM_ZERO * high else low
+        low = 0.0 if 0.0 <= low < ZERO_START_RATIO * high else low
         return low, high if high > low else low + 1.0
 
 

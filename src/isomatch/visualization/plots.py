@@ -20,11 +20,11 @@ from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.surfaces import Graph, Mesh, Surface
 from isomatch.visualization.camera import camera_of, of_ordinary_size, turn_to_target
 from isomatch.visualization.colours import position_colours
-from isomatch.visualization.picture import TEXT, Picture, ValuePanel, pictured
+from isomatch.visualization.picture import TEXT, Picture, ValuePanel, compose_picture
 from isomatch.visualization.surface_image import SurfaceView
 
 WIDTH = 1800
-LEAST_AREA = 1e-100  # of a shape of ordinary size; the squares of smaller ones vanish
+MIN_AREA = 1e-100  # after scaling to ordinary size; squares of smaller areas vanish
 SEEN = "{} on the left, {} on the right; points of the same colour correspond."
 
 
@@ -55,7 +55,7 @@ def draw_map(
     values : ValuePanel, optional
         Content of a third panel, the source once more; by default there is none.
     title, width, view
-        As for `plot_surface`; the view is that of the target.
+        As for `plot_surface`; the view shows the target.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def draw_map(
     The target has the colours of `position_colours`. Each source vertex has the colour of its image, or is grey if it is
     unmatched. Time is linear in faces and pixels.
     """
-    source, target = (paintable(mesh, name) for mesh, name in zip((source, target), titles))
+    source, target = (scale_for_drawing(mesh, name) for mesh, name in zip((source, target), titles))
     camera = camera_of(target, view=view)
     turned = camera @ turn_to_target(source, target, correspondence)
     colours = position_colours(target)
@@ -82,19 +82,19 @@ def draw_map(
     ]
     seen = SEEN.format(titles[0] or "source", titles[1] or "target")
     if values is not None:
-        panels.append(painted(source, turned, values, title=titles[0]))
+        panels.append(paint_values(source, turned, values, title=titles[0]))
         seen += f" On the far right, the first once more, coloured by {values.label or 'values'}."
-    picture = pictured(panels, width, values=values, title=title, seen=seen)
+    picture = compose_picture(panels, width, values=values, title=title, seen=seen)
     if path is not None:
         with replaced(Path(path)) if isinstance(path, str | Path) else nullcontext(path) as file:
             file.write(picture.png())
     return picture
 
 
-def paintable(mesh: Mesh, name: str) -> Mesh:
-    """Scale a mesh to ordinary size, and refuse one without area, see `draw_map`."""
+def scale_for_drawing(mesh: Mesh, name: str) -> Mesh:
+    """Scale a mesh to ordinary size; `MeshError` if it has no area."""
     mesh = of_ordinary_size(mesh)
-    if not mesh.area > LEAST_AREA:
+    if not mesh.area > MIN_AREA:
         raise MeshError(
             f"{name}: cannot be drawn: it has no faces of any area, coordinates that are not finite, or some so much "
             "larger than the others that the surface has no area beside them; check(mesh) says where, repair(mesh) "
@@ -103,19 +103,19 @@ def paintable(mesh: Mesh, name: str) -> Mesh:
     return mesh
 
 
-def painted(
+def paint_values(
     mesh: Mesh, camera: FloatArray, values: ValuePanel, rows: FloatArray | None = None, title: str = ""
 ) -> SurfaceView:
-    """Show a mesh in the colours of values at its vertices; of others (n,), if they are given, at the same scale."""
+    """Colour a mesh by values at its vertices, or by ``rows`` (n,) on the same scale."""
     rows = values.rows(mesh.n_vertices) if rows is None else rows
     return SurfaceView(mesh, camera, rows[:, None], lambda seen: linear_of(values.paint(seen)), title)
 
 
 CLAY = linear_of(np.array([200, 200, 196]) / 255)  # as in the report
-ALONE = 1000  # pixels; the width of the picture of one surface
-N_SHOWN = 4  # functions of a basis on a surface
-NULL = 1e-9  # of the largest eigenvalue; smaller ones are rounding errors
-CHART_HEIGHT = 0.36  # of the width
+ALONE_WIDTH = 1000  # pixels; width of the picture of one surface
+N_SHOWN_VECTORS = 4  # vectors of a basis that are drawn on a surface
+NULL_RATIO = 1e-9  # of the largest eigenvalue; smaller eigenvalues are rounding errors
+CHART_HEIGHT_RATIO = 0.36  # height of a chart over its width
 POSITIVE, NEGATIVE = "#0072b2", "#d55e00"  # safe for the colour-blind (Okabe & Ito)
 
 
@@ -126,7 +126,7 @@ def plot_surface(
     label: str = "",
     colour_map: str | None = None,
     title: str = "",
-    width: int = ALONE,
+    width: int = ALONE_WIDTH,
     view: tuple[float, float] | None = None,
 ) -> Picture:
     """Draw a surface, coloured by values at its vertices.
@@ -172,7 +172,7 @@ def plot_surface(
     >>> len(figure.axes), figure.axes[1].get_ylabel()
     (2, 'height, mm')
     """
-    mesh = paintable(drawable(surface), repr(surface))
+    mesh = scale_for_drawing(drawable(surface), repr(surface))
     camera, seen = camera_of(mesh, view=view), title or repr(surface)
     rows = None if values is None else numbers_of(values, "values", DescriptorError)
     if rows is None or rows.ndim == 2:
@@ -182,10 +182,10 @@ def plot_surface(
             raise DescriptorError(
                 f"values have shape {colours.shape}; expected ({mesh.n_vertices},) numbers, or 3 columns of colours"
             )
-        return pictured([SurfaceView(mesh, camera, colours)], width, title=title, seen=seen)
+        return compose_picture([SurfaceView(mesh, camera, colours)], width, title=title, seen=seen)
     panel = ValuePanel(rows, label, colour_map=colour_map)
     seen += f", coloured by {label or 'values'}"
-    return pictured([painted(mesh, camera, panel)], width, values=panel, title=title, seen=seen)
+    return compose_picture([paint_values(mesh, camera, panel)], width, values=panel, title=title, seen=seen)
 
 
 def plot_basis(
@@ -206,29 +206,29 @@ def plot_basis(
     surface : Mesh, PointCloud, or what `surface_from` takes, optional
         The surface that the basis was made for; `DescriptorError` if it has another number of vertices.
     colour_map, title, width, view
-        As for `plot_surface`; each function has a scale of its own, as far above as below 0.
+        As for `plot_surface`; each function has its own scale, symmetric around 0.
     """
     if surface is None:
         return _spectrum(basis, title, width)
-    mesh = paintable(drawable(surface_from(surface)), "surface")
+    mesh = scale_for_drawing(drawable(surface_from(surface)), "surface")
     if len(basis.vectors) != mesh.n_vertices:
         raise DescriptorError(
             f"{basis!r} is not one of this surface, which has {mesh.n_vertices} vertices; give the surface that it was "
             "made for"
         )
     camera, panels = camera_of(mesh, view=view), []
-    values = np.where(np.abs(basis.values) > NULL * np.abs(basis.values).max(), basis.values, 0.0)
-    for k, (column, value) in enumerate(zip(basis.vectors.T[:N_SHOWN], values), 1):
+    values = np.where(np.abs(basis.values) > NULL_RATIO * np.abs(basis.values).max(), basis.values, 0.0)
+    for k, (column, value) in enumerate(zip(basis.vectors.T[:N_SHOWN_VECTORS], values), 1):
         most = float(np.abs(column).max()) or 1.0
         even = ValuePanel([-most, most], colour_map=colour_map)
         name = f"vector {k}, eigenvalue {value:.3g}".replace("-", "−")
-        panels.append(painted(mesh, camera, even, column, name))
-    return pictured(panels, width, title=title, seen=f"The first {len(panels)} vectors of {basis!r}")
+        panels.append(paint_values(mesh, camera, even, column, name))
+    return compose_picture(panels, width, title=title, seen=f"The first {len(panels)} vectors of {basis!r}")
 
 
 def _spectrum(basis: DistanceBasis | LaplaceBasis, title: str, width: int) -> Picture:
     """Draw the eigenvalues against their number, and the error against the rank where it is known."""
-    picture = Picture(width, round(CHART_HEIGHT * width), f"Spectrum of {basis!r}")
+    picture = Picture(width, round(CHART_HEIGHT_RATIO * width), f"Spectrum of {basis!r}")
     picture.set_layout_engine("constrained")
     errors = basis.error_estimates() if isinstance(basis, DistanceBasis) and basis.held_out else None
     charts = picture.subplots(1, 1 if errors is None else 2, squeeze=False).ravel()
@@ -239,28 +239,28 @@ def _spectrum(basis: DistanceBasis | LaplaceBasis, title: str, width: int) -> Pi
         charts[0].scatter(number[~positive], size[~positive], 12, NEGATIVE, label="negative")
         charts[0].set_yscale("log")
         charts[0].legend(fontsize=TEXT - 1, frameon=False)
-        _named(charts[0], "number", "size of the eigenvalue")
+        _label_axes(charts[0], "number", "size of the eigenvalue")
     else:
         charts[0].scatter(number, basis.values, 12, POSITIVE)
-        _named(charts[0], "number", "eigenvalue, 1 / squared mesh units")
+        _label_axes(charts[0], "number", "eigenvalue, 1 / squared mesh units")
     if errors is not None:
         charts[1].plot(number, 100 * errors, color=POSITIVE, marker="o", markersize=3, linewidth=1)
         charts[1].set_yscale("log")
-        _named(charts[1], "vectors kept", "relative error of the distances, %")
+        _label_axes(charts[1], "vectors kept", "relative error of the distances, %")
     if title:
         picture.suptitle(title, fontsize=TEXT + 2, parse_math=False)
     return picture
 
 
-def _named(axes: Axes, x: str, y: str) -> None:
+def _label_axes(axes: Axes, x: str, y: str) -> None:
     axes.set_xlabel(x, fontsize=TEXT)
     axes.set_ylabel(y, fontsize=TEXT)
     axes.tick_params(labelsize=TEXT - 1)
     axes.spines[["top", "right"]].set_visible(False)
 
 
-NEIGHBOURS = 8  # of each point, between which triangles are drawn
-WIDEST = 2.6  # radians, about 150°: a wider angle between two neighbours is a hole or a border
+N_NEIGHBOURS = 8  # of a point; triangles are drawn between them
+MAX_GAP_ANGLE = 2.6  # radians, about 150°; a wider angle between two neighbours is a hole or a border
 
 
 def drawable(surface: Surface) -> Mesh:
@@ -283,17 +283,17 @@ def drawable(surface: Surface) -> Mesh:
         raise TypeError(f"{surface!r} has no positions to draw")
     # each point with its nearest neighbours, in turn around it in the plane that fits them best
     points, n = surface.vertices, surface.n_vertices
-    k = min(NEIGHBOURS, n - 1)
+    k = min(N_NEIGHBOURS, n - 1)
     near = cKDTree(points).query(points, k + 1)[1][:, 1:]
     offsets = points[near] - points[:, None]  # (n, k, 3)
     axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))[1]  # the last two span the plane
     flat = np.einsum("nki,nij->nkj", offsets, axes[:, :, 1:])
     angles = np.arctan2(flat[..., 1], flat[..., 0])
     order = angles.argsort(axis=1)
-    near, angles = (np.take_along_axis(each, order, axis=1) for each in (near, angles))
+    near, angles = (np.take_along_axis(x, order, axis=1) for x in (near, angles))
     gaps = np.mod(np.roll(angles, -1, axis=1) - angles, 2 * np.pi)
     middle = np.broadcast_to(np.arange(n)[:, None], near.shape)
-    faces = np.stack([middle, near, np.roll(near, -1, axis=1)], axis=2)[gaps < WIDEST]
+    faces = np.stack([middle, near, np.roll(near, -1, axis=1)], axis=2)[gaps < MAX_GAP_ANGLE]
     faces = faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]
     a, b, c = (points[faces[:, i]] for i in range(3))
     inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - points.mean(axis=0)) < 0

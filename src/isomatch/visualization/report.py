@@ -17,9 +17,9 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.pair_page import (
     GIVEN,
     SIDES,
-    asked_of,
     details_of,
     maps_of,
+    open_questions_of,
     page_of,
     pairs_on,
     pairs_shown,
@@ -44,7 +44,7 @@ VERDICTS = {
     "right": Outcome.CONVERGED,
     "doubtful": Outcome.SYMMETRY_AMBIGUOUS,
     "wrong": Outcome.LOW_CONFIDENCE,
-}  # outcomes whose colours the verdicts have
+}  # a verdict is shown in the colour of this outcome
 DIFFERENCE = "distance from the given map"
 _HELPED_BY_LANDMARKS = (Outcome.PRIORS_CONTRADICTED, Outcome.SYMMETRY_AMBIGUOUS, Outcome.LOW_CONFIDENCE)
 
@@ -75,7 +75,7 @@ def write_report(
     result : MatchResult
         Result of `match` for them.
     names : (str, str)
-        Names of the two shapes, such as those of their files.
+        Names of the two shapes, such as their file names.
     picture : path_like, optional
         PNG file of `draw_map` to embed; by default it is drawn, and if empty there is none.
     facts : mapping of str to object, optional
@@ -84,14 +84,14 @@ def write_report(
         Further values to be shown as colours, such as errors; ``nan`` is grey. Positions, stretch and what the result
         knows (expected error, descriptor distance, doubt) are always there.
     landmarks : (q, 2) array_like of int, optional
-        Pairs (source vertex, target vertex) with which the list of landmarks begins; those of vertices that the shapes
+        Pairs (source vertex, target vertex) with which the list of landmarks begins; pairs with vertices that the shapes
         lack are left out.
     command : str
         Command that matches again with the saved landmarks, to be copied.
     given : Correspondence, optional
         The map that the match started from, or another one to be compared; it can be shown like the alternatives.
     said : mapping of str to str, optional
-        ``headline``, ``sureness``, ``advice`` and ``colour`` in place of those of the result.
+        ``headline``, ``sureness``, ``advice`` and ``colour``, which replace those in the result.
 
     Raises
     ------
@@ -106,14 +106,14 @@ def write_report(
     -----
     The 3D view shows the source as it lies in its file. Pictures turn it by the rotation that the map implies, under
     which even a map that exchanges front and back looks right. A shape of more than 30 000 vertices is simplified in the
-    3D view, and the report says so; pictures and numbers are those of the full shape. The size is about 75 bytes per
+    3D view, and the report says so; pictures and numbers describe the full shape. The size is about 75 bytes per
     shown vertex and 30 for each alternative, plus the pictures.
     """
     pairs = pairs_on(landmarks, source, target)
     every = layers_of(result) | user_layers(layers or {}, source.n_vertices)
-    asked = asked_of(source, target, result)
+    open_questions = open_questions_of(source, target, result)
     scene = scene_of(
-        source, target, maps_of(result, given), layers=every, landmarks=pairs_shown(pairs, asked)
+        source, target, maps_of(result, given), layers=every, landmarks=pairs_shown(pairs, open_questions)
     )
     titles = title_of("source", names[0]), title_of("target", names[1])
     if picture is None:
@@ -130,7 +130,7 @@ def write_report(
         picture=f'<img src="{still}" alt="{SEEN.format("Source", "target")}">' if still else "",
         picking=" checked" if helped else "",
         landmarks=_list(command, shown=helped or bool(len(pairs))),
-        details=details_of(source, target, result, asked, given),
+        details=details_of(source, target, result, open_questions, given),
         run=tables_of_run(result, facts or {}),
     )
     write_text(Path(path), page)
@@ -190,9 +190,9 @@ def write_landmark_picker(
     landmarks: ArrayLike | None = None,
     command: str = COMMAND,
 ) -> None:
-    """Write the report of a match that found no map, for a reason: both shapes in 3D, to pick landmarks for another.
+    """Write the report of a match that found no map: the reason, and both shapes in 3D to pick landmarks.
 
-    All else is as for `write_report`.
+    ``reason`` is the text of the error; the other parameters are as for `write_report`.
     """
     pairs = pairs_on(landmarks, source, target)
     scene = scene_of(source, target, {}, landmarks=pairs)

@@ -34,7 +34,7 @@ def scene_of(
     """Collect the data of a report's 3D view; layers are values at the source's vertices under the first map."""
     # Plain values for JSON; arrays are little-endian, in base 64:
     # source, target: as `DrawnSurface.packed`, and colours (uint8 × 3, target only)
-    # filed: the rotation (3 rows) that brings the source back to how it lies in its file
+    # filed: the rotation (3 rows) that turns the source back to its orientation in the file
     # maps: for each shown source vertex images (int32, the user's index of the target vertex, −1 if unmatched), points
     #   and normals of the precise images, colours, and layers by name, see Layer.packed
     first = next(iter(maps.values()), None)
@@ -51,7 +51,7 @@ class DrawnPair:
         target: Mesh,
         facing: Correspondence | None = None,  # turns the source to face like the target
         *,
-        landmarks: IntArray | None = None,  # (q, 2) pairs of vertices that are shown in any case
+        landmarks: IntArray | None = None,  # (q, 2) pairs of vertices that simplification keeps
         most: int = MOST_SHOWN,
     ) -> None:
         self._source, self._target = of_ordinary_size(source), of_ordinary_size(target)
@@ -74,16 +74,16 @@ class DrawnPair:
         """Return ``maps`` of `scene_of`, and the ``filed`` of the first; ``layers`` are values under that."""
         packed: list[dict[str, Any]] = []
         for name, correspondence in maps.items():
-            own = {"stretch": stretch(self._source, self._target, correspondence)}
-            own |= {} if packed else dict(layers)
-            packed.append({"name": name, **self._packed_map(correspondence, own)})
+            map_layers = {"stretch": stretch(self._source, self._target, correspondence)}
+            map_layers |= {} if packed else dict(layers)
+            packed.append({"name": name, **self._packed_map(correspondence, map_layers)})
         turn = self._turn_of(next(iter(maps.values()), None))
         return {"filed": self._filed(turn).ravel().tolist(), "maps": packed}
 
     def _packed_map(self, correspondence: Correspondence, layers: Mapping[str, Layer]) -> dict[str, Any]:
         index, target = self._from_source.index, self._from_target
         columns = target.points, target.normals, self._colours
-        points, normals, colours = (correspondence.pull_back(each)[index] for each in columns)
+        points, normals, colours = (correspondence.pull_back(values)[index] for values in columns)
         unmatched = ~correspondence.matched[index]
         points[unmatched], normals[unmatched], colours[unmatched] = 0.0, 0.0, UNMATCHED_GREY
         return {
@@ -99,25 +99,25 @@ class DrawnPair:
         shape = self._from_source if side == "source" else self._from_target
         if vertex in shape.index:
             return vertex
-        apart = np.linalg.norm(shape.points[shape.index] - shape.points[vertex], axis=1)
-        return int(shape.index[apart.argmin()])
+        distances = np.linalg.norm(shape.points[shape.index] - shape.points[vertex], axis=1)
+        return int(shape.index[distances.argmin()])
 
     def _turn_of(self, facing: Correspondence | None) -> FloatArray:
         return np.eye(3) if facing is None else turn_to_target(self._source, self._target, facing)
 
     def _filed(self, turn: FloatArray) -> FloatArray:
-        """In camera coordinates, the rotation that takes back a turn of the source."""
+        """Return the rotation, in camera coordinates, that undoes a turn of the source."""
         return self._camera @ turn.T @ self._camera.T
 
 
-# the first two are there of every map
+# names of the report's own layers; every map has the first two
 BUILT_IN = ("position", "stretch", "expected error", "descriptor distance", "doubt")
-N_STOPS = 9  # colours of a ramp between which a browser interpolates
-LEVELS = 254  # levels of a stored value
-NO_VALUE = 255
-LARGE_ERROR = 0.05  # √area; the confidence there is ½
-DESCRIPTORS = 1.0  # standard deviations; points drawn at random differ by about 0.8
-OUTLIERS = 0.02  # share of the values that may lie beyond the ends of the ramp
+N_RAMP_COLOURS = 9  # the browser interpolates between these colours of a ramp
+N_LEVELS = 254  # a stored value is a level from 0 to this
+NO_VALUE_LEVEL = 255
+MIN_ERROR_RANGE = 0.05  # √area; the ramp extends at least to this error, at which the confidence is ½
+DESCRIPTOR_RANGE = 1.0  # standard deviations at the end of the ramp; random points differ by about 0.8
+OUTLIER_SHARE = 0.02  # of the values; they may lie beyond an end of the ramp
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,26 +128,26 @@ class Layer:
     low: float  # end of the ramp
     high: float
     meaning: str = ""
-    ratio: bool = False  # on a logarithmic ramp whose middle is neutral
+    ratio: bool = False  # drawn on a logarithmic ramp with a neutral middle
 
     def packed(self, index: IntArray) -> dict[str, Any]:
         """Plain values for JSON; ``levels`` are uint8 at the vertices of ``index``, 255 where there is no value."""
         scaled = np.log if self.ratio else np.asarray
         low, high, values = scaled(self.low), scaled(self.high), scaled(self.values[index])
         shares = np.clip((values - low) / (high - low), 0.0, 1.0)
-        ramp = colormaps["PuOr_r" if self.ratio else "cividis"](np.linspace(0.0, 1.0, N_STOPS))[:, :3]
+        ramp = colormaps["PuOr_r" if self.ratio else "cividis"](np.linspace(0.0, 1.0, N_RAMP_COLOURS))[:, :3]
         return {
             "low": self.low,
             "high": self.high,
             "ratio": self.ratio,
             "meaning": self.meaning,
             "ramp": np.rint(255 * ramp).astype(int).tolist(),
-            "levels": encoded(np.where(np.isnan(shares), NO_VALUE, np.rint(LEVELS * shares)), "u1"),
+            "levels": encoded(np.where(np.isnan(shares), NO_VALUE_LEVEL, np.rint(N_LEVELS * shares)), "u1"),
         }
 
 
 def layers_of(result: MatchResult) -> dict[str, Layer]:
-    """Layers of all that a result knows of its map: the regions of doubt, the expected error, the descriptor distance."""
+    """Make the layers of a result: the regions of doubt, the expected error, the descriptor distance."""
     layers = {}
     if result.regions:
         values = np.full(len(result.map.vertices), np.nan)
@@ -155,17 +155,17 @@ def layers_of(result: MatchResult) -> dict[str, Layer]:
         layers["doubt"] = Layer(values, 0.0, 1.0, "the regions of doubt, all else in grey")
     errors, descriptor_distance = result.expected_error, result.descriptor_distance
     if np.isfinite(errors).any():
-        high = max(LARGE_ERROR, float(np.nanquantile(errors, 1 - OUTLIERS)))
+        high = max(MIN_ERROR_RANGE, float(np.nanquantile(errors, 1 - OUTLIER_SHARE)))
         meaning = "distance of an image from the right one, in √area"
         layers["expected error"] = Layer(errors, 0.0, high, meaning)
     if descriptor_distance is not None and np.isfinite(descriptor_distance).any():
         meaning = "how differently the shapes look here, in standard deviations"
-        layers["descriptor distance"] = Layer(descriptor_distance, 0.0, DESCRIPTORS, meaning)
+        layers["descriptor distance"] = Layer(descriptor_distance, 0.0, DESCRIPTOR_RANGE, meaning)
     return layers
 
 
 def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Layer]:
-    """Check values by name, and let the ramp span all but the outliers; `DescriptorError` if they do not fit."""
+    """Make layers of named values, with ramps that span all but outliers; `DescriptorError` if values do not fit."""
     layers = {}
     for name, layer_values in values.items():
         if name in BUILT_IN:
@@ -176,7 +176,11 @@ def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Lay
                 f"layer {name!r} has shape {rows.shape}, expected one value for each of the {n_source} source vertices"
             )
         rows = np.where(np.isfinite(rows), rows, np.nan)
-        low, high = np.nanquantile(rows, [OUTLIERS, 1 - OUTLIERS]) if np.isfinite(rows).any() else (0.0, 1.0)
+        low, high = (
+            np.nanquantile(rows, [OUTLIER_SHARE, 1 - OUTLIER_SHARE])
+            if np.isfinite(rows).any()
+            else (0.0, 1.0)
+        )
         low = 0.0 if 0.0 <= low < 0.5 * high else float(low)
         layers[name] = Layer(rows, low, float(high) if high > low else low + 1.0)
     return layers
@@ -184,7 +188,7 @@ def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Lay
 
 def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:
     """Compute how much the edges at each vertex are stretched, relative to the median."""
-    # √(Σ |φ(a) − φ(b)|² / Σ |a − b|²) over the edges ab at the vertex whose ends both have images φ
+    # √(Σ |φ(a) − φ(b)|² / Σ |a − b|²), summed over the edges ab at a vertex with images φ of both ends
     images = correspondence.pull_back(target.vertices)  # nan where unmatched
     a, b = source.edges.T
     before = ((source.vertices[a] - source.vertices[b]) ** 2).sum(axis=1)

@@ -1,4 +1,4 @@
-"""What came out of a match, in plain words: for a reader who knows none of the measures."""
+"""The outcome of a match in plain words, for a reader who knows none of the measures."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import of_ordinary_size
 from isomatch.visualization.measures import config_of, is_of_whole, quality_measures
 
-LITTLE_CONFIDENCE = 0.5  # an expected error of 0.05 √area, see `MatchResult.confidence`
-WORTH_TELLING = 0.005  # share of the vertices
-MANY = 0.1  # share of the vertices with little confidence, above which the map is called uncertain
+LOW_CONFIDENCE_LIMIT = 0.5  # lower is an expected error above 0.05 √area, see `MatchResult.confidence`
+MIN_SHARE_TOLD = 0.005  # smaller shares of the vertices are not mentioned
+UNCERTAIN_SHARE = 0.1  # share of vertices with low confidence, above which a map is called uncertain
 
-# what came out, in a sentence, and what to do next; `Outcome.advice` tells more
-_TOLD = {
+# headline and advice for each outcome; `Outcome.advice` says more
+_HEADLINES_AND_ADVICE = {
     Outcome.PRIORS_CONTRADICTED: (
         "The map and your priors do not agree: either may be wrong.",
         "Check the landmarks or the first map: vertices count from 0, source first. If they are right, match again with "
@@ -50,8 +50,8 @@ _TOLD = {
         "Look at the picture once: no check is a proof.",
     ),
 }
-HEADLINES = {outcome: headline for outcome, (headline, _) in _TOLD.items()}
-"""What came out, in a sentence, by outcome."""
+HEADLINES = {outcome: headline for outcome, (headline, _) in _HEADLINES_AND_ADVICE.items()}
+"""The headline of each outcome."""
 
 PARTLY_SURE = "The shapes match, but parts of this map are uncertain."
 MOSTLY_RIGHT = "Most of this map looks right, but not all of it."
@@ -60,12 +60,12 @@ ANOTHER_IS_BETTER = "This map is doubtful: another one fits as well or better."
 
 @dataclass(frozen=True)
 class Summary:
-    """What came out of a match, in plain words.
+    """The outcome of a match in plain words.
 
     Parameters
     ----------
     headline : str
-        What came out, one sentence.
+        The outcome in one sentence.
     sureness : str
         How sure it is, and where it is not, as shares of the surface; empty if nothing is known beyond the headline.
     advice : str
@@ -78,7 +78,7 @@ class Summary:
 
     @property
     def advice_in_python(self) -> str:
-        """The advice where no report is named, with settings as in `isomatch.Config`: ``start = 'pose'``."""
+        """The advice for Python: no report is named, and settings are as in `isomatch.Config` (``start = 'pose'``)."""
         return re.sub(r"--([a-z]+) ([a-z]+)", r"\1 = '\2'", re.sub(r" in the report| there", "", self.advice))
 
     def __str__(self) -> str:
@@ -96,9 +96,9 @@ def summary_of(result: MatchResult) -> Summary:
     >>> print(summary_of(match(source, target)).headline)
     The shapes match; no problems were found.
     """
-    headline, far = HEADLINES[result.outcome], _share_far(result)
-    parts = [_partners(result), _doubt(result, far)]
-    if result.outcome is Outcome.CONVERGED and (result.regions or far > MANY):
+    headline, far_off = HEADLINES[result.outcome], _share_far_off(result)
+    parts = [_partners(result), _doubt(result, far_off)]
+    if result.outcome is Outcome.CONVERGED and (result.regions or far_off > UNCERTAIN_SHARE):
         headline = PARTLY_SURE
     if result.outcome is Outcome.LOW_CONFIDENCE:
         if result.quality.runner_up < 1.0:
@@ -109,29 +109,29 @@ def summary_of(result: MatchResult) -> Summary:
             parts.append("No single place stands out: it may be wrong altogether.")
     if result.outcome in (Outcome.PARTIAL, Outcome.CONVERGED):
         # the estimate is for maps that are right as a whole
-        parts.append(_expected_error(result, far))
-    return Summary(headline, " ".join(filter(None, parts)), _TOLD[result.outcome][1])
+        parts.append(_expected_error(result, far_off))
+    return Summary(headline, " ".join(filter(None, parts)), _HEADLINES_AND_ADVICE[result.outcome][1])
 
 
 def _partners(result: MatchResult) -> str:
-    """Say how much has a partner, if not all has."""
+    """Say how much of both shapes has a partner, unless all has."""
     if result.outcome is Outcome.PARTIAL or not result.map.matched.all():
         matched, covered = (_per_cent(share) for share in result.overlap)
         return f"{matched} of the source's points and {covered} of the target's surface have a partner."
     return ""
 
 
-def _share_far(result: MatchResult) -> float:
-    """Share of the points whose images may be far from the right ones."""
+def _share_far_off(result: MatchResult) -> float:
+    """Share of the points with images that may be far from the right ones."""
     known = result.confidence[np.isfinite(result.confidence)]
-    return float((known < LITTLE_CONFIDENCE).mean()) if len(known) else 0.0
+    return float((known < LOW_CONFIDENCE_LIMIT).mean()) if len(known) else 0.0
 
 
-def _doubt(result: MatchResult, far: float) -> str:
+def _doubt(result: MatchResult, far_off: float) -> str:
     """Say how much of the surface is in doubt, and where most of all."""
     if not result.regions:
         sought = is_of_whole(result) and result.descriptor_distance is not None
-        is_sure = sought and not result.outcome.is_doubtful and far <= WORTH_TELLING
+        is_sure = sought and not result.outcome.is_doubtful and far_off <= MIN_SHARE_TOLD
         return "No region is in doubt." if is_sure else ""
     largest, *others = result.regions
     share = _per_cent(sum(region.area for region in result.regions))
@@ -139,48 +139,48 @@ def _doubt(result: MatchResult, far: float) -> str:
     return f"{share} of the surface is in doubt, {most} {largest.reason}."
 
 
-def _expected_error(result: MatchResult, far: float) -> str:
+def _expected_error(result: MatchResult, far_off: float) -> str:
     """Say how far images may be from the right ones."""
     errors = result.expected_error[np.isfinite(result.expected_error)]
     if not len(errors):
         return ""
     mean, size = float(errors.mean()), result.target_size
     length = f", or {mean * size:.2g} in the target's units" if isfinite(size) else ""
-    more = f"; more than 5% at {_per_cent(far)} of the points" if far > WORTH_TELLING else ""
+    more = f"; more than 5% at {_per_cent(far_off)} of the points" if far_off > MIN_SHARE_TOLD else ""
     return f"Expected error: {_per_cent(mean)} of the size (√area){length}{more}."
 
 
 def _per_cent(share: float) -> str:
-    """Write a share with one digit where that says more than none."""
+    """Write a share in per cent, with one decimal if it is below 10 %."""
     return f"{share:.1%}" if 0 < share < 0.1 else f"{share:.0%}"
 
 
-STAYED = 0.05  # √area; an image that is moved by less is at the same place
+SAME_PLACE_DISTANCE = 0.05  # √area; images that are nearer to each other count as the same place
 
 
 def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Correspondence) -> float:
-    """Share of the source's area whose images differ in space by more than `STAYED`, or that one map alone has."""
+    """Share of the source's area with images more than `SAME_PLACE_DISTANCE` apart, or with one image only."""
     source, target = of_ordinary_size(source), of_ordinary_size(target)
-    images = (each.pull_back(target.vertices) for each in (one, other))
-    apart = np.linalg.norm(np.subtract(*images), axis=1) > STAYED * np.sqrt(target.area)
-    apart |= one.matched != other.matched
-    return float(source.vertex_areas[apart].sum() / source.vertex_areas.sum())
+    images = (correspondence.pull_back(target.vertices) for correspondence in (one, other))
+    is_elsewhere = np.linalg.norm(np.subtract(*images), axis=1) > SAME_PLACE_DISTANCE * np.sqrt(target.area)
+    is_elsewhere |= one.matched != other.matched
+    return float(source.vertex_areas[is_elsewhere].sum() / source.vertex_areas.sum())
 
 
-def told_of_alternative(source: Mesh, target: Mesh, result: MatchResult, other: Alternative) -> str:
-    """Say of an alternative where it differs from the map of a result, and which sides it keeps."""
+def describe_alternative(source: Mesh, target: Mesh, result: MatchResult, other: Alternative) -> str:
+    """Say how much an alternative differs from the map of a result, and whether it keeps left and right."""
     share = share_elsewhere(source, target, result.map, other.map)
     before = "The map before this one was chosen. " if isnan(other.energy) else ""
     return f"{before}Differs on {share:.0%} of the surface. {_sides(result, other)}".rstrip()
 
 
-def told_of_given(source: Mesh, target: Mesh, result: MatchResult, given: Correspondence) -> str:
-    """Say where the map that was given differs from the map of a result."""
+def describe_given_map(source: Mesh, target: Mesh, result: MatchResult, given: Correspondence) -> str:
+    """Say how much the given map differs from the map of a result."""
     return f"Differs on {share_elsewhere(source, target, result.map, given):.0%} of the surface."
 
 
-def told_of_all(result: MatchResult) -> str:
-    """Say of all alternatives how near the best of them comes to the map, and when to choose one."""
+def describe_alternatives(result: MatchResult) -> str:
+    """Say how well the best alternative fits, compared to the map, and when to choose an alternative."""
     runner_up, mirrored = result.quality.runner_up, result.quality.mirrored
     limits = config_of(result).outcome
     near = []
@@ -215,5 +215,5 @@ _UNDECIDED = "#e69f00"
 
 
 def outcome_colour(outcome: Outcome) -> str:
-    """Colour of an outcome, as CSS writes it."""
+    """Return the colour of an outcome, as CSS writes it."""
     return _COLOURS.get(outcome, _UNDECIDED)

@@ -1,4 +1,4 @@
-"""The image of one surface, of which all pictures are composed: rounded triangles, rasterised, and lit in every pixel."""
+"""The image of one surface, the element of all pictures: rounded triangles, rasterised, and lit in every pixel."""
 
 from __future__ import annotations
 
@@ -27,38 +27,38 @@ class SurfaceView:
     mesh: Mesh
     camera: FloatArray  # (3, 3), see `camera_of`
     values: FloatArray  # (n, q)
-    # values in pixels (m, q) to linear light (m, 3); nan is drawn grey
+    # function from values in pixels (m, q) to linear light (m, 3); nan is drawn grey
     paint: Callable[[FloatArray], FloatArray] = lambda colours: colours
-    title: str = ""  # below it
+    title: str = ""  # drawn below the surface
 
     @cached_property
-    def _finer(self) -> tuple[Mesh, FloatArray, FloatArray]:
-        return finer(self.mesh, self.values)
+    def _rounded(self) -> tuple[Mesh, FloatArray, FloatArray]:
+        return round_outline(self.mesh, self.values)
 
     def extent(self) -> FloatArray:
         """Return the width and height of the surface, scaled to unit area."""
-        mesh, _, _ = self._finer
+        mesh, _, _ = self._rounded
         drawn = seen_from(self.camera, mesh)[used_vertices(mesh)]
         return np.asarray(np.ptp(drawn, axis=0)[:2], dtype=np.float64)
 
     def pixels(self, width: int, height: int, scale: float) -> FloatArray:
         """Draw the image, (height, width, 4), in sRGB with opacity, at ``scale`` pixels per unit."""
         width, height, scale = width * OVERSAMPLING, height * OVERSAMPLING, scale * OVERSAMPLING
-        mesh, values, normals = self._finer
+        mesh, values, normals = self._rounded
         points = seen_from(self.camera, mesh) * [scale, -scale, scale] + [width / 2, height / 2, 0.0]
         faces = mesh.faces
         raster = rasterise(points, faces, width, height)
         colour = self.paint(raster.interpolated(values, faces))
         colour = np.where(np.isnan(colour), UNMATCHED_GREY, colour)
-        diffuse, gloss = light(raster, raster.interpolated(normals @ self.camera.T, faces))
+        diffuse, gloss = compute_light(raster, raster.interpolated(normals @ self.camera.T, faces))
         mean = np.zeros((height // OVERSAMPLING, width // OVERSAMPLING, 4))
-        _collect(raster.face, colour * diffuse[:, None] + gloss[:, None], mean)
+        _add_samples(raster.face, colour * diffuse[:, None] + gloss[:, None], mean)
         opacity = mean[..., 3:]
         return np.concatenate([to_screen(mean[..., :3] / np.maximum(opacity, 1e-6)), opacity], axis=2)
 
 
 @compiled()
-def _collect(face: IntArray, colour: FloatArray, mean: FloatArray) -> None:
+def _add_samples(face: IntArray, colour: FloatArray, mean: FloatArray) -> None:
     """Add the samples of each pixel, with opacity."""
     height, width = face.shape
     share = 1.0 / OVERSAMPLING**2
@@ -93,7 +93,7 @@ def surface_image(
     paint : callable
         Maps interpolated values, (m, q), to sRGB colours, (m, 3), 0 … 1.
     camera : (3, 3) array, optional
-        Rows: right, up, towards the viewer; by default those of `camera_of`.
+        Rows: right, up, towards the viewer; by default from `camera_of`.
     resolution : float
         Pixels per √area, so that shapes drawn with the same resolution have equal area.
 
@@ -110,33 +110,34 @@ def surface_image(
     return view.pixels(width, height, resolution)
 
 
-ENOUGH_FACES = 50_000  # a surface with more than a quarter of it is drawn as it is
-ROUNDING = 0.75  # Boubekeur & Alexa, Phong Tessellation, 2008
-TINY = 1e-300
-# cosine of the angle between normals, below which an edge is sharp; at 0.5 thin limbs get lumps
-SHARPEST = 0.0
+MAX_FACES = 50_000  # after rounding, which makes four faces of one
+PHONG_ROUNDING = 0.75  # strength; Boubekeur & Alexa, Phong Tessellation, 2008
+MIN_LENGTH = 1e-300
+# cosine of the angle between the normals at the ends of an edge; edges below it stay sharp.
+# With 0.5, thin limbs get lumps.
+MIN_EDGE_COSINE = 0.0
 
 
-def finer(mesh: Mesh, values: FloatArray) -> tuple[Mesh, FloatArray, FloatArray]:
+def round_outline(mesh: Mesh, values: FloatArray) -> tuple[Mesh, FloatArray, FloatArray]:
     """Round the outline of a coarse mesh; return also values (n, q) at its vertices, and its normals, interpolated."""
     normals = mesh.vertex_normals
-    while 0 < 4 * mesh.n_faces <= ENOUGH_FACES:
-        mesh, columns = _cut(mesh, normals, np.hstack([normals, values]))
+    while 0 < 4 * mesh.n_faces <= MAX_FACES:
+        mesh, columns = _subdivide(mesh, normals, np.hstack([normals, values]))
         normals, values = columns[:, :3], columns[:, 3:]
     return mesh, values, normals
 
 
-def _cut(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Mesh, FloatArray]:
-    """Cut each triangle once; return the columns (n, q) with those of the new vertices, too."""
+def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Mesh, FloatArray]:
+    """Cut each triangle into four; return the columns (n, q), with rows for the new vertices."""
     # The middle m of an edge with ends p, q moves towards the tangent planes at them (Boubekeur & Alexa 2008):
     # m − ROUNDING / 2 Σ_e ⟨m − e, n_e⟩ n_e over e = p, q. Edges at borders and sharp ones stay straight.
     edges = mesh.edge_table
     ends = i, j = edges.ends.T
-    unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), TINY)
+    unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), MIN_LENGTH)
     middle = (mesh.vertices[i] + mesh.vertices[j]) / 2
     heights = [((middle - mesh.vertices[end]) * unit[end]).sum(axis=1, keepdims=True) for end in ends]
-    bent = (edges.n_faces == 2) & ((unit[i] * unit[j]).sum(axis=1) > SHARPEST)
-    middle[bent] -= ROUNDING / 2 * sum(h * unit[end] for h, end in zip(heights, ends))[bent]
+    bent = (edges.n_faces == 2) & ((unit[i] * unit[j]).sum(axis=1) > MIN_EDGE_COSINE)
+    middle[bent] -= PHONG_ROUNDING / 2 * sum(h * unit[end] for h, end in zip(heights, ends))[bent]
     new = np.empty(3 * mesh.n_faces, dtype=np.int64)  # the vertex on each side
     new[edges.sides] = mesh.n_vertices + np.repeat(np.arange(len(i)), edges.n_faces)
     (a, b, c), (ab, bc, ca) = mesh.faces.T, new.reshape(-1, 3).T
@@ -150,27 +151,27 @@ KEY_LIGHT = np.array([-0.45, 0.65, 0.62])  # right, up, towards the viewer
 FILL_LIGHT = np.array([0.75, 0.05, 0.45])
 TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])
 AMBIENT, KEY, FILL = 0.30, 0.62, 0.16
-GLOSS, SHARPNESS = 0.10, 30.0
-CREVICE_RADIUS = 0.025  # of the image height; radius of the surroundings that a depth is compared with
+GLOSS, GLOSS_EXPONENT = 0.10, 30.0
+CREVICE_RADIUS = 0.025  # of the image height; a depth is compared with surroundings of this radius
 CREVICE_DEPTH = 0.06  # of the image height; depth below the surroundings at which a crevice is darkest
 CREVICE_DARKNESS = 0.55
 CREVICE_STEP = 6  # the surroundings are computed on every sixth pixel
 
 
-def light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Light of the covered pixels, by their normals: factor of the surface's colour, and white added to it."""
+def compute_light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Compute the light of covered pixels from normals: a factor of the surface's colour, and white to add."""
     # Lambertian reflection of a key light and a fill light, both wrapped around the object, and a Blinn highlight.
     # Crevices are darkened by the difference between the depth and the blurred depth (Luft, Colditz & Deussen, Image
     # enhancement by unsharp masking the depth buffer, SIGGRAPH 2006). Normals that point away are reversed.
     key, fill = (direction / np.linalg.norm(direction) for direction in (KEY_LIGHT, FILL_LIGHT))
     halfway = key + TOWARDS_VIEWER
     diffuse, gloss = np.empty((2, len(normals)))
-    _reflect(normals, key, fill, halfway / np.linalg.norm(halfway), diffuse, gloss)
-    return diffuse * (1.0 - CREVICE_DARKNESS * _crevices(raster)), gloss
+    _add_reflections(normals, key, fill, halfway / np.linalg.norm(halfway), diffuse, gloss)
+    return diffuse * (1.0 - CREVICE_DARKNESS * _measure_crevices(raster)), gloss
 
 
 @compiled()
-def _reflect(
+def _add_reflections(
     normals: FloatArray,
     key: FloatArray,
     fill: FloatArray,
@@ -187,19 +188,19 @@ def _reflect(
         from_key = 0.5 + 0.5 * (x * key[0] + y * key[1] + z * key[2])
         from_fill = 0.5 + 0.5 * (x * fill[0] + y * fill[1] + z * fill[2])
         diffuse[i] = AMBIENT + KEY * from_key**1.5 + FILL * from_fill**1.5
-        gloss[i] = GLOSS * max(x * halfway[0] + y * halfway[1] + z * halfway[2], 0.0) ** SHARPNESS
+        gloss[i] = GLOSS * max(x * halfway[0] + y * halfway[1] + z * halfway[2], 0.0) ** GLOSS_EXPONENT
 
 
-def _crevices(raster: Raster) -> FloatArray:
+def _measure_crevices(raster: Raster) -> FloatArray:
     """Measure how far each covered pixel lies below its surroundings, 0 … 1."""
     covered, height = raster.covered, raster.depth.shape[0]
-    if not covered.any():  # of a surface that is smaller than a pixel
+    if not covered.any():  # a surface smaller than a pixel
         return np.zeros(0)
     coarse = slice(None, None, CREVICE_STEP), slice(None, None, CREVICE_STEP)
     blur = CREVICE_RADIUS * height / CREVICE_STEP
     share = gaussian_filter(covered[coarse].astype(np.float64), blur)
     depth = gaussian_filter(np.where(covered, raster.depth, 0.0)[coarse], blur)
-    places = [at / CREVICE_STEP for at in np.nonzero(covered)]
+    places = [index / CREVICE_STEP for index in np.nonzero(covered)]
     surroundings = map_coordinates(depth / np.maximum(share, 1e-6), places, order=1, mode="nearest")
     below: FloatArray = np.clip((surroundings - raster.depth[covered]) / (CREVICE_DEPTH * height), 0.0, 1.0)
     return below

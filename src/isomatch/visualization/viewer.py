@@ -18,10 +18,18 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import seen_from, used_vertices
 from isomatch.visualization.colours import to_screen
-from isomatch.visualization.surface_image import AMBIENT, FILL, FILL_LIGHT, GLOSS, KEY, KEY_LIGHT, SHARPNESS
+from isomatch.visualization.surface_image import (
+    AMBIENT,
+    FILL,
+    FILL_LIGHT,
+    GLOSS,
+    GLOSS_EXPONENT,
+    KEY,
+    KEY_LIGHT,
+)
 
-MOST_SHOWN = 30_000  # vertices of one shape; their numbers have 16 bits
-COARSER = 1.15  # growth of the grid cells from one attempt at simplification to the next
+MOST_SHOWN = 30_000  # vertices of one shape; the browser numbers them with 16 bits
+CELL_GROWTH = 1.15  # factor of the grid cells from one attempt at simplification to the next
 
 
 def text_of(name: str) -> str:
@@ -66,7 +74,7 @@ def stage_of(names: Sequence[str], label: str, picture: str = "") -> str:
 def scripts_of(scene: Mapping[str, Any], *scripts: str) -> str:
     """Make the data and the scripts of a 3D view, whose texts use ``viewer`` and ``unpack`` of ``viewer.js``."""
     lights: dict[str, ArrayLike] = {"key": KEY_LIGHT, "fill": FILL_LIGHT, "ambient": AMBIENT}
-    lights |= {"key_strength": KEY, "fill_strength": FILL, "gloss": GLOSS, "sharpness": SHARPNESS}
+    lights |= {"key_strength": KEY, "fill_strength": FILL, "gloss": GLOSS, "sharpness": GLOSS_EXPONENT}
     # the lights of the still pictures
     shaders = template("shaders.html").substitute(
         {name: ", ".join(map(str, np.atleast_1d(light))) for name, light in lights.items()}
@@ -106,7 +114,7 @@ class DrawnSurface:
         self.normals = mesh.vertex_normals @ camera.T  # (n, 3)
         used = used_vertices(mesh)
         self.n_used = len(used)
-        shown, self.faces = _simplified(self.points, mesh.sound_faces, used, most)
+        shown, self.faces = _simplify(self.points, mesh.sound_faces, used, most)
         self.n_shown = len(shown)
         self.index = np.concatenate([shown, np.setdiff1d(kept, shown).astype(np.int64)])
 
@@ -143,18 +151,18 @@ class DrawnSurface:
         }
 
 
-def _simplified(points: FloatArray, faces: IntArray, used: IntArray, most: int) -> tuple[IntArray, IntArray]:
+def _simplify(points: FloatArray, faces: IntArray, used: IntArray, most: int) -> tuple[IntArray, IntArray]:
     """Choose at most ``most`` of the used vertices to show; return them, and the faces between them in new indices."""
-    # the vertex nearest to the middle of each cell of a cubic grid is kept; corners of faces move to that of their cell
+    # Each cell of a cubic grid keeps the vertex nearest to its middle; corners of faces move to their cell's vertex.
     shown, cell = used, np.arange(len(used))
-    size = most**-0.5  # side of the cells; the surface has unit area
+    size = most**-0.5  # side of a cell; the surface has unit area
     while len(shown) > most:
         inside, cells = np.modf((points[used] - points[used].min(axis=0)) / size)
         middle_first = ((inside - 0.5) ** 2).sum(axis=1).argsort(kind="stable")
         _, first, among = np.unique(cells[middle_first], axis=0, return_index=True, return_inverse=True)
         shown = used[middle_first[first]]
         cell[middle_first] = among.ravel()
-        size *= COARSER
+        size *= CELL_GROWTH
     number = np.zeros(len(points), dtype=np.int64)
     number[used] = cell
     corners = number[faces]

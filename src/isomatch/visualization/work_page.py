@@ -17,10 +17,10 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.pair_page import (
     GIVEN,
     MOST_ALTERNATIVES,
-    asked_of,
     list_of_questions,
     maps_of,
     notes_of,
+    open_questions_of,
     page_of,
     pairs_on,
     paragraphs,
@@ -30,16 +30,16 @@ from isomatch.visualization.pair_page import (
 )
 from isomatch.visualization.scene import DrawnPair, layers_of
 from isomatch.visualization.summary import (
+    describe_alternative,
+    describe_given_map,
     outcome_colour,
     share_elsewhere,
     summary_of,
-    told_of_alternative,
-    told_of_given,
 )
 from isomatch.visualization.viewer import template, text_of
 
-LEAST_SHARE = 0.001  # of the surface worth telling
-BEFORE = "before"
+MIN_SHARE_TOLD = 0.001  # of the surface; less is called the same map
+MAP_BEFORE = "before"
 
 
 class WorkPage:
@@ -94,7 +94,7 @@ class WorkPage:
         )
 
     def before_match(self) -> dict[str, Any]:
-        """Tell what `result` tells, before there is one: of the map that was given."""
+        """Return what `result` returns, for the given map before there is a result."""
         maps = {GIVEN: self.given} if self.given else {}
         return {
             "outcome": "",
@@ -114,23 +114,23 @@ class WorkPage:
         before: Correspondence | None = None,
         landmarks: Sequence[Sequence[int]] = (),
     ) -> dict[str, Any]:
-        """Tell in plain values all that the page shows of a result, the map that it replaces and its landmarks.
+        """Return in plain values all that the page shows of a result, the map before it and its landmarks.
 
-        ``runners_up`` says of each map that is drawn what it is; ``landmarks`` have the distance of each from its image,
-        through space, in √area of the target; ``details`` are HTML.
+        ``runners_up`` describes each map that is drawn. ``landmarks`` have the distance of each from its image, through
+        space, in √area of the target. ``details`` are HTML.
         """
-        maps = maps_of(result, self.given) | ({BEFORE: before} if before else {})
+        maps = maps_of(result, self.given) | ({MAP_BEFORE: before} if before else {})
         others = result.alternatives[:MOST_ALTERNATIVES]
         moved = 0.0 if before is None else share_elsewhere(self._source, self._target, result.map, before)
         since = f"Against the map before, {moved:.1%} of the source has another image."
-        if moved < LEAST_SHARE:
+        if moved < MIN_SHARE_TOLD:
             since = "" if before is None else "It is the same map as before."
         shapes = self._source, self._target
-        about = [(result.origin, ""), *((x.origin, told_of_alternative(*shapes, result, x)) for x in others)]
-        about += [("", told_of_given(*shapes, result, self.given))] if self.given else []
+        about = [(result.origin, ""), *((x.origin, describe_alternative(*shapes, result, x)) for x in others)]
+        about += [("", describe_given_map(*shapes, result, self.given))] if self.given else []
         about += [("", f"The map that this one replaced. Differs on {moved:.0%} of the surface.")]
         pairs = pairs_on(landmarks or None, self._source, self._target)
-        apart, summary = self._off(result.map, pairs), summary_of(result)
+        errors, summary = self._landmark_errors(result.map, pairs), summary_of(result)
         return {
             "outcome": result.outcome.name,
             "headline": summary.headline,
@@ -139,36 +139,40 @@ class WorkPage:
             "sure": summary.sureness,
             "since": since,
             "questions": list_of_questions(
-                [self._shown(each) for each in asked_of(self._source, self._target, result)]
+                [self._move_to_shown(q) for q in open_questions_of(self._source, self._target, result)]
             ),
             "regions": [self._region(region, result.map) for region in result.regions],
             "runners_up": [
                 dict(zip(("name", "origin", "about"), (name, *row))) for name, row in zip(maps, about)
             ],
-            "landmarks": [{"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), apart)],
+            "landmarks": [{"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), errors)],
             "details": template("work_details.html").substitute(
                 quality=table_of_quality(result), notes=notes_of(result), run=tables_of_run(result, {})
             ),
             "scene": self._drawn.maps(maps, layers_of(result)),
         }
 
-    def _shown(self, asked: Question) -> Question:
-        """Ask of vertices that are shown."""
-        places = (self._drawn.shown_near("target", place) for place in asked.places)
-        return replace(asked, vertex=self._drawn.shown_near("source", asked.vertex), places=tuple(places))
+    def _move_to_shown(self, question: Question) -> Question:
+        """Move a question to vertices that are shown."""
+        places = (self._drawn.shown_near("target", place) for place in question.places)
+        return replace(
+            question, vertex=self._drawn.shown_near("source", question.vertex), places=tuple(places)
+        )
 
     def _region(self, region: DoubtfulRegion, shown: Correspondence) -> dict[str, Any]:
-        """Tell of a region its share, its most doubtful vertex with the images by both maps, and the reason."""
+        """Describe a region: its share, its most doubtful vertex with the images by both maps, and the reason."""
         vertex = self._drawn.shown_near("source", int(region.vertices[0]))
-        told = {"area": f"{region.area:.1%}", "vertex": vertex, "reason": region.reason}
+        description = {"area": f"{region.area:.1%}", "vertex": vertex, "reason": region.reason}
         other = None if region.runner_up is None else region.runner_up[0]
         for kind, goal in {"image": shown.vertices[vertex], "runner_up": other}.items():
             is_none = goal is None or goal == UNMATCHED
-            told[kind] = None if is_none else self._drawn.shown_near("target", int(goal))
-        return told
+            description[kind] = None if is_none else self._drawn.shown_near("target", int(goal))
+        return description
 
-    def _off(self, shown: Correspondence, pairs: IntArray) -> list[float]:
-        """Distance of each landmark on the target from its image, in √area; −1 where it has none."""
+    def _landmark_errors(self, shown: Correspondence, pairs: IntArray) -> list[float]:
+        """Measure the distance of each landmark on the target from its image, in √area; −1 without an image."""
         images = shown.pull_back(self._target.vertices)[pairs[:, 0]]
-        off = np.linalg.norm(images - self._target.vertices[pairs[:, 1]], axis=1) / np.sqrt(self._target.area)
-        return [-1.0 if np.isnan(far) else float(far) for far in off]
+        distances = np.linalg.norm(images - self._target.vertices[pairs[:, 1]], axis=1) / np.sqrt(
+            self._target.area
+        )
+        return [-1.0 if np.isnan(far) else float(far) for far in distances]
