@@ -130,7 +130,7 @@ def round_outline(mesh: Mesh, values: FloatArray) -> tuple[Mesh, FloatArray, Flo
 def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Mesh, FloatArray]:
     """Cut each triangle into four; return the columns (n, q), with rows for the new vertices."""
     # The middle m of an edge with ends p, q moves towards the tangent planes at them (Boubekeur & Alexa 2008):
-    # m − ROUNDING / 2 Σ_e ⟨m − e, n_e⟩ n_e over e = p, q. Edges at borders and sharp ones stay straight.
+    # m − PHONG_ROUNDING / 2 Σ_e ⟨m − e, n_e⟩ n_e over e = p, q. Edges at borders and sharp ones stay straight.
     edges = mesh.edge_table
     ends = i, j = edges.ends.T
     unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), MIN_LENGTH)
