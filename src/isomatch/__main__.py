@@ -11,7 +11,8 @@ from types import FrameType
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a terminal that was closed
 
-CLEARED = b"\r\x1b[2K\x1b[?25h"  # clears the line of a progress bar and shows the cursor, which the bar hides
+# clears the line of a progress bar and shows the cursor, which the bar hides
+CLEARED = b"\r\x1b[2K\x1b[?25h"
 
 
 def program() -> None:
@@ -19,7 +20,8 @@ def program() -> None:
     # the command runs on another thread, so that a signal is handled even while a compiled loop runs
     for name in SIGNALS:
         number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores signals
+        # a signal that is ignored, as under nohup, stays ignored
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _end)
     # silences the process that removes shared memory of workers after a signal
     sys.warnoptions.append("ignore:resource_tracker:UserWarning")
@@ -28,7 +30,8 @@ def program() -> None:
     work.start()
     while work.is_alive():
         work.join(0.2)  # Windows handles no signal before a wait ends
-    _ignore_signals()  # the work is done; a signal while the interpreter ends would change the exit code
+    # the work is done; a signal while the interpreter ends would change the exit code
+    _ignore_signals()
     sys.exit(codes.pop() if codes else 1)
 
 

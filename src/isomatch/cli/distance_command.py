@@ -79,8 +79,8 @@ def distance(
         path: File for the shortest paths of the pairs, or from --from to --to, as polylines: .obj or .vtp. The distances
             are their lengths, which are exact.
         output: File to write the distances to, instead of printing them: .csv, or .npz with distances and pairs, or
-            sources and targets. Numbers beyond the last vertex stand for points in faces; the file then also holds
-            their corners and weights.
+            sources and targets. Numbers beyond the last vertex stand for points in faces; the file
+            then also holds their corners and weights.
     """
     if output is not None and output.suffix not in (".csv", ".npz"):
         raise FormatError(f"{output}: suffix {output.suffix!r} cannot be written; use .csv or .npz")
@@ -133,7 +133,7 @@ def distance(
 
 
 class _Request:
-    """Points between which distances are asked for; numbers beyond the last vertex stand for points in faces."""
+    """Requested points; numbers beyond the last vertex stand for points in faces."""
 
     def __init__(self, mesh: isomatch.Mesh, words: dict[str, list[Any]]) -> None:
         self.mesh = mesh
@@ -189,18 +189,19 @@ class _Request:
         return (-1,) if "pairs" in self.numbers else tuple(map(len, self.numbers.values()))
 
     def lines(self, distances: FloatArray) -> list[str]:
-        """Write a distance a line for pairs; else a table with a row per vertex or target and a column per source."""
+        """Write a distance a line for pairs, or a table with a row per target, a column per source."""
         if "pairs" in self.words:
             return [repr(value) for value in distances.tolist()]
         rows = self.words.get("targets", range(distances.shape[1]))
         name = "target" if "targets" in self.words else "vertex"
         header = [name, *(f"from_{word}" for word in self.words["sources"])]
         cells = ([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))
-        return table_text([header, *cells]).splitlines()  # quotes points in faces, which contain commas
+        # quotes points in faces, which contain commas
+        return table_text([header, *cells]).splitlines()
 
 
 class _Answer(NamedTuple):
-    """Distances, (m,) of pairs or a row per source, with their method, estimated error and notes."""
+    """Distances, (m,) of pairs or a row per source, with method, estimated error, notes."""
 
     name: str
     distances: FloatArray
@@ -292,7 +293,8 @@ _WEIGHT = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"
 _WORD = re.compile(_POINT, re.ASCII)
 _WORDS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)
-WEIGHT_SUM_TOLERANCE = 0.01  # largest difference of the sum of three weights from 1; files round them
+# largest difference of the sum of three weights from 1; files round them
+WEIGHT_SUM_TOLERANCE = 0.01
 POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
 
 
@@ -352,7 +354,7 @@ def basis(
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
-    """Compute the geodesic distance basis of a mesh: n × k numbers that approximate all its distances.
+    """Compute the geodesic distance basis of a mesh: n × k numbers for all its distances.
 
     Args:
         file: Mesh of one component: any surface file, such as .ply, .obj or .vtp.

@@ -68,9 +68,9 @@ def evaluate(
         target: Mesh that the map leads to.
         target_marks: Marks of the target, such as a .vts file: the vertex on each line, counted from 1, corresponds to
             the vertex on the same line of TRUTH.
-        counts_from: What MAP counts from, 0 or 1. By default from 1 if its largest index is the number of target
-            vertices and no index is 0, which a note says, and otherwise from 0. A .mat file that may count from either
-            needs this option.
+        counts_from: What MAP counts from, 0 or 1. By default from 1 if its largest index is the
+            number of target vertices and no index is 0, which a note says, and otherwise from 0. A
+            .mat file that may count from either needs this option.
         truth_counts_from: The same of TRUTH.
         variable: Name of the map in a .mat or .npz file that holds several arrays of its length.
         points: Number of truth points to judge, drawn without replacement; all by default.

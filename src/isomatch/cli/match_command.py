@@ -58,16 +58,17 @@ class Priors:
             --target-landmarks, the points marked on the source.
         target_landmarks: The points marked on the target: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or text.
             Points of both files are joined by name, or in order if no name is shared.
-        pin: Largest error of a landmark, in √area: the map is bent around landmarks with a larger one. 0 enforces all
-            exactly.
+        pin: Largest error of a landmark, in √area: the map is bent around landmarks with a larger
+            one. 0 enforces all exactly.
         hypotheses: Whether automatic maps compete with the priors (all, the default), or are only reported as
             alternatives (given).
         initial_map: A map to start from: a text file with one target vertex per line (-1: unknown), an .npy, .mat or
             map.npz.
         function: Name of a scalar or a colour of the points that means the same in both files, such as thickness: it
             takes part in search and refinement. May be given several times.
-        via: Surface file of a complete shape, if both shapes are parts of such a shape: they are matched through it.
-            Given twice: a complete shape of the source's kind, then one of the target's.
+        via: Surface file of a complete shape, if both shapes are parts of such a shape: they are
+            matched through it. Given twice: a complete shape of the source's kind, then one of the
+            target's.
     """
 
     landmarks: Path | None = None
@@ -138,8 +139,8 @@ def match(
             choose; with --both also map_back.npz. Without a map, picker.html.
         both: Also find the map of the other direction, map_back.npz; both together take about 1.3 times as long as one.
         fail_on: Outcomes that make the exit code 4, after all files are written: low-confidence, mirror-image,
-            symmetry-ambiguous, priors-contradicted, partial, converged; several with commas. With --both, the outcome
-            of either direction counts.
+            symmetry-ambiguous, priors-contradicted, partial, converged; several with commas. With
+            --both, the outcome of either direction counts.
         report: Whether to write report.html.
         as_mesh: Surface file to write: the source, with its faces and all that its file carries, in the shape of the
             target, in the target's coordinates and frame.
@@ -205,7 +206,7 @@ def match(
 def _read_for_wrapping(
     as_mesh: Path | None, ends: tuple[Path, Path], shapes: tuple[Surface, Surface], rounded: bool
 ) -> tuple[list[isomatch.Asset], list[Path]]:
-    """Read the assets for the file of ``--as-mesh``, and name the files beside it; none without that option."""
+    """Read the assets for ``--as-mesh`` and name the files beside it; none without it."""
     if as_mesh is None:
         return [], []
     for path, shape in zip(ends, shapes):

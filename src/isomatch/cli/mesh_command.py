@@ -116,7 +116,7 @@ def _reason_against(record: dict[str, Any], verb: Verb | None) -> str | None:
 
 
 def _say_one(record: dict[str, Any]) -> None:
-    """Print the report of one mesh, wrapped to the terminal, and the commands that the mesh is fit for."""
+    """Print the report of one mesh, wrapped to the terminal, and the commands it is fit for."""
     size = "none" if record["size"] is None else f"{record['size']:.4g}"
     say(f"{'longest side, in the units of the file':<45} {size:>7}")
     for line in record["report"].splitlines():
@@ -163,7 +163,7 @@ def _wrap(text: str, indent: str = "") -> str:
 
 
 def _defects(record: dict[str, Any]) -> list[str]:
-    """Name the defects of a mesh without explanations, and why commands would refuse it, each reason once."""
+    """Name the defects of a mesh, and each reason why commands would refuse it."""
     if "unreadable" in record:
         return [record["unreadable"]]
     defects = [sentence.partition(": ")[0] for sentence in (*record["fatal"], *record["warnings"])]
@@ -272,7 +272,7 @@ def repair(
 
 
 def _with_joined_parts(file: Path, output: Path) -> Path | isomatch.Asset:
-    """Return the file; or, if the output cannot store parts, one surface of all parts, so that they are welded."""
+    """Return the file, or one surface of all its parts if the output cannot store parts."""
     mesh_format = FORMATS.get(output.suffix.lower())
     if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
         return file

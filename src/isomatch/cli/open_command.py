@@ -58,8 +58,8 @@ def open_page(
         target: Mesh to map to; with a folder, the mesh that was matched, if it is not where it was.
         other: With a folder, the mesh to which it was matched, likewise.
         output: Folder into which the page saves the files that isomatch match writes. Without it, the page offers them
-            as a download. A result that is opened is saved into its own folder; its map back is removed once the map
-            has changed.
+            as a download. A result that is opened is saved into its own folder; its map back is
+            removed once the map has changed.
         landmarks: Landmarks to begin with, as for isomatch match.
         target_landmarks: The points marked on the target, if they have a file of their own.
         initial_map: A map of any tool to look at; a match starts from it, and shows both.
@@ -124,7 +124,7 @@ class _Files:
     inputs: Inputs
     surfaces: tuple[Surface, Surface]
     results: ResultFolder | None
-    earlier: Earlier | None = None  # the opened result; its other files are dropped once the map differs
+    earlier: Earlier | None = None  # the opened result
     opened: isomatch.MatchResult | None = None
     back: Back | None = None
 

@@ -50,7 +50,7 @@ def write_wrapped(
     rounded: bool = False,
 ) -> dict[str, Any]:
     """Write the asset of the source in the shape of the target, and say how good it is."""
-    # shape keys turn with the surface; normals and tangents are left out; the target gives the frame
+    # shape keys turn with the surface, normals and tangents are left out, the target's frame is kept
     moved = replace(asset.moved(wrapped.mesh.vertices[asset.point_of_vertex]), frame=frame)
     if asset.of_kind("key"):
         unmoved = isomatch.Correspondence(range(len(asset.points)), len(asset.points))

@@ -119,9 +119,9 @@ class ResultFolder:
         back: Back | None = None,
         meshes: Mapping[str, isomatch.Mesh] | None = None,
     ) -> dict[str, Any]:
-        """Write all files, and replace the earlier ones when all are complete; return the contents of result.json."""
-        # titles are below the shapes of the picture; failed drawings are left out and named under "undrawn";
-        # meshes, by file name, are written beside the map
+        """Write all files, replace the earlier ones at the end; return what result.json has."""
+        # titles are below the shapes of the picture; failed drawings are left out and named under
+        # "undrawn"; meshes, by file name, are written beside the map
         drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
         this_folder = replace(self, both=back is not None)
         alternatives_by_path = dict(zip(self.alternatives, result.alternatives))
@@ -170,7 +170,7 @@ class ResultFolder:
     def write_picker(
         self, surfaces: tuple[Surface, Surface], error: isomatch.IsomatchError, inputs: Inputs
     ) -> isomatch.IsomatchError:
-        """Write a page to pick landmarks, beside any earlier result; return the error with the page's name added."""
+        """Write a page to pick landmarks; return the error with the page's name added."""
         undrawn: list[str] = []
         if self.report:
             with _note_failure("page to pick landmarks", undrawn):
@@ -183,7 +183,7 @@ class ResultFolder:
 
 @contextmanager
 def _note_failure(what: str, undrawn: list[str]) -> Iterator[None]:
-    """Note that a drawing failed, so that the map is still written; a full disk remains an error."""
+    """Note that a drawing failed, and go on; a full disk remains an error."""
     try:
         yield
     except OSError:
@@ -199,13 +199,13 @@ def described(result: isomatch.MatchResult) -> dict[str, Any]:
 
 
 def _path_from(folder: Path, mesh: Path) -> str:
-    """Write the path of a mesh relative to a folder, so that both can be moved; keep an absolute path."""
+    """Write a path relative to a folder, so that both can move; keep an absolute path."""
     same_drive = mesh.absolute().drive == folder.absolute().drive
     return relpath(mesh, folder) if same_drive and not mesh.is_absolute() else str(mesh.absolute())
 
 
 def _find_mesh(folder: Path, seen: str, typed: str) -> Path:
-    """Find a mesh of a result: by its path from the folder, as it was typed, in the folder or beside it."""
+    """Find a mesh by its path from the folder, as it was typed, in the folder or beside it."""
     name = Path(typed).name
     places = [Path(normpath(folder / seen))] if seen else []
     places += [Path(typed), folder / name, folder.parent / name]
@@ -231,7 +231,7 @@ class Earlier:
 
     @classmethod
     def read(cls, folder: Path, *meshes: Path | None) -> Earlier:
-        """Read ``result.json`` and check its fields; ``meshes``, if given, are the present files of the shapes."""
+        """Read ``result.json`` and check its fields; ``meshes`` are files in place of its own."""
         path = ResultFolder(folder).result
         text = read_bytes(path)
         fields: dict[str, Any] = {}

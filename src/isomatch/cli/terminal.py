@@ -38,14 +38,14 @@ _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) i
 
 
 def print_anything() -> None:
-    """Make both streams escape characters that their encoding lacks, so that any text can be printed."""
+    """Make both streams escape characters that their encoding lacks."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
 def printable(text: str) -> str:
-    """Escape control characters other than tabs and line ends, so that no file name controls the terminal."""
+    """Escape control characters but tabs and line ends: no file name controls the terminal."""
     return text.translate(_CONTROLS)
 
 
@@ -140,10 +140,10 @@ class _Clock(ProgressColumn):
         self._kind, self._steps = "", [0, 0]
 
     def tell(self, stage: str, share: float) -> None:
-        """Note a stage, such as "matched 3 of 8: a and b", and the share of all work that is done."""
+        """Note a stage, such as "matched 3 of 8: a and b", and the share of work done."""
         counted = _COUNTED.match(stage)
         kind = counted[1] if counted else stage
-        if kind != self._kind:  # the first step of a kind began when the last step of the kind before ended
+        if kind != self._kind:  # its first step began when the step before ended
             self._kind, self._since = kind, self._last
         self._steps = [int(counted[2]), int(counted[3])] if counted else [0, 0]
         self.stage, self.share, self._last = stage, share, time.monotonic()
@@ -235,7 +235,7 @@ class Talk:
                 yield tell
 
     def result(self, record: dict[str, Any], summary: Callable[[], None], *, is_answer: bool = False) -> None:
-        """Print plain values or a summary, as was asked for; ``quiet`` does not suppress an answer."""
+        """Print plain values or a summary; ``quiet`` does not suppress an answer."""
         if self.json:
             say_json(record)
         elif self.json_lines:

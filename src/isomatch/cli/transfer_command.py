@@ -52,8 +52,8 @@ def transfer(
     Polygons, seams, transforms and units of the file that receives stay as they are.
 
     Args:
-        map_file: Map source -> target of these two files: map.npz, as match writes it, or a map of another program: a
-            text with one target vertex on each line, an .npy or .mat.
+        map_file: Map source -> target of these two files: map.npz, as match writes it, or a map of
+            another program: a text with one target vertex on each line, an .npy or .mat.
         source: Mesh that the map starts from.
         target: Mesh that the map goes to.
         output: Surface file to write: what receives, with the data of the other; all is kept in the format of its own
@@ -138,7 +138,7 @@ def transfer(
 
 
 def _write(output: Path, asset: isomatch.Asset, names: Collection[str], rounded: bool) -> list[str]:
-    """Write the asset, or only the carried values; return the attributes that the file cannot store."""
+    """Write the asset or the carried values; return attributes that the file cannot store."""
     if not holds_values(output):
         return [attribute.name for attribute in isomatch.write_asset(output, asset, rounded=rounded)]
     carried = [attribute for attribute in asset.attributes if attribute.name in names]

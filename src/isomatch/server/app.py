@@ -70,8 +70,9 @@ def make_app(session: Session, token: str, port: int, once: str = "") -> App:
 class PageServer:
     """Serves the page of a session to browsers of this machine, on a port; 0 is any that is free.
 
-    ``address`` is the page's address with the token. ``once`` is an address that works a single time: it is for command
-    lines, which other users of the machine can read. `SettingError` if the port cannot be used.
+    ``address`` is the page's address with the token. ``once`` is an address that works a single
+    time: it is for command lines, which other users of the machine can read. `SettingError` if the
+    port cannot be used.
     """
 
     def __init__(self, session: Session, port: int = 0) -> None:

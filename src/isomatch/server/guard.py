@@ -1,4 +1,4 @@
-"""The guard in front of the server: it admits only the page itself, with the token, on this machine."""
+"""The guard in front of the server: it admits only the page, with the token."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 TOKEN_HEADER = b"x-isomatch-token"
 LARGEST_BODY = 2**20  # bytes; about 70 000 pairs of landmarks fit
-# The page's address carries the token. Its script sends the token in a header, which no other page can.
+# The page's address carries the token; the page's script sends the token in a header.
 PAGE = "/"
 HEADERS = (
     (b"cache-control", b"no-store"),
@@ -27,12 +27,13 @@ HEADERS = (
 
 
 class Guard:
-    """An ASGI application that admits requests of the page, with the token, from a browser on this machine."""
+    """An ASGI application that admits only the page, with the token, on this machine."""
 
-    # The token must be in the query of the page's address, and in a header of all other requests. There are no
-    # cookies, which a browser would also send for requests of other pages. Host, and Origin of a POST, must name this
-    # machine and the port; this refuses foreign host names that resolve to this machine. The key "once" in the query
-    # redirects to the page's address a single time.
+    # The token must be in the query of the page's address, and in a header of all other requests.
+    # There are no cookies, which a browser would also send for requests of other pages. Host, and
+    # Origin of a POST, must name this machine and the port; this refuses foreign host names that
+    # resolve to this machine. The key "once" in the query redirects to the page's address a single
+    # time.
 
     def __init__(self, app: App, token: str, port: int, once: str = "") -> None:
         self._app, self._token, self._once = app, token.encode(), once.encode()

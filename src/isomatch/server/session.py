@@ -25,13 +25,14 @@ SHARE_BEFORE_DRAWING = 0.97  # share of the progress at which a match ends and d
 
 
 class Job:
-    """Runs a function on its own thread; the function receives a callback for stage and share of the work."""
+    """Runs a function on its own thread; the function reports stage and share of the work."""
 
     def __init__(self, name: str, work: Callable[[Tell], Any]) -> None:
         self.name = name
         self._result: Any = None
         self._error: Exception | None = None
-        self.succeeded = False  # whether the function has returned, even if the job was given up before
+        # whether the function has returned, even if the job was given up before
+        self.succeeded = False
         self._now = ("", 0.0)  # the stage, and the share of the work that is done
         self._since = time.perf_counter()
         self._end: float | None = None
@@ -69,7 +70,7 @@ class Job:
         return (self._end or time.perf_counter()) - self._since
 
     def join(self) -> None:
-        """Wait until the thread has ended; a wait inside another job ends if that job is given up."""
+        """Wait for the end of the thread; a wait in another job ends if that is given up."""
         while not self.is_over:
             stop_if_abandoned()
             self._thread.join(POLL_SECONDS)
@@ -107,8 +108,9 @@ class Keeper(Protocol):
 class Session:
     """The state behind a page that is drawn by a `WorkPage`; its methods are called from one thread.
 
-    The preparation of the surfaces, source and target, begins at once. If a ``result`` is given, ``landmarks`` are
-    those with which it was found. If the page has a given map, a match starts from it.
+    The preparation of the surfaces, source and target, begins at once. If a ``result`` is given,
+    ``landmarks`` are those with which it was found. If the page has a given map, a match starts
+    from it.
     """
 
     def __init__(
@@ -182,8 +184,8 @@ class Session:
     ) -> None:
         """Begin a match with landmarks, or without any if there are none.
 
-        With ``only``, no map that ignores the landmarks can win. With ``hold``, the map goes through the landmarks,
-        exactly or within the tolerance ``pin`` of the settings.
+        With ``only``, no map that ignores the landmarks can win. With ``hold``, the map goes
+        through the landmarks, exactly or within the tolerance ``pin`` of the settings.
         """
         hypotheses: Hypotheses = "given" if only and landmarks else "all"
         pin = (self._config.pin or 0.0) if hold and landmarks else None
@@ -253,7 +255,7 @@ class Session:
         self._job = Job(name, work_alone)
 
     def _settle(self) -> None:
-        """Take in the results of jobs that have ended; from a job that was given up, only that it saved files."""
+        """Take in the results of ended jobs; from abandoned jobs, only that they saved files."""
         ended = [job for job in self._given_up if job.is_over]
         self._given_up = [job for job in self._given_up if job not in ended]
         for job in ended:

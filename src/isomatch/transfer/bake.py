@@ -54,8 +54,9 @@ class Baked:
     unmatched : int
         Texels of the surface without an image, which are grey.
     notes : tuple of str
-        Pictures of the other that cannot be read, and why; their places are grey. The share of the surface that shows
-        other parts, because two parts have the same places in the picture; the first is painted.
+        Pictures of the other that cannot be read, and why; their places are grey. The share of the
+        surface that shows other parts, because two parts have the same places in the picture; the
+        first is painted.
     """
 
     tiles: Mapping[int, AnyArray]
@@ -159,7 +160,7 @@ def bake_texture(
 
 
 def _split_into_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]:
-    """Return coordinates (t, 3, 2) within each triangle's tile, the numbers (t,) of the tiles, and the used tiles."""
+    """Return (t, 3, 2) coordinates in each triangle's tile, (t,) tiles, and the used tiles."""
     attribute = receiver.of_kind("uv")[0]
     of_corner = columns(attribute)[rows_of_corners(receiver, attribute), :2]
     uv = of_corner[receiver.polygons.corner_of_triangle]
@@ -177,9 +178,10 @@ def _split_into_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]
 def _rasterise_faces(
     mesh: Mesh, triangles: IntArray, uv: FloatArray, size: int
 ) -> tuple[BoolArray, PrecisePoints, float]:
-    """Find the texels (size, size) that show faces, the points that they show, and the area hidden below."""
+    """Find the texels that show faces, the points that they show, and the area hidden below."""
     corners = uv.reshape(-1, 2)
-    height = -np.repeat(_number_charts(mesh.faces[triangles], uv), 3) / size  # the first chart is on top
+    # the first chart is on top
+    height = -np.repeat(_number_charts(mesh.faces[triangles], uv), 3) / size
     texels = np.column_stack([corners[:, 0], 1 - corners[:, 1], height]) * size
     rows = np.arange(len(corners)).reshape(-1, 3)
     above, below = (rasterise(texels * [1, 1, sign], rows, size, size) for sign in (1, -1))
@@ -203,7 +205,8 @@ def _colours_at(points: PrecisePoints, bridge: Bridge, paint: _Paint) -> tuple[F
 
 def _number_charts(faces: IntArray, uv: FloatArray) -> IntArray:
     """Find the chart, numbered by first triangles, of each triangle (t, 3) with texture coordinates (t, 3, 2)."""
-    # A chart is connected in the picture and on the surface, and has one orientation: mirrored halves are two charts.
+    # A chart is connected in the picture and on the surface, and has one orientation: mirrored
+    # halves are two charts.
     a, b, c = uv.transpose(1, 0, 2)
     sides = np.sign((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
     corners = np.column_stack([faces.ravel(), uv.reshape(-1, 2), np.repeat(sides, 3)])
@@ -216,7 +219,7 @@ def _number_charts(faces: IntArray, uv: FloatArray) -> IntArray:
 
 
 def _hidden_area(mesh: Mesh, below: IntArray, seen: PrecisePoints, hidden: PrecisePoints) -> float:
-    """Compute the area of the faces with most of their texels showing another place of the surface."""
+    """Compute the area of faces that are hidden in most of their texels."""
     hidden_positions, seen_positions = (points.interpolated(mesh.vertices) for points in (hidden, seen))
     is_elsewhere = np.linalg.norm(hidden_positions - seen_positions, axis=1) > SAME_PLACE_DISTANCE * np.sqrt(
         mesh.area

@@ -1,4 +1,4 @@
-"""The map from the receiving asset to the giving one: places of points, pieces, corners, and rotations."""
+"""The map from the receiving asset to the giving one, and what follows from it."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 # × extent of the surface; a corner that ends farther from its image was stopped at a texture seam
 ACROSS_SEAM_DISTANCE = 1e-6
 SAME_SIZE_RATIO = 1.1  # smaller ratios of size come from bending and from noise of the map
-# × √area; length over which the rotations of shape keys are averaged. It was measured on bodies and heads of
-# different people with keys that move by one vector: the directions differ by at most 4° (median), 6° with half
-# the length.
+# × √area; length over which the rotations of shape keys are averaged. It was measured on bodies and
+# heads of different people with keys that move by one vector: the directions differ by at most 4°
+# (median), 6° with half the length.
 SMOOTHING_LENGTH = 0.1
-N_COARSE_VERTICES = 4000  # of the mesh on which rotations are averaged; its edges have a sixth of that length
+# of the mesh on which rotations are averaged; its edges have a sixth of that length
+N_COARSE_VERTICES = 4000
 LAPLACIAN_SHIFT = 1e-9  # 1 / area; makes a singular Laplacian definite
 
 
@@ -113,7 +114,7 @@ class Bridge:
         return PrecisePoints(np.repeat(faces, len(weights), axis=0), np.tile(weights, (len(faces), 1)))
 
     def _places(self, images: Correspondence) -> Places:
-        """Find the triangles of precise images; an image outside all triangles moves to its nearest vertex."""
+        """Find the triangles of precise images; others move to their nearest vertex."""
         faces = self.giver.mesh.faces
         order, corner_order = np.argsort(images.faces, axis=1), np.argsort(faces, axis=1)
         triples = np.take_along_axis(images.faces, order, axis=1)
@@ -136,7 +137,7 @@ class Bridge:
 
     @cached_property
     def growth(self) -> float:
-        """Ratio of sizes, receiver to giver: the median over matched faces; 1 if the sizes are about equal."""
+        """Ratio of sizes, receiver to giver: a median over matched faces; 1 if about equal."""
         faces = self.receiver.mesh.faces
         faces = faces[self.map.matched[faces].all(axis=1)]
         receiver_lengths, giver_lengths = (
@@ -149,12 +150,12 @@ class Bridge:
 
     @cached_property
     def rotations(self) -> FloatArray:
-        """(n_vertices, 3, 3) rotations from giver to receiver; the identity where no neighbour is matched."""
+        """Rotations (n_vertices, 3, 3) from giver to receiver; identity if no neighbour matches."""
         return self._nearest_rotations(self._fits)
 
     @cached_property
     def smooth_rotations(self) -> FloatArray:
-        """(n_vertices, 3, 3) rotations averaged over `SMOOTHING_LENGTH`, for parts that move as a whole."""
+        """Rotations (n_vertices, 3, 3), averaged over `SMOOTHING_LENGTH`."""
         # With the stiffness L and the areas A of the receiver, (A + t L) X = Σ HᵀG is one implicit
         # step of diffusion: X is an average of the fits, with weights that fall off over the
         # length √t. A coarse mesh suffices for that.
@@ -179,7 +180,7 @@ class Bridge:
 
     @cached_property
     def _extension(self) -> tuple[IntArray, Callable[[FloatArray], AnyArray]]:
-        """Unmatched vertices, and the function that extends displacements to them; it expects 0 at them."""
+        """Unmatched vertices, and a function that extends displacements (0 there) to them."""
         # L u = 0 at unmatched vertices: L_uu u_u = −L_um u_m. The shift makes L_uu definite on
         # components without matched ones.
         part, kept = self._sound_part
@@ -228,7 +229,7 @@ class Bridge:
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Pieces of the receiver's surface; their areas weight the votes for labels and the means of values."""
+    """Pieces of the receiver's surface; their areas weight votes for labels and means."""
 
     area: FloatArray  # of each piece
     owner: IntArray  # a vertex, a corner or a polygon
@@ -263,8 +264,9 @@ def is_seamless(asset: Asset, attribute: Attribute) -> bool:
 
 def interpolated_at_corners(bridge: Bridge, attribute: Attribute) -> tuple[FloatArray, int]:
     """Interpolate at the corners of the receiver, (c, d), nan without an image; count its polygons across a seam."""
-    # The giver's mesh is cut along its seams. The search for the images of a polygon's corners starts at the place of
-    # the polygon's middle and walks to nearer neighbours. If a corner lies beyond a seam, the search ends at the cut.
+    # The giver's mesh is cut along its seams. The search for the images of a polygon's corners
+    # starts at the place of the polygon's middle and walks to nearer neighbours. If a corner lies
+    # beyond a seam, the search ends at the cut.
     giver, receiver = bridge.giver, bridge.receiver
     first = _first_corners(giver, attribute)
     corner_of_piece, piece = np.unique(first, return_inverse=True)
@@ -304,7 +306,7 @@ def rows_of_corners(asset: Asset, attribute: Attribute) -> IntArray:
 
 
 def _mesh_of_map(asset: Asset, n: int) -> tuple[Mesh, IntArray]:
-    """Return the mesh with the n vertices of a map, welded or not, and the welded vertex of each of its vertices."""
+    """Return the mesh with n vertices, welded or not, and their welded vertices."""
     if n == asset.mesh.n_vertices and n != len(asset.points):
         return asset.mesh, np.arange(n)
     return Mesh(asset.placed_points, asset.polygons.triangles), asset.vertex_of_point

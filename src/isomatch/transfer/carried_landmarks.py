@@ -18,7 +18,8 @@ from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surfac
 from isomatch.transfer.bridge import Bridge
 from isomatch.transfer.choices import Side
 
-MAX_PREIMAGE_DISTANCE = 0.05  # √area of the target; a target point farther from all images has no preimage
+# √area of the target; a target point farther from all images has no preimage
+MAX_PREIMAGE_DISTANCE = 0.05
 
 
 def carry_landmarks(
@@ -46,7 +47,8 @@ def carry_landmarks(
     curve_points : int, optional
         Number of points on each curve; by default as many as it was drawn with.
     expected_error : (n_source,) array of float, optional
-        At each vertex of the source, in √area of the target; by default taken from ``given`` if it is a result.
+        At each vertex of the source, in √area of the target; by default taken from ``given`` if it
+        is a result.
 
     Returns
     -------
@@ -117,7 +119,7 @@ def carry_landmarks(
 
 @dataclass(frozen=True, eq=False)
 class _LandmarkMap:
-    """A map between welded surfaces, its expected errors, and the direction in which landmarks go."""
+    """A map between welded surfaces, its expected errors, and where landmarks go."""
 
     map: Correspondence
     source: Mesh | PointCloud
@@ -146,7 +148,7 @@ class _LandmarkMap:
         return (self.source, self.target) if self.to == "target" else (self.target, self.source)
 
     def carried(self, positions: FloatArray) -> FloatArray:
-        """Map positions (m, 3) to images and expected errors (m, 4); nan where there is no image."""
+        """Map positions (m, 3) to images and expected errors (m, 4); nan without image."""
         start, end = self.ends
         points = nearest_on_surface(start, positions)
         on_start = Correspondence.of_points(points, start.n_vertices)
@@ -161,7 +163,7 @@ class _LandmarkMap:
         return np.column_stack([images.pull_back(end.vertices), errors * np.sqrt(end.area)])
 
     def carried_curve(self, points: FloatArray, curve: Curve, n: int) -> FloatArray:
-        """Map n equally spaced points of a curve, as `carried` does (n, 4); all nan if a part has no image."""
+        """Map n equally spaced points of a curve (n, 4); all nan if a part has no image."""
         (start, end), nowhere = self.ends, np.full((n, 4), np.nan)
         if np.isnan(points).any():
             return nowhere

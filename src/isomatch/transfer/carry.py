@@ -98,8 +98,8 @@ def carry_attributes(
     to : {"source", "target"}
         Which of the two receives. To the target, the map is reversed on the surfaces.
     labels : {"nearest", "majority"}
-        Labels of points: the label of the nearest vertex, or the one with most area around the point. Polygons always
-        take the label with most area.
+        Labels of points: the label of the nearest vertex, or the one with most area around the
+        point. Polygons always take the label with most area.
     numbers_as : {"labels", "values"}, optional
         Whether numbers are carried as labels or interpolated. By default those that are named or declared as labels,
         integers, and floats of `Attribute.seems_labels` are labels. Labels that have names, or are texts, always are.
@@ -173,7 +173,7 @@ def carry_attributes(
 
 
 def select_attributes(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
-    """Return the attributes with these names or kinds; `DescriptorError` for a word that matches none."""
+    """Return attributes by names or kinds; `DescriptorError` for a word that matches none."""
     words = [data] if isinstance(data, str) else list(data)
     if words == ["all"]:
         return asset.attributes
@@ -193,7 +193,7 @@ def select_attributes(asset: Asset, data: str | Iterable[str]) -> tuple[Attribut
 
 
 def _interpolate(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]:
-    """Interpolate at points, or at corners if corners of a vertex differ; count the polygons across a seam."""
+    """Interpolate at points or, across seams, at corners; count the polygons across a seam."""
     receiver, across = bridge.receiver, 0
     domain: Domain = "point"
     if is_seamless(bridge.giver, attribute):
@@ -208,7 +208,7 @@ def _interpolate(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]:
 
 
 def _turn_normals(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray:
-    """Turn normals with the surface at each vertex; unmatched vertices keep the receiver's normals."""
+    """Turn normals with the surface; unmatched vertices keep the receiver's normals."""
     turned = np.einsum("nij,nj->ni", bridge.rotations[vertex], normals)
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     receiver_normals = bridge.receiver.mesh.vertex_normals[vertex]
@@ -250,7 +250,7 @@ def _is_label(attribute: Attribute, numbers_as: NumbersAs | None) -> bool:
 
 
 def _carry_labels(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribute:
-    """Carry labels to the same domain: the nearest label, or the one with most area around each row."""
+    """Carry labels to the same domain: the nearest, or those with most area around a row."""
     receiver = bridge.receiver
     if attribute.domain == "point" and labels == "nearest":
         places = bridge.at_vertices

@@ -1,4 +1,4 @@
-"""The values of options; a separate file, so that the command line can list them without slow imports."""
+"""The values of options, which the command line imports before anything slow."""
 
 from typing import Literal
 

@@ -16,13 +16,16 @@ from isomatch.surfaces import Mesh
 STANDING_VIEW = 32.0, 14.0  # degrees from the broad side, and above the horizon
 SHEET_VIEW = 0.0, 0.0  # degrees, as above; a sheet is seen facing its broad side
 SHEET_RATIO = 0.1  # thickness over width; thinner shapes are sheets
-UPRIGHT_RATIO = 1.6  # length over depth; a longer shape that can stand on its end, as a person, is upright
+# length over depth; a longer shape that can stand on its end, as a person, is upright
+UPRIGHT_RATIO = 1.6
 GROUND_SHARE = 0.06  # of the height; vertices this close to the ground carry the shape
-MAX_OVERHANG = 0.02  # of the height; distance of the centroid beyond the support of a shape that still stands
+# of the height; distance of the centroid beyond the support of a shape that still stands
+MAX_OVERHANG = 0.02
 MAX_KEPT_TURN = np.radians(
     65.0
 )  # radians; a source turned by less is not rotated, as its pose may explain the turn
-MAX_SNAP_ANGLE = np.radians(35.0)  # radians; a rotation this near to quarter turns is replaced by them
+# radians; a rotation this near to quarter turns is replaced by them
+MAX_SNAP_ANGLE = np.radians(35.0)
 
 
 def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] | None = None) -> FloatArray:
@@ -79,8 +82,9 @@ def principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, F
 
 def _up_axis(mesh: Mesh) -> int:
     """Guess the up axis, 1 or 2."""
-    # First choice: the axis with the shape's lowest point at 0, if there is one such axis. Second: a long axis on which
-    # the shape can stand (a wolf is long, but would fall on its nose). Last: the axis on which it is more stable.
+    # First choice: the axis with the shape's lowest point at 0, if there is one such axis. Second:
+    # a long axis on which the shape can stand (a wolf is long, but would fall on its nose). Last:
+    # the axis on which it is more stable.
     used = mesh.vertices[mesh.vertex_areas > 0]
     extent = np.ptp(used, axis=0)
     on_the_floor = [axis for axis in (1, 2) if abs(used[:, axis].min()) < GROUND_SHARE * extent[axis]]
@@ -94,7 +98,7 @@ def _up_axis(mesh: Mesh) -> int:
 
 
 def _stability(mesh: Mesh, axis: int) -> float:
-    """Distance on the ground from the centroid to the edge of the support, over the height; negative if it falls."""
+    """Distance from the centroid to the edge of the support, over the height; < 0 if it falls."""
     height = mesh.vertices[:, axis]
     used = mesh.vertex_areas > 0
     low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)
@@ -119,7 +123,7 @@ def used_vertices(mesh: Mesh) -> IntArray:
 
 
 def seen_from(camera: FloatArray, mesh: Mesh, positions: FloatArray | None = None) -> FloatArray:
-    """Transform vertices, or positions, to camera coordinates (right, up, towards the viewer): unit area, middle at 0."""
+    """Transform vertices or positions to (right, up, towards the viewer): unit area, middle 0."""
     points = mesh.vertices @ camera.T / np.sqrt(mesh.area)
     drawn = points[used_vertices(mesh)]
     points = points if positions is None else positions @ camera.T / np.sqrt(mesh.area)
@@ -131,8 +135,8 @@ def turn_to_target(
 ) -> FloatArray:
     """Find the rotation (3, 3) that brings the vertices of the source closest to their images, by least squares.
 
-    If quarter turns about the axes are near that rotation, they replace it, so that a standing shape stays upright. Use
-    ``upright=False`` for scans without a common up axis.
+    If quarter turns about the axes are near that rotation, they replace it, so that a standing
+    shape stays upright. Use ``upright=False`` for scans without a common up axis.
     """
     matched = correspondence.matched
     weights = source.vertex_areas[matched]

@@ -35,7 +35,8 @@ def position_colours(mesh: Mesh) -> FloatArray:
     Returns
     -------
     (n, 3) array of float
-        Red, green and blue in linear light, 0 … 1. A picture of a map pulls the target's colours back to the source.
+        Red, green and blue in linear light, 0 … 1. A picture of a map pulls the target's colours
+        back to the source.
 
     Notes
     -----
@@ -60,7 +61,7 @@ def position_colours(mesh: Mesh) -> FloatArray:
 
 
 def principal_coordinates(mesh: Mesh) -> FloatArray:
-    """Compute coordinates along the principal axes, (n, 3), longest first, each in −1 … 1 and spread by area."""
+    """Compute coordinates (n, 3) along the principal axes, in −1 … 1 and spread by area."""
     areas = np.maximum(mesh.vertex_areas, 0.0)
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=areas)
     axes = principal_axes(mesh.vertices, areas)[1][:, ::-1]

@@ -129,7 +129,7 @@ _BOUNDS_OF_PART = {
 
 
 def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool]]:
-    """Yield each measure of a result with its value, and whether this is evidence against the map."""
+    """Yield the measures of a result with value, and whether it is evidence against the map."""
     measures = _measures_of(result)
     for field, number in asdict(result.quality).items():
         measure = measures.get(field, Measure(field, "{:.3g}", "", ""))
@@ -142,7 +142,7 @@ def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool
 
 
 def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
-    """Return the bounds of the measures of a result, by field: {"spectral_residual": {"most": 0.6}, …}."""
+    """Return the bounds of a result by field: {"spectral_residual": {"most": 0.6}, …}."""
     return {
         field: {side: bound for side in ("most", "least") if (bound := getattr(measure, side)) is not None}
         for field, measure in _measures_of(result).items()
@@ -160,10 +160,10 @@ def _measures_of(result: MatchResult) -> dict[str, Measure]:
 
 
 def is_of_whole(result: MatchResult) -> bool:
-    """Whether the map is between complete shapes, as all maps of other methods are assumed to be."""
+    """Whether the map is between complete shapes; maps of other methods count as such."""
     return result.way not in STRATEGIES or STRATEGIES[result.way].overlap == "whole"
 
 
 def config_of(result: MatchResult) -> Config:
-    """Return the settings that hold the bounds of a result; the defaults if another method found the map."""
+    """Return the settings with the bounds of a result; defaults if it is of another method."""
     return result.config if isinstance(result.config, Config) else Config()

@@ -221,7 +221,7 @@ def _alone_picture(surface: Surface) -> str:
 
 
 def _drawable_part(surface: Surface) -> Mesh | None:
-    """Return a surface without the faces that cannot be drawn, with all vertices; None if nothing is left."""
+    """Return a surface without faces that cannot be drawn; None if nothing is left."""
     if isinstance(surface, Graph):
         return None
     mesh = drawable(surface)
@@ -294,7 +294,7 @@ class ResultView:
         return _widget_class()(page=self._page, pairs=self._pairs, height=self._height)
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
-        """Return the widget if anywidget is installed, and the page alone for exported notebooks."""
+        """Return the widget, if anywidget is installed, and the page for exported notebooks."""
         shown = self.widget._repr_mimebundle_(**options) if clicks_return() else {}
         data, about = shown if isinstance(shown, tuple) else (shown, {})
         return {"text/plain": repr(self), **(data or {}), "text/html": self._repr_html_()}, about

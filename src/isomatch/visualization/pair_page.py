@@ -55,7 +55,7 @@ def page_of(
     sureness: str = "",
     **parts: str,
 ) -> str:
-    """Fill the template of a page with its contents and with ``parts`` as HTML; missing parts are empty."""
+    """Fill the template of a page; ``parts`` are HTML, and missing parts are empty."""
     # the browser keeps the list of landmarks by this key; the list begins with the pairs
     kept = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": pairs.tolist()}
     titles = [title_of(side, name) for side, name in zip(SIDES, names)]
@@ -203,13 +203,13 @@ def open_questions_of(source: Mesh, target: Mesh, result: MatchResult) -> tuple[
 
 
 def pairs_shown(pairs: IntArray, open_questions: Iterable[Question]) -> IntArray:
-    """Add to landmarks (q, 2) the pairs of all possible answers, so that their vertices are shown."""
+    """Add the pairs of all possible answers to landmarks (q, 2), to show their vertices."""
     answers = [(question.vertex, place) for question in open_questions for place in question.places]
     return np.concatenate([pairs, np.array(answers, dtype=np.int64).reshape(-1, 2)])
 
 
 def list_of_questions(open_questions: Sequence[Question]) -> str:
-    """Ask where points of the source are; a button for each possible place adds the pair to the landmarks."""
+    """Ask where points of the source are; a button for each place adds a landmark."""
     if not open_questions:
         return ""
     rows = "".join(

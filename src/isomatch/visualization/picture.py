@@ -38,7 +38,7 @@ TEXT = 9  # points
 
 
 class Picture(Figure):
-    """A matplotlib figure with a size in pixels, unknown to pyplot; ``seen`` describes what it shows."""
+    """A matplotlib figure with a size in pixels; ``seen`` describes what it shows."""
 
     def __init__(self, width: int, height: int, seen: str = "") -> None:
         whole = 1e-6  # pixels; keeps rounding from losing one
@@ -53,7 +53,7 @@ class Picture(Figure):
         return file.getvalue()
 
     def html(self, *, transparent: bool = False) -> str:
-        """Return the picture as an HTML element, in its own width or the width of the page if that is less."""
+        """Return the picture as an HTML element, not wider than the page."""
         return (
             f'<img alt="{escape(self.seen)}" width="{round(self.bbox.width / SHARPNESS)}" '
             f'style="max-width:100%;height:auto" src="{png(self.png(transparent=transparent))}">'
@@ -92,7 +92,7 @@ def compose_picture(
 
 
 def _fit_panels(extents: FloatArray, width: int, least: int) -> tuple[int, float, int]:
-    """Return the pixels in a row for all panels, pixels per unit of their extents (n, 2), and the row's height."""
+    """Return the row's width, pixels per unit of the extents (n, 2), and the row's height."""
     room = max(width - MARGIN * (len(extents) + 1), len(extents))
     tallest = MAX_HEIGHT_RATIO * room / len(extents)
     scale = float(min(room / extents[:, 0].sum(), tallest / extents[:, 1].max()))
@@ -121,7 +121,7 @@ def _drawable(text: str) -> str:
 
 
 def _add_colour_bar(picture: Picture, values: ValuePanel, left: int, bottom: int, height: int) -> Axes:
-    """Add the bar beside a panel; its label may exceed the bar by a margin at each end, or more for long words."""
+    """Add the bar beside a panel; its label may exceed the bar by a margin at each end."""
     size = np.array([picture.bbox.width, picture.bbox.height] * 2)
     tall = BAR_HEIGHT * height
     axes = picture.add_axes(tuple(np.array([left, bottom + (height - tall) / 2, BAR, tall]) / size))
@@ -141,7 +141,7 @@ def _bar_width(values: ValuePanel, height: int) -> int:
 
 
 def _break_label(label: str, length: float) -> list[str]:
-    """Break the label of a colour bar into the fewest lines, of similar length, that fit a length in pixels."""
+    """Break a label into the fewest lines, of similar length, that fit a length in pixels."""
 
     def break_into(n_lines: int) -> list[str]:
         every = (wrap(label, width, break_long_words=False) for width in count(1))
@@ -165,7 +165,7 @@ def png(data: bytes) -> str:
 
 
 OUTLIER_SHARE = 0.01  # values beyond each end of the colour bar
-# share of the largest magnitude; values reaching this far on both sides of 0 get a two-sided colour map
+# share of the largest magnitude; values this far on both sides of 0 get a two-sided colour map
 BOTH_SIGNS_RATIO = 0.2
 ZERO_START_RATIO = 0.5  # of the highest value; positive values that begin lower are shown from 0
 ONE_SIGN_MAP, BOTH_SIGNS_MAP = "cividis", "PuOr_r"  # both safe for the colour-blind
@@ -185,7 +185,8 @@ class ValuePanel:
         Value of the brightest colour, from 0; by default the bar spans all but a per cent of the values at either end,
         from 0 if they begin near it, and symmetric around 0 if they have both signs.
     colour_map : str, optional
-        Name of a colour map of matplotlib; by default ``"cividis"``, or ``"PuOr_r"`` for values of both signs.
+        Name of a colour map of matplotlib; by default ``"cividis"``, or ``"PuOr_r"`` for values of
+        both signs.
 
     Raises
     ------
@@ -221,7 +222,7 @@ class ValuePanel:
         return "both" if below and above else "min" if below else "max" if above else "neither"
 
     def rows(self, n: int) -> FloatArray:
-        """Return the values (n,), nan where they are not finite; `DescriptorError` if their number is not n."""
+        """Return n values, nan where not finite; `DescriptorError` if there are not n."""
         rows = numbers_of(self.values, "values", DescriptorError)
         if rows.shape != (n,):
             raise DescriptorError(f"values have shape {rows.shape}; expected ({n},), one for each vertex")

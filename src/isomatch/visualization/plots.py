@@ -260,7 +260,8 @@ def _label_axes(axes: Axes, x: str, y: str) -> None:
 
 
 N_NEIGHBOURS = 8  # of a point; triangles are drawn between them
-MAX_GAP_ANGLE = 2.6  # radians, about 150°; a wider angle between two neighbours is a hole or a border
+# radians, about 150°; a wider angle between two neighbours is a hole or a border
+MAX_GAP_ANGLE = 2.6
 
 
 def drawable(surface: Surface) -> Mesh:

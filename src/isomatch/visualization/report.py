@@ -84,8 +84,8 @@ def write_report(
         Further values to be shown as colours, such as errors; ``nan`` is grey. Positions, stretch and what the result
         knows (expected error, descriptor distance, doubt) are always there.
     landmarks : (q, 2) array_like of int, optional
-        Pairs (source vertex, target vertex) with which the list of landmarks begins; pairs with vertices that the shapes
-        lack are left out.
+        Pairs (source vertex, target vertex) with which the list of landmarks begins; pairs with
+        vertices that the shapes lack are left out.
     command : str
         Command that matches again with the saved landmarks, to be copied.
     given : Correspondence, optional
@@ -190,7 +190,7 @@ def write_landmark_picker(
     landmarks: ArrayLike | None = None,
     command: str = COMMAND,
 ) -> None:
-    """Write the report of a match that found no map: the reason, and both shapes in 3D to pick landmarks.
+    """Write the report of a match without a map: the reason, and both shapes to pick landmarks.
 
     ``reason`` is the text of the error; the other parameters are as for `write_report`.
     """

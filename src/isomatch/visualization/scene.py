@@ -115,8 +115,10 @@ BUILT_IN = ("position", "stretch", "expected error", "descriptor distance", "dou
 N_RAMP_COLOURS = 9  # the browser interpolates between these colours of a ramp
 N_LEVELS = 254  # a stored value is a level from 0 to this
 NO_VALUE_LEVEL = 255
-MIN_ERROR_RANGE = 0.05  # √area; the ramp extends at least to this error, at which the confidence is ½
-DESCRIPTOR_RANGE = 1.0  # standard deviations at the end of the ramp; random points differ by about 0.8
+# √area; the ramp extends at least to this error, at which the confidence is ½
+MIN_ERROR_RANGE = 0.05
+# standard deviations at the end of the ramp; random points differ by about 0.8
+DESCRIPTOR_RANGE = 1.0
 OUTLIER_SHARE = 0.02  # of the values; they may lie beyond an end of the ramp
 
 
@@ -147,7 +149,7 @@ class Layer:
 
 
 def layers_of(result: MatchResult) -> dict[str, Layer]:
-    """Make the layers of a result: the regions of doubt, the expected error, the descriptor distance."""
+    """Make the layers of a result: regions of doubt, expected error, descriptor distance."""
     layers = {}
     if result.regions:
         values = np.full(len(result.map.vertices), np.nan)
@@ -165,7 +167,7 @@ def layers_of(result: MatchResult) -> dict[str, Layer]:
 
 
 def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Layer]:
-    """Make layers of named values, with ramps that span all but outliers; `DescriptorError` if values do not fit."""
+    """Make layers of named values, after checks of names and lengths (`DescriptorError`)."""
     layers = {}
     for name, layer_values in values.items():
         if name in BUILT_IN:
@@ -188,7 +190,7 @@ def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Lay
 
 def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:
     """Compute how much the edges at each vertex are stretched, relative to the median."""
-    # √(Σ |φ(a) − φ(b)|² / Σ |a − b|²), summed over the edges ab at a vertex with images φ of both ends
+    # √(Σ |φ(a) − φ(b)|² / Σ |a − b|²), over the edges ab at a vertex, if both ends have images φ
     images = correspondence.pull_back(target.vertices)  # nan where unmatched
     a, b = source.edges.T
     before = ((source.vertices[a] - source.vertices[b]) ** 2).sum(axis=1)

@@ -14,9 +14,11 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import of_ordinary_size
 from isomatch.visualization.measures import config_of, is_of_whole, quality_measures
 
-LOW_CONFIDENCE_LIMIT = 0.5  # lower is an expected error above 0.05 √area, see `MatchResult.confidence`
+# lower is an expected error above 0.05 √area, see `MatchResult.confidence`
+LOW_CONFIDENCE_LIMIT = 0.5
 MIN_SHARE_TOLD = 0.005  # smaller shares of the vertices are not mentioned
-UNCERTAIN_SHARE = 0.1  # share of vertices with low confidence, above which a map is called uncertain
+# share of vertices with low confidence, above which a map is called uncertain
+UNCERTAIN_SHARE = 0.1
 
 # headline and advice for each outcome; `Outcome.advice` says more
 _HEADLINES_AND_ADVICE = {
@@ -78,7 +80,7 @@ class Summary:
 
     @property
     def advice_in_python(self) -> str:
-        """The advice for Python: no report is named, and settings are as in `isomatch.Config` (``start = 'pose'``)."""
+        """The advice without a report, and with settings as in Python: ``start = 'pose'``."""
         return re.sub(r"--([a-z]+) ([a-z]+)", r"\1 = '\2'", re.sub(r" in the report| there", "", self.advice))
 
     def __str__(self) -> str:
@@ -159,7 +161,7 @@ SAME_PLACE_DISTANCE = 0.05  # √area; images that are nearer to each other coun
 
 
 def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Correspondence) -> float:
-    """Share of the source's area with images more than `SAME_PLACE_DISTANCE` apart, or with one image only."""
+    """Share of the source's area with images `SAME_PLACE_DISTANCE` apart, or with one only."""
     source, target = of_ordinary_size(source), of_ordinary_size(target)
     images = (correspondence.pull_back(target.vertices) for correspondence in (one, other))
     is_elsewhere = np.linalg.norm(np.subtract(*images), axis=1) > SAME_PLACE_DISTANCE * np.sqrt(target.area)
@@ -168,7 +170,7 @@ def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Corr
 
 
 def describe_alternative(source: Mesh, target: Mesh, result: MatchResult, other: Alternative) -> str:
-    """Say how much an alternative differs from the map of a result, and whether it keeps left and right."""
+    """Say how much an alternative differs from the map, and whether it keeps left and right."""
     share = share_elsewhere(source, target, result.map, other.map)
     before = "The map before this one was chosen. " if isnan(other.energy) else ""
     return f"{before}Differs on {share:.0%} of the surface. {_sides(result, other)}".rstrip()
@@ -180,7 +182,7 @@ def describe_given_map(source: Mesh, target: Mesh, result: MatchResult, given: C
 
 
 def describe_alternatives(result: MatchResult) -> str:
-    """Say how well the best alternative fits, compared to the map, and when to choose an alternative."""
+    """Say how well the best alternative fits, and when to choose an alternative."""
     runner_up, mirrored = result.quality.runner_up, result.quality.mirrored
     limits = config_of(result).outcome
     near = []

@@ -1,4 +1,4 @@
-"""The image of one surface, the element of all pictures: rounded triangles, rasterised, and lit in every pixel."""
+"""The image of one surface, used in all pictures: rounded, rasterised, lit in every pixel."""
 
 from __future__ import annotations
 
@@ -129,8 +129,9 @@ def round_outline(mesh: Mesh, values: FloatArray) -> tuple[Mesh, FloatArray, Flo
 
 def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Mesh, FloatArray]:
     """Cut each triangle into four; return the columns (n, q), with rows for the new vertices."""
-    # The middle m of an edge with ends p, q moves towards the tangent planes at them (Boubekeur & Alexa 2008):
-    # m − PHONG_ROUNDING / 2 Σ_e ⟨m − e, n_e⟩ n_e over e = p, q. Edges at borders and sharp ones stay straight.
+    # The middle m of an edge with ends p, q moves towards the tangent planes at them:
+    # m − PHONG_ROUNDING / 2 Σ_e ⟨m − e, n_e⟩ n_e over e = p, q (Boubekeur & Alexa 2008).
+    # Edges at borders and sharp edges stay straight.
     edges = mesh.edge_table
     ends = i, j = edges.ends.T
     unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), MIN_LENGTH)
@@ -159,7 +160,7 @@ CREVICE_STEP = 6  # the surroundings are computed on every sixth pixel
 
 
 def compute_light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Compute the light of covered pixels from normals: a factor of the surface's colour, and white to add."""
+    """Compute light from normals: a factor of the surface's colour, and white to add."""
     # Lambertian reflection of a key light and a fill light, both wrapped around the object, and a Blinn highlight.
     # Crevices are darkened by the difference between the depth and the blurred depth (Luft, Colditz & Deussen, Image
     # enhancement by unsharp masking the depth buffer, SIGGRAPH 2006). Normals that point away are reversed.

@@ -153,7 +153,8 @@ class DrawnSurface:
 
 def _simplify(points: FloatArray, faces: IntArray, used: IntArray, most: int) -> tuple[IntArray, IntArray]:
     """Choose at most ``most`` of the used vertices to show; return them, and the faces between them in new indices."""
-    # Each cell of a cubic grid keeps the vertex nearest to its middle; corners of faces move to their cell's vertex.
+    # Each cell of a cubic grid keeps the vertex nearest to its middle; corners of faces move to
+    # their cell's vertex.
     shown, cell = used, np.arange(len(used))
     size = most**-0.5  # side of a cell; the surface has unit area
     while len(shown) > most:

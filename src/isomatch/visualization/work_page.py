@@ -114,10 +114,10 @@ class WorkPage:
         before: Correspondence | None = None,
         landmarks: Sequence[Sequence[int]] = (),
     ) -> dict[str, Any]:
-        """Return in plain values all that the page shows of a result, the map before it and its landmarks.
+        """Return in plain values all that the page shows of a result.
 
-        ``runners_up`` describes each map that is drawn. ``landmarks`` have the distance of each from its image, through
-        space, in √area of the target. ``details`` are HTML.
+        ``runners_up`` describes each map that is drawn. ``landmarks`` have the distance of each
+        from its image, through space, in √area of the target. ``details`` are HTML.
         """
         maps = maps_of(result, self.given) | ({MAP_BEFORE: before} if before else {})
         others = result.alternatives[:MOST_ALTERNATIVES]
@@ -160,7 +160,7 @@ class WorkPage:
         )
 
     def _region(self, region: DoubtfulRegion, shown: Correspondence) -> dict[str, Any]:
-        """Describe a region: its share, its most doubtful vertex with the images by both maps, and the reason."""
+        """Describe a region: its share, its most doubtful vertex, both images, and the reason."""
         vertex = self._drawn.shown_near("source", int(region.vertices[0]))
         description = {"area": f"{region.area:.1%}", "vertex": vertex, "reason": region.reason}
         other = None if region.runner_up is None else region.runner_up[0]
@@ -170,7 +170,7 @@ class WorkPage:
         return description
 
     def _landmark_errors(self, shown: Correspondence, pairs: IntArray) -> list[float]:
-        """Measure the distance of each landmark on the target from its image, in √area; −1 without an image."""
+        """Measure the distances of landmarks from their images, in √area; −1 without an image."""
         images = shown.pull_back(self._target.vertices)[pairs[:, 0]]
         distances = np.linalg.norm(images - self._target.vertices[pairs[:, 1]], axis=1) / np.sqrt(
             self._target.area
