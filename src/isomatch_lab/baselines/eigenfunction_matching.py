@@ -61,19 +61,19 @@ def signed_permutation(pair: Problem, m: int, side: float) -> FloatArray:
 
 
 def _exchange(m: int, i: int, j: int) -> IntArray:
-    """Order of m items of which two are exchanged."""
+    """Order of m items with items i and j exchanged."""
     order = np.arange(m)
     order[[i, j]] = j, i
     return order
 
 
 def _moments(shape: PreparedShape, m: int) -> tuple[FloatArray, ...]:
-    """First moments with wave kernels (m, q), third moments and those of gradients (m, m, m), each of norm 1."""
-    basis, own = shape.laplace, np.eye(m + 1)[:, 1:]
+    """First moments with wave kernels (m, q), third moments and gradient moments (m, m, m), each of norm 1."""
+    basis, nonconstant = shape.laplace, np.eye(m + 1)[:, 1:]
     moments = [
         basis.coefficients(shape.signatures[:, :WAVE_KERNELS], m + 1)[1:],
-        products(basis, own)[:, 1:, 1:],
+        products(basis, nonconstant)[:, 1:, 1:],
     ]
     if shape.triangles:
-        moments.append(orientations(basis, shape.triangles, own)[:, 1:, 1:])
+        moments.append(orientations(basis, shape.triangles, nonconstant)[:, 1:, 1:])
     return tuple(x / np.maximum(np.linalg.norm(x), 1e-300) for x in moments)

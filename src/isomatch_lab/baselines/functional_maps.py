@@ -96,8 +96,8 @@ def functional_maps(
     Ovsjanikov, Ben-Chen, Solomon, Butscher & Guibas, *Functional Maps*, SIGGRAPH 2012: the map preserves descriptors,
     commutes with the Laplacians, and is refined to be orthogonal. It also commutes with multiplication by each descriptor
     (Nogneng & Ovsjanikov 2017), and with the orientation operators (Ren et al. 2018), which points and graphs lack.
-    Reconstructed from these papers. Ours are the scale of the terms, each of which is brought to the order of one; their
-    weights, chosen by trial on three pairs of FAUST; and the normal equations in place of an iterative solver. About 2 s
+    Reconstructed from these papers. Ours are the scale of the terms, each brought to the order of one; their weights,
+    chosen by trial on three pairs of FAUST; and the normal equations in place of an iterative solver. About 2 s
     for 5 000 vertices and 50 functions.
     """
     config = config or FunctionalMapsConfig()

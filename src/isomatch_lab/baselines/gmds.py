@@ -30,7 +30,8 @@ class GmdsConfig(Settings):
     Parameters
     ----------
     levels : tuple of int
-        Farthest point samples of the source that are placed at each resolution, increasing; at most those of `prepare`.
+        Farthest point samples of the source that are placed at each resolution, increasing; at most as many as `prepare`
+        draws.
     n_sweeps : int
         Maximum number of sweeps over the points at each resolution.
     orientation : {"preserve", "reverse", "any"}
@@ -82,8 +83,8 @@ def gmds(
     Notes
     -----
     Bronstein, Bronstein & Kimmel, *Generalized multidimensional scaling*, PNAS 2006: least-squares stress is minimised
-    over positions in triangles, one point at a time, from few points to many. Reconstructed: distances are those of the
-    distance bases, in units of their average, where the paper interpolates a full matrix of distances from fast marching;
+    over positions in triangles, one point at a time, from few points to many. Reconstructed: distances come from
+    the distance bases, in units of their average, where the paper interpolates a full matrix of distances from fast marching;
     the automatic start; the placement of new points by their distances to earlier ones; and the extension to all
     vertices, by the least-squares functional map of half as many Laplace–Beltrami functions as there are points. About
     0.2 s for 5 000 vertices after preparation, and 1 s for an automatic start.
@@ -154,7 +155,7 @@ class Placement:
         return Placement(**{name: np.concatenate([mine[name], others[name]]) for name in mine})
 
     def interpolated(self, values: FloatArray) -> FloatArray:
-        """(m, q) values at the places, from those of the target's vertices, (n_t, q)."""
+        """(m, q) values at the places, interpolated from values at the target's vertices, (n_t, q)."""
         places: FloatArray = PrecisePoints(self.corners, self.barycentric).interpolation(len(values)) @ values
         return places
 

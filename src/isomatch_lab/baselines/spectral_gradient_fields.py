@@ -80,7 +80,7 @@ def spectral_gradient_fields(
     config : GradientFieldsConfig, optional
         Settings.
 
-    The result and the errors are those of `functional_maps`.
+    The result and the errors are the same as for `functional_maps`.
 
     Notes
     -----
@@ -127,9 +127,7 @@ class KernelMaps:
     pair: Problem
     of_source: ComplexArray  # (n, q) gradients of eigenfunctions from the second on; none without triangles
     of_target: ComplexArray
-    weights: (
-        FloatArray  # (2,) of scalars and pseudo-scalars, whose sign says how those of both shapes compare
-    )
+    weights: FloatArray  # (2,) weights of scalars and pseudo-scalars; the sign says if these agree or oppose
 
     @classmethod
     def of(cls, pair: Problem, config: GradientFieldsConfig) -> KernelMaps:

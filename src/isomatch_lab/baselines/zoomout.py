@@ -17,7 +17,7 @@ from isomatch_lab.baselines.task import Task
 
 @dataclass(frozen=True)
 class ZoomOutConfig(FunctionalMapsConfig):
-    """Settings of `zoomout`: those of the functional map it starts from, and those of its growth.
+    """Settings of `zoomout`: of the functional map it starts from, and of its growth.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def zoomout(
     config: ZoomOutConfig | None = None,
     seed: int = 0,
 ) -> MatchResult:
-    """Match by spectral upsampling, from an initial map or else from that of `functional_maps`.
+    """Match by spectral upsampling, from an initial map or else from the map of `functional_maps`.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def zoomout(
     config : ZoomOutConfig, optional
         Settings.
 
-    The result and the errors are those of `functional_maps`.
+    The result and the errors are the same as for `functional_maps`.
 
     Notes
     -----

@@ -54,7 +54,7 @@ def bench(
         isomatch, isomatch_5pt, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds,
         gmds_5pt, gw, gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those
         named 5pt are given five true landmarks, far from one another. NAME+isomatch is isomatch started from the map of
-        NAME; NAME+gdd and NAME+gdd_post are the paper's methods started from it. By default isomatch, or those of METHOD
+        NAME; NAME+gdd and NAME+gdd_post are the paper's methods started from it. By default isomatch, or the ones in METHOD
         and MAPS alone.
     method : str
         A function of your own, MODULE:FUNCTION or FILE.py:FUNCTION, that takes two meshes, source and target, and returns
@@ -95,7 +95,7 @@ def bench(
         sys.path.insert(0, str(Path.cwd()))  # as python -m does
     notes: list[str] = []
     with talk.progress() as tell:
-        for number, (name, each) in enumerate(asked):
+        for number, (name, damage_choice) in enumerate(asked):
             run = evaluation.BenchmarkRun(
                 set_name=name,
                 methods=tuple(chosen),
@@ -106,7 +106,7 @@ def bench(
                 jobs=jobs,
                 landmarks=None if landmarks is None else str(landmarks),
                 cycles=cycles,
-                damage=each,
+                damage=damage_choice,
             )
             reach = part(tell, number / len(asked), (number + 1) / len(asked))
             reach(f"{name}: reading", 0.0)

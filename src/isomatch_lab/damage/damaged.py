@@ -1,4 +1,4 @@
-"""A damaged mesh with its truth, and a benchmark pair of which a shape is damaged."""
+"""A damaged mesh with its truth, and a benchmark pair with one damaged shape or two."""
 
 from __future__ import annotations
 
@@ -110,8 +110,8 @@ class DamagedPair:
     given : BenchmarkPair
         The damaged shapes, as a method is given them, with the truth in their vertices.
     whole : BenchmarkPair
-        The shapes before the damage, with those rows of the truth of which both vertices remain or have a stand-in, in
-        the same order. Vertices that were merged with others have no truth.
+        The shapes before the damage, with the rows of the truth whose vertices both remain or have a stand-in, in the same
+        order. Vertices that were merged with others have no truth.
     source, target : Damaged
         What was done to each shape.
     alone : (m,) array of int

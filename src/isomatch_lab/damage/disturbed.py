@@ -18,8 +18,8 @@ from isomatch_lab.damage.damaged import SHARES, Damaged, require_usable, with_fa
 
 FAR = 0.5  # √area; more than half of a torso's girth, so that only different limbs are glued
 GAPS = (0.0, FAR)
-NEAR = 0.2  # √area along the surface: so near, vertices that face each other are of one fold
-PATCHES = 60  # patches of the surface, from each of which the parts that are far away are searched
+NEAR = 0.2  # √area along the surface; facing vertices nearer than this lie in one fold
+PATCHES = 60  # patches of the surface; parts far away are searched from each
 LOUDNESS = (0.0, 10.0)  # mean edge lengths
 
 
@@ -98,11 +98,11 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
             free[pair] = False
             merged.append(pair)
     if not merged:
-        apart = (
+        nearest_width = (
             f"; the nearest are {widths.min() / np.sqrt(mesh.area):.3f} √area apart" if len(widths) else ""
         )
         raise MeshError(
-            f"no limbs of {mesh!r} are as near as {gap:g} √area{apart}; give a larger gap, or a pose in which limbs touch"
+            f"no limbs of {mesh!r} are as near as {gap:g} √area{nearest_width}; give a larger gap, or a pose in which limbs touch"
         )
     return _merged(mesh, np.array(merged))
 
@@ -124,7 +124,7 @@ def merge(mesh: Mesh, distance: float = 1.5, *, seed: int = 0) -> Damaged:
     Returns
     -------
     Damaged
-        With a ``twin`` for each merged vertex, without the triangles of which all three corners were merged.
+        With a ``twin`` for each merged vertex, without the triangles whose three corners were merged.
 
     Raises
     ------

@@ -196,7 +196,7 @@ def _largest(mesh: Mesh) -> int:
 
 
 def _largest_part(mesh: Mesh, faces: BoolArray) -> BoolArray:
-    """Restrict some faces of a mesh to those of their component of largest area."""
+    """Restrict some faces of a mesh to their component of largest area."""
     part = Mesh(mesh.vertices, mesh.sound_faces[faces])
     kept = faces.copy()
     kept[faces] = part.components[part.faces[:, 0]] == _largest(part)

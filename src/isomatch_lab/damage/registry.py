@@ -29,7 +29,7 @@ class Damage:
     levels : tuple of float
         Levels of a curve, from mild to severe.
     default : float
-        The level where none is named, as that of the function.
+        The level where none is named; the default of the function.
     bounds : (float, float)
         Between these lies every level that is allowed.
     """

@@ -115,6 +115,6 @@ class _Worker:
 
 def _problem(problem: Exception | SystemExit) -> Row:
     """Describe a problem, with the notes attached to it."""
-    told = f"the method called exit({problem})" if isinstance(problem, SystemExit) else problem
-    parts = [f"{type(problem).__name__}: {told}", *getattr(problem, "__notes__", [])]
+    text = f"the method called exit({problem})" if isinstance(problem, SystemExit) else problem
+    parts = [f"{type(problem).__name__}: {text}", *getattr(problem, "__notes__", [])]
     return {"problem": " ".join(parts)}

@@ -229,7 +229,8 @@ def read_published_curves(folder: str | Path) -> list[PublishedCurve]:
 
 def _is_curve(errors: AnyArray, shares: AnyArray) -> bool:
     return errors.shape == shares.shape and all(
-        each.ndim == 1 and each.dtype.kind in "fiu" and np.isfinite(each).all() for each in (errors, shares)
+        values.ndim == 1 and values.dtype.kind in "fiu" and np.isfinite(values).all()
+        for values in (errors, shares)
     )
 
 

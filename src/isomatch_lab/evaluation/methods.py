@@ -1,4 +1,4 @@
-"""The methods of a benchmark run: those of isomatch, of others, and one's own."""
+"""The methods of a benchmark run: isomatch, published methods, and one's own."""
 
 from __future__ import annotations
 
@@ -105,13 +105,13 @@ CONTINUATIONS = {
 """Methods that can start from the map of another: "sgmds_5pt+gdd" is GDD started from the map of SGMDS."""
 
 
-def parts_of(name: str, own: Collection[str] = ()) -> tuple[str, str]:
+def parts_of(name: str, own_names: Collection[str] = ()) -> tuple[str, str]:
     """Split the name of a method into one of ``METHODS`` or of one's own, and one of ``CONTINUATIONS``, or ""."""
     base, plus, ending = name.partition("+")
-    if base not in (*METHODS, *own) or (plus and ending not in CONTINUATIONS):
+    if base not in (*METHODS, *own_names) or (plus and ending not in CONTINUATIONS):
         raise SettingError(
-            f"unknown method {name}; choose from {', '.join([*METHODS, *own])}, and any of them followed by "
-            + " or ".join(f"+{each}" for each in CONTINUATIONS)
+            f"unknown method {name}; choose from {', '.join([*METHODS, *own_names])}, and any of them followed by "
+            + " or ".join(f"+{continuation}" for continuation in CONTINUATIONS)
             + "; a function of your own is MODULE:FUNCTION"
         )
     return base, ending
@@ -234,7 +234,7 @@ def _loaded(name: str) -> str:
 
 @cache
 def _module_of_text(place: str, text: bytes) -> ModuleType:
-    """Run the text of a file; bytes that were compiled earlier could be those of another text."""
+    """Run the text of a file; bytes compiled earlier could belong to another text."""
     label = f"_benched_{sha256(place.encode() + text).hexdigest()[:8]}"
     spec = spec_from_file_location(label, place)
     assert spec is not None
@@ -250,7 +250,7 @@ def _current_module(place: str) -> ModuleType:
     text = _text_of(module)
     before = _TEXTS.get(place)
     if before is None and not is_new and text and Path(str(module.__file__)).stat().st_mtime > _BEGAN:
-        before = b""  # that of its import is not known
+        before = b""  # the text at its import is not known
     if before not in (None, text):
         exec(compile(text, str(module.__file__), "exec"), module.__dict__)
     _TEXTS[place] = text
@@ -392,5 +392,5 @@ class MapsInFolder:
 
 def stamps(files: Iterable[Path]) -> str:
     """Hash the names, sizes and times of change of files."""
-    told = sorted(f"{path.name} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in files)
-    return sha256("\n".join(told).encode()).hexdigest()[:12]
+    versions = sorted(f"{path.name} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in files)
+    return sha256("\n".join(versions).encode()).hexdigest()[:12]

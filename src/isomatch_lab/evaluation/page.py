@@ -101,10 +101,10 @@ def write_page(
     worst = sorted(rows, key=lambda row: -row.get("error", float("inf")))[:MOST_PAIRS]
     sets = ", ".join(dict.fromkeys(row["set"] for row in rows))
     once = {name: values.pop() for name in ONCE if len(values := {row.get(name) for row in summary}) == 1}
-    told = [f"isomatch {once['version']}."] if once.get("version") else []
-    told += [f"Judged at: {once['judged_at']}."] if once.get("judged_at") else []
+    sentences = [f"isomatch {once['version']}."] if once.get("version") else []
+    sentences += [f"Judged at: {once['judged_at']}."] if once.get("judged_at") else []
     if left_out:
-        told.append(
+        sentences.append(
             f"Rows of other versions, settings, points, seeds or truth in rows.jsonl, not shown: {left_out}."
         )
     columns = [name for name in SUMMARY if name not in once]
@@ -120,7 +120,7 @@ def write_page(
             CURVE.format(b64encode(panel.svg()).decode("ascii"), escape(f"Curves of {panel.title}"))
             for panel in panels
         ),
-        note=escape(" ".join(told)),
+        note=escape(" ".join(sentences)),
         count=f"{len(worst)} of {len(rows)}; those with a problem first. All, with more measures, are in pairs.csv.",
         worst=_table(WORST, worst),
         columns="".join(

@@ -45,7 +45,7 @@ class Answer:
 
     map: Correspondence
     diagnostics: dict[str, Any]  # what the method reports about the map
-    seconds: float  # without preparation; for a map that was started from another one, that of both
+    seconds: float  # without preparation; includes the map it was started from
     preparations: frozenset[Config | None]  # settings of the prepared shapes that were used
 
 
@@ -175,7 +175,7 @@ class Subject:
         if alone is None:
             return {}
         areas = self.pair.source.vertex_areas
-        # the overlap is the area of those with a counterpart and an image over that of those with either
+        # overlap: area with a counterpart and an image, divided by area with either
         right, wrong = has[image.matched[has]], alone[image.matched[alone]]
         either = areas[has].sum() + areas[wrong].sum()
         return {
@@ -187,7 +187,7 @@ class Subject:
     def _lifted(self, image: Correspondence) -> list[Correspondence]:
         """Carry a map between the damaged shapes to the whole ones."""
         n_target = self._dense.whole.target.n_vertices
-        return [Correspondence(each, n_target) for each in self._dense.lifted(image.vertices)]
+        return [Correspondence(images, n_target) for images in self._dense.lifted(image.vertices)]
 
     def _distortion(self, name: str, image: Correspondence, **draw: Any) -> dict[str, float]:
         """Mean square distortion of a map and of the truth, over random points of the whole shapes."""
@@ -206,7 +206,7 @@ class Subject:
 
 
 def _plain(numbers: Mapping[str, Any]) -> Row:
-    """Turn numbers into those of JSON, with None in place of numbers that are not finite."""
+    """Turn numbers into JSON numbers, with None in place of numbers that are not finite."""
     return {name: float(number) if np.isfinite(number) else None for name, number in numbers.items()}
 
 

@@ -51,12 +51,18 @@ def true_landmarks(
     """
     references = pair.truth[generator(seed).integers(len(pair.truth), size=REFERENCES)]
     source, target = engines or (distance_engine(pair.source), distance_engine(pair.target))
-    here = source.distances_from(references[:, 0])[:, pair.truth[:, 0]] / np.sqrt(pair.source.area)
-    there = target.distances_from(references[:, 1])[:, pair.truth[:, 1]] / np.sqrt(pair.target.area)
-    connected = np.isfinite(here) & np.isfinite(there)  # points on other components count as √area apart
-    descriptor_distance = np.abs(np.subtract(here, there, where=connected, out=np.ones(here.shape))).mean(
-        axis=0
+    source_distances = source.distances_from(references[:, 0])[:, pair.truth[:, 0]] / np.sqrt(
+        pair.source.area
     )
+    target_distances = target.distances_from(references[:, 1])[:, pair.truth[:, 1]] / np.sqrt(
+        pair.target.area
+    )
+    connected = np.isfinite(source_distances) & np.isfinite(
+        target_distances
+    )  # points on other components count as √area apart
+    descriptor_distance = np.abs(
+        np.subtract(source_distances, target_distances, where=connected, out=np.ones(source_distances.shape))
+    ).mean(axis=0)
     reliable = np.flatnonzero(
         connected[0] & (descriptor_distance <= np.quantile(descriptor_distance, RELIABLE))
     )
@@ -65,7 +71,7 @@ def true_landmarks(
             f"{pair.name}: only {len(reliable)} of {len(pair.truth)} true points are reliable, too few for {count} "
             "landmarks; ask for fewer, or use a set with denser truth"
         )
-    rows = [reliable[here[0, reliable].argmax()]]
+    rows = [reliable[source_distances[0, reliable].argmax()]]
     nearest = np.full(len(reliable), np.inf)
     while len(rows) < count:
         distances = source.distances_from(pair.truth[rows[-1:], 0])[0]

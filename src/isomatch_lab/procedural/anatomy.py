@@ -184,7 +184,7 @@ def _stretched(limb: Limb, factor: float) -> Limb:
 
 
 def _raised(limb: Limb, rise: float) -> FloatArray:
-    """Nodes raised by ``rise``, except those of the lower part of a leg, which stands on the ground."""
+    """Nodes raised by ``rise``, except the lower part of a leg, which stands on the ground."""
     grounded = limb.name.endswith("leg") & (np.arange(len(limb.nodes)) > 0)
     raised: FloatArray = limb.nodes + np.outer(~grounded, [0, 0, rise])
     return raised

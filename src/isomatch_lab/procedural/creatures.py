@@ -33,7 +33,7 @@ def creature(
     Parameters
     ----------
     n_vertices : int
-        Number of vertices, at least 1500; that of the mesh differs by up to 5 %.
+        Number of vertices, at least 1500; the mesh differs from it by up to 5 %.
     pose : int or mapping of str to (3,) array_like
         Seed of a random natural pose, 0 being the rest pose; or, for each joint that turns, its angles in
         degrees about x (to the right), y (forward) and z (up). `joint_names` lists the joints.

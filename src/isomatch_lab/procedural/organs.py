@@ -61,7 +61,7 @@ def organ(
     kind : str
         "kidney", "hippocampus", "liver", "heart", "nodule", "face", "cortex" or "tube".
     n_vertices : int
-        Number of vertices, to 5 % of closed organs, of open ones to 15 %.
+        Number of vertices, met to 5 % by closed organs and to 15 % by open ones.
     style : int
         Seed of the proportions and of small bumps.
     symmetry : {"none", "mirror", "turn"}
@@ -82,7 +82,7 @@ def organ(
 
     Notes
     -----
-    Bending changes lengths by the thickness times the curvature. Of the edges, 90 % change by less than 20 %, those of
+    Bending changes lengths by the thickness times the curvature. Of the edges, 90 % change by less than 20 %, edges of
     faces and cortical patches by less than 28 %; half of the edges of most shapes by less than 6 %. The boundary of an
     open shape follows the edges of its triangulation.
 

@@ -103,9 +103,9 @@ def benchmark_set(
                 f"the set {name!r} has no hand-picked landmarks; leave them out, or choose from {', '.join(OPENERS)}"
             )
         return MADE[name]()
-    own = _own_folder(name, folder)
-    if own is not None:
-        shapes: Shapes = own_set(own)
+    own_folder = _own_folder(name, folder)
+    if own_folder is not None:
+        shapes: Shapes = own_set(own_folder)
     elif name not in OPENERS:
         raise SettingError(
             f"unknown benchmark set {name!r}; choose from {', '.join([*OPENERS, *MADE])}, or give a folder of your own"
@@ -186,7 +186,7 @@ def _organs() -> BenchmarkSet:
 def _made_pair(
     source: str, target: str, meshes: tuple[Mesh, Mesh], image: IntArray, other: IntArray | None
 ) -> BenchmarkPair:
-    """Relabel the target of two shapes that were made, and with it the true image and that of a symmetric truth."""
+    """Relabel the target of two made shapes, with the true image and the image of a symmetric truth."""
     mesh, new = relabelled(meshes[1], crc32(target.encode()))
 
     def rows(image: IntArray) -> IntArray:

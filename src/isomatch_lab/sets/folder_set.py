@@ -26,8 +26,8 @@ from isomatch_lab.sets.stored_set import SHAPES, TRUTH, StoredSet, stored_set
 
 SETTINGS = "set.toml"
 KINDS = ("vertices", "vts", "pairs", "onto", "landmarks")
-SHAPE_FOLDERS = ("shapes", "off", "models")  # the first is ours, the others are those of published sets
-TRUTH_FOLDERS = ("truth", "corres", "maps")  # the first that exists; the last two are those of published sets
+SHAPE_FOLDERS = ("shapes", "off", "models")  # the first is ours, published sets use the others
+TRUTH_FOLDERS = ("truth", "corres", "maps")  # the first that exists; published sets use the last two
 SHAPE_SUFFIXES = {*FORMATS, ".mat", ".npz", ".vert"}
 BETWEEN = ("__", "-", "_")  # names of a pair in the name of its file
 KEPT_SHAPES = 100  # in memory while files of truth are searched
@@ -70,7 +70,7 @@ class FolderSettings:
 
     @classmethod
     def read(cls, root: Path) -> FolderSettings:
-        """Read those of a folder; the defaults if it has none."""
+        """Read the settings of a folder; the defaults if it has none."""
         path = root / SETTINGS
         if not path.is_file():
             return cls()
@@ -81,11 +81,11 @@ class FolderSettings:
         kinds: dict[str, Any] = {
             "truth": str, "counts_from": int, "symmetric": bool, "target": str, "shapes": (str, list),
         }  # fmt: skip
-        for name, each in values.items():
+        for name, value in values.items():
             if name not in kinds:
                 raise FormatError(f"{path}: unknown setting {name!r}; known are {', '.join(kinds)}")
-            if not isinstance(each, kinds[name]) or (name == "counts_from" and each not in (0, 1)):
-                raise FormatError(f"{path}: {name} = {each!r} is no value of this setting")
+            if not isinstance(value, kinds[name]) or (name == "counts_from" and value not in (0, 1)):
+                raise FormatError(f"{path}: {name} = {value!r} is no value of this setting")
         folders = values.pop("shapes", ())
         folders = (folders,) if isinstance(folders, str) else tuple(map(str, folders))
         if values.get("truth") not in (None, *KINDS):
@@ -221,7 +221,7 @@ class FolderSet:
         return None
 
     def _equal_vertices(self, source: str, target: str, a: Mesh, b: Mesh) -> IntArray:
-        """Rows (i, i); the triangles have to be those of one triangulation."""
+        """Rows (i, i); both meshes must share one triangulation."""
         if a.n_vertices != b.n_vertices or a.n_faces != b.n_faces or (_sides(a) != _sides(b)).any():
             raise FormatError(
                 f"{self.root / SETTINGS}: says that equal vertices correspond, but {source} with {a.n_vertices} vertices "

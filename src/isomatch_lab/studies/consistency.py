@@ -127,7 +127,11 @@ def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> Pai
     source, target = (prepared(collection, name) for name in pair)
     image, config = None, replace(collection.config, orientation="reverse")
     if kind == "turned":
-        turned = [each.map.vertices for each in match(source, target).alternatives if each.orientation > 0]
+        turned = [
+            alternative.map.vertices
+            for alternative in match(source, target).alternatives
+            if alternative.orientation > 0
+        ]
         image = max(turned, key=lambda other: moved(target, right, other), default=None)
         if image is not None and moved(target, right, image) < 1.5 * FAILURE / 100:
             image = None
@@ -135,8 +139,8 @@ def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> Pai
         config = replace(collection.config, hypotheses="given")
     kind = "mirrored" if image is None else "turned"
     results = match_both(source, target, initial_map=image, config=config)
-    there, back = (MapSummary.of(result, settings=True) for result in results)
-    record = replace(right.record, there=there, back=back, more={"kind": kind})
+    forward, backward = (MapSummary.of(result, settings=True) for result in results)
+    record = replace(right.record, there=forward, back=backward, more={"kind": kind})
     maps = PairMaps(results.there.map, results.back.map, record)
     file.parent.mkdir(exist_ok=True)
     maps.save(file)
@@ -171,10 +175,10 @@ def errors_of(study: Study, collection: Collection, kept: dict[str, float]) -> d
     """Mean error of the map of each pair; of maps that were judged before, it is known."""
     errors = {}
     for pair in collection.rows().pairs:
-        there = collection.maps(*pair).there
-        text = f"{pair} {hash(there.vertices.tobytes())}"
+        image = collection.maps(*pair).there
+        text = f"{pair} {hash(image.vertices.tobytes())}"
         if text not in kept:
-            kept[text] = mean_error(study.pair(*pair), there)
+            kept[text] = mean_error(study.pair(*pair), image)
         errors[pair] = kept[text]
     return errors
 
@@ -262,8 +266,10 @@ if __name__ == "__main__":
     asked = asked_for(__doc__, "consistency.csv", SETS)
     cycles = []
     for n in (4, 6, 8, 12, 20):
-        told = {f"{share:.0%} wrong": "{:.2f}, {:.2f}".format(*limits(n, share)) for share in SHARES[1:]}
-        cycles.append({"shapes": n} | told)
+        cycle_limits = {
+            f"{share:.0%} wrong": "{:.2f}, {:.2f}".format(*limits(n, share)) for share in SHARES[1:]
+        }
+        cycles.append({"shapes": n} | cycle_limits)
     write_table(asked.output / "cycles_table.csv", cycles)
     rows = []
     for name in asked.kinds or SETS:

@@ -130,7 +130,7 @@ def curves(rows_by_contest: dict[str, list[dict[str, Any]]], output: Path) -> No
     )
     figure = Figure(figsize=(9, 5), layout="constrained")
     axes = figure.subplots()
-    colours: dict[str, str] = {}  # a remeshed set has that of the set
+    colours: dict[str, str] = {}  # a remeshed set has the colour of its set
     for title, share in shares.items():
         remeshed = title.endswith(" remeshed") and "," in title
         colour = colours.setdefault(title.split(",")[0] if remeshed else title, f"C{len(colours)}")
@@ -147,8 +147,8 @@ if __name__ == "__main__":
     rows_by_contest = {
         name: rows_of(name, Path(asked.data), asked.output) for name in asked.kinds or CONTESTS
     }
-    each = [{"contest": name, **row} for name, rows in rows_by_contest.items() for row in rows]
-    write_rows(asked.output / "contests.csv", COLUMNS, each)
+    measured_pairs = [{"contest": name, **row} for name, rows in rows_by_contest.items() for row in rows]
+    write_rows(asked.output / "contests.csv", COLUMNS, measured_pairs)
     write_table(
         asked.output / "contests_table.csv", [line(name, rows) for name, rows in rows_by_contest.items()]
     )

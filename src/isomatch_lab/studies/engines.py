@@ -44,12 +44,12 @@ def measured(name: str, mesh: Mesh) -> Iterator[dict[str, Any]]:
     """Relative error with respect to exact distances, and milliseconds a column, of each engine."""
     sources = np.random.default_rng(0).integers(mesh.n_vertices, size=SOURCES)
     columns, seconds = {}, {}
-    for engine, each in installed_engines(mesh).items():
-        each.distances_from(sources[:1])  # compiles, factorises
+    for engine, solver in installed_engines(mesh).items():
+        solver.distances_from(sources[:1])  # compiles, factorises
         runs = []
         for _ in range(1 if engine == "exact" else REPEATS):
             started = time.perf_counter()
-            columns[engine] = each.distances_from(sources)
+            columns[engine] = solver.distances_from(sources)
             runs.append((time.perf_counter() - started) / SOURCES)
         seconds[engine] = min(runs)
     exact = columns["exact"]
@@ -77,7 +77,7 @@ def installed_engines(mesh: Mesh) -> dict[str, DistanceEngine]:
 
 
 def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """For each mesh the errors of each engine, and its time as a multiple of that of fast marching."""
+    """For each mesh the errors of each engine, and its time as a multiple of fast marching."""
     for name in dict.fromkeys(row["mesh"] for row in rows):
         members = {row["engine"]: row for row in rows if row["mesh"] == name}
         usual = members["fast_marching"]["milliseconds"]

@@ -2,7 +2,7 @@
 
     python -m isomatch_lab.studies.methods --data DIR -o OUT
 
-draws ten pairs of the remeshed sets; of SCAPE it takes those of the Princeton benchmark, which ``DIR/scb`` lists. It
+draws ten pairs of the remeshed sets; of SCAPE it takes the pairs of the Princeton benchmark, listed in ``DIR/scb``. It
 writes what ``isomatch bench`` writes and ``methods_table.csv``, and draws the published curves in ``DIR/scb`` beside.
 Rows that are already in OUT are not computed again.
 """

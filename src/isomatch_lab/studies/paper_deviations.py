@@ -4,7 +4,7 @@
 
 writes ``deviations.csv`` and ``deviations_table.csv``: plain GDD and its post-processing from five true landmarks, as
 the benchmark has them and with one thing changed; for each pair, the mean geodesic error (× 100 / √area, 1000 truth
-points) and the ratio of the mean square distortion to that of the truth (100 × 1000 points).
+points) and the mean square distortion divided by the distortion of the truth (100 × 1000 points).
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Conf
 
 
 def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
-    """Error and distortion over that of the truth, for each variant."""
+    """Error, and distortion divided by the distortion of the truth, for each variant."""
     source, target = (CachingEngine(distance_engine(mesh), 2.0**30) for mesh in (pair.source, pair.target))
     engines = source, target
     landmarks = true_landmarks(pair, seed=SEED, engines=engines)

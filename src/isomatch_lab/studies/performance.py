@@ -171,10 +171,10 @@ def _median(match: Callable[[], Any]) -> tuple[float, float, Any]:
 
 def _error(pair: BenchmarkPair, image: isomatch.Correspondence) -> float:
     """Mean distance in space of images from the truth, × 100 / √(target area)."""
-    here, there = pair.truth.T
-    images = image.pull_back(pair.target.vertices)[here]
-    apart = np.linalg.norm(images - pair.target.vertices[there], axis=1)
-    return float(100 * np.nanmean(apart) / np.sqrt(pair.target.area))
+    source_vertices, target_vertices = pair.truth.T
+    images = image.pull_back(pair.target.vertices)[source_vertices]
+    distances = np.linalg.norm(images - pair.target.vertices[target_vertices], axis=1)
+    return float(100 * np.nanmean(distances) / np.sqrt(pair.target.area))
 
 
 def _peak() -> float:

@@ -45,8 +45,8 @@ class Folders:
     def shapes(self, file: str, *names: str, coarsened: bool = True) -> list[Mesh]:
         """Return shapes of a file, each with about 2500 vertices and no two with equally many, or as they are."""
         with np.load(self.data / file, allow_pickle=False) as stored:
-            faces = [own if (own := f"{name}_faces") in stored else "faces" for name in names]
-            meshes = [Mesh(stored[name], stored[own]) for name, own in zip(names, faces)]
+            faces = [own_faces if (own_faces := f"{name}_faces") in stored else "faces" for name in names]
+            meshes = [Mesh(stored[name], stored[face]) for name, face in zip(names, faces)]
         return [coarse(mesh, 2500 + 100 * i) if coarsened else mesh for i, mesh in enumerate(meshes)]
 
     def remeshed(self, *files: str) -> list[Mesh]:
@@ -62,8 +62,8 @@ def call(*variants: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
         name = function.__name__.strip("_").replace("_", " ")
-        each = {f"{name}: {variant}": partial(function, variant=variant) for variant in variants}
-        CALLS.update(each or {name: function})
+        calls = {f"{name}: {variant}": partial(function, variant=variant) for variant in variants}
+        CALLS.update(calls or {name: function})
         return function
 
     return register
@@ -237,21 +237,21 @@ def _match_both_and_wrap(at: Folders, variant: str) -> Any:
 
 @call()
 def _result_used(at: Folders) -> Any:
-    there, (source, target), files = (
+    image, (source, target), files = (
         result().map,
         shipped(),
         [at.scratch / f"map{suffix}" for suffix in (".npz", ".txt")],
     )
     result().save(at.scratch / "result.npz")
     for file in files:
-        there.save(file)
-    loaded = [Correspondence.load(file, there.n_target) for file in files]
-    back = there.reversed(source, target)
-    pulled = there @ target.vertices, there.pull_back(np.arange(target.n_vertices))
-    pushed = there.push_forward(source.vertices, source.vertex_areas, target.vertex_areas)
-    composed = there.then(back), there.then(back, target, source), there.to_functional(source, target, 30)
+        image.save(file)
+    loaded = [Correspondence.load(file, image.n_target) for file in files]
+    back = image.reversed(source, target)
+    pulled = image @ target.vertices, image.pull_back(np.arange(target.n_vertices))
+    pushed = image.push_forward(source.vertices, source.vertex_areas, target.vertex_areas)
+    composed = image.then(back), image.then(back, target, source), image.to_functional(source, target, 30)
     summary = result().to_dict(), result().overlap, isomatch.MatchResult.load(at.scratch / "result.npz")
-    return loaded, back, there.reversed(), pulled, pushed, composed, there.T, summary
+    return loaded, back, image.reversed(), pulled, pushed, composed, image.T, summary
 
 
 @call("shipped", "damaged", "components", "large", "points", "graphs", "cut")
@@ -313,7 +313,7 @@ def _file_format(at: Folders, variant: str) -> Any:
     file = at.scratch / f"written{suffix}"
     lost = isomatch.write_asset(file, dressed(tiny()[0]), **({"binary": False} if text else {}))
     read = isomatch.read_asset(file), isomatch.read_mesh(file)
-    return file.read_bytes(), [each.name for each in lost], read
+    return file.read_bytes(), [feature.name for feature in lost], read
 
 
 @call("source", "target", "majority", "values")
@@ -374,7 +374,7 @@ def _collection(at: Folders, variant: str) -> Any:
     maps = [collection.maps(*pair) for pair in sorted(collection.rows().pairs)]
     shapes = shape_statistics.read_shapes(folder / "corresponded")
     model, x, mesh = shape_statistics.ShapeModel.fit(shapes), shapes.vertices, shapes.mesh(3)
-    apart, observed = shape_statistics.procrustes_distances(x), np.arange(len(x[0])) % 5 == 0
+    distances, observed = shape_statistics.procrustes_distances(x), np.arange(len(x[0])) % 5 == 0
     return {
         "maps": [(pair.there, pair.back, pair.there_error, pair.back_error) for pair in maps],
         "shapes": (
@@ -395,7 +395,11 @@ def _collection(at: Folders, variant: str) -> Any:
             shape_statistics.generalisation(model),
             shape_statistics.specificity(model, n_samples=50),
         ),
-        "procrustes": (shape_statistics.generalised_procrustes(x), apart, shape_statistics.shape_tree(apart)),
+        "procrustes": (
+            shape_statistics.generalised_procrustes(x),
+            distances,
+            shape_statistics.shape_tree(distances),
+        ),
         "groups": shape_statistics.group_test(model.aligned, ["a", "b"] * (len(x) // 2), n_permutations=99),
         "regression": shape_statistics.shape_regression(model.aligned, np.arange(len(x)), n_permutations=99),
     }
@@ -414,4 +418,4 @@ def _asymmetry(at: Folders) -> Any:
 @call()
 def _pictures(at: Folders) -> Any:
     figures = result().plot(*shipped(), width=600), tiny()[0].plot(tiny()[0].vertices[:, 0], width=300)
-    return [[each.get_array() for axes in figure.axes for each in axes.images] for figure in figures]
+    return [[image.get_array() for axes in figure.axes for image in axes.images] for figure in figures]

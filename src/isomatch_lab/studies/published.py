@@ -1,4 +1,4 @@
-"""Published numbers of the contests, from ``published.csv``, with those of isomatch among them.
+"""Published numbers of the contests, from ``published.csv``, with the numbers of isomatch among them.
 
 `beside` tells the place of each contest of ``docs/results/contests.csv`` on which others published. See ``results.py``.
 """

@@ -57,7 +57,7 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
         yield name, array.astype(str) if array.dtype.kind == "O" else array
     elif isinstance(value, Quality):
         names = [field.name for field in fields(value)]
-        parts = ("numbers", np.array([getattr(value, each) for each in names])), ("names", names)
+        parts = ("numbers", np.array([getattr(value, field) for field in names])), ("names", names)
     elif issparse(value):
         parts = enumerate(find(value))
     elif is_dataclass(value) and not isinstance(value, Config):
@@ -68,15 +68,15 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
     elif isinstance(value, Mapping) or hasattr(value, "_asdict"):
         parts = (value if isinstance(value, Mapping) else value._asdict()).items()
     elif isinstance(value, tuple | list):
-        are_words = value and all(isinstance(each, str) for each in value)
+        are_words = value and all(isinstance(text, str) for text in value)
         parts = [("words", "\n".join(value))] if are_words else enumerate(value)
-    for each, part in parts:
-        if each not in SKIPPED:
-            yield from flat(part, f"{name}|{each}".strip("|"))
+    for key, part in parts:
+        if key not in SKIPPED:
+            yield from flat(part, f"{name}|{key}".strip("|"))
 
 
 def record(at: Folders, only: str) -> dict[str, np.ndarray]:
-    """Make the calls of which the names begin so; paths of folders are taken out of texts."""
+    """Make the calls whose names begin with ``only``; paths of folders are taken out of texts."""
     recorded = {}
     for name in filter(lambda name: name.startswith(only), CALLS):
         started = time.perf_counter()
@@ -100,11 +100,11 @@ def difference(old: np.ndarray, new: np.ndarray) -> str:
     if old.tobytes() == new.tobytes():
         return ""
     before, after = old.astype(complex), new.astype(complex)
-    apart = ~((before == after) | (np.isnan(before) & np.isnan(after)))
+    is_different = ~((before == after) | (np.isnan(before) & np.isnan(after)))
     with np.errstate(all="ignore"):
         share = np.abs(before - after) / np.maximum(np.abs(before), np.abs(after))
-    greatest = share[apart].max(initial=0)
-    return f"greatest relative difference {greatest:.2g}, at {np.count_nonzero(apart)} of {apart.size}"
+    greatest = share[is_different].max(initial=0)
+    return f"greatest relative difference {greatest:.2g}, at {np.count_nonzero(is_different)} of {is_different.size}"
 
 
 def is_text(array: np.ndarray) -> bool:
@@ -122,8 +122,8 @@ def differences(old: Arrays, new: Arrays) -> tuple[list[str], list[str]]:
         if again:
             added.remove(again[0])
             words.append(f"{key} is {again[0]} now")
-        elif told := difference(array, new[key]) if key in new else "missing":
-            (words if is_text(array) else arrays).append(f"{key}: {told}")
+        elif change := difference(array, new[key]) if key in new else "missing":
+            (words if is_text(array) else arrays).append(f"{key}: {change}")
     for key in added:
         (words if is_text(new[key]) else arrays).append(f"{key}: new")
     return arrays, words

@@ -11,8 +11,9 @@ command, the machine, versions of packages, the revision, the date and the secon
 is skipped.
 
 In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result -->`` is ``docs/results/NAME.csv``, in
-``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are,
-``<!-- result: stamp: STEP; STEP -->`` of what those of some steps are, where a page has tables of several revisions.
+``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` tells where and when the tables of the
+page were measured, ``<!-- result: stamp: STEP; STEP -->`` only for some steps, where a page has tables of several
+revisions.
 ``<!-- result: beside -->`` puts the contests among published numbers.
 """
 
@@ -138,7 +139,9 @@ def filled(text: str, stamps: dict[str, Stamp], results: Path = ROOT / RESULTS) 
     def fill(place: re.Match[str]) -> str:
         name, columns, old = place.groups()
         if name == "stamp":
-            new = told({step: stamps[step] for step in (columns.split("; ") if columns else steps_of(text))})
+            new = describe_measurement(
+                {step: stamps[step] for step in (columns.split("; ") if columns else steps_of(text))}
+            )
         elif name == "beside":
             new = published.beside(results)
         else:
@@ -162,8 +165,8 @@ def rendered(path: Path, columns: str | None) -> str:
     return published.markdown(head, rows)
 
 
-def told(shown: dict[str, Stamp]) -> str:
-    """Say of what the tables of a page are; those of older revisions, which have no stamp, are named."""
+def describe_measurement(shown: dict[str, Stamp]) -> str:
+    """Say where and when the tables of a page were measured; name tables of older revisions, which have no stamp."""
     lines = []
     stamped = {name: stamp for name, stamp in shown.items() if stamp["source"]}
     if stamped:
@@ -191,8 +194,8 @@ def require_one_stamp(shown: dict[str, Stamp]) -> None:
         name: {key: stamp[key] for key in ("source", "machine", "versions")} for name, stamp in shown.items()
     }
     if any(stamp != next(iter(stamps.values())) for stamp in stamps.values()):
-        each = "; ".join(f"{name}: {stamp}" for name, stamp in stamps.items())
-        raise SystemExit(f"tables of one page have different stamps; measure the older ones again: {each}")
+        stated = "; ".join(f"{name}: {stamp}" for name, stamp in stamps.items())
+        raise SystemExit(f"tables of one page have different stamps; measure the older ones again: {stated}")
 
 
 def pages() -> list[Path]:

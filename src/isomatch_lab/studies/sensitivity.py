@@ -27,7 +27,7 @@ from isomatch_lab.studies.shared import (
 
 FAILURE = 10.0
 NOTICEABLE = 0.2  # change of the mean
-EVERY = 16  # of the hard pairs, so many are passed over for one that is taken
+EVERY = 16  # one of this many hard pairs is taken
 USUAL = Config()
 VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # by stage; "" for the everyday settings
     "": {"n_search": (300, 600), "n_refine": (500, 2000)},
@@ -99,7 +99,7 @@ def measured(job: Job) -> dict[tuple[str, str], float]:
 
 
 def telling(table: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows whose mean is not that of the defaults, and the range of all others."""
+    """Rows whose mean differs from the defaults, and the range of all others."""
     usual, rows = table[0]["mean"], table[1:]
     moved = [row for row in rows if abs(row["mean"] - usual) > NOTICEABLE]
     means = [row["mean"] for row in rows if row not in moved]

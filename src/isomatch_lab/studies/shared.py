@@ -33,14 +33,14 @@ def mean_error(pair: BenchmarkPair, image: Correspondence, either_side: bool = F
     """Mean geodesic error × 100 / √(target area) on 400 truth points; of truth and mirrored truth the better one."""
     truths = [pair.truth] if pair.mirrored is None or not either_side else [pair.truth, pair.mirrored]
     errors = [geodesic_errors(pair.target, image, truth, 400) for truth in truths]
-    return float(100 * min(counted(each).mean() for each in errors))
+    return float(100 * min(counted(values).mean() for values in errors))
 
 
 def error_after(damaged: DamagedPair, image: Correspondence) -> float:
     """Mean error × 100 / √area of a map of damaged shapes, on the whole target."""
     target = damaged.whole.target
-    lifted = [Correspondence(each, target.n_vertices) for each in damaged.lifted(image.vertices)]
-    errors = [geodesic_errors(target, each, damaged.whole.truth, 400) for each in lifted]
+    lifted = [Correspondence(images, target.n_vertices) for images in damaged.lifted(image.vertices)]
+    errors = [geodesic_errors(target, lifted_map, damaged.whole.truth, 400) for lifted_map in lifted]
     return float(100 * counted(np.min(errors, axis=0)).mean())
 
 
@@ -98,10 +98,10 @@ def damaged_creatures(damage: str, seed: int) -> BenchmarkPair:
         )
         for side, size in enumerate(sizes)
     ]
-    source, target = (each.mesh for each in made)
+    source, target = (shape.mesh for shape in made)
     if damage == "noise":
         share = 0.4 / 3**0.5
-        source, target = (noise(each.mesh, share, seed=2 * seed + i).mesh for i, each in enumerate(made))
+        source, target = (noise(shape.mesh, share, seed=2 * seed + i).mesh for i, shape in enumerate(made))
     if damage == "stretch":
         centre = np.average(target.vertices, axis=0, weights=target.vertex_areas)
         radius = np.linalg.norm(target.vertices - centre, axis=1, keepdims=True)
@@ -143,7 +143,7 @@ def write_rows(
 
 
 def write_table(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """Write a table as a page shows it, and print it; columns are those of the first row."""
+    """Write a table as a page shows it, and print it; the first row names the columns."""
     write_rows(path, tuple(rows[0]), rows)
     for row in rows:
         print(*row.values(), sep="  ", flush=True)

@@ -45,17 +45,17 @@ def measured(job: Job) -> list[dict[str, Any]]:
     shapes = prepare(source), prepare(target)
     rows = []
     for variant, config in VARIANTS.items():
-        there, back = (match(*ends, config=config) for ends in (shapes, shapes[::-1]))
+        forward, backward = (match(*ends, config=config) for ends in (shapes, shapes[::-1]))
         rows.append(
             {
                 "set": name,
                 "pair": "-".join(names),
                 "variant": variant,
-                "error": mean_error(pair, there.map),
-                "cycle": 100 * float(cycle_errors(source, there.map, back.map, 400).mean()),
-                "dirichlet": dirichlet_energy(source, target, there.map),
-                "image_area": coverage(target, there.map, reach=0.0),
-                "seconds": there.timings["total"],
+                "error": mean_error(pair, forward.map),
+                "cycle": 100 * float(cycle_errors(source, forward.map, backward.map, 400).mean()),
+                "dirichlet": dirichlet_energy(source, target, forward.map),
+                "image_area": coverage(target, forward.map, reach=0.0),
+                "seconds": forward.timings["total"],
             }
         )
     return rows

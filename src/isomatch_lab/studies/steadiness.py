@@ -2,8 +2,8 @@
 
     python -m isomatch_lab.studies.steadiness --data DIR -o OUT
 
-writes ``steadiness.csv``, a row for each match, and ``steadiness_table.csv``: how many outcomes differ from that of the
-undisturbed pair, and the share of images that lie more than an edge from its images.
+writes ``steadiness.csv``, a row for each match, and ``steadiness_table.csv``: how many outcomes differ from the
+undisturbed outcome, and the share of images that lie more than an edge from the undisturbed ones.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def beyond_an_edge(target: Mesh, image: IntArray, other: IntArray) -> float:
 def measured(jobs: list[tuple[Job, int]]) -> Iterator[dict[str, Any]]:
     """Make a row for each disturbed match."""
     results = zip(jobs, in_parallel(matched, jobs))
-    for (data, name, names), of_pair in groupby(results, lambda each: each[0][0]):
+    for (data, name, names), of_pair in groupby(results, lambda result: result[0][0]):
         target = benchmark_set(name, data).load(*names).target
         (_, (outcome, image)), *others = of_pair
         for (_, seed), (found, other) in others:
@@ -81,8 +81,8 @@ def main() -> None:
     rows = write_rows(asked.output / "steadiness.csv", None, measured(jobs))
     table = []
     for pair, of_pair in groupby(rows, lambda row: (row["set"], row["pair"])):
-        own = list(of_pair)
-        outcomes, moved = Counter(row["outcome"] for row in own), [row["moved"] for row in own]
+        pair_rows = list(of_pair)
+        outcomes, moved = Counter(row["outcome"] for row in pair_rows), [row["moved"] for row in pair_rows]
         table.append(
             {
                 "pair": " ".join(pair),

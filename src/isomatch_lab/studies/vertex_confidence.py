@@ -3,9 +3,9 @@
     python -m isomatch_lab.studies.vertex_confidence --data DIR -o OUT [SET ...]
 
 writes ``vertex_confidence.csv`` (one row for each map) and ``vertex_confidence_table.csv``. The *capture* of a
-measure is the error that the tenth of the vertices trusted least contains, over that of the tenth that is truly
-worst: 1 is perfect, and trust at random captures the mean error over that of the worst tenth. The settings of the
-expected error were chosen on faust_r, creatures and the people of cross; the other sets judge.
+measure is the error in the tenth of the vertices trusted least, divided by the error in the tenth that is truly worst:
+1 is perfect, and trust at random captures the mean error divided by the mean error of the worst tenth. The settings of
+the expected error were chosen on faust_r, creatures and the people of cross; the other sets judge.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def bones(folder: Path, source: str, target: str) -> BenchmarkPair:
 
 
 def captured(errors: np.ndarray, measure: np.ndarray) -> float:
-    """Error of the tenth that a measure trusts least, over that of the worst tenth."""
+    """Error of the tenth that a measure trusts least, divided by the error of the worst tenth."""
     count = round(WORST * len(errors))
     return float(errors[np.argsort(-measure, kind="stable")[:count]].sum() / np.sort(errors)[-count:].sum())
 

@@ -33,7 +33,7 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused
+PAIRS = (  # set, source, target, gap / √area, shapes whose limbs are fused
     ("faust_r", "tr_reg_010", "tr_reg_016", 0.02, "target"),
     ("faust_r", "tr_reg_000", "tr_reg_017", 0.02, "target"),
     ("faust_r", "tr_reg_021", "tr_reg_027", 0.04, "target"),
@@ -153,7 +153,9 @@ def fused_pair(
     }
     fuse = ways[kind]
     sides = ("source", "target") if side == "both" else (side,)
-    return damaged_pair(whole, **{each: fuse(getattr(whole, each), gap, seed=SEED) for each in sides})
+    return damaged_pair(
+        whole, **{shape_name: fuse(getattr(whole, shape_name), gap, seed=SEED) for shape_name in sides}
+    )
 
 
 def stitched(mesh: Mesh, gap: float, seed: int) -> Damaged:
@@ -207,13 +209,13 @@ def _inside(vertices: Any, faces: Any, shape: tuple[int, ...]) -> Any:
     return crossings.cumsum(axis=2)[:, :, :-1] > 0
 
 
-def _counterpart(here: Mesh, there: Mesh) -> tuple[Any, Any]:
-    """Nearest vertex of another mesh whose normal is less than 60° off, of each vertex; and how far it is."""
-    apart, near = KDTree(there.vertices).query(here.vertices, k=30)
-    alike = np.einsum("nj,nkj->nk", here.vertex_normals, there.vertex_normals[near]) > 0.5
+def _counterpart(mesh: Mesh, other: Mesh) -> tuple[Any, Any]:
+    """Nearest vertex of the other mesh with a normal less than 60° off, and its distance, for each vertex."""
+    distances, near = KDTree(other.vertices).query(mesh.vertices, k=30)
+    alike = np.einsum("nj,nkj->nk", mesh.vertex_normals, other.vertex_normals[near]) > 0.5
     first = alike.argmax(axis=1)
     rows = np.arange(len(near))
-    return near[rows, first], np.where(alike.any(axis=1), apart[rows, first], np.inf)
+    return near[rows, first], np.where(alike.any(axis=1), distances[rows, first], np.inf)
 
 
 def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
