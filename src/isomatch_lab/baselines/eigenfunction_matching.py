@@ -15,8 +15,8 @@ from isomatch_lab.baselines.functional_maps import orientations, products
 
 WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
 
-MOST_MATCHED = 14  # functions for which all combinations of signs can be tried
-FARTHEST = 2  # places in the spectrum that functions may be apart to be exchanged
+MAX_MATCHED = 14  # functions for which all combinations of signs can be tried
+MAX_EXCHANGE_DISTANCE = 2  # places in the spectrum that functions may be apart to be exchanged
 
 SIDES: dict[Orientation, float] = {"preserve": 1.0, "reverse": -1.0, "any": 0.0}
 
@@ -47,7 +47,9 @@ def signed_permutation(pair: Problem, m: int, side: float) -> FloatArray:
 
     order = np.arange(m)
     score, sign = best(order)
-    exchanges = np.array([_exchange(m, i, j) for i, j in combinations(range(m), 2) if j - i <= FARTHEST])
+    exchanges = np.array(
+        [_exchange(m, i, j) for i, j in combinations(range(m), 2) if j - i <= MAX_EXCHANGE_DISTANCE]
+    )
     while True:
         trials = [(*best(order[exchange]), order[exchange]) for exchange in exchanges]
         trial = max(trials, key=itemgetter(0))

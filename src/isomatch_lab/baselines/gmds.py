@@ -20,7 +20,7 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 from isomatch_lab.baselines.task import Task
 
-FEWEST_POINTS = 3  # needed to place another point by its distances
+MIN_POINTS = 3  # needed to place another point by its distances
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class GmdsConfig(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.levels or self.levels[0] < FEWEST_POINTS or sorted(set(self.levels)) != list(self.levels):
+        if not self.levels or self.levels[0] < MIN_POINTS or sorted(set(self.levels)) != list(self.levels):
             raise SettingError(
-                f"levels = {self.levels!r} are not increasing numbers of points, the first at least {FEWEST_POINTS}"
+                f"levels = {self.levels!r} are not increasing numbers of points, the first at least {MIN_POINTS}"
             )
 
 
@@ -84,8 +84,8 @@ def gmds(
     -----
     Bronstein, Bronstein & Kimmel, *Generalized multidimensional scaling*, PNAS 2006: least-squares stress is minimised
     over positions in triangles, one point at a time, from few points to many. Reconstructed: distances come from
-    the distance bases, in units of their average, where the paper interpolates a full matrix of distances from fast marching;
-    the automatic start; the placement of new points by their distances to earlier ones; and the extension to all
+    the distance bases, in units of their average, where the paper interpolates a full matrix from fast marching; the
+    automatic start; the placement of new points by their distances to earlier ones; and the extension to all
     vertices, by the least-squares functional map of half as many Laplace–Beltrami functions as there are points. About
     0.2 s for 5 000 vertices after preparation, and 1 s for an automatic start.
     """
@@ -125,14 +125,14 @@ def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
     pair, samples = task.pair, task.pair.source.column_vertices
     if len(task.priors.initial_pairs):
         at_samples = task.priors.initial_pairs[np.isin(task.priors.initial_pairs[:, 0], samples)]
-        return at_samples if len(at_samples) >= FEWEST_POINTS else task.priors.initial_pairs, "initial map"
+        return at_samples if len(at_samples) >= MIN_POINTS else task.priors.initial_pairs, "initial map"
     if len(task.priors.landmarks):
         return task.priors.landmarks, "landmarks"
     image, origin = first_map(pair, samples, config.orientation)
     return np.column_stack([samples, image]), origin
 
 
-SETTLED = 1e-4  # the descent ends when a sweep lowers the stress by less than this share
+MIN_STRESS_DECREASE = 1e-4  # the descent ends when a sweep lowers the stress by less than this share
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +204,7 @@ def descended(
         inner = placed.interpolated(cloud * signs)
         _sweep(cloud, signs, inner, wanted, n_held, target.faces, start, order, corners, barycentric)
         stresses.append(relative_stress(pair, placed))
-        if stresses[-1] >= (1 - SETTLED) * stresses[-2]:
+        if stresses[-1] >= (1 - MIN_STRESS_DECREASE) * stresses[-2]:
             break
     return placed, tuple(stresses)
 

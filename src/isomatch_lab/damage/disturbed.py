@@ -14,13 +14,13 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import MeshError
 from isomatch.geodesics import distance_engine, euclidean_farthest_points, peripheral_vertex
 from isomatch.surfaces import Mesh
-from isomatch_lab.damage.damaged import SHARES, Damaged, require_usable, with_faces
+from isomatch_lab.damage.damaged import SHARE_RANGE, Damaged, require_usable, with_faces
 
-FAR = 0.5  # √area; more than half of a torso's girth, so that only different limbs are glued
-GAPS = (0.0, FAR)
-NEAR = 0.2  # √area along the surface; facing vertices nearer than this lie in one fold
-PATCHES = 60  # patches of the surface; parts far away are searched from each
-LOUDNESS = (0.0, 10.0)  # mean edge lengths
+MAX_GAP = 0.5  # √area; more than half of a torso's girth, so that only different limbs are glued
+GAP_RANGE = (0.0, MAX_GAP)
+MIN_FOLD_DISTANCE = 0.2  # √area along the surface; facing vertices nearer than this lie in one fold
+N_PATCHES = 60  # patches of the surface; parts far away are searched from each
+DISTANCE_RANGE = (0.0, 10.0)  # mean edge lengths
 
 
 def noise(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
@@ -47,7 +47,7 @@ def noise(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
     MeshError
         If the mesh is no surface.
     """
-    require_usable(mesh, "share", share, LOUDNESS)
+    require_usable(mesh, "share", share, DISTANCE_RANGE)
     steps = np.random.default_rng(seed).standard_normal(mesh.vertices.shape)
     vertices = mesh.vertices + share * mesh.edge_lengths.mean() * steps
     return Damaged(mesh, Mesh(vertices, mesh.faces), np.arange(mesh.n_vertices))
@@ -85,7 +85,7 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
     The two vertices of a pair are at least 0.5 √area apart along the surface, or in different components: more than the
     way around a limb, so that opposite sides of one limb are not merged. Costs 60 distance columns.
     """
-    require_usable(mesh, "gap", gap, GAPS)
+    require_usable(mesh, "gap", gap, GAP_RANGE)
     partner = _nearest_far_vertex(mesh, seed)
     vertices = np.flatnonzero(partner >= 0)
     pairs = np.column_stack([vertices, partner[vertices]])
@@ -98,11 +98,12 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
             free[pair] = False
             merged.append(pair)
     if not merged:
-        nearest_width = (
+        nearest = (
             f"; the nearest are {widths.min() / np.sqrt(mesh.area):.3f} √area apart" if len(widths) else ""
         )
         raise MeshError(
-            f"no limbs of {mesh!r} are as near as {gap:g} √area{nearest_width}; give a larger gap, or a pose in which limbs touch"
+            f"no limbs of {mesh!r} are as near as {gap:g} √area{nearest}; give a larger gap, or a pose in "
+            "which limbs touch"
         )
     return _merged(mesh, np.array(merged))
 
@@ -137,7 +138,7 @@ def merge(mesh: Mesh, distance: float = 1.5, *, seed: int = 0) -> Damaged:
     -----
     The two vertices of a pair are more than 0.2 √area apart along edges, or in different components.
     """
-    require_usable(mesh, "distance", distance, LOUDNESS)
+    require_usable(mesh, "distance", distance, DISTANCE_RANGE)
     pairs = _facing_pairs(mesh, distance * mesh.edge_lengths.mean())
     if not len(pairs):
         raise MeshError(
@@ -160,7 +161,7 @@ def _facing_pairs(mesh: Mesh, distance: float) -> IntArray:
     pairs = KDTree(mesh.vertices).query_pairs(distance, output_type="ndarray").astype(np.int64)
     pairs = pairs[np.einsum("ij,ij->i", *normals[pairs.T]) < 0]
     graph = coo_array((mesh.edge_lengths, tuple(mesh.edges.T)), shape=(n, n)).tocsr()
-    limit = NEAR * np.sqrt(mesh.area)
+    limit = MIN_FOLD_DISTANCE * np.sqrt(mesh.area)
     is_far = np.ones(len(pairs), dtype=bool)
     for vertex in np.unique(pairs[:, 0]):
         rows = np.flatnonzero(pairs[:, 0] == vertex)
@@ -180,7 +181,7 @@ def _nearest_far_vertex(mesh: Mesh, seed: int) -> IntArray:
     # patch by patch: a vertex at distance r from the centre of its patch is at least d − r away from one at distance d
     body, index = mesh.submesh(mesh.vertex_areas > 0)
     start = int(np.random.default_rng(seed).integers(body.n_vertices))
-    centres = euclidean_farthest_points(body.vertices, min(PATCHES, body.n_vertices), start)
+    centres = euclidean_farthest_points(body.vertices, min(N_PATCHES, body.n_vertices), start)
     columns = distance_engine(body).distances_from(centres)
     patch = np.where(np.isfinite(columns.min(axis=0)), columns.argmin(axis=0), -1)
     partner = np.full(mesh.n_vertices, -1, dtype=np.int64)
@@ -189,7 +190,7 @@ def _nearest_far_vertex(mesh: Mesh, seed: int) -> IntArray:
         inside = np.flatnonzero(patch == i)
         if not len(inside):  # two centres at one position
             continue
-        far = np.flatnonzero(column - column[inside].max() >= FAR * np.sqrt(mesh.area))
+        far = np.flatnonzero(column - column[inside].max() >= MAX_GAP * np.sqrt(mesh.area))
         if len(far):
             nearest = KDTree(body.vertices[far]).query(body.vertices[inside])[1]
             partner[index[inside]] = index[far[nearest]]
@@ -209,7 +210,7 @@ def _merged(mesh: Mesh, pairs: IntArray) -> Damaged:
     return Damaged(mesh, Mesh(vertices[original], renumber[mesh.faces]), original, twin[original])
 
 
-RATIOS = (1.0, 1000.0)  # of densities
+DENSITY_RATIO_RANGE = (1.0, 1000.0)  # of densities
 
 
 def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:
@@ -241,7 +242,7 @@ def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:
     -----
     `isomatch.decimation.decimate` in place. O(n).
     """
-    require_usable(mesh, "share", share, SHARES)
+    require_usable(mesh, "share", share, SHARE_RANGE)
     return _thinned(mesh, share)
 
 
@@ -274,7 +275,7 @@ def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
     -----
     `isomatch.decimation.decimate` in place, with the square of the density as weights. O(n), and one distance map.
     """
-    require_usable(mesh, "ratio", ratio, RATIOS)
+    require_usable(mesh, "ratio", ratio, DENSITY_RATIO_RANGE)
     engine = distance_engine(mesh)
     distance = engine.distances_from(np.array([peripheral_vertex(mesh, engine, seed)]))[0]
     farthest = distance[np.isfinite(distance)].max()

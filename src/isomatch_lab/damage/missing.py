@@ -9,12 +9,15 @@ from isomatch._core.arrays import BoolArray, FloatArray
 from isomatch._core.errors import MeshError, SettingError
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.surfaces import Mesh, rasterise
-from isomatch_lab.damage.damaged import SHARES, Damaged, require_usable, with_faces
+from isomatch_lab.damage.damaged import SHARE_RANGE, Damaged, require_usable, with_faces
 
-TIPS = 5  # extremities among which a limb is drawn: the ends of four limbs and a head
-VIEWS = (0, 7)  # at most one from each direction of three axes
-FINE, PIXELS = 0.05, 8  # quantile of the edge lengths, and the number of pixels that resolve it
-MOST_PIXELS = 3000  # along each side of the depth buffer
+N_TIPS = 5  # extremities among which a limb is drawn: the ends of four limbs and a head
+VIEW_COUNT_RANGE = (0, 7)  # at most one from each direction of three axes
+FINE_EDGE_QUANTILE, PIXELS_PER_EDGE = (
+    0.05,
+    8,
+)  # quantile of the edge lengths, and the number of pixels that resolve it
+MAX_PIXELS = 3000  # along each side of the depth buffer
 
 
 def cut(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
@@ -48,7 +51,7 @@ def cut(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
     >>> cut(strip, 0.5).mesh
     Mesh(9 vertices, 4 faces)
     """
-    require_usable(mesh, "share", share, SHARES)
+    require_usable(mesh, "share", share, SHARE_RANGE)
     direction = np.random.default_rng(seed).standard_normal(3)
     return _removed(mesh, mesh.vertices @ direction, share)
 
@@ -79,7 +82,7 @@ def holes(mesh: Mesh, share: float = 0.25, *, count: int = 8, seed: int = 0) -> 
     MeshError
         If nothing would be left, or the mesh is no surface.
     """
-    require_usable(mesh, "share", share, SHARES)
+    require_usable(mesh, "share", share, SHARE_RANGE)
     weights = mesh.vertex_areas / mesh.area
     if not 1 <= count <= np.count_nonzero(weights):
         raise SettingError(
@@ -114,12 +117,12 @@ def limb_removed(mesh: Mesh, share: float = 0.09, *, seed: int = 0) -> Damaged:
     MeshError
         If nothing would be left, or the mesh is no surface of at least five vertices.
     """
-    require_usable(mesh, "share", share, SHARES)
+    require_usable(mesh, "share", share, SHARE_RANGE)
     body, index = mesh.submesh(mesh.components == _largest(mesh))
     engine = distance_engine(body)
-    samples = farthest_point_sampling(engine, TIPS, peripheral_vertex(body, engine))
+    samples = farthest_point_sampling(engine, N_TIPS, peripheral_vertex(body, engine))
     distance = np.zeros(mesh.n_vertices)  # other components go first
-    distance[index] = samples.columns[np.random.default_rng(seed).integers(TIPS)]
+    distance[index] = samples.columns[np.random.default_rng(seed).integers(N_TIPS)]
     return _removed(mesh, distance, share)
 
 
@@ -153,12 +156,12 @@ def view(mesh: Mesh, views: int = 1, *, seed: int = 0) -> Damaged:
     The cameras are orthographic. A pixel is an eighth of all but the shortest twentieth of the edges, with at most 3000
     pixels along an axis. Faces that are seen so obliquely that no pixel shows them are missed, as at the rims of a scan.
     """
-    require_usable(mesh, "views", views, VIEWS)
+    require_usable(mesh, "views", views, VIEW_COUNT_RANGE)
     if views != int(views):
         raise SettingError(f"views = {views} is not a whole number of cameras")
     axes = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
-    finest, widest = np.quantile(mesh.edge_lengths, FINE), np.ptp(mesh.vertices, axis=0).max()
-    pixel = max(finest / PIXELS, widest / MOST_PIXELS)
+    finest, widest = np.quantile(mesh.edge_lengths, FINE_EDGE_QUANTILE), np.ptp(mesh.vertices, axis=0).max()
+    pixel = max(finest / PIXELS_PER_EDGE, widest / MAX_PIXELS)
     seen = np.zeros(mesh.n_faces, dtype=bool)
     for i in range(int(views)):
         camera = np.roll(axes, i // 2, axis=0) * [[1], [1], [(-1) ** i]]

@@ -13,7 +13,7 @@ from isomatch.correspondence import Correspondence
 from isomatch.geodesics import DistanceEngine, distance_engine
 from isomatch.surfaces import Mesh
 
-BLOCK = 64  # distance columns held at once
+BLOCK_COLUMNS = 64  # distance columns held at once
 
 
 @dataclass(frozen=True)
@@ -140,8 +140,8 @@ def distance_table(engine: DistanceEngine, rows: IntArray, columns: IntArray) ->
     """
     sources, place = np.unique(rows, return_inverse=True)
     blocks = [
-        engine.distances_from(sources[first : first + BLOCK])[:, columns]
-        for first in range(0, len(sources), BLOCK)
+        engine.distances_from(sources[first : first + BLOCK_COLUMNS])[:, columns]
+        for first in range(0, len(sources), BLOCK_COLUMNS)
     ]
     table: FloatArray = np.concatenate(blocks)[place]
     return table

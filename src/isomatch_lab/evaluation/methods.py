@@ -130,7 +130,7 @@ def digest_of(settings: Mapping[str, Any], ending: str = "") -> str:
 
 
 MAP_SUFFIXES = (".npz", ".npy", ".mat", ".txt", ".map", ".csv")
-BETWEEN = ("__", "-", "_")  # names of a pair in the name of its file
+NAME_SEPARATORS = ("__", "-", "_")  # names of a pair in the name of its file
 EXPECTED = "a function takes two meshes, source and target, and returns an array of target vertices, or a map"
 
 
@@ -349,7 +349,7 @@ class MapsInFolder:
 
     def file_of(self, source: str, target: str) -> Path:
         """File of the map of a pair; an error if there is none, or several."""
-        stems = [f"{source}{between}{target}" for between in BETWEEN]
+        stems = [f"{source}{between}{target}" for between in NAME_SEPARATORS]
         names = [f"{stem}{suffix}" for stem in stems for suffix in MAP_SUFFIXES]
         paths = [self.folder / name for name in names if (self.folder / name).is_file()]
         if not paths:

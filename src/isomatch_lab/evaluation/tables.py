@@ -28,7 +28,8 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
     """Write tables, curves and a page of the rows in a folder.
 
     Of each set, damage and method, only the rows that agree with the last one in points, seed, version and settings are
-    shown, and of each set only rows whose kind of truth is the same as in its last row: means compare like with like. The page says how many rows are left out.
+    shown, and of each set only rows with the kind of truth of its last row, because a mean over others would mislead.
+    The page says how many rows are left out.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 RANK = 50
 N_POINTS, QUICK_POINTS = 1000, 300
 BINS = 40
-CLEARLY = 0.1  # difference of two rank correlations that counts as clear
+CLEAR_DIFFERENCE = 0.1  # difference of two rank correlations that counts as clear
 NAMES = {"gdd": "geodesic distance descriptors", "lbo": "Laplace–Beltrami eigenfunctions"}
 
 
@@ -64,7 +64,7 @@ def make(setting: Setting) -> Reproduction:
         "eigenfunctions does not",
         f"Spearman's rank correlation {ranks['gdd']:.3f} against {ranks['lbo']:.3f}; the median rises throughout: "
         + ", ".join(f"{kind.upper()} {'yes' if rising[kind] else 'no'}" for kind in rising),
-        ranks["gdd"] - ranks["lbo"] >= CLEARLY,
+        ranks["gdd"] - ranks["lbo"] >= CLEAR_DIFFERENCE,
     )
     figure = Figure((8.5, 4.0), layout="constrained")
     for axes, (kind, e) in zip(figure.subplots(1, 2), between.items()):

@@ -17,9 +17,12 @@ from isomatch_lab.sets import BenchmarkPair, BenchmarkSet, benchmark_set, tosca
 
 CLASS = "cat"
 N_REGIONS, N_POSES = 20, 4
-BORDER, DOT = 0.006, 0.018  # half the width of a border and the radius of a centre, in √area
+BORDER_HALF_WIDTH, DOT_RADIUS = (
+    0.006,
+    0.018,
+)  # half the width of a border and the radius of a centre, in √area
 DARK = 0.12
-LEAST_SHARE = 0.9  # share of the area in its true region from which a pose counts as right
+MIN_RIGHT_SHARE = 0.9  # share of the area in its true region from which a pose counts as right
 RESOLUTION = 330
 
 
@@ -55,8 +58,8 @@ def make(setting: Setting) -> Reproduction:
     verdict = Verdict(
         "the regions lie on corresponding parts of all poses, up to an intrinsic symmetry",
         f"{np.mean(shares):.1%} of the area is in its true region, {min(shares):.1%} in the worst of {len(rows)} poses "
-        f"(from {LEAST_SHARE:.0%} a pose counts as right); mean error {100 * np.mean(errors):.2f} % of √area",
-        min(shares) >= LEAST_SHARE,
+        f"(from {MIN_RIGHT_SHARE:.0%} a pose counts as right); mean error {100 * np.mean(errors):.2f} % of √area",
+        min(shares) >= MIN_RIGHT_SHARE,
     )
     facts = {"reference": poses[0][0], "poses": [pose for _, pose in poses], "regions": N_REGIONS}
     return Reproduction(figure, rows, [verdict], facts)
@@ -96,7 +99,7 @@ def measured(
 def painted(seen: FloatArray, palette: FloatArray) -> FloatArray:
     """Colours of the nearest centre; dark at borders and centres."""
     nearest = np.partition(seen, 1, axis=1)
-    dark = (nearest[:, 1] - nearest[:, 0] < 2 * BORDER) | (nearest[:, 0] < DOT)
+    dark = (nearest[:, 1] - nearest[:, 0] < 2 * BORDER_HALF_WIDTH) | (nearest[:, 0] < DOT_RADIUS)
     return np.where(dark[:, None], DARK, palette[seen.argmin(axis=1)])
 
 

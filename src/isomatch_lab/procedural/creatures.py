@@ -16,7 +16,7 @@ from isomatch_lab.procedural.implicit import Skin
 from isomatch_lab.procedural.posing import Pose, natural_pose, posed
 from isomatch_lab.procedural.tessellation import tessellate
 
-FEWEST_VERTICES = 1500
+MIN_VERTICES = 1500
 
 
 def creature(
@@ -72,9 +72,9 @@ def creature(
     >>> len(truth.vertices) == source.mesh.n_vertices
     True
     """
-    if n_vertices < FEWEST_VERTICES:
+    if n_vertices < MIN_VERTICES:
         raise SettingError(
-            f"n_vertices = {n_vertices} is too coarse for a creature's thin limbs; ask for at least {FEWEST_VERTICES}"
+            f"n_vertices = {n_vertices} is too coarse for a creature's thin limbs; ask for at least {MIN_VERTICES}"
         )
     limbs = body(kind, style, symmetric)
     skin = Skin.of(limbs)

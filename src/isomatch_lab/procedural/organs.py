@@ -27,9 +27,9 @@ SIGNS: dict[OrganSymmetry, tuple[float, float, float]] = {
 """Signs of the coordinates under the map of the rest surface onto itself: a mirror image, or half a turn about z."""
 
 BLEND = 0.035  # width of the fillets, in the units below
-MOST_BEND = 0.6  # curvature of a bent axis, in radians for each unit of length
-MOST_TWIST = 0.5
-MOST_STRETCH = 0.05
+MAX_BEND = 0.6  # curvature of a bent axis, in radians for each unit of length
+MAX_TWIST = 0.5
+MAX_STRETCH = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,11 +124,11 @@ def _opened(mesh: Mesh, opening: FloatArray) -> Mesh:
 def _bent(points: FloatArray, symmetry: OrganSymmetry, pose: int) -> FloatArray:
     """Bend the axes x and y towards z and stretch, which keeps either symmetry; twist about x unless there is one."""
     rng = np.random.default_rng([pose, 1])
-    points = points * (1 + rng.uniform(-MOST_STRETCH, MOST_STRETCH, 3))
+    points = points * (1 + rng.uniform(-MAX_STRETCH, MAX_STRETCH, 3))
     x, y, z = points.T
-    twist = rng.uniform(-MOST_TWIST, MOST_TWIST) * (symmetry == "none")
+    twist = rng.uniform(-MAX_TWIST, MAX_TWIST) * (symmetry == "none")
     y, z = np.cos(twist * x) * y - np.sin(twist * x) * z, np.sin(twist * x) * y + np.cos(twist * x) * z
-    along_x, along_y = rng.uniform(-MOST_BEND, MOST_BEND, 2) * [1.0, 0.5]
+    along_x, along_y = rng.uniform(-MAX_BEND, MAX_BEND, 2) * [1.0, 0.5]
     x, z = _arc(x, z, along_x)
     y, z = _arc(y, z, along_y)
     return np.column_stack([x, y, z])

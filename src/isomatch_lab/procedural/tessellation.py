@@ -16,8 +16,8 @@ from isomatch._core.settings import generator
 from isomatch.surfaces import Mesh
 from isomatch_lab.procedural.implicit import Skin
 
-LARGEST_GRID_MESH = 60_000  # vertices; a larger mesh is subdivided from one of at most this size
-LEAST_CROSSING = 0.4  # of a grid step: keeps marching cubes from cutting off tiny corners
+MAX_GRID_VERTICES = 60_000  # vertices; a larger mesh is subdivided from one of at most this size
+MIN_CROSSING = 0.4  # of a grid step: keeps marching cubes from cutting off tiny corners
 logger = logging.getLogger(__name__)
 
 
@@ -27,7 +27,7 @@ def tessellate(skin: Skin, n_vertices: int, seed: int) -> Mesh:
     # tangential smoothing; then, for large meshes, midpoint subdivision. After every step, vertices are projected onto
     # the surface. Vertices and faces are in random order; their number differs from n by up to 5 %
     rng = generator(seed)
-    levels = max(0, int(np.ceil(np.log(n_vertices / LARGEST_GRID_MESH) / np.log(4))))
+    levels = max(0, int(np.ceil(np.log(n_vertices / MAX_GRID_VERTICES) / np.log(4))))
     n_grid_vertices = n_vertices * rng.uniform(0.98, 1.02) / 4**levels
     for _ in range(8):
         vertices, faces = _marching_cubes(skin, n_grid_vertices, rng)
@@ -62,7 +62,7 @@ def _marching_cubes(skin: Skin, n_vertices: float, rng: np.random.Generator) -> 
         if abs(n_crossings / n_vertices - 1) < 0.015:
             break
         step *= np.sqrt(n_crossings / n_vertices)
-    values = np.copysign(np.clip(np.abs(volume) / step, LEAST_CROSSING, 1), volume)
+    values = np.copysign(np.clip(np.abs(volume) / step, MIN_CROSSING, 1), volume)
     vertices, faces, _, _ = march(values, 0.0, gradient_direction="descent")
     return (origin + vertices * step) @ turn.T, faces.astype(np.int64)
 

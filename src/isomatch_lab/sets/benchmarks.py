@@ -122,10 +122,14 @@ def benchmark_set(
         if not isinstance(shapes, ShapeSet):
             raise SettingError(
                 f"the set {name!r} has no hand-picked landmarks; "
-                + ("leave them out" if own is None else "put them into its folder, in a folder landmarks")
+                + (
+                    "leave them out"
+                    if own_folder is None
+                    else "put them into its folder, in a folder landmarks"
+                )
             )
         shapes = shapes.with_landmarks(landmarks)
-    label = name if own is None else own.resolve().name
+    label = name if own_folder is None else own_folder.resolve().name
     files = shapes.files if isinstance(shapes, FolderSet | StoredSet) else ()
     return BenchmarkSet(label, shapes.pairs, partial(_relabelled_pair, shapes), files)
 

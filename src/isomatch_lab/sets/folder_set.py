@@ -29,8 +29,8 @@ KINDS = ("vertices", "vts", "pairs", "onto", "landmarks")
 SHAPE_FOLDERS = ("shapes", "off", "models")  # the first is ours, published sets use the others
 TRUTH_FOLDERS = ("truth", "corres", "maps")  # the first that exists; published sets use the last two
 SHAPE_SUFFIXES = {*FORMATS, ".mat", ".npz", ".vert"}
-BETWEEN = ("__", "-", "_")  # names of a pair in the name of its file
-KEPT_SHAPES = 100  # in memory while files of truth are searched
+NAME_SEPARATORS = ("__", "-", "_")  # names of a pair in the name of its file
+MAX_KEPT_SHAPES = 100  # in memory while files of truth are searched
 MIRRORED = (".sym", "_sym")
 ONTO_SUFFIXES = {".vts", ".baryc_gt", ".baryc_gt_sym"}  # which count from 1, as published
 LANDMARKS = "landmarks"
@@ -207,7 +207,7 @@ class FolderSet:
     @cached_property
     def _shown_to_count_from(self) -> int | None:
         """What the first file of truth counts from that allows one reading only; None if there is none."""
-        mesh = lru_cache(maxsize=KEPT_SHAPES)(self.mesh)
+        mesh = lru_cache(maxsize=MAX_KEPT_SHAPES)(self.mesh)
         for source, target in self.pairs:
             try:
                 path = self._truth_of(source, target)
@@ -255,7 +255,11 @@ class FolderSet:
 
     def _stems(self, source: str, target: str) -> list[str]:
         """Names that the file of a pair may have."""
-        return [source] if self.settings.truth == "onto" else [f"{source}{sep}{target}" for sep in BETWEEN]
+        return (
+            [source]
+            if self.settings.truth == "onto"
+            else [f"{source}{sep}{target}" for sep in NAME_SEPARATORS]
+        )
 
     def _truth_of(self, source: str, target: str) -> Path:
         stems = self._stems(source, target)
@@ -403,7 +407,7 @@ def _pairs_with_truth(opened: FolderSet) -> tuple[tuple[str, str], ...]:
     if kind in ("vts", LANDMARKS):
         every = [(a, b) for a, b in every if a in truths and b in truths]
     elif kind == "pairs":
-        every = [(a, b) for a, b in every if any(f"{a}{sep}{b}" in truths for sep in BETWEEN)]
+        every = [(a, b) for a, b in every if any(f"{a}{sep}{b}" in truths for sep in NAME_SEPARATORS)]
     elif kind == "onto":
         if opened.settings.target is None:
             raise SettingError(

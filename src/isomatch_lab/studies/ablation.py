@@ -27,8 +27,8 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-FAILURE = 10.0
-NOTICEABLE = 0.3  # difference of errors
+FAILURE_ERROR = 10.0
+NOTICEABLE_CHANGE = 0.3  # difference of errors
 EVERYTHING = "everything"
 STEPS = RefinementSettings()
 LATE_POSITIONS = RefinementSettings(
@@ -76,16 +76,16 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         chosen = [row for row in rows if row["variant"] == variant]
         errors = np.array([row["error"] for row in chosen])
         gained = errors - np.array([usual[row["pair"]] for row in chosen])
-        wrong = [row for row in chosen if row["error"] > FAILURE and row["outcome"] == "CONVERGED"]
+        wrong = [row for row in chosen if row["error"] > FAILURE_ERROR and row["outcome"] == "CONVERGED"]
         table.append(
             {
                 "variant": variant,
                 "pairs": len(errors),
                 "mean": round(errors.mean(), 3),
                 "median": round(float(np.median(errors)), 3),
-                "failures": int((errors > FAILURE).sum()),
-                "worse": int((gained > NOTICEABLE).sum()),
-                "better": int((gained < -NOTICEABLE).sum()),
+                "failures": int((errors > FAILURE_ERROR).sum()),
+                "worse": int((gained > NOTICEABLE_CHANGE).sum()),
+                "better": int((gained < -NOTICEABLE_CHANGE).sum()),
                 "wrong_called_right": len(wrong),
                 "seconds": round(float(np.mean([row["seconds"] for row in chosen])), 2),
             }

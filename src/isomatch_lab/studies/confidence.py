@@ -21,7 +21,7 @@ from isomatch.settings import SearchSettings
 from isomatch_lab.damage import DamageChoice
 from isomatch_lab.sets import BenchmarkPair, benchmark_set
 from isomatch_lab.studies.shared import (
-    SURE,
+    UNFLAGGED_OUTCOMES,
     asked_for,
     error_after,
     in_parallel,
@@ -30,7 +30,7 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-RIGHT, WRONG = 3.0, 10.0
+MAX_RIGHT_ERROR, MIN_WRONG_ERROR = 3.0, 10.0
 SEED = 2026
 KINDS = {  # how the maps of each kind are provoked
     "plain": "pairs of the benchmark sets",
@@ -168,12 +168,14 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for kind, chosen in groups.items():
         error = {id(row): np.inf if row["kind"] == "other kind" else row["error"] for row in chosen}
         measured = [row for row in chosen if error[id(row)] is not None]
-        right = [r for r in measured if error[id(r)] < RIGHT and r["outcome"] != "PRIORS_CONTRADICTED"]
-        poor = [r for r in measured if RIGHT <= error[id(r)] <= WRONG]
-        wrong = [r for r in measured if error[id(r)] > WRONG]
+        right = [
+            r for r in measured if error[id(r)] < MAX_RIGHT_ERROR and r["outcome"] != "PRIORS_CONTRADICTED"
+        ]
+        poor = [r for r in measured if MAX_RIGHT_ERROR <= error[id(r)] <= MIN_WRONG_ERROR]
+        wrong = [r for r in measured if error[id(r)] > MIN_WRONG_ERROR]
         line: dict[str, Any] = {"kind": KINDS.get(kind, kind), "maps": len(chosen)}
         for name, members in (("right", right), ("poor", poor), ("wrong", wrong)):
-            flagged = sum(row["outcome"] not in SURE for row in members)
+            flagged = sum(row["outcome"] not in UNFLAGGED_OUTCOMES for row in members)
             line[f"{name}, of them flagged"] = f"{len(members)}, {flagged}"
         table.append(line | {"ambiguous": sum(r["outcome"] == "SYMMETRY_AMBIGUOUS" for r in chosen)})
     return table

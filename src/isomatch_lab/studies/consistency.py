@@ -37,10 +37,10 @@ from isomatch_lab.sets import BenchmarkPair, relabelled, remeshed, scape
 from isomatch_lab.studies.shared import asked_for, mean_error, write_rows, write_table
 
 SETS = ("creatures", "faust_r", "scape", "cat", "horse")
-MOST_SHAPES = 20
+MAX_SHAPES = 20
 BIPEDS = tuple(f"biped{i}" for i in range(1, 9))
 SHARES = (0.0, 0.1, 0.2, 0.3)
-FAILURE = 10.0  # mean error × 100 / √area
+FAILURE_ERROR = 10.0  # mean error × 100 / √area
 COLUMNS = (
     *("set", "pairs", "share", "wrong", "mirrored", "wrong_sure", "found", "right_flagged", "replaced"),
     *("error_before", "error_after", "failures_before", "failures_after", "sure_failures_before"),
@@ -66,13 +66,13 @@ def study_of(name: str, data: Path) -> Study:
         return relabelled_poses(data)
     shapes = remeshed(data / (name if name == "faust_r" else "tosca_iso_r"))
     names = [shape for shape in shapes.names if name == "faust_r" or shape.rstrip("0123456789") == name]
-    return Study(tuple(names[:MOST_SHAPES]), shapes.mesh, shapes.pair)
+    return Study(tuple(names[:MAX_SHAPES]), shapes.mesh, shapes.pair)
 
 
 def relabelled_poses(data: Path) -> Study:
     """Poses of one person, which share a triangulation in their files and do not here."""
     shapes = scape(data / "scape")
-    names = shapes.names[:MOST_SHAPES]
+    names = shapes.names[:MAX_SHAPES]
 
     @cache
     def made(name: str) -> tuple[Mesh, np.ndarray]:
@@ -133,7 +133,7 @@ def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> Pai
             if alternative.orientation > 0
         ]
         image = max(turned, key=lambda other: moved(target, right, other), default=None)
-        if image is not None and moved(target, right, image) < 1.5 * FAILURE / 100:
+        if image is not None and moved(target, right, image) < 1.5 * FAILURE_ERROR / 100:
             image = None
     if image is not None:
         config = replace(collection.config, hypotheses="given")
@@ -199,7 +199,7 @@ def measured(name: str, study: Study, folder: Path, share: float, errors: dict[s
     first = {pair: agreement.before or 0.0 for pair, agreement in agreements.items()}
     flagged = {pair for pair, agreement in agreements.items() if agreement.tried_with is not None}
     flagged |= set(agreement_of(rows).contradicted)
-    wrong = {pair for pair in pairs if before[pair] > FAILURE}
+    wrong = {pair for pair in pairs if before[pair] > FAILURE_ERROR}
 
     def sure(rows: dict[Pair, PairRow], pair: Pair) -> bool:
         return rows[pair].there.outcome in (Outcome.CONVERGED, Outcome.PARTIAL)
@@ -217,9 +217,9 @@ def measured(name: str, study: Study, folder: Path, share: float, errors: dict[s
         "error_before": float(np.mean(list(before.values()))),
         "error_after": float(np.mean(list(after.values()))),
         "failures_before": len(wrong),
-        "failures_after": sum(error > FAILURE for error in after.values()),
+        "failures_after": sum(error > FAILURE_ERROR for error in after.values()),
         "sure_failures_before": sum(sure(rows_before, pair) for pair in wrong),
-        "sure_failures_after": sum(sure(rows.pairs, pair) for pair in pairs if after[pair] > FAILURE),
+        "sure_failures_after": sum(sure(rows.pairs, pair) for pair in pairs if after[pair] > FAILURE_ERROR),
         "consistency_right": max(first[pair] for pair in pairs if pair not in wrong),
         "consistency_wrong": min((first[pair] for pair in wrong), default=None),
     }

@@ -27,10 +27,14 @@ Row: TypeAlias = tuple[
     str, str, int, int, float, Any
 ]  # weights, method, k, p, error, processor seconds or ""
 RANKS = (5, 10, 20, 30, 40, 50, 75, 100)
-SHOWN = (5, 10, 20, 30, 50, 100)  # in the table
+TABLE_RANKS = (5, 10, 20, 30, 50, 100)  # in the table
 COLUMNS = (60, 80, 100, 140, 200, 300, 400)
 METHODS: dict[BasisMethod, str] = {"predicted": "C3", "nystrom": "C0", "fmds": "C2", "smds": "C4"}
-COMPARED: tuple[tuple[BasisMethod, int], ...] = (("predicted", 100), ("predicted", 200), ("nystrom", 100))
+COMPARED_BASES: tuple[tuple[BasisMethod, int], ...] = (
+    ("predicted", 100),
+    ("predicted", 200),
+    ("nystrom", 100),
+)
 NAMES = {
     "exact": "exact (optimum)",
     "predicted": "predicted columns (default)",
@@ -107,7 +111,7 @@ def ratios(data: Path) -> Iterator[tuple[str, str, str, int, float]]:
             optimum = relative_error(
                 distance_basis(mesh, 50, 50, "exact", weights, held_out=0).row(everywhere), distances, measure
             )
-            for method, p in COMPARED:
+            for method, p in COMPARED_BASES:
                 basis = distance_basis(mesh, 50, p, method, weights, held_out=0)
                 yield (
                     name,
@@ -130,7 +134,7 @@ def table(rows: list[Row]) -> Iterator[dict[str, Any]]:
         for method, name in NAMES.items():
             line = {"weights": weights, "method": name}
             for w, m, k, p, error, _ in rows:
-                if (w, m) == (weights, method) and k in SHOWN and (p == 2 * k or method not in METHODS):
+                if (w, m) == (weights, method) and k in TABLE_RANKS and (p == 2 * k or method not in METHODS):
                     line[f"k = {k}"] = f"{error:.4f}"
             yield line
 

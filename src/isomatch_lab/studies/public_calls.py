@@ -191,7 +191,15 @@ GIVEN = {  # folder of the case, map, receiver, giver
     "other skin": ("14-skin-same-rig", "identity.txt", "other_names.glb", "rigged.glb"),
 }
 FORMATS = ".off .obj .stl .stl-text .ply .ply-text .glb .gltf .vtk .vtk-text .vtp .vtu .gii .pial"
-MENDED = (".off", ".obj", ".ply", ".stl", ".glb", ".gltf", ".gii")  # files of cases that are also mended
+MENDED_SUFFIXES = (
+    ".off",
+    ".obj",
+    ".ply",
+    ".stl",
+    ".glb",
+    ".gltf",
+    ".gii",
+)  # files of cases that are also mended
 
 # Calls
 
@@ -338,7 +346,9 @@ def _files_given(at: Folders, variant: str) -> Any:
 @call()
 def _cases(at: Folders) -> Any:
     files = sorted(path for path in at.cases.rglob("*") if path.is_file())
-    acts = {file: (isomatch.check, isomatch.repair) if file.suffix in MENDED else () for file in files}
+    acts = {
+        file: (isomatch.check, isomatch.repair) if file.suffix in MENDED_SUFFIXES else () for file in files
+    }
     names = [str(file.relative_to(at.cases)) for file in files]
     read = [
         [Attempt(act, file) for act in (isomatch.read_asset, Landmarks.read, *acts[file])] for file in files

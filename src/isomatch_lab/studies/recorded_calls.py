@@ -29,9 +29,9 @@ from scipy.sparse import find, issparse
 from isomatch import Config, MatchResult, Quality
 from isomatch_lab.studies.public_calls import CALLS, Attempt, Folders
 
-BESIDE = Path(__file__).parents[4] / "shared" / "data"
+REAL_DATA = Path(__file__).parents[4] / "shared" / "data"
 SKIPPED = ("timings", "document")  # fields: what is not the same twice, and what a format keeps for itself
-SHOWN = 20  # differences of a call that are printed
+MAX_SHOWN = 20  # differences of a call that are printed
 Arrays = Mapping[str, np.ndarray]
 
 
@@ -144,7 +144,7 @@ def compare(old_file: Path, new_file: Path, only: str) -> bool:
         print(
             f"{name}: {'DIFFERS' if arrays else 'words differ' if words else 'identical'}, {len(old)} arrays"
         )
-        for line in (*arrays[:SHOWN], *words[:SHOWN]):
+        for line in (*arrays[:MAX_SHOWN], *words[:MAX_SHOWN]):
             print(f"    {line}")
     return same
 
@@ -156,7 +156,7 @@ def main() -> int:
     )
     parser.add_argument("what", choices=("record", "compare"))
     parser.add_argument("files", type=Path, nargs="+", help="file to write, or two files to compare")
-    parser.add_argument("--data", type=Path, default=BESIDE, help="folder of real shapes")
+    parser.add_argument("--data", type=Path, default=REAL_DATA, help="folder of real shapes")
     parser.add_argument("--cases", type=Path, help="folder of small files; by default cases, beside that")
     parser.add_argument("--only", default="", help="calls of which the names begin so")
     asked = parser.parse_args()

@@ -44,7 +44,7 @@ SHARED = ("shared.py", "hard_pairs.txt")  # what several studies need
 RESULTS = Path("docs", "results")
 PACKAGES = ("numpy", "scipy", "numba")
 MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
-OTHER = ("stamp", "beside")  # what is marked and no table
+NOT_TABLES = ("stamp", "beside")  # what is marked and no table
 Stamp = dict[str, Any]
 
 
@@ -124,7 +124,7 @@ def measure(step: Step, data: str, output: Path, root: Path = ROOT) -> None:
 
 def tables_of(text: str) -> list[str]:
     """Names of the tables that a page shows."""
-    return [place[1] for place in MARKED.finditer(text) if place[1] not in OTHER]
+    return [place[1] for place in MARKED.finditer(text) if place[1] not in NOT_TABLES]
 
 
 def steps_of(text: str) -> list[str]:
@@ -139,9 +139,8 @@ def filled(text: str, stamps: dict[str, Stamp], results: Path = ROOT / RESULTS) 
     def fill(place: re.Match[str]) -> str:
         name, columns, old = place.groups()
         if name == "stamp":
-            new = describe_measurement(
-                {step: stamps[step] for step in (columns.split("; ") if columns else steps_of(text))}
-            )
+            steps = columns.split("; ") if columns else steps_of(text)
+            new = describe_measurement({step: stamps[step] for step in steps})
         elif name == "beside":
             new = published.beside(results)
         else:

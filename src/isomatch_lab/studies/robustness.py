@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from isomatch_lab.damage import DAMAGES
 from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark
-from isomatch_lab.studies.shared import SURE, asked_for, in_parallel, write_rows, write_table
+from isomatch_lab.studies.shared import UNFLAGGED_OUTCOMES, asked_for, in_parallel, write_rows, write_table
 
 METHODS = ("isomatch", "pyfm")
 POINTS = 400
@@ -80,7 +80,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
                 members = [row for row in chosen(rows, name, level, method) if row.get("error") is not None]
                 means.append(np.mean([row["error"] for row in members]) if members else np.nan)
                 for row in members:
-                    right = row["outcome"] in (*SURE, "")
+                    right = row["outcome"] in (*UNFLAGGED_OUTCOMES, "")
                     colour = COLOURS[method]
                     axes.plot(
                         place + side, row["error"], "o", ms=4, mec=colour, mfc=colour if right else "none"
@@ -105,7 +105,7 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, str]]:
             for method in METHODS:
                 members = chosen(rows, name, level, method)
                 errors = np.array([row["error"] for row in members if row.get("error") is not None])
-                called = [row["error"] > 10 for row in members if row.get("outcome") in SURE]
+                called = [row["error"] > 10 for row in members if row.get("outcome") in UNFLAGGED_OUTCOMES]
                 line[f"{method}: mean, worst"] = f"{errors.mean():.1f}, {errors.max():.1f}"
                 line[f"{method}: wrong"] = f"{(errors > 10).sum()} of {len(errors)}"
                 if method == "isomatch":

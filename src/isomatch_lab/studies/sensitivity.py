@@ -25,10 +25,10 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-FAILURE = 10.0
-NOTICEABLE = 0.2  # change of the mean
-EVERY = 16  # one of this many hard pairs is taken
-USUAL = Config()
+FAILURE_ERROR = 10.0
+NOTICEABLE_CHANGE = 0.2  # change of the mean
+HARD_PAIRS_STEP = 16  # one of this many hard pairs is taken
+DEFAULTS = Config()
 VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # by stage; "" for the everyday settings
     "": {"n_search": (300, 600), "n_refine": (500, 2000)},
     "preparation": {
@@ -70,14 +70,14 @@ VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # by stage; "" for the everyd
 
 def variants() -> dict[tuple[str, str], Config]:
     """List the settings by what was changed and to what."""
-    made = {("defaults", ""): USUAL}
+    made = {("defaults", ""): DEFAULTS}
     for stage, settings in VALUES.items():
         for name, values in settings.items():
             for value in values:
                 if stage:
-                    config = replace(USUAL, **{stage: replace(getattr(USUAL, stage), **{name: value})})
+                    config = replace(DEFAULTS, **{stage: replace(getattr(DEFAULTS, stage), **{name: value})})
                 else:
-                    config = replace(USUAL, **{name: value})
+                    config = replace(DEFAULTS, **{name: value})
                 made[f"{stage}.{name}".lstrip("."), str(value)] = config
     return made
 
@@ -89,7 +89,7 @@ def measured(job: Job) -> dict[tuple[str, str], float]:
     errors = {}
     for key, config in variants().items():
         shapes: tuple[PreparedShape, PreparedShape] = usual
-        if USUAL.differs_in_preparation(config):
+        if DEFAULTS.differs_in_preparation(config):
             shapes = prepare(pair.source, config), prepare(pair.target, config)
         try:
             errors[key] = mean_error(pair, match(*shapes, config=config).map)
@@ -101,7 +101,7 @@ def measured(job: Job) -> dict[tuple[str, str], float]:
 def telling(table: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Rows whose mean differs from the defaults, and the range of all others."""
     usual, rows = table[0]["mean"], table[1:]
-    moved = [row for row in rows if abs(row["mean"] - usual) > NOTICEABLE]
+    moved = [row for row in rows if abs(row["mean"] - usual) > NOTICEABLE_CHANGE]
     means = [row["mean"] for row in rows if row not in moved]
     rest = {"setting": f"{len(means)} other values", "mean": f"{min(means):.2f} to {max(means):.2f}"}
     shown = [
@@ -122,7 +122,7 @@ def telling(table: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "sensitivity.csv")
-    jobs = hard_jobs(asked.data)[::EVERY]
+    jobs = hard_jobs(asked.data)[::HARD_PAIRS_STEP]
     rows = []
     for job, row in zip(jobs, in_parallel(measured, jobs), strict=True):
         rows.append(row)
@@ -138,7 +138,7 @@ if __name__ == "__main__":
                 "value": value,
                 "pairs": len(errors),
                 "mean": round(errors.mean(), 3),
-                "failures": int((errors > FAILURE).sum()),
+                "failures": int((errors > FAILURE_ERROR).sum()),
                 "largest_change": round(errors[most] - usual[most], 2),
             }
         )

@@ -44,13 +44,13 @@ def error_after(damaged: DamagedPair, image: Correspondence) -> float:
     return float(100 * counted(np.min(errors, axis=0)).mean())
 
 
-SURE = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
+UNFLAGGED_OUTCOMES = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
 
 
 def summed_up(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
     """Mean, median and worst error of some maps, wrong maps, those called right, and their largest error."""
     errors = np.array([row["error"] for row in rows])
-    sure = [row["error"] for row in rows if row["outcome"] in SURE]
+    sure = [row["error"] for row in rows if row["outcome"] in UNFLAGGED_OUTCOMES]
     return {
         "mean, median, worst": f"{errors.mean():.1f}, {np.median(errors):.1f}, {errors.max():.1f}",
         "wrong": f"{(errors > 10).sum()} of {len(errors)}",

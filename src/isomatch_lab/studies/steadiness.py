@@ -32,16 +32,16 @@ PAIRS = {
     "shrec16_cuts": 1,
     "shrec16_holes": 1,
 }  # how many of each set
-DISTURBED = 30  # times
-SIZE = 1e-9  # of the extent of a shape, by which each coordinate is moved at most
+N_DISTURBED = 30  # times
+MAX_MOVE_RATIO = 1e-9  # of the extent of a shape, by which each coordinate is moved at most
 
 
 def disturbed(mesh: Mesh, seed: int) -> Mesh:
-    """Move each coordinate by up to `SIZE`; seed 0 moves nothing."""
+    """Move each coordinate by up to `MAX_MOVE_RATIO`; seed 0 moves nothing."""
     if seed == 0:
         return mesh
     moves = np.random.default_rng(seed).uniform(-1, 1, mesh.vertices.shape)
-    return mesh.moved(mesh.vertices + SIZE * np.ptp(mesh.vertices, axis=0).max() * moves)
+    return mesh.moved(mesh.vertices + MAX_MOVE_RATIO * np.ptp(mesh.vertices, axis=0).max() * moves)
 
 
 def matched(job: tuple[Job, int]) -> tuple[str, IntArray]:
@@ -77,7 +77,7 @@ def measured(jobs: list[tuple[Job, int]]) -> Iterator[dict[str, Any]]:
 def main() -> None:
     """Run the study."""
     asked = asked_for(__doc__, "the table")
-    jobs = list(product(drawn(asked.data, PAIRS, 0), range(1 + DISTURBED)))
+    jobs = list(product(drawn(asked.data, PAIRS, 0), range(1 + N_DISTURBED)))
     rows = write_rows(asked.output / "steadiness.csv", None, measured(jobs))
     table = []
     for pair, of_pair in groupby(rows, lambda row: (row["set"], row["pair"])):

@@ -29,11 +29,11 @@ SEED = 5
 COUNTS = {"faust_r": 8, "creatures": 8, "tosca_iso_r": 8, "scape": 6, "tosca": 6, "cross": 24, "smal": 8}
 # of ``knees/BONE.npz``, with an array of vertices for each subject and their ``faces``
 BONES = (("femur", "S081", "S085"), ("tibia", "S082", "S095"), ("patella", "S084", "S099"))
-KEPT = 0.7  # share of the vertices of a bone that is matched to
-HARD = ("noise", "stretch", "cut", "holes")  # creatures, four pairs each
+MATCHED_SHARE = 0.7  # share of the vertices of a bone that is matched to
+DAMAGES = ("noise", "stretch", "cut", "holes")  # creatures, four pairs each
 N_POINTS = 500
-WORST = 0.1  # share of the vertices
-SMOOTHED = 0.1  # √area: the radius over which the plain ingredients are averaged
+WORST_SHARE = 0.1  # share of the vertices
+SMOOTHING_RADIUS = 0.1  # √area: the radius over which the plain ingredients are averaged
 BINS = 5
 
 Job = tuple[str, str, tuple[str, str]]
@@ -42,7 +42,7 @@ Job = tuple[str, str, tuple[str, str]]
 def jobs(data: str, kinds: list[str]) -> list[Job]:
     """Draw the pairs of each set; those asked for, or all."""
     drawn = []
-    for name in kinds or [*COUNTS, "knees", *HARD]:
+    for name in kinds or [*COUNTS, "knees", *DAMAGES]:
         if name in COUNTS:
             pairs = benchmark_set(name, data).chosen(COUNTS[name], SEED).pairs
         elif name == "knees":
@@ -79,7 +79,7 @@ def measured(job: Job) -> dict[str, Any]:
         if measure == "expected error":
             row[measure] = captured(errors, expected)
         elif values is None:
-            row[measure] = errors.mean() / np.sort(errors)[-round(WORST * len(errors)) :].mean()
+            row[measure] = errors.mean() / np.sort(errors)[-round(WORST_SHARE * len(errors)) :].mean()
         else:
             row[measure] = captured(errors, values[rows[:, 0]])
     for i, part in enumerate(np.array_split(np.argsort(expected), BINS)):
@@ -92,7 +92,7 @@ def bones(folder: Path, source: str, target: str) -> BenchmarkPair:
     bone, subject = source.split("_")
     with np.load(folder / f"{bone}.npz") as arrays:
         one, other = (Mesh(arrays[name], arrays["faces"]) for name in (subject, target.split("_")[1]))
-    coarse = decimate(other, round(KEPT * other.n_vertices)).mesh
+    coarse = decimate(other, round(MATCHED_SHARE * other.n_vertices)).mesh
     nearest = cKDTree(coarse.vertices).query(other.vertices)[1]
     truth = np.column_stack([np.arange(one.n_vertices), nearest])
     return BenchmarkPair(f"{source}-{target}", one, coarse, truth, symmetric=False).relabelled(SEED)
@@ -100,7 +100,7 @@ def bones(folder: Path, source: str, target: str) -> BenchmarkPair:
 
 def captured(errors: np.ndarray, measure: np.ndarray) -> float:
     """Error of the tenth that a measure trusts least, divided by the error of the worst tenth."""
-    count = round(WORST * len(errors))
+    count = round(WORST_SHARE * len(errors))
     return float(errors[np.argsort(-measure, kind="stable")[:count]].sum() / np.sort(errors)[-count:].sum())
 
 
@@ -131,7 +131,7 @@ def ingredients(source: Mesh, target: Mesh, result: MatchResult) -> dict[str, np
         other = result.alternatives[0].map.pull_back(target.vertices)
         plain["gap to the next map"] = np.nan_to_num(np.linalg.norm(other - images, axis=1))
     step = diags_array(1 / degree) @ adjacency
-    count = int(2 * SMOOTHED**2 * source.area / (source.edge_lengths**2).mean())
+    count = int(2 * SMOOTHING_RADIUS**2 * source.area / (source.edge_lengths**2).mean())
     values = np.column_stack(list(plain.values()))
     for _ in range(count):
         values = 0.5 * (values + step @ values)
@@ -155,7 +155,7 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "vertex_confidence.csv", [*COUNTS, "knees", *HARD])
+    asked = asked_for(__doc__, "vertex_confidence.csv", [*COUNTS, "knees", *DAMAGES])
     results = write_rows(
         asked.output / "vertex_confidence.csv", None, in_parallel(measured, jobs(asked.data, asked.kinds))
     )
