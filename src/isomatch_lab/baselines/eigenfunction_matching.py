@@ -16,7 +16,7 @@ from isomatch_lab.baselines.functional_maps import orientations, products
 WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
 
 MAX_MATCHED = 14  # functions for which all combinations of signs can be tried
-MAX_EXCHANGE_DISTANCE = 2  # places in the spectrum that functions may be apart to be exchanged
+MAX_EXCHANGE_DISTANCE = 2  # largest difference of places in the spectrum of two functions that are exchanged
 
 SIDES: dict[Orientation, float] = {"preserve": 1.0, "reverse": -1.0, "any": 0.0}
 

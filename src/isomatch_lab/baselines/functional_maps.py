@@ -103,14 +103,14 @@ def functional_maps(
     config = config or FunctionalMapsConfig()
     with serial_blas():
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
-        functional_map = solved(task, config)
+        functional_map = solve_functional_map(task, config)
         if config.refinement == "icp":
             task.timer.start("refinement")
             functional_map = task.orthogonal_icp(functional_map, len(functional_map), ICP_STEPS)
         return task.spectral_result(functional_map, config, "functional map")
 
 
-def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
+def solve_functional_map(task: Task, config: FunctionalMapsConfig) -> FloatArray:
     """Minimise the energy: the functional map (k, k), from functions of the target to the source."""
     task.timer.start("functional map")
     k = task.functions_at_most(config.n_functions)

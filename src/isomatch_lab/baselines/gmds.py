@@ -114,8 +114,8 @@ def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, .
     points, anchors = held, Placement.at_vertices(anchored_at)
     stresses: tuple[float, ...] = ()
     for first, last in pairwise((0, *config.levels)):
-        points = points.joined(placed(pair, samples[first:last], anchors))
-        points, stresses = descended(pair, points, len(held.vertices), config.n_sweeps)
+        points = points.joined(place_points(pair, samples[first:last], anchors))
+        points, stresses = descend_stress(pair, points, len(held.vertices), config.n_sweeps)
         anchors = points
     return points, stresses, origin
 
@@ -169,7 +169,7 @@ def distances_to(pair: Problem, points: Placement) -> Embedding:
     )
 
 
-def placed(pair: Problem, vertices: IntArray, anchors: Placement) -> Placement:
+def place_points(pair: Problem, vertices: IntArray, anchors: Placement) -> Placement:
     """Place source vertices anywhere on the target where their distances to known places are preserved best."""
     of_source, of_target = distances_to(pair, anchors)
     return Placement(vertices, *pair.target.index.points(of_target, of_source[vertices]))
@@ -184,7 +184,7 @@ def relative_stress(pair: Problem, points: Placement) -> float:
     return float(np.linalg.norm(spectral_residual) / np.linalg.norm(wanted[off]))
 
 
-def descended(
+def descend_stress(
     pair: Problem, points: Placement, n_held: int, n_sweeps: int
 ) -> tuple[Placement, tuple[float, ...]]:
     """Move one of m points at a time, but the held first ones, to where it fits best; and the stress after each sweep."""

@@ -11,7 +11,11 @@ from isomatch._core.threads import serial_blas
 from isomatch.matching import MatchResult
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
-from isomatch_lab.baselines.functional_maps import FunctionalMapsConfig, FunctionalRefinement, solved
+from isomatch_lab.baselines.functional_maps import (
+    FunctionalMapsConfig,
+    FunctionalRefinement,
+    solve_functional_map,
+)
 from isomatch_lab.baselines.task import Task
 
 
@@ -77,7 +81,7 @@ def zoomout(
             first = task.functions_at_most(min(config.first, len(task.priors.initial_pairs)))
             functional_map = task.functional_map_at(task.priors.initial_pairs, first)
         else:
-            functional_map = solved(task, config)
+            functional_map = solve_functional_map(task, config)
         task.timer.start("refinement")
         sizes = range(len(functional_map) + config.step, task.functions_at_most(config.last) + 1, config.step)
         functional_map = task.spectra.upsample(functional_map, sizes)

@@ -13,7 +13,7 @@ from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch_lab.sets import BenchmarkPair
 
 SHARE_RANGE = (0.0, 1.0)
-EDGE_LENGTH_RANGE = (1e-100, 1e100)  # of edges, so that areas neither vanish nor overflow
+EDGE_LENGTH_RANGE = (1e-100, 1e100)  # allowed edge lengths, so that areas neither vanish nor overflow
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,11 +16,13 @@ from isomatch.geodesics import distance_engine, euclidean_farthest_points, perip
 from isomatch.surfaces import Mesh
 from isomatch_lab.damage.damaged import SHARE_RANGE, Damaged, require_usable, with_faces
 
-MAX_GAP = 0.5  # √area; more than half of a torso's girth, so that only different limbs are glued
-GAP_RANGE = (0.0, MAX_GAP)
+MIN_LIMB_DISTANCE = (
+    0.5  # √area along the surface; above half a torso's girth, so that only different limbs are glued
+)
+GAP_RANGE = (0.0, MIN_LIMB_DISTANCE)  # allowed gaps, in √area
 MIN_FOLD_DISTANCE = 0.2  # √area along the surface; facing vertices nearer than this lie in one fold
 N_PATCHES = 60  # patches of the surface; parts far away are searched from each
-DISTANCE_RANGE = (0.0, 10.0)  # mean edge lengths
+DISTANCE_RANGE = (0.0, 10.0)  # allowed distances, in mean edge lengths
 
 
 def noise(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
@@ -105,7 +107,7 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
             f"no limbs of {mesh!r} are as near as {gap:g} √area{nearest}; give a larger gap, or a pose in "
             "which limbs touch"
         )
-    return _merged(mesh, np.array(merged))
+    return _merge_pairs(mesh, np.array(merged))
 
 
 def merge(mesh: Mesh, distance: float = 1.5, *, seed: int = 0) -> Damaged:
@@ -145,7 +147,7 @@ def merge(mesh: Mesh, distance: float = 1.5, *, seed: int = 0) -> Damaged:
             f"no limbs of {mesh!r} that face each other are as near as {distance:g} mean edge lengths; give a larger "
             "distance, or a pose in which limbs touch"
         )
-    glued = _merged(mesh, pairs)
+    glued = _merge_pairs(mesh, pairs)
     assert glued.twin is not None
     faces = glued.mesh.faces
     gone = (glued.twin[faces] >= 0).all(axis=1) | (np.diff(np.sort(faces, axis=1)) == 0).any(axis=1)
@@ -190,14 +192,14 @@ def _nearest_far_vertex(mesh: Mesh, seed: int) -> IntArray:
         inside = np.flatnonzero(patch == i)
         if not len(inside):  # two centres at one position
             continue
-        far = np.flatnonzero(column - column[inside].max() >= MAX_GAP * np.sqrt(mesh.area))
+        far = np.flatnonzero(column - column[inside].max() >= MIN_LIMB_DISTANCE * np.sqrt(mesh.area))
         if len(far):
             nearest = KDTree(body.vertices[far]).query(body.vertices[inside])[1]
             partner[index[inside]] = index[far[nearest]]
     return partner
 
 
-def _merged(mesh: Mesh, pairs: IntArray) -> Damaged:
+def _merge_pairs(mesh: Mesh, pairs: IntArray) -> Damaged:
     """Merge each (first, second) of (q, 2) disjoint pairs into one vertex halfway between them."""
     first, second = pairs.T
     vertices, twin = mesh.vertices.copy(), np.full(mesh.n_vertices, -1, dtype=np.int64)
@@ -210,7 +212,7 @@ def _merged(mesh: Mesh, pairs: IntArray) -> Damaged:
     return Damaged(mesh, Mesh(vertices[original], renumber[mesh.faces]), original, twin[original])
 
 
-DENSITY_RATIO_RANGE = (1.0, 1000.0)  # of densities
+DENSITY_RATIO_RANGE = (1.0, 1000.0)  # allowed ratios of densities
 
 
 def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:
@@ -243,7 +245,7 @@ def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:
     `isomatch.decimation.decimate` in place. O(n).
     """
     require_usable(mesh, "share", share, SHARE_RANGE)
-    return _thinned(mesh, share)
+    return _thin(mesh, share)
 
 
 def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
@@ -280,10 +282,10 @@ def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
     distance = engine.distances_from(np.array([peripheral_vertex(mesh, engine, seed)]))[0]
     farthest = distance[np.isfinite(distance)].max()
     density = ratio ** -np.minimum(distance / farthest, 1.0)
-    return _thinned(mesh, float(density.mean()), density**2)
+    return _thin(mesh, float(density.mean()), density**2)
 
 
-def _thinned(mesh: Mesh, share: float, weights: FloatArray | None = None) -> Damaged:
+def _thin(mesh: Mesh, share: float, weights: FloatArray | None = None) -> Damaged:
     """Merge vertices in place until a share of those in use is left."""
     n_unused = mesh.n_vertices - len(np.unique(mesh.sound_faces))
     wanted = max(round(share * (mesh.n_vertices - n_unused)), 4) + n_unused

@@ -12,12 +12,10 @@ from isomatch.surfaces import Mesh, rasterise
 from isomatch_lab.damage.damaged import SHARE_RANGE, Damaged, require_usable, with_faces
 
 N_TIPS = 5  # extremities among which a limb is drawn: the ends of four limbs and a head
-VIEW_COUNT_RANGE = (0, 7)  # at most one from each direction of three axes
-FINE_EDGE_QUANTILE, PIXELS_PER_EDGE = (
-    0.05,
-    8,
-)  # quantile of the edge lengths, and the number of pixels that resolve it
-MAX_PIXELS = 3000  # along each side of the depth buffer
+VIEW_COUNT_RANGE = (0, 7)  # allowed numbers of views; at most one from each direction of three axes
+FINE_EDGE_QUANTILE = 0.05  # quantile of the edge lengths that the depth buffer resolves
+PIXELS_PER_EDGE = 8  # pixels along an edge of this length
+MAX_PIXELS = 3000  # pixels along each side of the depth buffer
 
 
 def cut(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
@@ -53,7 +51,7 @@ def cut(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
     """
     require_usable(mesh, "share", share, SHARE_RANGE)
     direction = np.random.default_rng(seed).standard_normal(3)
-    return _removed(mesh, mesh.vertices @ direction, share)
+    return _remove_share(mesh, mesh.vertices @ direction, share)
 
 
 def holes(mesh: Mesh, share: float = 0.25, *, count: int = 8, seed: int = 0) -> Damaged:
@@ -89,7 +87,7 @@ def holes(mesh: Mesh, share: float = 0.25, *, count: int = 8, seed: int = 0) -> 
             f"count = {count} must lie in 1…{np.count_nonzero(weights)}, the number of vertices with an area"
         )
     centres = np.random.default_rng(seed).choice(mesh.n_vertices, count, replace=False, p=weights)
-    return _removed(mesh, distance_engine(mesh).distances_from(centres).min(axis=0), share)
+    return _remove_share(mesh, distance_engine(mesh).distances_from(centres).min(axis=0), share)
 
 
 def limb_removed(mesh: Mesh, share: float = 0.09, *, seed: int = 0) -> Damaged:
@@ -123,7 +121,7 @@ def limb_removed(mesh: Mesh, share: float = 0.09, *, seed: int = 0) -> Damaged:
     samples = farthest_point_sampling(engine, N_TIPS, peripheral_vertex(body, engine))
     distance = np.zeros(mesh.n_vertices)  # other components go first
     distance[index] = samples.columns[np.random.default_rng(seed).integers(N_TIPS)]
-    return _removed(mesh, distance, share)
+    return _remove_share(mesh, distance, share)
 
 
 def view(mesh: Mesh, views: int = 1, *, seed: int = 0) -> Damaged:
@@ -170,10 +168,10 @@ def view(mesh: Mesh, views: int = 1, *, seed: int = 0) -> Damaged:
         width, height = np.ceil(np.ptp(points, axis=0)[:2]).astype(int)
         raster = rasterise(points, mesh.sound_faces, int(width), int(height))
         seen[raster.face[raster.covered]] = True
-    return _kept(mesh, _largest_part(mesh, seen))
+    return _keep_faces(mesh, _largest_part(mesh, seen))
 
 
-def _removed(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
+def _remove_share(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
     """Remove faces in the order of the smallest of their corners' values, until a share of the area is gone."""
     ranked = order[mesh.sound_faces].min(axis=1).argsort(kind="stable")
 
@@ -190,7 +188,7 @@ def _removed(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
             too_few = middle
         else:
             enough = middle
-    return _kept(mesh, left(enough))
+    return _keep_faces(mesh, left(enough))
 
 
 def _largest(mesh: Mesh) -> int:
@@ -206,7 +204,7 @@ def _largest_part(mesh: Mesh, faces: BoolArray) -> BoolArray:
     return kept
 
 
-def _kept(mesh: Mesh, faces: BoolArray) -> Damaged:
+def _keep_faces(mesh: Mesh, faces: BoolArray) -> Damaged:
     """Keep some faces of a mesh, and the vertices that they use."""
     if not faces.any():
         raise MeshError(f"nothing would be left of {mesh!r}; remove less of it, or give a finer mesh")

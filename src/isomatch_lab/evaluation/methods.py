@@ -130,7 +130,7 @@ def digest_of(settings: Mapping[str, Any], ending: str = "") -> str:
 
 
 MAP_SUFFIXES = (".npz", ".npy", ".mat", ".txt", ".map", ".csv")
-NAME_SEPARATORS = ("__", "-", "_")  # names of a pair in the name of its file
+NAME_SEPARATORS = ("__", "-", "_")  # stand between the names of a pair in a file name
 EXPECTED = "a function takes two meshes, source and target, and returns an array of target vertices, or a map"
 
 
@@ -160,7 +160,7 @@ class OwnFunction:
 
     def __post_init__(self) -> None:
         if not self.digest:
-            digest = _loaded(self.name) if self.function is None else token_hex()
+            digest = _load_function(self.name) if self.function is None else token_hex()
             object.__setattr__(self, "digest", digest)
 
     @property
@@ -179,7 +179,7 @@ class OwnFunction:
     def __call__(self, source: Mesh, target: Mesh, **priors: IntArray) -> MatchResult | Correspondence:
         """Match; what is returned has to be a map of these shapes. What the function prints goes to standard error."""
         with redirect_stdout(sys.stderr):
-            answer = (self.function or _found(self.name, self.digest))(source, target, **priors)
+            answer = (self.function or _find_function(self.name, self.digest))(source, target, **priors)
         return map_from(answer, source, target, self.name)
 
     def to_dict(self) -> dict[str, Any]:
@@ -192,14 +192,14 @@ _TEXTS: dict[str, bytes] = {}  # of modules by name, as they were loaded
 _BEGAN = time()  # what changed later may have been imported before
 
 
-def _found(name: str, digest: str) -> Callable[..., Any]:
+def _find_function(name: str, digest: str) -> Callable[..., Any]:
     """Give the function of a digest, in whatever process; `SettingError` if its text is another now."""
-    if (name, digest) not in _FUNCTIONS and _loaded(name) != digest:
+    if (name, digest) not in _FUNCTIONS and _load_function(name) != digest:
         raise SettingError(f"method {name!r}: its text has changed since the run began; run it again")
     return _FUNCTIONS[name, digest]
 
 
-def _loaded(name: str) -> str:
+def _load_function(name: str) -> str:
     """Load a function as its file is now, and give the digest of this text; `SettingError` if there is none."""
     place, _, attribute = name.rpartition(":")
     if not (place and attribute):

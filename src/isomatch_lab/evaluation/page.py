@@ -15,17 +15,8 @@ from isomatch_lab.evaluation.curves import CurvePanel
 from isomatch_lab.evaluation.ledger import set_label
 
 MAX_PAIRS = 20  # worst pairs shown
-TEXT_COLUMNS = (
-    "set",
-    "damage",
-    "group",
-    "pair",
-    "method",
-    "outcome",
-    "judged_at",
-    "version",
-)  # columns of text
-SENTENCE_COLUMNS = ("notes", "problem")  # of sentences
+TEXT_COLUMNS = ("set", "damage", "group", "pair", "method", "outcome", "judged_at", "version")
+SENTENCE_COLUMNS = ("notes", "problem")
 PART_COLUMNS = ("iou", "error_matched", "precision", "recall")
 """Columns that say no more than ``unmatched`` where every vertex has a counterpart."""
 MEANINGS = {
@@ -123,7 +114,7 @@ def write_page(
     columns = [name for name in SUMMARY_COLUMNS if name not in once]
     every = [(columns, summary), (FURTHER_COLUMNS, summary), (GAIN_COLUMNS, gains), (WORST_COLUMNS, worst)]
     # how errors were judged is told above the table
-    shown = {"judged_at"} | {column for names, lines in every for column in _filled(names, lines)}
+    shown = {"judged_at"} | {column for names, lines in every for column in _filled_columns(names, lines)}
     page = Template((files("isomatch_lab.evaluation") / "page.html").read_text(encoding="utf-8")).substitute(
         title=escape(f"isomatch bench: {sets}"),
         summary=_table(columns, summary, by_set=True),
@@ -169,14 +160,14 @@ def told_of_parts(lines: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
-def _filled(columns: Iterable[str], rows: list[dict[str, Any]]) -> list[str]:
+def _filled_columns(columns: Iterable[str], rows: list[dict[str, Any]]) -> list[str]:
     """Columns that some row fills."""
     return [column for column in columns if any(row.get(column) not in (None, "") for row in rows)]
 
 
 def _table(columns: Iterable[str], rows: list[dict[str, Any]], by_set: bool = False) -> str:
     """HTML table of the columns that some row fills; by set, with a line above the rows of each."""
-    shown = _filled(columns, rows)
+    shown = _filled_columns(columns, rows)
     kind = (
         dict.fromkeys(shown, "")
         | dict.fromkeys(TEXT_COLUMNS, " class=words")

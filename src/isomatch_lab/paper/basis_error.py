@@ -11,7 +11,7 @@ from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 
 RANKS = tuple(range(5, 51, 5))
 FIRST_ZOOMED_RANK = 20  # first rank shown in the zoom
-CLOSE_RATIO = 1.4  # times the optimum, up to which an approximation counts as close
+CLOSE_RATIO = 1.4  # an approximation is close if its error is at most this many times the optimum
 COLUMNS = {  # CSV column: label, style
     "laplace": ("Laplace–Beltrami basis", {"color": "#0072B2", "marker": "s", "linestyle": ":"}),
     "nystrom": (
@@ -33,7 +33,7 @@ def relative_error(approximate: FloatArray, distances: FloatArray, weights: Floa
     return float(np.linalg.norm(difference) / np.linalg.norm(whole))
 
 
-def projected(vectors: FloatArray, distances: FloatArray, weights: FloatArray) -> FloatArray:
+def project_distances(vectors: FloatArray, distances: FloatArray, weights: FloatArray) -> FloatArray:
     """Weighted least squares approximation of the columns of D in the span of functions (n, k)."""
     root = np.sqrt(weights)[:, None]
     span = np.linalg.qr(root * vectors)[0]
@@ -51,7 +51,7 @@ def errors_by_rank(mesh: Mesh, ranks: tuple[int, ...], seed: int = 0) -> list[di
     rows = []
     for k in ranks:
         approximations = {
-            "laplace": projected(smooth[:, :k], distances, weights),
+            "laplace": project_distances(smooth[:, :k], distances, weights),
             "nystrom": distance_basis(mesh, k, 2 * k, "nystrom", "uniform", seed, held_out=0).row(everywhere),
             "predicted": distance_basis(mesh, k, 2 * k, "predicted", "uniform", seed, held_out=0).row(
                 everywhere

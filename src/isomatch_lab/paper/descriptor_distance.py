@@ -29,7 +29,7 @@ def embeddings(mesh: Mesh, seed: int = 0, rank: int = RANK) -> dict[str, FloatAr
     }
 
 
-def compared(mesh: Mesh, n_points: int, seed: int = 0) -> tuple[FloatArray, dict[str, FloatArray]]:
+def compare_descriptors(mesh: Mesh, n_points: int, seed: int = 0) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Geodesic distances / √area between all pairs of random vertices, and the distances of their descriptors."""
     drawn = np.random.default_rng(seed).choice(mesh.n_vertices, n_points, replace=False)
     distances = geodesic_distances(mesh, drawn)[:, drawn] / np.sqrt(mesh.area)
@@ -50,7 +50,7 @@ def quantiles(geodesic: FloatArray, between: FloatArray) -> FloatArray:
 def make(setting: Setting) -> Reproduction:
     """Compare both descriptors on the cat."""
     name, mesh = setting.shape("cat0")
-    geodesic, between = compared(mesh, QUICK_POINTS if setting.quick else N_POINTS, setting.seed)
+    geodesic, between = compare_descriptors(mesh, QUICK_POINTS if setting.quick else N_POINTS, setting.seed)
     ranks = {kind: float(spearmanr(geodesic, e).statistic) for kind, e in between.items()}
     lines = {kind: quantiles(geodesic, e) for kind, e in between.items()}
     rows: list[dict[str, Any]] = [

@@ -13,7 +13,7 @@ from isomatch.datasets import Creature
 from isomatch.surfaces import Mesh
 from isomatch_lab.procedural.anatomy import body
 from isomatch_lab.procedural.implicit import Skin
-from isomatch_lab.procedural.posing import Pose, natural_pose, posed
+from isomatch_lab.procedural.posing import Pose, natural_pose, pose_points
 from isomatch_lab.procedural.tessellation import tessellate
 
 MIN_VERTICES = 1500
@@ -80,7 +80,7 @@ def creature(
     skin = Skin.of(limbs)
     angles = natural_pose(limbs, pose) if isinstance(pose, int | np.integer) else pose
     rest = tessellate(skin, n_vertices, triangulation)
-    mesh = Mesh(posed(rest.vertices, limbs, skin, angles), rest.faces)
+    mesh = Mesh(pose_points(rest.vertices, limbs, skin, angles), rest.faces)
     return Creature(mesh, rest.vertices, kind, style, symmetric)
 
 

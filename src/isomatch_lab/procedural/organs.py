@@ -101,8 +101,8 @@ def organ(
     if symmetry != "none":
         cones = np.concatenate([cones, cones * np.r_[SIGNS[symmetry], SIGNS[symmetry], 1, 1]])
     skin = Skin(cones, np.zeros(len(cones), dtype=np.int64), BLEND)
-    rest = _opened(tessellate(skin, n_vertices * (2 if len(opening) else 1), pose), opening)
-    return Organ(Mesh(_bent(rest.vertices, symmetry, pose), rest.faces), rest.vertices, symmetry)
+    rest = _cut_opening(tessellate(skin, n_vertices * (2 if len(opening) else 1), pose), opening)
+    return Organ(Mesh(_bend(rest.vertices, symmetry, pose), rest.faces), rest.vertices, symmetry)
 
 
 def organ_truth(source: Organ, target: Organ, *, symmetric: bool = False) -> Truth:
@@ -111,7 +111,7 @@ def organ_truth(source: Organ, target: Organ, *, symmetric: bool = False) -> Tru
     return closest_points(points, Mesh(target.rest, target.mesh.faces))
 
 
-def _opened(mesh: Mesh, opening: FloatArray) -> Mesh:
+def _cut_opening(mesh: Mesh, opening: FloatArray) -> Mesh:
     """Keep the largest component of the faces on the inner side of all planes (q, 4): normal and offset."""
     inside = np.all(mesh.vertices @ opening[:, :3].T < opening[:, 3], axis=1)
     kept = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)])
@@ -121,7 +121,7 @@ def _opened(mesh: Mesh, opening: FloatArray) -> Mesh:
     return Mesh(mesh.vertices[used], compact.reshape(faces.shape))
 
 
-def _bent(points: FloatArray, symmetry: OrganSymmetry, pose: int) -> FloatArray:
+def _bend(points: FloatArray, symmetry: OrganSymmetry, pose: int) -> FloatArray:
     """Bend the axes x and y towards z and stretch, which keeps either symmetry; twist about x unless there is one."""
     rng = np.random.default_rng([pose, 1])
     points = points * (1 + rng.uniform(-MAX_STRETCH, MAX_STRETCH, 3))

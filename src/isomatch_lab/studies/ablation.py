@@ -18,17 +18,17 @@ from isomatch import Config, NotConvergedError, match, prepare
 from isomatch.settings import RefinementSettings, SearchSettings, SelectionSettings
 from isomatch_lab.studies.shared import (
     Job,
-    asked_for,
     hard_jobs,
     in_parallel,
-    loaded,
+    load_job,
     mean_error,
+    parse_arguments,
     write_rows,
     write_table,
 )
 
 FAILURE_ERROR = 10.0
-NOTICEABLE_CHANGE = 0.3  # difference of errors
+NOTICEABLE_CHANGE = 0.3  # smallest difference of errors that counts as worse or better
 EVERYTHING = "everything"
 STEPS = RefinementSettings()
 LATE_POSITIONS = RefinementSettings(
@@ -49,9 +49,9 @@ VARIANTS: dict[str, Config] = {
 }
 
 
-def measured(job: Job) -> list[dict[str, Any]]:
+def measure(job: Job) -> list[dict[str, Any]]:
     """Match one pair in every variant."""
-    pair = loaded(job)
+    pair = load_job(job)
     shapes = prepare(pair.source), prepare(pair.target)
     match(*shapes)
     rows = []
@@ -94,7 +94,7 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "ablation.csv")
-    rows = [row for rows in in_parallel(measured, hard_jobs(asked.data)) for row in rows]
+    asked = parse_arguments(__doc__, "ablation.csv")
+    rows = [row for rows in in_parallel(measure, hard_jobs(asked.data)) for row in rows]
     write_rows(asked.output / "ablation_pairs.csv", tuple(rows[0]), rows)
     write_table(asked.output / "ablation.csv", summary(rows))

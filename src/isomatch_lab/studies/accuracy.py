@@ -17,7 +17,7 @@ import numpy as np
 
 from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark, write_tables
 from isomatch_lab.sets import benchmark_set
-from isomatch_lab.studies.shared import asked_for, write_table
+from isomatch_lab.studies.shared import parse_arguments, write_table
 
 POINTS = 700
 SETS = ("faust_r", "tosca_iso_r", "scape", "tosca", "creatures")
@@ -70,7 +70,7 @@ def classes(rows: list[Row]) -> Iterator[Row]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "rows, tables and curves", [*SETS, *SETS_WITH_LANDMARKS])
+    asked = parse_arguments(__doc__, "rows, tables and curves", [*SETS, *SETS_WITH_LANDMARKS])
     for name in asked.kinds or SETS:
         for row in run_benchmark(run_of(name, asked.data), asked.output):
             print(name, row["pair"], row["method"], row.get("error"), row.get("outcome"), flush=True)

@@ -22,10 +22,10 @@ from isomatch_lab.damage import DamageChoice
 from isomatch_lab.sets import BenchmarkPair, benchmark_set
 from isomatch_lab.studies.shared import (
     UNFLAGGED_OUTCOMES,
-    asked_for,
     error_after,
     in_parallel,
     mean_error,
+    parse_arguments,
     write_rows,
     write_table,
 )
@@ -93,10 +93,10 @@ def creature_names(style: int, symmetry: str) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def measured(job: Job) -> dict[str, Any]:
+def measure_job(job: Job) -> dict[str, Any]:
     """Match one pair and judge the map."""
     data, kind, name, (a, b) = job
-    whole = loaded_pair(data, kind, name, a, b)
+    whole = load_pair(data, kind, name, a, b)
     row: dict[str, Any] = {"kind": kind, "set": name, "pair": f"{a}-{b}"}
     damaged = None
     if kind == "damaged":
@@ -109,7 +109,7 @@ def measured(job: Job) -> dict[str, Any]:
         row["kind"] = f"damaged, {choice.name}"
     pair = damaged.given if damaged else whole
     try:
-        result = isomatch.match(pair.source, pair.target, **provoked(kind, pair))
+        result = isomatch.match(pair.source, pair.target, **provoke_maps(kind, pair))
     except isomatch.IsomatchError as problem:
         return row | {"outcome": type(problem).__name__, "error": None}
     error = None
@@ -121,7 +121,7 @@ def measured(job: Job) -> dict[str, Any]:
     return row | {key: result.to_dict()["quality"][key] for key in EVIDENCE}
 
 
-def loaded_pair(data: str, kind: str, name: str, a: str, b: str) -> BenchmarkPair:
+def load_pair(data: str, kind: str, name: str, a: str, b: str) -> BenchmarkPair:
     """Load a pair; of shapes of different kinds without any truth."""
     shapes = benchmark_set(name, data)
     if kind != "other kind":
@@ -130,7 +130,7 @@ def loaded_pair(data: str, kind: str, name: str, a: str, b: str) -> BenchmarkPai
     return BenchmarkPair(f"{a}-{b}", source, target, np.zeros((0, 2), int))
 
 
-def provoked(kind: str, pair: BenchmarkPair) -> dict[str, Any]:
+def provoke_maps(kind: str, pair: BenchmarkPair) -> dict[str, Any]:
     """Options of `match` that make a wrong map likely."""
     trusted = Config(hypotheses="given")
     if kind == "mirrored":
@@ -182,10 +182,10 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "confidence.csv")
+    asked = parse_arguments(__doc__, "confidence.csv")
     results = write_rows(
         asked.output / "confidence.csv",
         ("kind", "set", "pair", "error", "outcome", *EVIDENCE),
-        in_parallel(measured, jobs(asked.data)),
+        in_parallel(measure_job, jobs(asked.data)),
     )
     write_table(asked.output / "confidence_table.csv", summary(results))

@@ -34,7 +34,7 @@ from isomatch.cohort import (
 from isomatch.datasets import Creature, ground_truth
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import BenchmarkPair, relabelled, remeshed, scape
-from isomatch_lab.studies.shared import asked_for, mean_error, write_rows, write_table
+from isomatch_lab.studies.shared import mean_error, parse_arguments, write_rows, write_table
 
 SETS = ("creatures", "faust_r", "scape", "cat", "horse")
 MAX_SHAPES = 20
@@ -101,7 +101,7 @@ def made_pair(source: str, target: str) -> BenchmarkPair:
     )
 
 
-def matched(study: Study, folder: Path) -> Collection:
+def match_all(study: Study, folder: Path) -> Collection:
     """Match all pairs of a set."""
     shapes = folder / "shapes"
     shapes.mkdir(parents=True, exist_ok=True)
@@ -114,7 +114,7 @@ def matched(study: Study, folder: Path) -> Collection:
     return collection
 
 
-def prepared(collection: Collection, name: str) -> PreparedShape:
+def prepare_shape(collection: Collection, name: str) -> PreparedShape:
     """Read a prepared shape."""
     return PreparedShape.load(collection.layout.prepared(collection.rows().shapes[name].key))
 
@@ -124,7 +124,7 @@ def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> Pai
     if file.exists():
         return PairMaps.load(file)
     right = collection.maps(*pair)
-    source, target = (prepared(collection, name) for name in pair)
+    source, target = (prepare_shape(collection, name) for name in pair)
     image, config = None, replace(collection.config, orientation="reverse")
     if kind == "turned":
         turned = [
@@ -132,8 +132,8 @@ def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> Pai
             for alternative in match(source, target).alternatives
             if alternative.orientation > 0
         ]
-        image = max(turned, key=lambda other: moved(target, right, other), default=None)
-        if image is not None and moved(target, right, image) < 1.5 * FAILURE_ERROR / 100:
+        image = max(turned, key=lambda other: mean_displacement(target, right, other), default=None)
+        if image is not None and mean_displacement(target, right, image) < 1.5 * FAILURE_ERROR / 100:
             image = None
     if image is not None:
         config = replace(collection.config, hypotheses="given")
@@ -147,7 +147,7 @@ def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> Pai
     return maps
 
 
-def moved(target: PreparedShape, right: PairMaps, image: np.ndarray) -> float:
+def mean_displacement(target: PreparedShape, right: PairMaps, image: np.ndarray) -> float:
     """Mean distance of the images under another map."""
     return target.mean_distance(target.body_vertex[right.there.vertices], target.body_vertex[image])
 
@@ -183,7 +183,7 @@ def errors_of(study: Study, collection: Collection, kept: dict[str, float]) -> d
     return errors
 
 
-def measured(name: str, study: Study, folder: Path, share: float, errors: dict[str, float]) -> dict[str, Any]:
+def measure(name: str, study: Study, folder: Path, share: float, errors: dict[str, float]) -> dict[str, Any]:
     """Errors and outcomes before and after the maps of a collection were brought to agree."""
     file = folder / f"{share}.json"
     if file.exists():
@@ -227,7 +227,7 @@ def measured(name: str, study: Study, folder: Path, share: float, errors: dict[s
     return row
 
 
-def shown(row: dict[str, Any]) -> dict[str, Any]:
+def table_row(row: dict[str, Any]) -> dict[str, Any]:
     """Give a row as the page shows it."""
     worst = row["consistency_wrong"]
     return {
@@ -263,7 +263,7 @@ def limits(n: int, share: float, draws: int = 60) -> tuple[float, float]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "consistency.csv", SETS)
+    asked = parse_arguments(__doc__, "consistency.csv", SETS)
     cycles = []
     for n in (4, 6, 8, 12, 20):
         cycle_limits = {
@@ -274,8 +274,8 @@ if __name__ == "__main__":
     rows = []
     for name in asked.kinds or SETS:
         study, errors = study_of(name, Path(asked.data)), dict[str, float]()
-        matched(study, asked.output / name)
-        rows += [measured(name, study, asked.output / name, share, errors) for share in SHARES]
+        match_all(study, asked.output / name)
+        rows += [measure(name, study, asked.output / name, share, errors) for share in SHARES]
         print(*rows, sep="\n", flush=True)
     write_rows(asked.output / "consistency.csv", COLUMNS, rows)
-    write_table(asked.output / "consistency_table.csv", [shown(row) for row in rows])
+    write_table(asked.output / "consistency_table.csv", [table_row(row) for row in rows])

@@ -22,10 +22,10 @@ from matplotlib.figure import Figure
 from isomatch import Mesh, write_mesh
 from isomatch.evaluation import THRESHOLDS
 from isomatch_lab.evaluation import benchmark
-from isomatch_lab.studies.shared import UNFLAGGED_OUTCOMES, asked_for, write_rows, write_table
+from isomatch_lab.studies.shared import UNFLAGGED_OUTCOMES, parse_arguments, write_rows, write_table
 
-POINTS = 1000  # of the truth of each pair
-WRONG_ERROR = 10.0  # × √area / 100
+POINTS = 1000  # truth points of each pair
+WRONG_ERROR = 10.0  # a pair is wrong above this mean error × 100 / √area
 NO_MAP_ERROR = 100.0  # the error of a pair without a map
 COLUMNS = ("contest", "pair", "group", "error", "error_matched", "iou", "outcome", "seconds")
 DECIMATED = "decimate:0.5"
@@ -143,7 +143,7 @@ def curves(rows_by_contest: dict[str, list[dict[str, Any]]], output: Path) -> No
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "contests.csv", CONTESTS)
+    asked = parse_arguments(__doc__, "contests.csv", CONTESTS)
     rows_by_contest = {
         name: rows_of(name, Path(asked.data), asked.output) for name in asked.kinds or CONTESTS
     }

@@ -16,7 +16,7 @@ from isomatch_lab.paper import ITEMS, Setting, reproduce
 from isomatch_lab.paper.benchmark_rows import benchmark_rows
 from isomatch_lab.paper.curves_5pt import METHODS
 from isomatch_lab.paper.princeton_curves import sets_of
-from isomatch_lab.studies.shared import asked_for, write_table
+from isomatch_lab.studies.shared import parse_arguments, write_table
 
 POINTS = 500
 
@@ -41,7 +41,7 @@ def means(setting: Setting) -> list[dict[str, str]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "the figures and paper_table.csv")
+    asked = parse_arguments(__doc__, "the figures and paper_table.csv")
     setting = Setting(Path(asked.data), asked.output / "runs", n_points=POINTS, progress=print_stage)
     for record in reproduce(tuple(ITEMS), setting, asked.output, force=True):
         for verdict in record["verdicts"]:

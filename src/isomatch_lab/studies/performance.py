@@ -39,7 +39,7 @@ REAL = {
     "david": ("tosca", "david0", "david1"),
 }
 REPEATS = 5
-QUICK_SECONDS = 6.0  # seconds from which a match is repeated less often
+QUICK_SECONDS = 6.0  # a match that takes longer is repeated less often
 STAGES = ("body", "levels", "distances", "functions", "samples")
 LATER_STAGES = ("search", "selection", "refinement", "quality", "polish", "carry")
 """Stages of the preparation of one shape, and of the match."""
@@ -96,14 +96,14 @@ def _asked_for() -> argparse.Namespace:
     parser.add_argument("--one", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.one:
-        row = measured(asked.one, asked.data, asked.output, asked.pyfm)
+        row = measure(asked.one, asked.data, asked.output, asked.pyfm)
         path = asked.output / f"{asked.one.replace(' ', '_')}.json"
         path.write_text(json.dumps(row, indent=1), encoding="utf-8")
         sys.exit()
     return asked
 
 
-def measured(name: str, data: str | None, output: Path, largest_for_pyfm: int) -> dict[str, Any]:
+def measure(name: str, data: str | None, output: Path, largest_for_pyfm: int) -> dict[str, Any]:
     """Match one pair, warm, and return a row: seconds in the median, memory, error, stages and lower bounds."""
     pair = _pair(name, data, output)
     small = example_pair()

@@ -93,13 +93,13 @@ def together(first: Mesh, second: Mesh) -> Mesh:
     return Mesh(vertices, np.vstack([first.faces, second.faces + first.n_vertices]))
 
 
-def pierced(mesh: Mesh, n: int, at: int = 10) -> Mesh:
+def pierce(mesh: Mesh, n: int, at: int = 10) -> Mesh:
     """Take the n vertices that are nearest to one out of a mesh."""
     distance = np.linalg.norm(mesh.vertices - mesh.vertices[at], axis=1)
     return mesh.submesh(distance > np.sort(distance)[n - 1])[0]
 
 
-def damaged(mesh: Mesh) -> Mesh:
+def break_mesh(mesh: Mesh) -> Mesh:
     """Break a mesh: some points are there twice, one is unused; some faces are twice, turned over, or of two points."""
     twice, n = mesh.vertices[mesh.faces[:60].ravel()], mesh.n_vertices
     faces = np.vstack([np.arange(n, n + 180).reshape(60, 3), mesh.faces[60:]])
@@ -108,7 +108,7 @@ def damaged(mesh: Mesh) -> Mesh:
     return Mesh(vertices, np.vstack([faces, faces[100:120], [[1, 1, 2]]]))
 
 
-def turned(mesh: Mesh, side: int) -> Mesh:
+def turn_over(mesh: Mesh, side: int) -> Mesh:
     """Turn all faces over; with −1 reflect the mesh too, so that its outside stays outside."""
     return Mesh(mesh.vertices * [side, 1, 1], mesh.faces[:, ::-1])
 
@@ -123,7 +123,7 @@ def graph(mesh: Mesh) -> Graph:
     return Graph(mesh.n_vertices, mesh.edges, mesh.edge_lengths)
 
 
-def dressed(mesh: Mesh) -> Asset:
+def add_attributes(mesh: Mesh) -> Asset:
     """Make an asset with an attribute of every kind."""
     unit = (mesh.vertices - mesh.vertices.min(axis=0)) / np.ptp(mesh.vertices, axis=0)
     corners, zone = unit[mesh.faces.ravel()], np.digitize(unit[:, 1], [0.3, 0.6])
@@ -154,8 +154,8 @@ PAIRS: dict[str, Callable[[Folders], Iterable[Any]]] = {
     "kidneys": lambda at: [organ("kidney", 1500, pose=i).mesh for i in (1, 2)],
     "faces": lambda at: [organ("face", 1500, pose=i).mesh for i in (1, 2)],
     "large": lambda at: bodies(18_000, 1, 2),
-    "holes": lambda at: (pierced(shipped()[0], 150), shipped()[1]),
-    "both with holes": lambda at: (pierced(shipped()[0], 200), pierced(shipped()[1], 200, at=900)),
+    "holes": lambda at: (pierce(shipped()[0], 150), shipped()[1]),
+    "both with holes": lambda at: (pierce(shipped()[0], 200), pierce(shipped()[1], 200, at=900)),
     "cut": lambda at: at.shapes("shrec16_cuts/shapes.npz", "cuts_cat_shape_10", "null_cat"),
     "whole and cut": lambda at: at.shapes("shrec16_cuts/shapes.npz", "null_horse", "cuts_horse_shape_4"),
     "unsure cut": lambda at: at.shapes("shrec16_cuts/shapes.npz", "cuts_horse_shape_15", "null_horse"),
@@ -165,9 +165,9 @@ PAIRS: dict[str, Callable[[Folders], Iterable[Any]]] = {
     "parts of species": lambda at: at.shapes("psmal/shapes.npz", "cuts_0_cow_02", "cuts_22_dog_05"),
     "touching limbs": lambda at: at.shapes("topkids/shapes.npz", "kid01", "kid00"),
     "components": lambda at: map(together, shipped(), bodies(1500, 1, 2, kind="biped")),
-    "damaged": lambda at: (damaged(shipped()[0]), shipped()[1]),
-    "mirror image": lambda at: (turned(shipped()[0], -1), shipped()[1]),
-    "inside out": lambda at: (turned(shipped()[0], 1), shipped()[1]),
+    "damaged": lambda at: (break_mesh(shipped()[0]), shipped()[1]),
+    "mirror image": lambda at: (turn_over(shipped()[0], -1), shipped()[1]),
+    "inside out": lambda at: (turn_over(shipped()[0], 1), shipped()[1]),
     "points": lambda at: [points(coarse(mesh, 1500)) for mesh in shipped()],
     "graphs": lambda at: [graph(coarse(mesh, 1500)) for mesh in shipped()],
 }
@@ -191,15 +191,7 @@ GIVEN = {  # folder of the case, map, receiver, giver
     "other skin": ("14-skin-same-rig", "identity.txt", "other_names.glb", "rigged.glb"),
 }
 FORMATS = ".off .obj .stl .stl-text .ply .ply-text .glb .gltf .vtk .vtk-text .vtp .vtu .gii .pial"
-MENDED_SUFFIXES = (
-    ".off",
-    ".obj",
-    ".ply",
-    ".stl",
-    ".glb",
-    ".gltf",
-    ".gii",
-)  # files of cases that are also mended
+MENDED_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".glb", ".gltf", ".gii")  # of cases to mend
 
 # Calls
 
@@ -283,7 +275,7 @@ def _distance_basis(at: Folders, variant: str) -> Any:
 
 @call()
 def _laplace_basis(at: Folders) -> Any:
-    surfaces = shipped()[0], pierced(shipped()[0], 200), points(tiny()[0])
+    surfaces = shipped()[0], pierce(shipped()[0], 200), points(tiny()[0])
     bases = [isomatch.laplace_basis(surface, 60) for surface in surfaces]
     return bases, isomatch.heat_kernel_signature(bases[0], 20), isomatch.wave_kernel_signature(bases[0], 20)
 
@@ -319,7 +311,7 @@ def _check_and_repair(at: Folders, variant: str) -> Any:
 def _file_format(at: Folders, variant: str) -> Any:
     suffix, _, text = variant.partition("-")
     file = at.scratch / f"written{suffix}"
-    lost = isomatch.write_asset(file, dressed(tiny()[0]), **({"binary": False} if text else {}))
+    lost = isomatch.write_asset(file, add_attributes(tiny()[0]), **({"binary": False} if text else {}))
     read = isomatch.read_asset(file), isomatch.read_mesh(file)
     return file.read_bytes(), [feature.name for feature in lost], read
 
@@ -327,7 +319,7 @@ def _file_format(at: Folders, variant: str) -> Any:
 @call("source", "target", "majority", "values")
 def _carry_attributes(at: Folders, variant: str) -> Any:
     options = {"majority": {"labels": variant}, "values": {"numbers_as": variant}}
-    ends = match(*tiny()).map, *map(dressed, tiny())
+    ends = match(*tiny()).map, *map(add_attributes, tiny())
     carried = isomatch.carry_attributes(*ends, **options.get(variant, {"to": variant}))
     isomatch.write_asset(at.scratch / "carried.glb", carried.asset)
     return carried, (at.scratch / "carried.glb").read_bytes()

@@ -45,7 +45,7 @@ def beside(results: Path) -> str:
             better = sum(
                 float(row[key]) > float(our) if overlap else float(row[key]) < float(our) for row in others
             )
-            best = [_told(rows[0], key) if rows else "" for rows in (others, alike)]
+            best = [_describe(rows[0], key) if rows else "" for rows in (others, alike)]
             place = f"{better + 1} of {len(others) + 1}"
             lines.append([f"{title}, {measured[name]['pairs']} {what}", key, our, place, *best])
     return markdown(
@@ -53,7 +53,7 @@ def beside(results: Path) -> str:
     )
 
 
-def _told(row: Row, key: str) -> str:
+def _describe(row: Row, key: str) -> str:
     """Name a method, its year and its number; what was seen in a summary alone keeps the mark."""
     return f"{row['method']} {row['year']}{' †' * row['source'].endswith('†')}: {row[key]}"
 

@@ -31,19 +31,19 @@ from isomatch_lab.studies.public_calls import CALLS, Attempt, Folders
 
 REAL_DATA = Path(__file__).parents[4] / "shared" / "data"
 SKIPPED = ("timings", "document")  # fields: what is not the same twice, and what a format keeps for itself
-MAX_SHOWN = 20  # differences of a call that are printed
+MAX_SHOWN = 20  # differences printed for each call
 Arrays = Mapping[str, np.ndarray]
 
 
 def attempt(act: Callable[[], Any]) -> dict[str, np.ndarray]:
     """Return the arrays of what a call returns, or the class of its error."""
     try:
-        return dict(flat(act()))
+        return dict(flatten(act()))
     except Exception as error:
         return {"error": np.array([type(error).__name__]), "message": np.array(str(error))}
 
 
-def flat(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
+def flatten(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
     """Walk through what a call returns: each array by the path to it, and texts as arrays of no dimension."""
     parts: Iterable[tuple[object, Any]] = ()
     if isinstance(value, Attempt):
@@ -72,7 +72,7 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
         parts = [("words", "\n".join(value))] if are_words else enumerate(value)
     for key, part in parts:
         if key not in SKIPPED:
-            yield from flat(part, f"{name}|{key}".strip("|"))
+            yield from flatten(part, f"{name}|{key}".strip("|"))
 
 
 def record(at: Folders, only: str) -> dict[str, np.ndarray]:

@@ -44,7 +44,7 @@ SHARED = ("shared.py", "hard_pairs.txt")  # what several studies need
 RESULTS = Path("docs", "results")
 PACKAGES = ("numpy", "scipy", "numba")
 MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
-NOT_TABLES = ("stamp", "beside")  # what is marked and no table
+NOT_TABLES = ("stamp", "beside")  # marked places that hold no table
 Stamp = dict[str, Any]
 
 
@@ -144,7 +144,7 @@ def filled(text: str, stamps: dict[str, Stamp], results: Path = ROOT / RESULTS) 
         elif name == "beside":
             new = published.beside(results)
         else:
-            new = rendered(results / f"{name}.csv", columns)
+            new = render_table(results / f"{name}.csv", columns)
         return place[0].replace(f"-->\n{old}<!--", f"-->\n{new}<!--")
 
     return MARKED.sub(fill, text)
@@ -156,7 +156,7 @@ def read_table(path: Path) -> list[list[str]]:
         return list(csv.reader(file))
 
 
-def rendered(path: Path, columns: str | None) -> str:
+def render_table(path: Path, columns: str | None) -> str:
     """Give a table, or some of its columns, as Markdown."""
     lines = read_table(path)
     chosen = [lines[0].index(column) for column in columns.split("; ")] if columns else range(len(lines[0]))

@@ -17,17 +17,17 @@ import numpy as np
 from isomatch import Config, IsomatchError, PreparedShape, match, prepare
 from isomatch_lab.studies.shared import (
     Job,
-    asked_for,
     hard_jobs,
     in_parallel,
-    loaded,
+    load_job,
     mean_error,
+    parse_arguments,
     write_table,
 )
 
 FAILURE_ERROR = 10.0
-NOTICEABLE_CHANGE = 0.2  # change of the mean
-HARD_PAIRS_STEP = 16  # one of this many hard pairs is taken
+NOTICEABLE_CHANGE = 0.2  # least change of the mean error that is reported
+HARD_PAIRS_STEP = 16  # every sixteenth hard pair is taken
 DEFAULTS = Config()
 VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # by stage; "" for the everyday settings
     "": {"n_search": (300, 600), "n_refine": (500, 2000)},
@@ -82,9 +82,9 @@ def variants() -> dict[tuple[str, str], Config]:
     return made
 
 
-def measured(job: Job) -> dict[tuple[str, str], float]:
+def measure(job: Job) -> dict[tuple[str, str], float]:
     """Match one pair with each value; shapes are prepared again where a setting asks for it."""
-    pair = loaded(job)
+    pair = load_job(job)
     usual = prepare(pair.source), prepare(pair.target)
     errors = {}
     for key, config in variants().items():
@@ -98,7 +98,7 @@ def measured(job: Job) -> dict[tuple[str, str], float]:
     return errors
 
 
-def telling(table: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def notable_rows(table: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Rows whose mean differs from the defaults, and the range of all others."""
     usual, rows = table[0]["mean"], table[1:]
     moved = [row for row in rows if abs(row["mean"] - usual) > NOTICEABLE_CHANGE]
@@ -121,10 +121,10 @@ def telling(table: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "sensitivity.csv")
+    asked = parse_arguments(__doc__, "sensitivity.csv")
     jobs = hard_jobs(asked.data)[::HARD_PAIRS_STEP]
     rows = []
-    for job, row in zip(jobs, in_parallel(measured, jobs), strict=True):
+    for job, row in zip(jobs, in_parallel(measure, jobs), strict=True):
         rows.append(row)
         print(*job[1:], round(row["defaults", ""], 2), flush=True)
     usual = np.array([row["defaults", ""] for row in rows])
@@ -143,4 +143,4 @@ if __name__ == "__main__":
             }
         )
     write_table(asked.output / "sensitivity.csv", table)
-    write_table(asked.output / "sensitivity_table.csv", telling(table))
+    write_table(asked.output / "sensitivity_table.csv", notable_rows(table))

@@ -47,7 +47,7 @@ def error_after(damaged: DamagedPair, image: Correspondence) -> float:
 UNFLAGGED_OUTCOMES = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
 
 
-def summed_up(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
+def summarise(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
     """Mean, median and worst error of some maps, wrong maps, those called right, and their largest error."""
     errors = np.array([row["error"] for row in rows])
     sure = [row["error"] for row in rows if row["outcome"] in UNFLAGGED_OUTCOMES]
@@ -74,7 +74,7 @@ def hard_jobs(data: str) -> list[Job]:
     return [*real, *damaged]
 
 
-def loaded(job: Job) -> BenchmarkPair:
+def load_job(job: Job) -> BenchmarkPair:
     """Read or make the pair of a job."""
     data, name, names = job
     if name == "hard creatures":
@@ -112,7 +112,7 @@ def damaged_creatures(damage: str, seed: int) -> BenchmarkPair:
     return BenchmarkPair(f"{damage}-{seed}", source, target, truth)
 
 
-def drawn(data: str, counts: dict[str, int], seed: int) -> list[Job]:
+def draw_jobs(data: str, counts: dict[str, int], seed: int) -> list[Job]:
     """Folder, set and names of pairs drawn from some sets."""
     return [
         (data, name, pair)
@@ -149,7 +149,7 @@ def write_table(path: Path, rows: Sequence[dict[str, Any]]) -> None:
         print(*row.values(), sep="  ", flush=True)
 
 
-def asked_for(description: str | None, file: str, kinds: Iterable[str] = ()) -> argparse.Namespace:
+def parse_arguments(description: str | None, file: str, kinds: Iterable[str] = ()) -> argparse.Namespace:
     """Read ``--data``, ``-o`` and some of the kinds from the command line, and make the folder for the file."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--data", required=True, help="folder of the benchmark sets")

@@ -19,10 +19,10 @@ from isomatch_lab.evaluation import dirichlet_energy
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import (
     Job,
-    asked_for,
-    drawn,
+    draw_jobs,
     in_parallel,
     mean_error,
+    parse_arguments,
     write_rows,
     write_table,
 )
@@ -37,7 +37,7 @@ VARIANTS = {
 MEASURES = ("error", "cycle", "dirichlet", "image_area", "seconds")
 
 
-def measured(job: Job) -> list[dict[str, Any]]:
+def measure_job(job: Job) -> list[dict[str, Any]]:
     """Match one pair both ways in every variant."""
     data, name, names = job
     pair = benchmark_set(name, data).load(*names)
@@ -62,9 +62,9 @@ def measured(job: Job) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "smoothness.csv")
-    jobs = drawn(asked.data, PAIRS, SEED)
-    rows = [row for rows in in_parallel(measured, jobs) for row in rows]
+    asked = parse_arguments(__doc__, "smoothness.csv")
+    jobs = draw_jobs(asked.data, PAIRS, SEED)
+    rows = [row for rows in in_parallel(measure_job, jobs) for row in rows]
     write_rows(asked.output / "smoothness.csv", tuple(rows[0]), rows)
     table = []
     for variant in VARIANTS:

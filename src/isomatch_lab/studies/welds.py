@@ -25,10 +25,10 @@ from isomatch_lab.damage import Damaged, DamagedPair, damaged_pair, decimate, me
 from isomatch_lab.evaluation import true_landmarks
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import (
-    asked_for,
     error_after,
     in_parallel,
-    summed_up,
+    parse_arguments,
+    summarise,
     write_rows,
     write_table,
 )
@@ -118,7 +118,7 @@ def jobs(data: str) -> Iterator[Job]:
                 yield data, kind, landmarks, pair
 
 
-def measured(job: Job) -> dict[str, Any]:
+def measure(job: Job) -> dict[str, Any]:
     """Match one pair, and measure the error on the whole target."""
     data, kind, landmarks, (name, source, target, gap, side) = job
     damaged = fused_pair(data, kind, name, source, target, gap, side)
@@ -147,7 +147,7 @@ def fused_pair(
         return damaged_pair(whole)
     ways: dict[str, Callable[..., Damaged]] = {
         "weld": weld,
-        "stitched": stitched,
+        "stitched": stitch,
         "remesh": remesh,
         "merge": merge,
     }
@@ -158,7 +158,7 @@ def fused_pair(
     )
 
 
-def stitched(mesh: Mesh, gap: float, seed: int) -> Damaged:
+def stitch(mesh: Mesh, gap: float, seed: int) -> Damaged:
     """Weld a mesh, and remove the faces that two sheets have in common."""
     glued = weld(mesh, gap, seed=seed)
     _, name, count = np.unique(
@@ -224,10 +224,10 @@ def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
         for kind in KINDS:
             group = [row for row in rows if (row["landmarks"], row["kind"]) == (landmarks, kind)]
             if group:
-                yield {"limbs fused by": kind, "landmarks": landmarks, **summed_up(group)}
+                yield {"limbs fused by": kind, "landmarks": landmarks, **summarise(group)}
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "welds.csv")
-    rows = write_rows(asked.output / "welds.csv", COLUMNS, in_parallel(measured, jobs(asked.data)))
+    asked = parse_arguments(__doc__, "welds.csv")
+    rows = write_rows(asked.output / "welds.csv", COLUMNS, in_parallel(measure, jobs(asked.data)))
     write_table(asked.output / "welds_table.csv", list(table(rows)))
