@@ -169,7 +169,7 @@ def _comparable(of_source: FloatArray, of_target: FloatArray) -> tuple[FloatArra
     return of_source / size, of_target / size
 
 
-RIDGE = 1e-9  # of the mean diagonal entry; decides where the energy is flat
+RIDGE = 1e-9  # share of the mean diagonal entry added to it; decides where the energy is flat
 
 
 class FunctionalEnergy:

@@ -291,7 +291,7 @@ def _thin(mesh: Mesh, share: float, weights: FloatArray | None = None) -> Damage
     wanted = max(round(share * (mesh.n_vertices - n_unused)), 4) + n_unused
     coarse = decimation.decimate(mesh, wanted, in_place=True, weights=weights)
     moved = np.linalg.norm(mesh.vertices - coarse.mesh.vertices[coarse.owner], axis=1)
-    order = np.lexsort((moved, coarse.owner))  # by owners, the vertex that has not moved first
+    order = np.lexsort((moved, coarse.owner))  # vertices sorted by owner, the least moved first
     kept = order[np.unique(coarse.owner[order], return_index=True)[1]]
     damaged = with_faces(mesh, kept[coarse.mesh.faces])
     return replace(damaged, stand_in=damaged.damaged_vertex[kept[coarse.owner]])

@@ -119,7 +119,7 @@ def limb_removed(mesh: Mesh, share: float = 0.09, *, seed: int = 0) -> Damaged:
     body, index = mesh.submesh(mesh.components == _largest(mesh))
     engine = distance_engine(body)
     samples = farthest_point_sampling(engine, N_TIPS, peripheral_vertex(body, engine))
-    distance = np.zeros(mesh.n_vertices)  # other components go first
+    distance = np.zeros(mesh.n_vertices)  # distance 0: other components are removed first
     distance[index] = samples.columns[np.random.default_rng(seed).integers(N_TIPS)]
     return _remove_share(mesh, distance, share)
 
@@ -180,7 +180,7 @@ def _remove_share(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
         keep[ranked[:count]] = False
         return _largest_part(mesh, keep)
 
-    # all but the largest component is gone as well, and what is gone grows with the number of faces removed: bisection
+    # only the largest component is kept, so the area lost grows with the number of faces removed: bisect that number
     too_few, enough = 0, mesh.n_faces
     while enough - too_few > 1:
         middle = (too_few + enough) // 2

@@ -134,7 +134,7 @@ class BenchmarkRun(Settings):
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
-        # what loads the pairs of a made set does not travel to other processes
+        # the loaders of made sets cannot be pickled for other processes
         return {name: value for name, value in vars(self).items() if name not in ("_sets", "_kept")}
 
     def _opened(self, landmarks: str | None) -> BenchmarkSet:

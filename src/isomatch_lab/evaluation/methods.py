@@ -187,13 +187,13 @@ class OwnFunction:
         return {"function": self.name, "digest": self.digest}
 
 
-_FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {}  # by name and digest
-_TEXTS: dict[str, bytes] = {}  # of modules by name, as they were loaded
-_BEGAN = time()  # what changed later may have been imported before
+_FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {}  # functions by name and digest of their text
+_TEXTS: dict[str, bytes] = {}  # texts of modules, by name, as they were when loaded
+_BEGAN = time()  # a file changed after this time may have been imported earlier
 
 
 def _find_function(name: str, digest: str) -> Callable[..., Any]:
-    """Give the function of a digest, in whatever process; `SettingError` if its text is another now."""
+    """Give the function of a digest, in whatever process; `SettingError` if its text has changed."""
     if (name, digest) not in _FUNCTIONS and _load_function(name) != digest:
         raise SettingError(f"method {name!r}: its text has changed since the run began; run it again")
     return _FUNCTIONS[name, digest]
@@ -213,7 +213,7 @@ def _load_function(name: str) -> str:
             module = _module_of_text(place, text) if is_file else _current_module(place)
     except IsomatchError:
         raise
-    except (Exception, SystemExit) as error:  # whatever a module of others raises when it is imported
+    except (Exception, SystemExit) as error:  # a foreign module may raise anything when it is imported
         raise SettingError(
             f"method {name!r}: {place} cannot be imported ({type(error).__name__}: {error})"
         ) from error
@@ -222,7 +222,7 @@ def _load_function(name: str) -> str:
         raise SettingError(f"method {name!r}: {place} has no function {attribute!r}; {EXPECTED}")
     texts = [text if is_file else _TEXTS[place]]
     home = sys.modules.get(getattr(function, "__module__", None) or "")
-    if home is not None and home is not module:  # which only imports the function
+    if home is not None and home is not module:  # the module only imports the function from its home
         now = _text_of(home)
         if _TEXTS.setdefault(home.__name__, now) != now:
             raise SettingError(f"method {name!r}: {home.__file__} has changed; start Python again")
@@ -376,7 +376,7 @@ class MapsInFolder:
                 reading = read_map(path, allow_doubt=True)
                 if not (reading.is_certain or (reading.map.vertices == 0).any()):
                     reading = read_map(path, pair.n_target_of(source, target), allow_doubt=True)
-            except IsomatchError:  # is reported with its own pair
+            except IsomatchError:  # the error is reported with its own pair
                 continue
             if reading.is_certain:
                 yield reading.counts_from

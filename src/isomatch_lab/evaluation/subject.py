@@ -57,7 +57,8 @@ class Subject:
         self._dense, self._judged = run.load(names)
         self.pair = self._dense.given
         limit = memory_budget() / (8 * (run.jobs or n_threads()))
-        engine = cache(lambda mesh: CachingEngine(distance_engine(mesh), limit))  # one for an undamaged mesh
+        # a shape that is not damaged is its own whole, and has one engine
+        engine = cache(lambda mesh: CachingEngine(distance_engine(mesh), limit))
         self._engines, self._whole_engines = (
             (engine(shapes.source), engine(shapes.target)) for shapes in (self.pair, self._dense.whole)
         )
@@ -132,7 +133,7 @@ class Subject:
         """Errors × 100 on the whole target, and their curves; a vertex without an image counts as √(target area)."""
         run, judged = self._run, self._judged.whole
         n_points = run.n_points if run.landmarks is None else None
-        # of truly symmetric shapes, one decision is made for the pair between direct and mirrored truth
+        # for truly symmetric shapes, the whole pair is judged by either the direct or the mirrored truth
         sides = smallest(
             sided_errors(
                 judged.target,

@@ -11,7 +11,7 @@ from isomatch.geodesics import DistanceEngine, distance_engine
 from isomatch_lab.sets import BenchmarkPair
 
 N_LANDMARKS = 5  # as in the paper
-N_REFERENCES = 30  # true pairs by which the others are checked
+N_REFERENCES = 30  # true pairs against which all others are checked
 RELIABLE_SHARE = 0.95  # share of the truth from which landmarks are drawn
 
 

@@ -59,7 +59,7 @@ def body(kind: str, style: int = 0, symmetric: bool = False) -> tuple[Limb, ...]
 
 def _quadruped(draw: FloatArray, lopsided: float) -> tuple[Limb, ...]:
     leg, girth, neck, head, ear, tail = 1 + draw * [0.15, 0.1, 0.2, 0.12, 0.3, 0.25]
-    rise = 0.5 * (leg - 1)  # of the trunk, as the legs reach from the ground to the trunk
+    rise = 0.5 * (leg - 1)  # height that longer legs add to the trunk
 
     trunk = _limb(
         "trunk", None, [[0, -0.36, 0.6], [0, 0, 0.63], [0, 0.34, 0.62]],

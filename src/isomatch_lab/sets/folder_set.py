@@ -214,7 +214,7 @@ class FolderSet:
                 if path.suffix in ONTO_SUFFIXES:
                     continue
                 truth = read_truth(path, mesh(source), mesh(target))
-            except IsomatchError:  # is reported with its own pair
+            except IsomatchError:  # the error is reported with its own pair
                 continue
             if truth.base.is_certain:
                 return truth.base.counts_from

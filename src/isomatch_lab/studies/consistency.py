@@ -167,7 +167,7 @@ def with_wrong_maps(base: Collection, share: float, folder: Path) -> tuple[Colle
         maps.save(copy.layout.maps(pair))
         kinds[pair] = maps.record.more["kind"]
         print(folder.name, pair, kinds[pair], maps.record.there.outcome.name, flush=True)
-    list(copy.run(jobs=1))  # makes the ledger from the maps
+    list(copy.run(jobs=1))  # rebuild the ledger from the saved maps
     return copy, kinds
 
 
@@ -249,7 +249,7 @@ def limits(n: int, share: float, draws: int = 60) -> tuple[float, float]:
     """Recall and precision among n shapes with one symmetry, where a share of the maps at random is mirrored."""
     rng, pairs = np.random.default_rng(1), np.triu_indices(n, 1)
     hits = wrong_maps = flagged = 0
-    # two mirrored maps make a right one, so this is the hardest kind of wrong map, and no evidence but cycles is used
+    # two mirrored maps compose to a right one, so these wrong maps are the hardest to find by cycles alone
     for _ in range(draws):
         drawn = np.triu(rng.random((n, n)) < share, 1)
         wrong = drawn | drawn.T

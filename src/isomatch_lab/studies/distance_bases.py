@@ -25,7 +25,7 @@ from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
 Row: TypeAlias = tuple[
     str, str, int, int, float, Any
-]  # weights, method, k, p, error, processor seconds or ""
+]  # weights, method, k, p, error, processor seconds or "" without them
 RANKS = (5, 10, 20, 30, 40, 50, 75, 100)
 TABLE_RANKS = (5, 10, 20, 30, 50, 100)  # ranks that the table shows
 COLUMNS = (60, 80, 100, 140, 200, 300, 400)

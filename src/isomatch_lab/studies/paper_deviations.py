@@ -24,8 +24,8 @@ from isomatch_lab.sets import BenchmarkPair, benchmark_set
 from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
 SEED = 0
-AT_ONCE_STEPS = 12  # more change little
-PAIRS = {"tosca_iso_r": ("cat", "centaur"), "tosca": ("wolf",)}  # one of each class
+AT_ONCE_STEPS = 12  # more steps change little
+PAIRS = {"tosca_iso_r": ("cat", "centaur"), "tosca": ("wolf",)}  # set: its classes, one pair each
 
 
 def whole(config: Config, pair: BenchmarkPair) -> Config:

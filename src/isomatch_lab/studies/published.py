@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 PUBLISHED = Path(__file__).with_suffix(".csv")
-OURS = {  # contest in published.csv: heading, and our rows of it in contests.csv with what they are of
+OURS = {  # contest in published.csv: heading, and our rows in contests.csv with what each covers
     "faust": (
         "FAUST remeshed",
         {"FAUST remeshed, 000–019": "of 000–019", "FAUST remeshed, 030–049": "of 030–049"},
@@ -54,7 +54,7 @@ def beside(results: Path) -> str:
 
 
 def _describe(row: Row, key: str) -> str:
-    """Name a method, its year and its number; what was seen in a summary alone keeps the mark."""
+    """Name a method, its year and its number; † marks a number known from a summary only."""
     return f"{row['method']} {row['year']}{' †' * row['source'].endswith('†')}: {row[key]}"
 
 

@@ -18,7 +18,7 @@ from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import in_parallel, parse_arguments, write_rows, write_table
 
 METHODS = ("isomatch", "isomatch_5pt")
-LEVELS = {  # of damage; pair i suffers level i, and its source and target take turns
+LEVELS = {  # levels of damage; pairs take them in turn, once for the target and once for the source
     "holes": (0.15, 0.25, 0.4),
     "cut": (0.15, 0.3, 0.5),
     "limb_removed": (0.05, 0.09, 0.18),

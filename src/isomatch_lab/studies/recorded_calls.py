@@ -30,7 +30,7 @@ from isomatch import Config, MatchResult, Quality
 from isomatch_lab.studies.public_calls import CALLS, Attempt, Folders
 
 REAL_DATA = Path(__file__).parents[4] / "shared" / "data"
-SKIPPED = ("timings", "document")  # fields: what is not the same twice, and what a format keeps for itself
+SKIPPED = ("timings", "document")  # fields that differ at every run, or hold a format's own data
 MAX_SHOWN = 20  # differences printed for each call
 Arrays = Mapping[str, np.ndarray]
 

@@ -40,7 +40,7 @@ from isomatch_lab.studies import published
 from isomatch_lab.studies.result_steps import STEPS, Step
 
 ROOT = Path(__file__).parents[3]
-SHARED = ("shared.py", "hard_pairs.txt")  # what several studies need
+SHARED = ("shared.py", "hard_pairs.txt")  # files that several studies need
 RESULTS = Path("docs", "results")
 PACKAGES = ("numpy", "scipy", "numba")
 MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
@@ -96,10 +96,10 @@ def is_present(step: Step, root: Path = ROOT) -> bool:
 def measure(step: Step, data: str, output: Path, root: Path = ROOT) -> None:
     """Run the command of a step, copy what it wrote, and stamp it."""
     stamp = present_stamp(step, root)
-    told_before = json.dumps(stamp, sort_keys=True).encode()
-    out = output / f"{step.name}_{hashlib.sha256(told_before).hexdigest()[:16]}"
+    stamp_text = json.dumps(stamp, sort_keys=True).encode()
+    out = output / f"{step.name}_{hashlib.sha256(stamp_text).hexdigest()[:16]}"
     out.mkdir(parents=True, exist_ok=True)
-    clock = out / "seconds.txt"  # of this run and of those that were interrupted
+    clock = out / "seconds.txt"  # seconds of this run and of interrupted ones
     spent = float(clock.read_text(encoding="utf-8")) if clock.exists() else 0.0
     started = time.monotonic()
     try:
@@ -222,7 +222,7 @@ def main() -> None:
         )
     if not (asked.data or asked.pages or asked.list):
         parser.error("--data is needed, or --pages, or --list")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the seconds so far are kept
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # keep the seconds spent so far
     for step in STEPS:
         if asked.pages or (asked.steps and step.name not in asked.steps):
             continue

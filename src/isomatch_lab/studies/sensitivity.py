@@ -29,7 +29,7 @@ FAILURE_ERROR = 10.0
 NOTICEABLE_CHANGE = 0.2  # least change of the mean error that is reported
 HARD_PAIRS_STEP = 16  # every sixteenth hard pair is taken
 DEFAULTS = Config()
-VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # by stage; "" for the everyday settings
+VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # settings by stage; "" for the everyday settings
     "": {"n_search": (300, 600), "n_refine": (500, 2000)},
     "preparation": {
         "extremity_spacing": (0.15, 0.4),

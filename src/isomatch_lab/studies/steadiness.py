@@ -31,7 +31,7 @@ PAIRS = {
     "smal": 1,
     "shrec16_cuts": 1,
     "shrec16_holes": 1,
-}  # how many of each set
+}  # number of pairs drawn from each set
 N_DISTURBED = 30  # disturbed matches of each pair
 MAX_MOVE_RATIO = 1e-9  # largest move of a coordinate, divided by the extent of the shape
 

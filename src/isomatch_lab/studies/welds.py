@@ -194,7 +194,7 @@ def remesh(mesh: Mesh, gap: float, seed: int) -> Damaged:
 def _inside(vertices: Any, faces: Any, shape: tuple[int, ...]) -> Any:
     """Which points (x, y, z) of the integer grid a closed mesh encloses: signed crossings along each line in z."""
     crossings = np.zeros((shape[0], shape[1], shape[2] + 1), dtype=np.int32)
-    shift = np.array([1e-4, 2.3e-4, 0.0])  # no line meets a vertex
+    shift = np.array([1e-4, 2.3e-4, 0.0])  # a shift after which no grid line meets a vertex
     for a, b, c in (vertices + shift)[faces]:
         low, high = np.ceil(np.min([a, b, c], axis=0)[:2]), np.floor(np.max([a, b, c], axis=0)[:2])
         x, y = np.mgrid[low[0] : high[0] + 1, low[1] : high[1] + 1].reshape(2, -1)
