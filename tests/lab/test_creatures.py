@@ -11,7 +11,7 @@ from isomatch_lab.procedural import creature, joint_names
 from isomatch_lab.procedural.anatomy import PLANS, body
 from isomatch_lab.procedural.creatures import make_example_pair
 from isomatch_lab.procedural.implicit import Skin
-from isomatch_lab.procedural.posing import natural_pose, posed
+from isomatch_lab.procedural.posing import natural_pose, pose_points
 
 KINDS = sorted(PLANS)
 
@@ -106,7 +106,7 @@ def test_poses_are_near_isometric(resting, seed):
     limbs = body(resting.kind)
     pose = natural_pose(limbs, seed)
     edges = resting.mesh.edges
-    vertices = posed(resting.rest, limbs, Skin.of(limbs), pose)
+    vertices = pose_points(resting.rest, limbs, Skin.of(limbs), pose)
     ratio = edge_lengths(vertices, edges) / edge_lengths(resting.rest, edges)
     low, high = np.percentile(ratio, [5, 95])
     assert 0.85 < low < high < 1.18
@@ -118,7 +118,7 @@ def test_natural_poses_do_not_self_intersect(resting):
     """Just outside the posed surface, its winding number is 0."""
     limbs = body(resting.kind)
     for seed in (1, 2):
-        vertices = posed(resting.rest, limbs, Skin.of(limbs), natural_pose(limbs, seed))
+        vertices = pose_points(resting.rest, limbs, Skin.of(limbs), natural_pose(limbs, seed))
         mesh = Mesh(vertices, resting.mesh.faces)
         assert np.abs(winding_numbers(mesh, (vertices + 2e-3 * mesh.vertex_normals)[::15])).max() < 0.5
 

@@ -15,8 +15,8 @@ from isomatch_lab.baselines.functional_maps import orientations, products
 
 WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
 
-MOST_MATCHED = 14  # functions for which all combinations of signs can be tried
-FARTHEST = 2  # places in the spectrum that functions may be apart to be exchanged
+MAX_MATCHED = 14  # functions for which all combinations of signs can be tried
+MAX_EXCHANGE_DISTANCE = 2  # largest difference of places in the spectrum of two functions that are exchanged
 
 SIDES: dict[Orientation, float] = {"preserve": 1.0, "reverse": -1.0, "any": 0.0}
 
@@ -47,7 +47,9 @@ def signed_permutation(pair: Problem, m: int, side: float) -> FloatArray:
 
     order = np.arange(m)
     score, sign = best(order)
-    exchanges = np.array([_exchange(m, i, j) for i, j in combinations(range(m), 2) if j - i <= FARTHEST])
+    exchanges = np.array(
+        [_exchange(m, i, j) for i, j in combinations(range(m), 2) if j - i <= MAX_EXCHANGE_DISTANCE]
+    )
     while True:
         trials = [(*best(order[exchange]), order[exchange]) for exchange in exchanges]
         trial = max(trials, key=itemgetter(0))
@@ -61,19 +63,19 @@ def signed_permutation(pair: Problem, m: int, side: float) -> FloatArray:
 
 
 def _exchange(m: int, i: int, j: int) -> IntArray:
-    """Order of m items of which two are exchanged."""
+    """Order of m items with items i and j exchanged."""
     order = np.arange(m)
     order[[i, j]] = j, i
     return order
 
 
 def _moments(shape: PreparedShape, m: int) -> tuple[FloatArray, ...]:
-    """First moments with wave kernels (m, q), third moments and those of gradients (m, m, m), each of norm 1."""
-    basis, own = shape.laplace, np.eye(m + 1)[:, 1:]
+    """First moments with wave kernels (m, q), third moments and gradient moments (m, m, m), each of norm 1."""
+    basis, nonconstant = shape.laplace, np.eye(m + 1)[:, 1:]
     moments = [
         basis.coefficients(shape.signatures[:, :WAVE_KERNELS], m + 1)[1:],
-        products(basis, own)[:, 1:, 1:],
+        products(basis, nonconstant)[:, 1:, 1:],
     ]
     if shape.triangles:
-        moments.append(orientations(basis, shape.triangles, own)[:, 1:, 1:])
+        moments.append(orientations(basis, shape.triangles, nonconstant)[:, 1:, 1:])
     return tuple(x / np.maximum(np.linalg.norm(x), 1e-300) for x in moments)

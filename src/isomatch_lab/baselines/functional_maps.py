@@ -96,21 +96,21 @@ def functional_maps(
     Ovsjanikov, Ben-Chen, Solomon, Butscher & Guibas, *Functional Maps*, SIGGRAPH 2012: the map preserves descriptors,
     commutes with the Laplacians, and is refined to be orthogonal. It also commutes with multiplication by each descriptor
     (Nogneng & Ovsjanikov 2017), and with the orientation operators (Ren et al. 2018), which points and graphs lack.
-    Reconstructed from these papers. Ours are the scale of the terms, each of which is brought to the order of one; their
-    weights, chosen by trial on three pairs of FAUST; and the normal equations in place of an iterative solver. About 2 s
+    Reconstructed from these papers. Ours are the scale of the terms, each brought to the order of one; their weights,
+    chosen by trial on three pairs of FAUST; and the normal equations in place of an iterative solver. About 2 s
     for 5 000 vertices and 50 functions.
     """
     config = config or FunctionalMapsConfig()
     with serial_blas():
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
-        functional_map = solved(task, config)
+        functional_map = solve_functional_map(task, config)
         if config.refinement == "icp":
             task.timer.start("refinement")
             functional_map = task.orthogonal_icp(functional_map, len(functional_map), ICP_STEPS)
         return task.spectral_result(functional_map, config, "functional map")
 
 
-def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
+def solve_functional_map(task: Task, config: FunctionalMapsConfig) -> FloatArray:
     """Minimise the energy: the functional map (k, k), from functions of the target to the source."""
     task.timer.start("functional map")
     k = task.functions_at_most(config.n_functions)
@@ -169,7 +169,7 @@ def _comparable(of_source: FloatArray, of_target: FloatArray) -> tuple[FloatArra
     return of_source / size, of_target / size
 
 
-RIDGE = 1e-9  # of the mean diagonal entry; decides where the energy is flat
+RIDGE = 1e-9  # share of the mean diagonal entry added to it; decides where the energy is flat
 
 
 class FunctionalEnergy:

@@ -31,12 +31,12 @@ def gdd(
     source, target, landmarks, initial_map, initial_descriptors, seed
         As for `match`. At least one prior is needed.
     config : Config, optional
-        Settings; hypotheses, refinement, weights and resolution are replaced by those of the paper.
+        Settings; the paper's hypotheses, refinement, weights and resolution replace the given ones.
 
     Returns
     -------
     MatchResult
-        That of `match`.
+        The result of `match`.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def gdd(
     -----
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. Reconstructed: distances are divided by their average,
     and images are precise. Landmarks at extremities leave the front and the back of a thin body undecided, so flips of
-    the first map that agree with the landmarks are tried as well, and the selection is that of `match`. Automatic
+    the first map that agree with the landmarks are tried as well, and the selection is the one in `match`. Automatic
     hypotheses are searched as alternatives only if the settings switch ``search_runners_up`` on.
     """
     config = replace(config or Config(), refinement="none", **PLAIN)
@@ -72,7 +72,7 @@ def gdd_post(
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, config, seed
-        As for `gdd`, of which the result and the errors are, too.
+        As for `gdd`. The result and the errors are the same, too.
     """
     config = replace(config or Config(), refinement="laplace_icp", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

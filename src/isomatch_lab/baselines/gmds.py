@@ -20,7 +20,7 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 from isomatch_lab.baselines.task import Task
 
-FEWEST_POINTS = 3  # needed to place another point by its distances
+MIN_POINTS = 3  # needed to place another point by its distances
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,8 @@ class GmdsConfig(Settings):
     Parameters
     ----------
     levels : tuple of int
-        Farthest point samples of the source that are placed at each resolution, increasing; at most those of `prepare`.
+        Farthest point samples of the source that are placed at each resolution, increasing; at most as many as `prepare`
+        draws.
     n_sweeps : int
         Maximum number of sweeps over the points at each resolution.
     orientation : {"preserve", "reverse", "any"}
@@ -43,9 +44,9 @@ class GmdsConfig(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.levels or self.levels[0] < FEWEST_POINTS or sorted(set(self.levels)) != list(self.levels):
+        if not self.levels or self.levels[0] < MIN_POINTS or sorted(set(self.levels)) != list(self.levels):
             raise SettingError(
-                f"levels = {self.levels!r} are not increasing numbers of points, the first at least {FEWEST_POINTS}"
+                f"levels = {self.levels!r} are not increasing numbers of points, the first at least {MIN_POINTS}"
             )
 
 
@@ -82,9 +83,9 @@ def gmds(
     Notes
     -----
     Bronstein, Bronstein & Kimmel, *Generalized multidimensional scaling*, PNAS 2006: least-squares stress is minimised
-    over positions in triangles, one point at a time, from few points to many. Reconstructed: distances are those of the
-    distance bases, in units of their average, where the paper interpolates a full matrix of distances from fast marching;
-    the automatic start; the placement of new points by their distances to earlier ones; and the extension to all
+    over positions in triangles, one point at a time, from few points to many. Reconstructed: distances come from
+    the distance bases, in units of their average, where the paper interpolates a full matrix from fast marching; the
+    automatic start; the placement of new points by their distances to earlier ones; and the extension to all
     vertices, by the least-squares functional map of half as many Laplace–Beltrami functions as there are points. About
     0.2 s for 5 000 vertices after preparation, and 1 s for an automatic start.
     """
@@ -113,8 +114,8 @@ def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, .
     points, anchors = held, Placement.at_vertices(anchored_at)
     stresses: tuple[float, ...] = ()
     for first, last in pairwise((0, *config.levels)):
-        points = points.joined(placed(pair, samples[first:last], anchors))
-        points, stresses = descended(pair, points, len(held.vertices), config.n_sweeps)
+        points = points.joined(place_points(pair, samples[first:last], anchors))
+        points, stresses = descend_stress(pair, points, len(held.vertices), config.n_sweeps)
         anchors = points
     return points, stresses, origin
 
@@ -124,14 +125,14 @@ def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
     pair, samples = task.pair, task.pair.source.column_vertices
     if len(task.priors.initial_pairs):
         at_samples = task.priors.initial_pairs[np.isin(task.priors.initial_pairs[:, 0], samples)]
-        return at_samples if len(at_samples) >= FEWEST_POINTS else task.priors.initial_pairs, "initial map"
+        return at_samples if len(at_samples) >= MIN_POINTS else task.priors.initial_pairs, "initial map"
     if len(task.priors.landmarks):
         return task.priors.landmarks, "landmarks"
     image, origin = first_map(pair, samples, config.orientation)
     return np.column_stack([samples, image]), origin
 
 
-SETTLED = 1e-4  # the descent ends when a sweep lowers the stress by less than this share
+MIN_STRESS_DECREASE = 1e-4  # the descent ends when a sweep lowers the stress by less than this share
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +155,7 @@ class Placement:
         return Placement(**{name: np.concatenate([mine[name], others[name]]) for name in mine})
 
     def interpolated(self, values: FloatArray) -> FloatArray:
-        """(m, q) values at the places, from those of the target's vertices, (n_t, q)."""
+        """(m, q) values at the places, interpolated from values at the target's vertices, (n_t, q)."""
         places: FloatArray = PrecisePoints(self.corners, self.barycentric).interpolation(len(values)) @ values
         return places
 
@@ -168,7 +169,7 @@ def distances_to(pair: Problem, points: Placement) -> Embedding:
     )
 
 
-def placed(pair: Problem, vertices: IntArray, anchors: Placement) -> Placement:
+def place_points(pair: Problem, vertices: IntArray, anchors: Placement) -> Placement:
     """Place source vertices anywhere on the target where their distances to known places are preserved best."""
     of_source, of_target = distances_to(pair, anchors)
     return Placement(vertices, *pair.target.index.points(of_target, of_source[vertices]))
@@ -183,7 +184,7 @@ def relative_stress(pair: Problem, points: Placement) -> float:
     return float(np.linalg.norm(spectral_residual) / np.linalg.norm(wanted[off]))
 
 
-def descended(
+def descend_stress(
     pair: Problem, points: Placement, n_held: int, n_sweeps: int
 ) -> tuple[Placement, tuple[float, ...]]:
     """Move one of m points at a time, but the held first ones, to where it fits best; and the stress after each sweep."""
@@ -203,7 +204,7 @@ def descended(
         inner = placed.interpolated(cloud * signs)
         _sweep(cloud, signs, inner, wanted, n_held, target.faces, start, order, corners, barycentric)
         stresses.append(relative_stress(pair, placed))
-        if stresses[-1] >= (1 - SETTLED) * stresses[-2]:
+        if stresses[-1] >= (1 - MIN_STRESS_DECREASE) * stresses[-2]:
             break
     return placed, tuple(stresses)
 

@@ -87,7 +87,7 @@ def gromov_wasserstein(
     config : GromovWassersteinConfig, optional
         Settings.
 
-    The result and the errors are those of `functional_maps`.
+    The result and the errors are the same as for `functional_maps`.
     MissingDependencyError
         If the package POT is not installed.
 

@@ -57,7 +57,7 @@ def laplace_nearest_neighbours(
     config : LaplaceConfig, optional
         Settings.
 
-    The result and the errors are those of `functional_maps`.
+    The result and the errors are the same as for `functional_maps`.
 
     Notes
     -----

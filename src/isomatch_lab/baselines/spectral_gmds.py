@@ -82,7 +82,7 @@ def spectral_gmds(
     config : SpectralGmdsConfig, optional
         Settings.
 
-    The result and the errors are those of `functional_maps`.
+    The result and the errors are the same as for `functional_maps`.
 
     Notes
     -----
@@ -90,9 +90,9 @@ def spectral_gmds(
     shapes and the map P ≈ Φ_s α Φ_tᵀA_t, minimise ‖α D̂_t − D̂_s α‖² and a data term, subject to P 1 = 1 and its
     counterpart for areas: α m_t = m_s and αᵀ m_s = m_t with m = ΦᵀA 1.
     Reconstructed: the data term, with heat in place of the authors' features; the weights, which are all one; the stages,
-    each of which is drawn to the map of the previous one; and the orthogonal projection after each stage. Because the
+    each drawn to the map of the previous one; and the orthogonal projection after each stage. Because the
     first function is constant, the constraints determine the first row and column of α, and the rest has a closed form.
-    The growth at the end is that of Melzi et al., *ZoomOut*, 2019: where shapes stretch, the energy is least beside the
+    The growth at the end follows Melzi et al., *ZoomOut*, 2019: where shapes stretch, the energy is least beside the
     truth, and few functions fitted to the map of points forget the difference.
     """
     config = config or SpectralGmdsConfig()

@@ -18,11 +18,11 @@ from isomatch.matching import MatchResult, Problem
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh, Surface
-from isomatch_lab.baselines.eigenfunction_matching import MOST_MATCHED, SIDES, signed_permutation
+from isomatch_lab.baselines.eigenfunction_matching import MAX_MATCHED, SIDES, signed_permutation
 from isomatch_lab.baselines.laplace_nearest_neighbours import first_functional_map
 from isomatch_lab.baselines.task import Task
 
-PRIORED = 20  # functions that a few priors determine
+N_FROM_PRIORS = 20  # size of the first functional map, which a few priors determine
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class GradientFieldsConfig(Settings):
         Sign of the pseudo-scalars, which "any" leaves out.
     """
 
-    n_matched: int = setting(12, least=2, most=MOST_MATCHED)
+    n_matched: int = setting(12, least=2, most=MAX_MATCHED)
     n_functions: int = 50
     n_gradients: int = setting(12, least=0)
     gradient_weight: float = setting(0.3, least=0)
@@ -80,7 +80,7 @@ def spectral_gradient_fields(
     config : GradientFieldsConfig, optional
         Settings.
 
-    The result and the errors are those of `functional_maps`.
+    The result and the errors are the same as for `functional_maps`.
 
     Notes
     -----
@@ -115,7 +115,7 @@ def spectral_gradient_fields(
 def _start(task: Task, config: GradientFieldsConfig) -> tuple[FloatArray, str]:
     """First functional map, and where it comes from."""
     if task.priors.any:
-        return first_functional_map(task, task.functions_at_most(min(PRIORED, config.n_functions)))
+        return first_functional_map(task, task.functions_at_most(min(N_FROM_PRIORS, config.n_functions)))
     m = task.functions_at_most(config.n_matched + 1) - 1
     return signed_permutation(task.pair, m, SIDES[config.orientation]), "eigenfunctions"
 
@@ -127,9 +127,7 @@ class KernelMaps:
     pair: Problem
     of_source: ComplexArray  # (n, q) gradients of eigenfunctions from the second on; none without triangles
     of_target: ComplexArray
-    weights: (
-        FloatArray  # (2,) of scalars and pseudo-scalars, whose sign says how those of both shapes compare
-    )
+    weights: FloatArray  # (2,) weights of scalars and pseudo-scalars; the sign says if these agree or oppose
 
     @classmethod
     def of(cls, pair: Problem, config: GradientFieldsConfig) -> KernelMaps:

@@ -11,13 +11,17 @@ from isomatch._core.threads import serial_blas
 from isomatch.matching import MatchResult
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
-from isomatch_lab.baselines.functional_maps import FunctionalMapsConfig, FunctionalRefinement, solved
+from isomatch_lab.baselines.functional_maps import (
+    FunctionalMapsConfig,
+    FunctionalRefinement,
+    solve_functional_map,
+)
 from isomatch_lab.baselines.task import Task
 
 
 @dataclass(frozen=True)
 class ZoomOutConfig(FunctionalMapsConfig):
-    """Settings of `zoomout`: those of the functional map it starts from, and those of its growth.
+    """Settings of `zoomout`: of the functional map it starts from, and of its growth.
 
     Parameters
     ----------
@@ -52,7 +56,7 @@ def zoomout(
     config: ZoomOutConfig | None = None,
     seed: int = 0,
 ) -> MatchResult:
-    """Match by spectral upsampling, from an initial map or else from that of `functional_maps`.
+    """Match by spectral upsampling, from an initial map or else from the map of `functional_maps`.
 
     Parameters
     ----------
@@ -61,7 +65,7 @@ def zoomout(
     config : ZoomOutConfig, optional
         Settings.
 
-    The result and the errors are those of `functional_maps`.
+    The result and the errors are the same as for `functional_maps`.
 
     Notes
     -----
@@ -77,7 +81,7 @@ def zoomout(
             first = task.functions_at_most(min(config.first, len(task.priors.initial_pairs)))
             functional_map = task.functional_map_at(task.priors.initial_pairs, first)
         else:
-            functional_map = solved(task, config)
+            functional_map = solve_functional_map(task, config)
         task.timer.start("refinement")
         sizes = range(len(functional_map) + config.step, task.functions_at_most(config.last) + 1, config.step)
         functional_map = task.spectra.upsample(functional_map, sizes)

@@ -13,7 +13,7 @@ from isomatch._core.errors import MapError
 from isomatch.cli import TALK, Talk, part, say, say_notes
 from isomatch_lab import evaluation
 
-NOTES = 5  # shown at most
+MAX_NOTES = 5  # notes shown at most
 
 
 def bench(
@@ -54,8 +54,8 @@ def bench(
         isomatch, isomatch_5pt, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds,
         gmds_5pt, gw, gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those
         named 5pt are given five true landmarks, far from one another. NAME+isomatch is isomatch started from the map of
-        NAME; NAME+gdd and NAME+gdd_post are the paper's methods started from it. By default isomatch, or those of METHOD
-        and MAPS alone.
+        NAME; NAME+gdd and NAME+gdd_post are the paper's methods started from it. By default isomatch, or METHOD and MAPS
+        alone.
     method : str
         A function of your own, MODULE:FUNCTION or FILE.py:FUNCTION, that takes two meshes, source and target, and returns
         the target vertex of each source vertex, or a map. May be repeated.
@@ -95,7 +95,7 @@ def bench(
         sys.path.insert(0, str(Path.cwd()))  # as python -m does
     notes: list[str] = []
     with talk.progress() as tell:
-        for number, (name, each) in enumerate(asked):
+        for number, (name, damage_choice) in enumerate(asked):
             run = evaluation.BenchmarkRun(
                 set_name=name,
                 methods=tuple(chosen),
@@ -106,7 +106,7 @@ def bench(
                 jobs=jobs,
                 landmarks=None if landmarks is None else str(landmarks),
                 cycles=cycles,
-                damage=each,
+                damage=damage_choice,
             )
             reach = part(tell, number / len(asked), (number + 1) / len(asked))
             reach(f"{name}: reading", 0.0)
@@ -147,8 +147,8 @@ def _say(table: list[dict[str, Any]], output: Path, notes: list[str]) -> None:
             + (f"  where matched {row['error_matched']:.2f}" if row.get("error_matched") is not None else "")
             + (f"  {row['problems']} with a problem" if row["problems"] else "")
         )
-    say_notes(notes[:NOTES])
-    if more := len(notes[NOTES:]):
+    say_notes(notes[:MAX_NOTES])
+    if more := len(notes[MAX_NOTES:]):
         say(f"note: {more} more {'note is' if more == 1 else 'notes are'} in pairs.csv")
     say(f"open first: {output / 'index.html'}; also there: pairs.csv, summary.csv, curves.png, curves.svg")
 

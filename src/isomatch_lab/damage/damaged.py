@@ -1,4 +1,4 @@
-"""A damaged mesh with its truth, and a benchmark pair of which a shape is damaged."""
+"""A damaged mesh with its truth, and a benchmark pair with one damaged shape or two."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from isomatch.repair import check
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch_lab.sets import BenchmarkPair
 
-SHARES = (0.0, 1.0)
-LENGTHS = (1e-100, 1e100)  # of edges, so that areas neither vanish nor overflow
+SHARE_RANGE = (0.0, 1.0)
+EDGE_LENGTH_RANGE = (1e-100, 1e100)  # allowed edge lengths, so that areas neither vanish nor overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def require_usable(mesh: Mesh, name: str, level: float, bounds: tuple[float, flo
     if fatal:
         raise MeshError("; ".join(fatal))
     longest = float(mesh.edge_lengths.max())
-    if not LENGTHS[0] < longest < LENGTHS[1]:
+    if not EDGE_LENGTH_RANGE[0] < longest < EDGE_LENGTH_RANGE[1]:
         raise MeshError(
             f"the longest edge of {mesh!r} is {longest:g}, whose square is no number; scale the mesh"
         )
@@ -110,8 +110,8 @@ class DamagedPair:
     given : BenchmarkPair
         The damaged shapes, as a method is given them, with the truth in their vertices.
     whole : BenchmarkPair
-        The shapes before the damage, with those rows of the truth of which both vertices remain or have a stand-in, in
-        the same order. Vertices that were merged with others have no truth.
+        The shapes before the damage, with the rows of the truth whose vertices both remain or have a stand-in. The
+        order stays. Vertices that were merged with others have no truth.
     source, target : Damaged
         What was done to each shape.
     alone : (m,) array of int

@@ -14,13 +14,15 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import MeshError
 from isomatch.geodesics import distance_engine, euclidean_farthest_points, peripheral_vertex
 from isomatch.surfaces import Mesh
-from isomatch_lab.damage.damaged import SHARES, Damaged, require_usable, with_faces
+from isomatch_lab.damage.damaged import SHARE_RANGE, Damaged, require_usable, with_faces
 
-FAR = 0.5  # √area; more than half of a torso's girth, so that only different limbs are glued
-GAPS = (0.0, FAR)
-NEAR = 0.2  # √area along the surface: so near, vertices that face each other are of one fold
-PATCHES = 60  # patches of the surface, from each of which the parts that are far away are searched
-LOUDNESS = (0.0, 10.0)  # mean edge lengths
+MIN_LIMB_DISTANCE = (
+    0.5  # √area along the surface; above half a torso's girth, so that only different limbs are glued
+)
+GAP_RANGE = (0.0, MIN_LIMB_DISTANCE)  # allowed gaps, in √area
+MIN_FOLD_DISTANCE = 0.2  # √area along the surface; facing vertices nearer than this lie in one fold
+N_PATCHES = 60  # patches of the surface; parts far away are searched from each
+DISTANCE_RANGE = (0.0, 10.0)  # allowed distances, in mean edge lengths
 
 
 def noise(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
@@ -47,7 +49,7 @@ def noise(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
     MeshError
         If the mesh is no surface.
     """
-    require_usable(mesh, "share", share, LOUDNESS)
+    require_usable(mesh, "share", share, DISTANCE_RANGE)
     steps = np.random.default_rng(seed).standard_normal(mesh.vertices.shape)
     vertices = mesh.vertices + share * mesh.edge_lengths.mean() * steps
     return Damaged(mesh, Mesh(vertices, mesh.faces), np.arange(mesh.n_vertices))
@@ -85,7 +87,7 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
     The two vertices of a pair are at least 0.5 √area apart along the surface, or in different components: more than the
     way around a limb, so that opposite sides of one limb are not merged. Costs 60 distance columns.
     """
-    require_usable(mesh, "gap", gap, GAPS)
+    require_usable(mesh, "gap", gap, GAP_RANGE)
     partner = _nearest_far_vertex(mesh, seed)
     vertices = np.flatnonzero(partner >= 0)
     pairs = np.column_stack([vertices, partner[vertices]])
@@ -98,13 +100,14 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
             free[pair] = False
             merged.append(pair)
     if not merged:
-        apart = (
+        nearest = (
             f"; the nearest are {widths.min() / np.sqrt(mesh.area):.3f} √area apart" if len(widths) else ""
         )
         raise MeshError(
-            f"no limbs of {mesh!r} are as near as {gap:g} √area{apart}; give a larger gap, or a pose in which limbs touch"
+            f"no limbs of {mesh!r} are as near as {gap:g} √area{nearest}; give a larger gap, or a pose in "
+            "which limbs touch"
         )
-    return _merged(mesh, np.array(merged))
+    return _merge_pairs(mesh, np.array(merged))
 
 
 def merge(mesh: Mesh, distance: float = 1.5, *, seed: int = 0) -> Damaged:
@@ -124,7 +127,7 @@ def merge(mesh: Mesh, distance: float = 1.5, *, seed: int = 0) -> Damaged:
     Returns
     -------
     Damaged
-        With a ``twin`` for each merged vertex, without the triangles of which all three corners were merged.
+        With a ``twin`` for each merged vertex, without the triangles whose three corners were merged.
 
     Raises
     ------
@@ -137,14 +140,14 @@ def merge(mesh: Mesh, distance: float = 1.5, *, seed: int = 0) -> Damaged:
     -----
     The two vertices of a pair are more than 0.2 √area apart along edges, or in different components.
     """
-    require_usable(mesh, "distance", distance, LOUDNESS)
+    require_usable(mesh, "distance", distance, DISTANCE_RANGE)
     pairs = _facing_pairs(mesh, distance * mesh.edge_lengths.mean())
     if not len(pairs):
         raise MeshError(
             f"no limbs of {mesh!r} that face each other are as near as {distance:g} mean edge lengths; give a larger "
             "distance, or a pose in which limbs touch"
         )
-    glued = _merged(mesh, pairs)
+    glued = _merge_pairs(mesh, pairs)
     assert glued.twin is not None
     faces = glued.mesh.faces
     gone = (glued.twin[faces] >= 0).all(axis=1) | (np.diff(np.sort(faces, axis=1)) == 0).any(axis=1)
@@ -160,7 +163,7 @@ def _facing_pairs(mesh: Mesh, distance: float) -> IntArray:
     pairs = KDTree(mesh.vertices).query_pairs(distance, output_type="ndarray").astype(np.int64)
     pairs = pairs[np.einsum("ij,ij->i", *normals[pairs.T]) < 0]
     graph = coo_array((mesh.edge_lengths, tuple(mesh.edges.T)), shape=(n, n)).tocsr()
-    limit = NEAR * np.sqrt(mesh.area)
+    limit = MIN_FOLD_DISTANCE * np.sqrt(mesh.area)
     is_far = np.ones(len(pairs), dtype=bool)
     for vertex in np.unique(pairs[:, 0]):
         rows = np.flatnonzero(pairs[:, 0] == vertex)
@@ -180,7 +183,7 @@ def _nearest_far_vertex(mesh: Mesh, seed: int) -> IntArray:
     # patch by patch: a vertex at distance r from the centre of its patch is at least d − r away from one at distance d
     body, index = mesh.submesh(mesh.vertex_areas > 0)
     start = int(np.random.default_rng(seed).integers(body.n_vertices))
-    centres = euclidean_farthest_points(body.vertices, min(PATCHES, body.n_vertices), start)
+    centres = euclidean_farthest_points(body.vertices, min(N_PATCHES, body.n_vertices), start)
     columns = distance_engine(body).distances_from(centres)
     patch = np.where(np.isfinite(columns.min(axis=0)), columns.argmin(axis=0), -1)
     partner = np.full(mesh.n_vertices, -1, dtype=np.int64)
@@ -189,14 +192,14 @@ def _nearest_far_vertex(mesh: Mesh, seed: int) -> IntArray:
         inside = np.flatnonzero(patch == i)
         if not len(inside):  # two centres at one position
             continue
-        far = np.flatnonzero(column - column[inside].max() >= FAR * np.sqrt(mesh.area))
+        far = np.flatnonzero(column - column[inside].max() >= MIN_LIMB_DISTANCE * np.sqrt(mesh.area))
         if len(far):
             nearest = KDTree(body.vertices[far]).query(body.vertices[inside])[1]
             partner[index[inside]] = index[far[nearest]]
     return partner
 
 
-def _merged(mesh: Mesh, pairs: IntArray) -> Damaged:
+def _merge_pairs(mesh: Mesh, pairs: IntArray) -> Damaged:
     """Merge each (first, second) of (q, 2) disjoint pairs into one vertex halfway between them."""
     first, second = pairs.T
     vertices, twin = mesh.vertices.copy(), np.full(mesh.n_vertices, -1, dtype=np.int64)
@@ -209,7 +212,7 @@ def _merged(mesh: Mesh, pairs: IntArray) -> Damaged:
     return Damaged(mesh, Mesh(vertices[original], renumber[mesh.faces]), original, twin[original])
 
 
-RATIOS = (1.0, 1000.0)  # of densities
+DENSITY_RATIO_RANGE = (1.0, 1000.0)  # allowed ratios of densities
 
 
 def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:
@@ -241,8 +244,8 @@ def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:
     -----
     `isomatch.decimation.decimate` in place. O(n).
     """
-    require_usable(mesh, "share", share, SHARES)
-    return _thinned(mesh, share)
+    require_usable(mesh, "share", share, SHARE_RANGE)
+    return _thin(mesh, share)
 
 
 def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
@@ -274,21 +277,21 @@ def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
     -----
     `isomatch.decimation.decimate` in place, with the square of the density as weights. O(n), and one distance map.
     """
-    require_usable(mesh, "ratio", ratio, RATIOS)
+    require_usable(mesh, "ratio", ratio, DENSITY_RATIO_RANGE)
     engine = distance_engine(mesh)
     distance = engine.distances_from(np.array([peripheral_vertex(mesh, engine, seed)]))[0]
     farthest = distance[np.isfinite(distance)].max()
     density = ratio ** -np.minimum(distance / farthest, 1.0)
-    return _thinned(mesh, float(density.mean()), density**2)
+    return _thin(mesh, float(density.mean()), density**2)
 
 
-def _thinned(mesh: Mesh, share: float, weights: FloatArray | None = None) -> Damaged:
+def _thin(mesh: Mesh, share: float, weights: FloatArray | None = None) -> Damaged:
     """Merge vertices in place until a share of those in use is left."""
     n_unused = mesh.n_vertices - len(np.unique(mesh.sound_faces))
     wanted = max(round(share * (mesh.n_vertices - n_unused)), 4) + n_unused
     coarse = decimation.decimate(mesh, wanted, in_place=True, weights=weights)
     moved = np.linalg.norm(mesh.vertices - coarse.mesh.vertices[coarse.owner], axis=1)
-    order = np.lexsort((moved, coarse.owner))  # by owners, the vertex that has not moved first
+    order = np.lexsort((moved, coarse.owner))  # vertices sorted by owner, the least moved first
     kept = order[np.unique(coarse.owner[order], return_index=True)[1]]
     damaged = with_faces(mesh, kept[coarse.mesh.faces])
     return replace(damaged, stand_in=damaged.damaged_vertex[kept[coarse.owner]])

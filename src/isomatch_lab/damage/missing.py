@@ -9,12 +9,13 @@ from isomatch._core.arrays import BoolArray, FloatArray
 from isomatch._core.errors import MeshError, SettingError
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.surfaces import Mesh, rasterise
-from isomatch_lab.damage.damaged import SHARES, Damaged, require_usable, with_faces
+from isomatch_lab.damage.damaged import SHARE_RANGE, Damaged, require_usable, with_faces
 
-TIPS = 5  # extremities among which a limb is drawn: the ends of four limbs and a head
-VIEWS = (0, 7)  # at most one from each direction of three axes
-FINE, PIXELS = 0.05, 8  # quantile of the edge lengths, and the number of pixels that resolve it
-MOST_PIXELS = 3000  # along each side of the depth buffer
+N_TIPS = 5  # extremities among which a limb is drawn: the ends of four limbs and a head
+VIEW_COUNT_RANGE = (0, 7)  # allowed numbers of views; at most one from each direction of three axes
+FINE_EDGE_QUANTILE = 0.05  # quantile of the edge lengths that the depth buffer resolves
+PIXELS_PER_EDGE = 8  # pixels along an edge of this length
+MAX_PIXELS = 3000  # pixels along each side of the depth buffer
 
 
 def cut(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
@@ -48,9 +49,9 @@ def cut(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
     >>> cut(strip, 0.5).mesh
     Mesh(9 vertices, 4 faces)
     """
-    require_usable(mesh, "share", share, SHARES)
+    require_usable(mesh, "share", share, SHARE_RANGE)
     direction = np.random.default_rng(seed).standard_normal(3)
-    return _removed(mesh, mesh.vertices @ direction, share)
+    return _remove_share(mesh, mesh.vertices @ direction, share)
 
 
 def holes(mesh: Mesh, share: float = 0.25, *, count: int = 8, seed: int = 0) -> Damaged:
@@ -79,14 +80,14 @@ def holes(mesh: Mesh, share: float = 0.25, *, count: int = 8, seed: int = 0) -> 
     MeshError
         If nothing would be left, or the mesh is no surface.
     """
-    require_usable(mesh, "share", share, SHARES)
+    require_usable(mesh, "share", share, SHARE_RANGE)
     weights = mesh.vertex_areas / mesh.area
     if not 1 <= count <= np.count_nonzero(weights):
         raise SettingError(
             f"count = {count} must lie in 1…{np.count_nonzero(weights)}, the number of vertices with an area"
         )
     centres = np.random.default_rng(seed).choice(mesh.n_vertices, count, replace=False, p=weights)
-    return _removed(mesh, distance_engine(mesh).distances_from(centres).min(axis=0), share)
+    return _remove_share(mesh, distance_engine(mesh).distances_from(centres).min(axis=0), share)
 
 
 def limb_removed(mesh: Mesh, share: float = 0.09, *, seed: int = 0) -> Damaged:
@@ -114,13 +115,13 @@ def limb_removed(mesh: Mesh, share: float = 0.09, *, seed: int = 0) -> Damaged:
     MeshError
         If nothing would be left, or the mesh is no surface of at least five vertices.
     """
-    require_usable(mesh, "share", share, SHARES)
+    require_usable(mesh, "share", share, SHARE_RANGE)
     body, index = mesh.submesh(mesh.components == _largest(mesh))
     engine = distance_engine(body)
-    samples = farthest_point_sampling(engine, TIPS, peripheral_vertex(body, engine))
-    distance = np.zeros(mesh.n_vertices)  # other components go first
-    distance[index] = samples.columns[np.random.default_rng(seed).integers(TIPS)]
-    return _removed(mesh, distance, share)
+    samples = farthest_point_sampling(engine, N_TIPS, peripheral_vertex(body, engine))
+    distance = np.zeros(mesh.n_vertices)  # distance 0: other components are removed first
+    distance[index] = samples.columns[np.random.default_rng(seed).integers(N_TIPS)]
+    return _remove_share(mesh, distance, share)
 
 
 def view(mesh: Mesh, views: int = 1, *, seed: int = 0) -> Damaged:
@@ -153,12 +154,12 @@ def view(mesh: Mesh, views: int = 1, *, seed: int = 0) -> Damaged:
     The cameras are orthographic. A pixel is an eighth of all but the shortest twentieth of the edges, with at most 3000
     pixels along an axis. Faces that are seen so obliquely that no pixel shows them are missed, as at the rims of a scan.
     """
-    require_usable(mesh, "views", views, VIEWS)
+    require_usable(mesh, "views", views, VIEW_COUNT_RANGE)
     if views != int(views):
         raise SettingError(f"views = {views} is not a whole number of cameras")
     axes = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
-    finest, widest = np.quantile(mesh.edge_lengths, FINE), np.ptp(mesh.vertices, axis=0).max()
-    pixel = max(finest / PIXELS, widest / MOST_PIXELS)
+    finest, widest = np.quantile(mesh.edge_lengths, FINE_EDGE_QUANTILE), np.ptp(mesh.vertices, axis=0).max()
+    pixel = max(finest / PIXELS_PER_EDGE, widest / MAX_PIXELS)
     seen = np.zeros(mesh.n_faces, dtype=bool)
     for i in range(int(views)):
         camera = np.roll(axes, i // 2, axis=0) * [[1], [1], [(-1) ** i]]
@@ -167,10 +168,10 @@ def view(mesh: Mesh, views: int = 1, *, seed: int = 0) -> Damaged:
         width, height = np.ceil(np.ptp(points, axis=0)[:2]).astype(int)
         raster = rasterise(points, mesh.sound_faces, int(width), int(height))
         seen[raster.face[raster.covered]] = True
-    return _kept(mesh, _largest_part(mesh, seen))
+    return _keep_faces(mesh, _largest_part(mesh, seen))
 
 
-def _removed(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
+def _remove_share(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
     """Remove faces in the order of the smallest of their corners' values, until a share of the area is gone."""
     ranked = order[mesh.sound_faces].min(axis=1).argsort(kind="stable")
 
@@ -179,7 +180,7 @@ def _removed(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
         keep[ranked[:count]] = False
         return _largest_part(mesh, keep)
 
-    # all but the largest component is gone as well, and what is gone grows with the number of faces removed: bisection
+    # only the largest component is kept, so the area lost grows with the number of faces removed: bisect that number
     too_few, enough = 0, mesh.n_faces
     while enough - too_few > 1:
         middle = (too_few + enough) // 2
@@ -187,7 +188,7 @@ def _removed(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
             too_few = middle
         else:
             enough = middle
-    return _kept(mesh, left(enough))
+    return _keep_faces(mesh, left(enough))
 
 
 def _largest(mesh: Mesh) -> int:
@@ -196,14 +197,14 @@ def _largest(mesh: Mesh) -> int:
 
 
 def _largest_part(mesh: Mesh, faces: BoolArray) -> BoolArray:
-    """Restrict some faces of a mesh to those of their component of largest area."""
+    """Restrict some faces of a mesh to their component of largest area."""
     part = Mesh(mesh.vertices, mesh.sound_faces[faces])
     kept = faces.copy()
     kept[faces] = part.components[part.faces[:, 0]] == _largest(part)
     return kept
 
 
-def _kept(mesh: Mesh, faces: BoolArray) -> Damaged:
+def _keep_faces(mesh: Mesh, faces: BoolArray) -> Damaged:
     """Keep some faces of a mesh, and the vertices that they use."""
     if not faces.any():
         raise MeshError(f"nothing would be left of {mesh!r}; remove less of it, or give a finer mesh")

@@ -8,9 +8,25 @@ from typing import Self
 from zlib import crc32
 
 from isomatch._core.errors import SettingError
-from isomatch_lab.damage.damaged import SHARES, Damaged, DamagedPair, damaged_pair, require_between, undamaged
-from isomatch_lab.damage.disturbed import GAPS, LOUDNESS, RATIOS, decimate, merge, noise, resample, weld
-from isomatch_lab.damage.missing import VIEWS, cut, holes, limb_removed, view
+from isomatch_lab.damage.damaged import (
+    SHARE_RANGE,
+    Damaged,
+    DamagedPair,
+    damaged_pair,
+    require_between,
+    undamaged,
+)
+from isomatch_lab.damage.disturbed import (
+    DENSITY_RATIO_RANGE,
+    DISTANCE_RANGE,
+    GAP_RANGE,
+    decimate,
+    merge,
+    noise,
+    resample,
+    weld,
+)
+from isomatch_lab.damage.missing import VIEW_COUNT_RANGE, cut, holes, limb_removed, view
 from isomatch_lab.sets import BenchmarkPair
 
 SIDES = ("source", "target", "both")
@@ -29,7 +45,7 @@ class Damage:
     levels : tuple of float
         Levels of a curve, from mild to severe.
     default : float
-        The level where none is named, as that of the function.
+        The level where none is named; the default of the function.
     bounds : (float, float)
         Between these lies every level that is allowed.
     """
@@ -42,15 +58,15 @@ class Damage:
 
 
 DAMAGES = {
-    "cut": Damage(cut, "share of the area removed", (0.15, 0.3, 0.5), 0.3, SHARES),
-    "holes": Damage(holes, "share of the area removed", (0.1, 0.25, 0.4), 0.25, SHARES),
-    "limb_removed": Damage(limb_removed, "share of the area removed", (0.05, 0.09, 0.18), 0.09, SHARES),
-    "view": Damage(view, "number of cameras", (4, 2, 1), 1, VIEWS),
-    "weld": Damage(weld, "gap / √area", (0.01, 0.02, 0.04), 0.02, GAPS),
-    "merge": Damage(merge, "distance / mean edge length", (0.7, 1.0, 1.5, 2.0), 1.5, LOUDNESS),
-    "noise": Damage(noise, "standard deviation / mean edge length", (0.1, 0.3, 0.6), 0.3, LOUDNESS),
-    "decimate": Damage(decimate, "share of the vertices kept", (0.5, 0.25, 0.1), 0.25, SHARES),
-    "resample": Damage(resample, "ratio of densities from end to end", (4, 16, 64), 16, RATIOS),
+    "cut": Damage(cut, "share of the area removed", (0.15, 0.3, 0.5), 0.3, SHARE_RANGE),
+    "holes": Damage(holes, "share of the area removed", (0.1, 0.25, 0.4), 0.25, SHARE_RANGE),
+    "limb_removed": Damage(limb_removed, "share of the area removed", (0.05, 0.09, 0.18), 0.09, SHARE_RANGE),
+    "view": Damage(view, "number of cameras", (4, 2, 1), 1, VIEW_COUNT_RANGE),
+    "weld": Damage(weld, "gap / √area", (0.01, 0.02, 0.04), 0.02, GAP_RANGE),
+    "merge": Damage(merge, "distance / mean edge length", (0.7, 1.0, 1.5, 2.0), 1.5, DISTANCE_RANGE),
+    "noise": Damage(noise, "standard deviation / mean edge length", (0.1, 0.3, 0.6), 0.3, DISTANCE_RANGE),
+    "decimate": Damage(decimate, "share of the vertices kept", (0.5, 0.25, 0.1), 0.25, SHARE_RANGE),
+    "resample": Damage(resample, "ratio of densities from end to end", (4, 16, 64), 16, DENSITY_RATIO_RANGE),
 }
 """The registry: every damage by its name. To add a damage, add an entry."""
 

@@ -22,7 +22,7 @@ Job: TypeAlias = tuple[PairNames, str]  # a pair, and the method to start with
 
 
 def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[Row]:
-    """Run every method on every pair and yield each new row as soon as it is there.
+    """Run every method on every pair and yield each new row as soon as it is measured.
 
     Rows are appended to ``out/rows.jsonl`` at once. A pair that fails gives a row that names the problem. Complete rows
     of the same version and settings that are already there are not computed again, so that an interrupted run continues
@@ -30,14 +30,14 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[Row]:
     """
     out = Path(out)
     done = {identity_of(row) for row in read_rows(out) if run.is_complete(row)}
-    jobs: dict[Job, list[str]] = {}  # continuations of one map belong to one job
+    jobs: dict[Job, list[str]] = {}  # one job computes a map and all its continuations
     for pair in run.chosen_pairs():
         for method in run.names:
             base, _, ending = method.partition("+")
             if identity_of(run.identity(pair, method)) not in done:
                 endings = jobs.setdefault((pair, base), [])
                 if ending and not endings and identity_of(run.identity(pair, base)) not in done:
-                    endings.append("")  # is computed anyway, and shows the gain
+                    endings.append("")  # the start is computed anyway, and its row shows the gain
                 if ending not in endings:
                     endings.append(ending)
     with made_folder(out), appending(out) as append:
@@ -65,7 +65,7 @@ def _new_rows(run: BenchmarkRun, jobs: dict[Job, list[str]]) -> Iterator[Row]:
             yield from future.result()
 
 
-_worker: _Worker  # of this process, see `_begin`
+_worker: _Worker  # the worker of this process, see `_begin`
 
 
 def _begin(run: BenchmarkRun) -> None:
@@ -115,6 +115,6 @@ class _Worker:
 
 def _problem(problem: Exception | SystemExit) -> Row:
     """Describe a problem, with the notes attached to it."""
-    told = f"the method called exit({problem})" if isinstance(problem, SystemExit) else problem
-    parts = [f"{type(problem).__name__}: {told}", *getattr(problem, "__notes__", [])]
+    text = f"the method called exit({problem})" if isinstance(problem, SystemExit) else problem
+    parts = [f"{type(problem).__name__}: {text}", *getattr(problem, "__notes__", [])]
     return {"problem": " ".join(parts)}

@@ -99,7 +99,7 @@ class BenchmarkRun(Settings):
             parts_of(name, self._own)
         if self.damage is not None:
             object.__setattr__(self, "damage", str(DamageChoice.parse(self.damage)))
-        maps = [each.name for each in self._own.values() if isinstance(each, MapsInFolder)]
+        maps = [method.name for method in self._own.values() if isinstance(method, MapsInFolder)]
         if maps and (self.damage is not None or self.cycles):
             raise SettingError(
                 f"{maps[0]} are maps of undamaged shapes in one direction; leave out the damage and the cycles, or give "
@@ -109,17 +109,19 @@ class BenchmarkRun(Settings):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the methods."""
-        return tuple(str(getattr(each, "name", each)) for each in self.methods)
+        return tuple(str(getattr(method, "name", method)) for method in self.methods)
 
     @cached_property
     def _own(self) -> dict[str, OwnFunction | MapsInFolder]:
         """Methods that are not of ``METHODS``, by name, without what they continue with."""
-        own = {each.name: each for each in self.methods if isinstance(each, OwnFunction | MapsInFolder)}
+        own_methods = {
+            method.name: method for method in self.methods if isinstance(method, OwnFunction | MapsInFolder)
+        }
         for name in self.methods:
             base = name.partition("+")[0] if isinstance(name, str) else ""
-            if ":" in base and base not in own:
-                own[base] = OwnFunction(base)
-        return own
+            if ":" in base and base not in own_methods:
+                own_methods[base] = OwnFunction(base)
+        return own_methods
 
     @cached_property
     def _sets(self) -> dict[str | None, BenchmarkSet]:
@@ -132,7 +134,7 @@ class BenchmarkRun(Settings):
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
-        # what loads the pairs of a made set does not travel to other processes
+        # the loaders of made sets cannot be pickled for other processes
         return {name: value for name, value in vars(self).items() if name not in ("_sets", "_kept")}
 
     def _opened(self, landmarks: str | None) -> BenchmarkSet:
@@ -153,7 +155,9 @@ class BenchmarkRun(Settings):
     @property
     def in_this_process(self) -> bool:
         """Whether a method is a function that other processes would not find, as in a notebook."""
-        return any(isinstance(each, OwnFunction) and each.is_of_this_process for each in self._own.values())
+        return any(
+            isinstance(method, OwnFunction) and method.is_of_this_process for method in self._own.values()
+        )
 
     @property
     def needs_our_loops(self) -> bool:
@@ -162,10 +166,10 @@ class BenchmarkRun(Settings):
 
     def method(self, base: str) -> Method:
         """Take a method by its name, without what it continues with."""
-        own = self._own.get(base)
-        if own is None:
+        own_method = self._own.get(base)
+        if own_method is None:
             return METHODS[base]
-        return Method(own, preparation=None, reads_maps=isinstance(own, MapsInFolder))
+        return Method(own_method, preparation=None, reads_maps=isinstance(own_method, MapsInFolder))
 
     def chosen_pairs(self) -> tuple[PairNames, ...]:
         """Names of the pairs to run; opens the set, see `benchmark_set` for what it raises."""

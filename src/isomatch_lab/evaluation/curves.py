@@ -29,7 +29,7 @@ from isomatch._core.errors import FormatError, MissingFileError
 COLOURS = (  # Petroff 2021: ten colours that the colour-blind can distinguish
     "#3f90da", "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70", "#717581", "#92dadd",
 )  # fmt: skip
-DASHES = ((0, (1, 1.5)), (0, (6, 1.5, 1, 1.5)))  # of published curves: the ten colours in each style
+DASHES = ((0, (1, 1.5)), (0, (6, 1.5, 1, 1.5)))  # dashes of published curves; each style uses all ten colours
 DIRECT, EITHER, CONTINUED = "direct truth", "one flip allowed for each pair", "started from another map"
 OURS = "isomatch"
 PANEL, PER_ROW = (5.4, 4.6), 2  # inches of a panel with its legend: its text can be read on a phone
@@ -44,7 +44,7 @@ class CurvePanel:
     title: str
     curves: Panel  # mean curve and number of pairs of each method
     published: Sequence[PublishedCurve]
-    colours: dict[str, str]  # of each family of methods
+    colours: dict[str, str]  # colour of each family of methods
     continued: bool  # whether methods were started from the maps of others, and are shown as thin lines
 
     def draw(self, axes: Axes) -> None:
@@ -68,8 +68,8 @@ def curve_panels(rows: list[dict[str, Any]], published: Sequence[PublishedCurve]
     families = dict.fromkeys(_family(method) for method in _distinct(good, "method") if method != OURS)
     colours = {family: COLOURS[i % len(COLOURS)] for i, family in enumerate(families)}
     panels = []
-    # of each set: against the direct truth, against the better of direct and mirrored truth for each pair, if that
-    # differs, and methods started from the maps of others, if there are any
+    # up to three panels for each set: errors against the direct truth; against the better of direct and mirrored
+    # truth for each pair, if that differs; and methods started from the maps of others, if there are any
     for name in _distinct(good, "set"):
         members = [row for row in good if row["set"] == name]
         at_landmarks = any(row.get("judged_at") == "landmarks" for row in members)
@@ -229,7 +229,8 @@ def read_published_curves(folder: str | Path) -> list[PublishedCurve]:
 
 def _is_curve(errors: AnyArray, shares: AnyArray) -> bool:
     return errors.shape == shares.shape and all(
-        each.ndim == 1 and each.dtype.kind in "fiu" and np.isfinite(each).all() for each in (errors, shares)
+        values.ndim == 1 and values.dtype.kind in "fiu" and np.isfinite(values).all()
+        for values in (errors, shares)
     )
 
 

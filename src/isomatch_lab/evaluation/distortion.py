@@ -13,7 +13,7 @@ from isomatch.correspondence import Correspondence
 from isomatch.geodesics import DistanceEngine, distance_engine
 from isomatch.surfaces import Mesh
 
-BLOCK = 64  # distance columns held at once
+BLOCK_COLUMNS = 64  # distance columns held at once
 
 
 @dataclass(frozen=True)
@@ -121,12 +121,12 @@ def metric_distortion(
         rows, columns = (pairs[rng.permutation(len(pairs))[:count]] for count in (n_rows, n_columns))
     units = [unit or np.sqrt(mesh.area) if normalised else 1.0 for mesh in (source, target)]
     source_engine, target_engine = engines or (distance_engine(source), distance_engine(target))
-    here = distance_table(source_engine, rows[:, 0], columns[:, 0]) / units[0]
+    source_distances = distance_table(source_engine, rows[:, 0], columns[:, 0]) / units[0]
 
     def against(row_images: IntArray, column_images: IntArray) -> tuple[float, float]:
-        there = distance_table(target_engine, row_images, column_images) / units[1]
-        joined = np.isfinite(here) | np.isfinite(there)
-        change = np.abs(here[joined] - there[joined])
+        target_distances = distance_table(target_engine, row_images, column_images) / units[1]
+        joined = np.isfinite(source_distances) | np.isfinite(target_distances)
+        change = np.abs(source_distances[joined] - target_distances[joined])
         return float(change.max(initial=0.0) / 2), float((change**2).sum() / max(change.size, 1))
 
     true = None if truth is None else MetricDistortion(*against(rows[:, 1], columns[:, 1]))
@@ -140,8 +140,8 @@ def distance_table(engine: DistanceEngine, rows: IntArray, columns: IntArray) ->
     """
     sources, place = np.unique(rows, return_inverse=True)
     blocks = [
-        engine.distances_from(sources[first : first + BLOCK])[:, columns]
-        for first in range(0, len(sources), BLOCK)
+        engine.distances_from(sources[first : first + BLOCK_COLUMNS])[:, columns]
+        for first in range(0, len(sources), BLOCK_COLUMNS)
     ]
     table: FloatArray = np.concatenate(blocks)[place]
     return table

@@ -58,7 +58,7 @@ def read_rows(out: str | Path) -> list[Row]:
             raise FormatError(
                 f"{path}:{number}: not a row of a benchmark run ({error}); remove this line, and its pair is run again"
             ) from error
-        rows.pop(identity, None)  # so that the order is that of writing
+        rows.pop(identity, None)  # so that the order is the order of writing
         rows[identity] = row
     return list(rows.values())
 

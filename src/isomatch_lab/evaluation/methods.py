@@ -1,4 +1,4 @@
-"""The methods of a benchmark run: those of isomatch, of others, and one's own."""
+"""The methods of a benchmark run: isomatch, published methods, and one's own."""
 
 from __future__ import annotations
 
@@ -105,13 +105,13 @@ CONTINUATIONS = {
 """Methods that can start from the map of another: "sgmds_5pt+gdd" is GDD started from the map of SGMDS."""
 
 
-def parts_of(name: str, own: Collection[str] = ()) -> tuple[str, str]:
+def parts_of(name: str, own_names: Collection[str] = ()) -> tuple[str, str]:
     """Split the name of a method into one of ``METHODS`` or of one's own, and one of ``CONTINUATIONS``, or ""."""
     base, plus, ending = name.partition("+")
-    if base not in (*METHODS, *own) or (plus and ending not in CONTINUATIONS):
+    if base not in (*METHODS, *own_names) or (plus and ending not in CONTINUATIONS):
         raise SettingError(
-            f"unknown method {name}; choose from {', '.join([*METHODS, *own])}, and any of them followed by "
-            + " or ".join(f"+{each}" for each in CONTINUATIONS)
+            f"unknown method {name}; choose from {', '.join([*METHODS, *own_names])}, and any of them followed by "
+            + " or ".join(f"+{continuation}" for continuation in CONTINUATIONS)
             + "; a function of your own is MODULE:FUNCTION"
         )
     return base, ending
@@ -130,7 +130,7 @@ def digest_of(settings: Mapping[str, Any], ending: str = "") -> str:
 
 
 MAP_SUFFIXES = (".npz", ".npy", ".mat", ".txt", ".map", ".csv")
-BETWEEN = ("__", "-", "_")  # names of a pair in the name of its file
+NAME_SEPARATORS = ("__", "-", "_")  # stand between the names of a pair in a file name
 EXPECTED = "a function takes two meshes, source and target, and returns an array of target vertices, or a map"
 
 
@@ -160,7 +160,7 @@ class OwnFunction:
 
     def __post_init__(self) -> None:
         if not self.digest:
-            digest = _loaded(self.name) if self.function is None else token_hex()
+            digest = _load_function(self.name) if self.function is None else token_hex()
             object.__setattr__(self, "digest", digest)
 
     @property
@@ -179,7 +179,7 @@ class OwnFunction:
     def __call__(self, source: Mesh, target: Mesh, **priors: IntArray) -> MatchResult | Correspondence:
         """Match; what is returned has to be a map of these shapes. What the function prints goes to standard error."""
         with redirect_stdout(sys.stderr):
-            answer = (self.function or _found(self.name, self.digest))(source, target, **priors)
+            answer = (self.function or _find_function(self.name, self.digest))(source, target, **priors)
         return map_from(answer, source, target, self.name)
 
     def to_dict(self) -> dict[str, Any]:
@@ -187,19 +187,19 @@ class OwnFunction:
         return {"function": self.name, "digest": self.digest}
 
 
-_FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {}  # by name and digest
-_TEXTS: dict[str, bytes] = {}  # of modules by name, as they were loaded
-_BEGAN = time()  # what changed later may have been imported before
+_FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {}  # functions by name and digest of their text
+_TEXTS: dict[str, bytes] = {}  # texts of modules, by name, as they were when loaded
+_BEGAN = time()  # a file changed after this time may have been imported earlier
 
 
-def _found(name: str, digest: str) -> Callable[..., Any]:
-    """Give the function of a digest, in whatever process; `SettingError` if its text is another now."""
-    if (name, digest) not in _FUNCTIONS and _loaded(name) != digest:
+def _find_function(name: str, digest: str) -> Callable[..., Any]:
+    """Give the function of a digest, in whatever process; `SettingError` if its text has changed."""
+    if (name, digest) not in _FUNCTIONS and _load_function(name) != digest:
         raise SettingError(f"method {name!r}: its text has changed since the run began; run it again")
     return _FUNCTIONS[name, digest]
 
 
-def _loaded(name: str) -> str:
+def _load_function(name: str) -> str:
     """Load a function as its file is now, and give the digest of this text; `SettingError` if there is none."""
     place, _, attribute = name.rpartition(":")
     if not (place and attribute):
@@ -213,7 +213,7 @@ def _loaded(name: str) -> str:
             module = _module_of_text(place, text) if is_file else _current_module(place)
     except IsomatchError:
         raise
-    except (Exception, SystemExit) as error:  # whatever a module of others raises when it is imported
+    except (Exception, SystemExit) as error:  # a foreign module may raise anything when it is imported
         raise SettingError(
             f"method {name!r}: {place} cannot be imported ({type(error).__name__}: {error})"
         ) from error
@@ -222,7 +222,7 @@ def _loaded(name: str) -> str:
         raise SettingError(f"method {name!r}: {place} has no function {attribute!r}; {EXPECTED}")
     texts = [text if is_file else _TEXTS[place]]
     home = sys.modules.get(getattr(function, "__module__", None) or "")
-    if home is not None and home is not module:  # which only imports the function
+    if home is not None and home is not module:  # the module only imports the function from its home
         now = _text_of(home)
         if _TEXTS.setdefault(home.__name__, now) != now:
             raise SettingError(f"method {name!r}: {home.__file__} has changed; start Python again")
@@ -234,7 +234,7 @@ def _loaded(name: str) -> str:
 
 @cache
 def _module_of_text(place: str, text: bytes) -> ModuleType:
-    """Run the text of a file; bytes that were compiled earlier could be those of another text."""
+    """Run the text of a file; bytes compiled earlier could belong to another text."""
     label = f"_benched_{sha256(place.encode() + text).hexdigest()[:8]}"
     spec = spec_from_file_location(label, place)
     assert spec is not None
@@ -250,7 +250,7 @@ def _current_module(place: str) -> ModuleType:
     text = _text_of(module)
     before = _TEXTS.get(place)
     if before is None and not is_new and text and Path(str(module.__file__)).stat().st_mtime > _BEGAN:
-        before = b""  # that of its import is not known
+        before = b""  # the text at its import is not known
     if before not in (None, text):
         exec(compile(text, str(module.__file__), "exec"), module.__dict__)
     _TEXTS[place] = text
@@ -349,7 +349,7 @@ class MapsInFolder:
 
     def file_of(self, source: str, target: str) -> Path:
         """File of the map of a pair; an error if there is none, or several."""
-        stems = [f"{source}{between}{target}" for between in BETWEEN]
+        stems = [f"{source}{between}{target}" for between in NAME_SEPARATORS]
         names = [f"{stem}{suffix}" for stem in stems for suffix in MAP_SUFFIXES]
         paths = [self.folder / name for name in names if (self.folder / name).is_file()]
         if not paths:
@@ -376,7 +376,7 @@ class MapsInFolder:
                 reading = read_map(path, allow_doubt=True)
                 if not (reading.is_certain or (reading.map.vertices == 0).any()):
                     reading = read_map(path, pair.n_target_of(source, target), allow_doubt=True)
-            except IsomatchError:  # is reported with its own pair
+            except IsomatchError:  # the error is reported with its own pair
                 continue
             if reading.is_certain:
                 yield reading.counts_from
@@ -392,5 +392,5 @@ class MapsInFolder:
 
 def stamps(files: Iterable[Path]) -> str:
     """Hash the names, sizes and times of change of files."""
-    told = sorted(f"{path.name} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in files)
-    return sha256("\n".join(told).encode()).hexdigest()[:12]
+    versions = sorted(f"{path.name} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in files)
+    return sha256("\n".join(versions).encode()).hexdigest()[:12]

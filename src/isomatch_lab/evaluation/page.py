@@ -14,10 +14,10 @@ from isomatch._core.files import write_text
 from isomatch_lab.evaluation.curves import CurvePanel
 from isomatch_lab.evaluation.ledger import set_label
 
-MOST_PAIRS = 20  # worst pairs shown
-WORDS = ("set", "damage", "group", "pair", "method", "outcome", "judged_at", "version")  # columns of text
-TOLD = ("notes", "problem")  # of sentences
-OF_PARTS = ("iou", "error_matched", "precision", "recall")
+MAX_PAIRS = 20  # worst pairs shown
+TEXT_COLUMNS = ("set", "damage", "group", "pair", "method", "outcome", "judged_at", "version")
+SENTENCE_COLUMNS = ("notes", "problem")
+PART_COLUMNS = ("iou", "error_matched", "precision", "recall")
 """Columns that say no more than ``unmatched`` where every vertex has a counterpart."""
 MEANINGS = {
     "damage": "what was done to the target, or to the shape named after @, and how much; errors and distortions are "
@@ -58,25 +58,25 @@ MEANINGS = {
     "version": "version of isomatch",
 }
 """What columns mean; those that are told of together share an entry, with blanks between them."""
-SUMMARY = (
+SUMMARY_COLUMNS = (
     "method", "judged_at", "version", "pairs", "mean", "median", "max", "failures", "problems", "iou", "error_matched",
     "auc", "within_05", "seconds",
 )  # fmt: skip
-FURTHER = (
+FURTHER_COLUMNS = (
     "method", "either", "unmatched", "precision", "recall", "within_10", "within_25", "distortion_l2",
     "distortion_l2_truth", "distortion_table", "distortion_table_truth", "cycle", "image_area", "smoothness",
 )  # fmt: skip
-WORST = (
+WORST_COLUMNS = (
     "pair", "set", "group", "damage", "method", "error", "median", "p95", "direct", "mirrored", "unmatched", "iou",
     "seconds", "outcome", "notes", "problem",
 )  # fmt: skip
-GAINED = (
+GAIN_COLUMNS = (
     "method", "pairs", "error_before", "error_after", "error_smaller", "distortion_l2_before", "distortion_l2_after",
     "distortion_l2_smaller", "distortion_pairs", "distortion_l2_truth",
 )  # fmt: skip
-ONCE = ("judged_at", "version")  # columns that are told above the table if all rows agree
-GAINS = '<h2>Started from the map of another method</h2>\n<div class="wide">{}</div>'
-CURVE = '<img src="data:image/svg+xml;base64,{}" alt="{}">'
+COMMON_COLUMNS = ("judged_at", "version")  # columns that are told above the table if all rows agree
+GAINS_HTML = '<h2>Started from the map of another method</h2>\n<div class="wide">{}</div>'
+CURVE_HTML = '<img src="data:image/svg+xml;base64,{}" alt="{}">'
 FORMATS = {
     "{:.2f}": ("mean", "median", "max", "either", "error", "p95", "direct", "mirrored", "cycle", "smoothness",
                "error_matched", "error_before", "error_after"),
@@ -98,31 +98,35 @@ def write_page(
 ) -> None:
     """Write the HTML page of a run, which says how many rows are left out as they cannot be compared with the others."""
     summary, rows = told_of_parts(summary), told_of_parts(rows)
-    worst = sorted(rows, key=lambda row: -row.get("error", float("inf")))[:MOST_PAIRS]
+    worst = sorted(rows, key=lambda row: -row.get("error", float("inf")))[:MAX_PAIRS]
     sets = ", ".join(dict.fromkeys(row["set"] for row in rows))
-    once = {name: values.pop() for name in ONCE if len(values := {row.get(name) for row in summary}) == 1}
-    told = [f"isomatch {once['version']}."] if once.get("version") else []
-    told += [f"Judged at: {once['judged_at']}."] if once.get("judged_at") else []
+    once = {
+        name: values.pop()
+        for name in COMMON_COLUMNS
+        if len(values := {row.get(name) for row in summary}) == 1
+    }
+    sentences = [f"isomatch {once['version']}."] if once.get("version") else []
+    sentences += [f"Judged at: {once['judged_at']}."] if once.get("judged_at") else []
     if left_out:
-        told.append(
+        sentences.append(
             f"Rows of other versions, settings, points, seeds or truth in rows.jsonl, not shown: {left_out}."
         )
-    columns = [name for name in SUMMARY if name not in once]
-    every = [(columns, summary), (FURTHER, summary), (GAINED, gains), (WORST, worst)]
+    columns = [name for name in SUMMARY_COLUMNS if name not in once]
+    every = [(columns, summary), (FURTHER_COLUMNS, summary), (GAIN_COLUMNS, gains), (WORST_COLUMNS, worst)]
     # how errors were judged is told above the table
-    shown = {"judged_at"} | {column for names, lines in every for column in _filled(names, lines)}
+    shown = {"judged_at"} | {column for names, lines in every for column in _filled_columns(names, lines)}
     page = Template((files("isomatch_lab.evaluation") / "page.html").read_text(encoding="utf-8")).substitute(
         title=escape(f"isomatch bench: {sets}"),
         summary=_table(columns, summary, by_set=True),
-        further=_table(FURTHER, summary, by_set=True),
-        gains=GAINS.format(_table(GAINED, gains, by_set=True)) if gains else "",
+        further=_table(FURTHER_COLUMNS, summary, by_set=True),
+        gains=GAINS_HTML.format(_table(GAIN_COLUMNS, gains, by_set=True)) if gains else "",
         curves="\n".join(
-            CURVE.format(b64encode(panel.svg()).decode("ascii"), escape(f"Curves of {panel.title}"))
+            CURVE_HTML.format(b64encode(panel.svg()).decode("ascii"), escape(f"Curves of {panel.title}"))
             for panel in panels
         ),
-        note=escape(" ".join(told)),
+        note=escape(" ".join(sentences)),
         count=f"{len(worst)} of {len(rows)}; those with a problem first. All, with more measures, are in pairs.csv.",
-        worst=_table(WORST, worst),
+        worst=_table(WORST_COLUMNS, worst),
         columns="".join(
             f"<dt>{escape(', '.join(map(_head, present)))}</dt><dd>{escape(text)}</dd>"
             for names, text in MEANINGS.items()
@@ -151,21 +155,23 @@ def told_of_parts(lines: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     lines = list(lines)
     partial = {set_label(line) for line in lines if line.get("precision") not in (None, 1.0)}
     return [
-        line if set_label(line) in partial else {k: v for k, v in line.items() if k not in OF_PARTS}
+        line if set_label(line) in partial else {k: v for k, v in line.items() if k not in PART_COLUMNS}
         for line in lines
     ]
 
 
-def _filled(columns: Iterable[str], rows: list[dict[str, Any]]) -> list[str]:
+def _filled_columns(columns: Iterable[str], rows: list[dict[str, Any]]) -> list[str]:
     """Columns that some row fills."""
     return [column for column in columns if any(row.get(column) not in (None, "") for row in rows)]
 
 
 def _table(columns: Iterable[str], rows: list[dict[str, Any]], by_set: bool = False) -> str:
     """HTML table of the columns that some row fills; by set, with a line above the rows of each."""
-    shown = _filled(columns, rows)
+    shown = _filled_columns(columns, rows)
     kind = (
-        dict.fromkeys(shown, "") | dict.fromkeys(WORDS, " class=words") | dict.fromkeys(TOLD, " class=told")
+        dict.fromkeys(shown, "")
+        | dict.fromkeys(TEXT_COLUMNS, " class=words")
+        | dict.fromkeys(SENTENCE_COLUMNS, " class=told")
     )
     head = "".join(f"<th scope=col{kind[column]}>{escape(_head(column))}</th>" for column in shown)
     body, last = "", None

@@ -140,8 +140,8 @@ def benchmark(
     Notes
     -----
     A function is given the target relabelled and rotated, so that equal indices do not help. Functions of a notebook or
-    of a script run in this process, one pair at a time; of those of a module that other processes can import, ``jobs``
-    pairs run at a time. A function that is handed over is run anew each time.
+    of a script run in this process, one pair at a time; functions of a module that other processes can import
+    run ``jobs`` pairs at a time. A function that is handed over is run anew each time.
 
     Examples
     --------

@@ -45,7 +45,7 @@ class Answer:
 
     map: Correspondence
     diagnostics: dict[str, Any]  # what the method reports about the map
-    seconds: float  # without preparation; for a map that was started from another one, that of both
+    seconds: float  # without preparation; includes the map it was started from
     preparations: frozenset[Config | None]  # settings of the prepared shapes that were used
 
 
@@ -57,7 +57,8 @@ class Subject:
         self._dense, self._judged = run.load(names)
         self.pair = self._dense.given
         limit = memory_budget() / (8 * (run.jobs or n_threads()))
-        engine = cache(lambda mesh: CachingEngine(distance_engine(mesh), limit))  # one for an undamaged mesh
+        # a shape that is not damaged is its own whole, and has one engine
+        engine = cache(lambda mesh: CachingEngine(distance_engine(mesh), limit))
         self._engines, self._whole_engines = (
             (engine(shapes.source), engine(shapes.target)) for shapes in (self.pair, self._dense.whole)
         )
@@ -132,7 +133,7 @@ class Subject:
         """Errors × 100 on the whole target, and their curves; a vertex without an image counts as √(target area)."""
         run, judged = self._run, self._judged.whole
         n_points = run.n_points if run.landmarks is None else None
-        # of truly symmetric shapes, one decision is made for the pair between direct and mirrored truth
+        # for truly symmetric shapes, the whole pair is judged by either the direct or the mirrored truth
         sides = smallest(
             sided_errors(
                 judged.target,
@@ -175,7 +176,7 @@ class Subject:
         if alone is None:
             return {}
         areas = self.pair.source.vertex_areas
-        # the overlap is the area of those with a counterpart and an image over that of those with either
+        # overlap: area with a counterpart and an image, divided by area with either
         right, wrong = has[image.matched[has]], alone[image.matched[alone]]
         either = areas[has].sum() + areas[wrong].sum()
         return {
@@ -187,7 +188,7 @@ class Subject:
     def _lifted(self, image: Correspondence) -> list[Correspondence]:
         """Carry a map between the damaged shapes to the whole ones."""
         n_target = self._dense.whole.target.n_vertices
-        return [Correspondence(each, n_target) for each in self._dense.lifted(image.vertices)]
+        return [Correspondence(images, n_target) for images in self._dense.lifted(image.vertices)]
 
     def _distortion(self, name: str, image: Correspondence, **draw: Any) -> dict[str, float]:
         """Mean square distortion of a map and of the truth, over random points of the whole shapes."""
@@ -206,7 +207,7 @@ class Subject:
 
 
 def _plain(numbers: Mapping[str, Any]) -> Row:
-    """Turn numbers into those of JSON, with None in place of numbers that are not finite."""
+    """Turn numbers into JSON numbers, with None in place of numbers that are not finite."""
     return {name: float(number) if np.isfinite(number) else None for name, number in numbers.items()}
 
 

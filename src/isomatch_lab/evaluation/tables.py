@@ -28,8 +28,8 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
     """Write tables, curves and a page of the rows in a folder.
 
     Of each set, damage and method, only the rows that agree with the last one in points, seed, version and settings are
-    shown, and of each set only those with the kind of truth of its last row, so that no mean is over rows that cannot be
-    compared. The page says how many rows are left out.
+    shown, and of each set only rows with the kind of truth of its last row, because a mean over others would mislead.
+    The page says how many rows are left out.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
         Folder of the runs. ``pairs.csv``, ``summary.csv``, ``improvements.csv`` (see `improvements`), ``curves.png``,
         ``curves.svg`` and ``index.html``, a page that needs no other file, are written into it.
     published : sequence of PublishedCurve
-        Published curves to draw for comparison; those of other sets are ignored.
+        Published curves to draw for comparison; curves of other sets are ignored.
 
     Returns
     -------

@@ -11,8 +11,8 @@ from isomatch.geodesics import DistanceEngine, distance_engine
 from isomatch_lab.sets import BenchmarkPair
 
 N_LANDMARKS = 5  # as in the paper
-REFERENCES = 30  # true pairs by which the others are checked
-RELIABLE = 0.95  # share of the truth from which landmarks are drawn
+N_REFERENCES = 30  # true pairs against which all others are checked
+RELIABLE_SHARE = 0.95  # share of the truth from which landmarks are drawn
 
 
 def true_landmarks(
@@ -49,23 +49,23 @@ def true_landmarks(
     Published truth has a few wrong rows where limbs touch, such as one hand in place of the other. So distances to the
     references are compared on both shapes, and the 5 % of the rows with the largest differences are excluded.
     """
-    references = pair.truth[generator(seed).integers(len(pair.truth), size=REFERENCES)]
+    references = pair.truth[generator(seed).integers(len(pair.truth), size=N_REFERENCES)]
     source, target = engines or (distance_engine(pair.source), distance_engine(pair.target))
-    here = source.distances_from(references[:, 0])[:, pair.truth[:, 0]] / np.sqrt(pair.source.area)
-    there = target.distances_from(references[:, 1])[:, pair.truth[:, 1]] / np.sqrt(pair.target.area)
-    connected = np.isfinite(here) & np.isfinite(there)  # points on other components count as √area apart
-    descriptor_distance = np.abs(np.subtract(here, there, where=connected, out=np.ones(here.shape))).mean(
-        axis=0
-    )
+    from_source = source.distances_from(references[:, 0])[:, pair.truth[:, 0]] / np.sqrt(pair.source.area)
+    from_target = target.distances_from(references[:, 1])[:, pair.truth[:, 1]] / np.sqrt(pair.target.area)
+    connected = np.isfinite(from_source) & np.isfinite(from_target)
+    # points on other components count as √area apart
+    difference = np.subtract(from_source, from_target, where=connected, out=np.ones(from_source.shape))
+    descriptor_distance = np.abs(difference).mean(axis=0)
     reliable = np.flatnonzero(
-        connected[0] & (descriptor_distance <= np.quantile(descriptor_distance, RELIABLE))
+        connected[0] & (descriptor_distance <= np.quantile(descriptor_distance, RELIABLE_SHARE))
     )
     if len(reliable) < count:
         raise LandmarkError(
             f"{pair.name}: only {len(reliable)} of {len(pair.truth)} true points are reliable, too few for {count} "
             "landmarks; ask for fewer, or use a set with denser truth"
         )
-    rows = [reliable[here[0, reliable].argmax()]]
+    rows = [reliable[from_source[0, reliable].argmax()]]
     nearest = np.full(len(reliable), np.inf)
     while len(rows) < count:
         distances = source.distances_from(pair.truth[rows[-1:], 0])[0]

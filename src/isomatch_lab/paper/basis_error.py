@@ -10,8 +10,8 @@ from isomatch._core.arrays import FloatArray
 from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 
 RANKS = tuple(range(5, 51, 5))
-ZOOM = 20  # first rank shown in the zoom
-BOUND = 1.4  # times the optimum, up to which an approximation counts as close
+FIRST_ZOOMED_RANK = 20  # first rank shown in the zoom
+CLOSE_RATIO = 1.4  # an approximation is close if its error is at most this many times the optimum
 COLUMNS = {  # CSV column: label, style
     "laplace": ("Laplace–Beltrami basis", {"color": "#0072B2", "marker": "s", "linestyle": ":"}),
     "nystrom": (
@@ -33,7 +33,7 @@ def relative_error(approximate: FloatArray, distances: FloatArray, weights: Floa
     return float(np.linalg.norm(difference) / np.linalg.norm(whole))
 
 
-def projected(vectors: FloatArray, distances: FloatArray, weights: FloatArray) -> FloatArray:
+def project_distances(vectors: FloatArray, distances: FloatArray, weights: FloatArray) -> FloatArray:
     """Weighted least squares approximation of the columns of D in the span of functions (n, k)."""
     root = np.sqrt(weights)[:, None]
     span = np.linalg.qr(root * vectors)[0]
@@ -51,7 +51,7 @@ def errors_by_rank(mesh: Mesh, ranks: tuple[int, ...], seed: int = 0) -> list[di
     rows = []
     for k in ranks:
         approximations = {
-            "laplace": projected(smooth[:, :k], distances, weights),
+            "laplace": project_distances(smooth[:, :k], distances, weights),
             "nystrom": distance_basis(mesh, k, 2 * k, "nystrom", "uniform", seed, held_out=0).row(everywhere),
             "predicted": distance_basis(mesh, k, 2 * k, "predicted", "uniform", seed, held_out=0).row(
                 everywhere
@@ -68,14 +68,16 @@ def draw(rows: list[dict[str, float]], name: str) -> Figure:
     """Draw all ranks, and the larger ones again at the scale of the geodesic bases."""
     figure = Figure((8.5, 3.8), layout="constrained")
     whole, zoom = figure.subplots(1, 2)
-    for axes, shown in ((whole, rows), (zoom, [row for row in rows if row["k"] >= ZOOM])):
+    for axes, shown in ((whole, rows), (zoom, [row for row in rows if row["k"] >= FIRST_ZOOMED_RANK])):
         ranks = [row["k"] for row in shown]
         for column, (label, style) in COLUMNS.items():
             axes.plot(ranks, [row[column] for row in shown], label=label, markersize=4, **style)
         axes.set(xlabel="rank k", ylabel="‖D − D̂‖ / ‖D‖, Frobenius", ylim=(0, None))
-    bound = [(row["k"], BOUND * row["exact"]) for row in rows if row["k"] >= ZOOM]
-    zoom.plot(*zip(*bound), color="0.6", lw=1, label=f"{BOUND} × the optimum")
-    zoom.set(title="zoom", ylim=(0, 1.15 * max(row["nystrom"] for row in rows if row["k"] >= ZOOM)))
+    bound = [(row["k"], CLOSE_RATIO * row["exact"]) for row in rows if row["k"] >= FIRST_ZOOMED_RANK]
+    zoom.plot(*zip(*bound), color="0.6", lw=1, label=f"{CLOSE_RATIO} × the optimum")
+    zoom.set(
+        title="zoom", ylim=(0, 1.15 * max(row["nystrom"] for row in rows if row["k"] >= FIRST_ZOOMED_RANK))
+    )
     whole.set_title(name)
     whole.legend(fontsize="small")
     zoom.legend(*([part[-1:] for part in zoom.get_legend_handles_labels()]), fontsize="small")
@@ -103,11 +105,11 @@ def verdicts_on(rows: list[dict[str, float]]) -> list[Verdict]:
         ratios = [row[column] / row["exact"] for row in rows]
         verdicts.append(
             Verdict(
-                f"the approximate basis ({method}) is close to the exact one: within {BOUND} × the optimum for "
+                f"the approximate basis ({method}) is close to the exact one: within {CLOSE_RATIO} × the optimum for "
                 f"k = {first} … {last}",
                 f"{min(ratios):.2f} to {max(ratios):.2f} × the optimum; {rows[-1][column]:.4f} against "
                 f"{rows[-1]['exact']:.4f} at k = {last}",
-                max(ratios) <= BOUND,
+                max(ratios) <= CLOSE_RATIO,
             )
         )
     gains = {column: min(row["laplace"] / row[column] for row in rows) for column in ("nystrom", "predicted")}

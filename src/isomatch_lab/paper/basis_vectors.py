@@ -12,9 +12,9 @@ from isomatch_lab.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdic
 
 N_VECTORS = 10
 N_SMOOTH = 50  # Laplace–Beltrami functions whose span counts as smooth
-RANGE = 2.5  # functions of mean square 1 are shown from −RANGE to RANGE
+MAX_SHOWN_VALUE = 2.5  # functions of mean square 1 are shown from −MAX_SHOWN_VALUE to MAX_SHOWN_VALUE
 COLOUR_MAP = "PuOr"
-MOST_ERROR, LEAST_SMOOTH = 0.05, 0.95  # meaning of "most of the distances" and "smooth"
+MAX_ERROR, MIN_SMOOTH_SHARE = 0.05, 0.95  # meaning of "most of the distances" and "smooth"
 
 
 def make(setting: Setting) -> Reproduction:
@@ -40,22 +40,22 @@ def make(setting: Setting) -> Reproduction:
         Verdict(
             "ten orthonormal vectors hold most of the distances",
             f"relative error {errors[-1]:.3f} with {N_VECTORS} (estimated on columns held out from the fit; at most "
-            f"{MOST_ERROR} counts as most); QᵀAQ is within {skew:.0e} of the identity",
-            bool(errors[-1] <= MOST_ERROR and skew < 1e-8),
+            f"{MAX_ERROR} counts as most); QᵀAQ is within {skew:.0e} of the identity",
+            bool(errors[-1] <= MAX_ERROR and skew < 1e-8),
         ),
         Verdict(
             "they are smooth functions on the surface",
             f"the first {N_SMOOTH} Laplace–Beltrami functions hold at least {smooth.min():.1%} of the square of each "
-            f"({LEAST_SMOOTH:.0%} counts as smooth)",
-            bool(smooth.min() >= LEAST_SMOOTH),
+            f"({MIN_SMOOTH_SHARE:.0%} counts as smooth)",
+            bool(smooth.min() >= MIN_SMOOTH_SHARE),
         ),
     ]
     values = basis.vectors * np.sqrt(area)
     camera = camera_of(mesh, UP_AXIS)
-    paint = colour_scale(COLOUR_MAP, -RANGE, RANGE)
+    paint = colour_scale(COLOUR_MAP, -MAX_SHOWN_VALUE, MAX_SHOWN_VALUE)
     images = [surface_image(mesh, column, paint, camera, 220) for column in values.T]
     figure, grid = arranged_panels(images, _titles(basis), per_row=5)
-    scale = ScalarMappable(Normalize(-RANGE, RANGE), COLOUR_MAP)
+    scale = ScalarMappable(Normalize(-MAX_SHOWN_VALUE, MAX_SHOWN_VALUE), COLOUR_MAP)
     figure.colorbar(scale, ax=grid, shrink=0.6, extend="both", label="q · √area").ax.tick_params(labelsize=7)
     facts = {"shape": name, "vertices": mesh.n_vertices, "weights": "area", "columns": 2 * N_VECTORS}
     return Reproduction(figure, rows, verdicts, facts)

@@ -21,7 +21,7 @@ BELOW = ("functional_maps_5pt", "sgmds_5pt")
 
 def make(setting: Setting) -> Reproduction:
     """Run all methods and compare their curves."""
-    curves, facts = princeton_curves.measured(setting, tuple(METHODS))
+    curves, facts = princeton_curves.measure_curves(setting, tuple(METHODS))
     verdicts = [_above("gdd_post", other, curves) for other in BELOW]
     figure = princeton_curves.draw(curves, METHODS, facts)
     return Reproduction(figure, princeton_curves.table(curves), verdicts, facts)

@@ -23,7 +23,7 @@ METHODS: dict[str, tuple[str, dict[str, Any]]] = {
 
 def make(setting: Setting) -> Reproduction:
     """Run each method alone and as a start, and compare the areas under the curves."""
-    curves, facts = princeton_curves.measured(setting, tuple(METHODS))
+    curves, facts = princeton_curves.measure_curves(setting, tuple(METHODS))
     verdicts = [_better(baseline, curves) for baseline in BASELINES]
     figure = princeton_curves.draw(curves, METHODS, facts)
     return Reproduction(figure, princeton_curves.table(curves), verdicts, facts)

@@ -16,7 +16,7 @@ from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 RANK = 50
 N_POINTS, QUICK_POINTS = 1000, 300
 BINS = 40
-CLEARLY = 0.1  # difference of two rank correlations that counts as clear
+CLEAR_DIFFERENCE = 0.1  # difference of two rank correlations that counts as clear
 NAMES = {"gdd": "geodesic distance descriptors", "lbo": "Laplace–Beltrami eigenfunctions"}
 
 
@@ -29,7 +29,7 @@ def embeddings(mesh: Mesh, seed: int = 0, rank: int = RANK) -> dict[str, FloatAr
     }
 
 
-def compared(mesh: Mesh, n_points: int, seed: int = 0) -> tuple[FloatArray, dict[str, FloatArray]]:
+def compare_descriptors(mesh: Mesh, n_points: int, seed: int = 0) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Geodesic distances / √area between all pairs of random vertices, and the distances of their descriptors."""
     drawn = np.random.default_rng(seed).choice(mesh.n_vertices, n_points, replace=False)
     distances = geodesic_distances(mesh, drawn)[:, drawn] / np.sqrt(mesh.area)
@@ -50,7 +50,7 @@ def quantiles(geodesic: FloatArray, between: FloatArray) -> FloatArray:
 def make(setting: Setting) -> Reproduction:
     """Compare both descriptors on the cat."""
     name, mesh = setting.shape("cat0")
-    geodesic, between = compared(mesh, QUICK_POINTS if setting.quick else N_POINTS, setting.seed)
+    geodesic, between = compare_descriptors(mesh, QUICK_POINTS if setting.quick else N_POINTS, setting.seed)
     ranks = {kind: float(spearmanr(geodesic, e).statistic) for kind, e in between.items()}
     lines = {kind: quantiles(geodesic, e) for kind, e in between.items()}
     rows: list[dict[str, Any]] = [
@@ -64,7 +64,7 @@ def make(setting: Setting) -> Reproduction:
         "eigenfunctions does not",
         f"Spearman's rank correlation {ranks['gdd']:.3f} against {ranks['lbo']:.3f}; the median rises throughout: "
         + ", ".join(f"{kind.upper()} {'yes' if rising[kind] else 'no'}" for kind in rising),
-        ranks["gdd"] - ranks["lbo"] >= CLEARLY,
+        ranks["gdd"] - ranks["lbo"] >= CLEAR_DIFFERENCE,
     )
     figure = Figure((8.5, 4.0), layout="constrained")
     for axes, (kind, e) in zip(figure.subplots(1, 2), between.items()):

@@ -12,13 +12,13 @@ from scipy.stats import spearmanr
 from isomatch._core.arrays import FloatArray
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
-from isomatch_lab.paper.descriptor_distance import CLEARLY, embeddings
+from isomatch_lab.paper.descriptor_distance import CLEAR_DIFFERENCE, embeddings
 from isomatch_lab.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdict
 
 BANDS = 20
 COLOUR_MAP = "viridis"
 N_ENDS = 8
-DOT = 0.03  # radius of the dot at the vertex, in √area
+DOT_RADIUS = 0.03  # radius of the dot at the vertex, in √area
 DOT_COLOUR = (0.84, 0.15, 0.0)
 N_LISTED = 500  # vertices in the CSV
 
@@ -52,7 +52,7 @@ def make(setting: Setting) -> Reproduction:
         f"rank correlation with the geodesic distance, median of {N_ENDS} vertices at ends of the shape: "
         f"{typical['gdd']:.3f} ({lowest['gdd']:.3f} … {highest['gdd']:.3f}) against {typical['lbo']:.3f} "
         f"({lowest['lbo']:.3f} … {highest['lbo']:.3f})",
-        typical["gdd"] - typical["lbo"] >= CLEARLY,
+        typical["gdd"] - typical["lbo"] >= CLEAR_DIFFERENCE,
     )
     titles = {
         "geodesic": "geodesic distance",
@@ -75,7 +75,7 @@ def make(setting: Setting) -> Reproduction:
 def _with_dot(values: FloatArray) -> FloatArray:
     """Colour the first column in bands; draw a dot where the second is small."""
     banded = colour_scale(COLOUR_MAP, 0.0, 1.0, BANDS)(values[:, :1])
-    return np.where(values[:, 1:] < DOT, DOT_COLOUR, banded)
+    return np.where(values[:, 1:] < DOT_RADIUS, DOT_COLOUR, banded)
 
 
 ITEM = Item(

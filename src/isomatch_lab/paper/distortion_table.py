@@ -16,7 +16,7 @@ PUBLISHED = {  # GDD / truth in the paper's table
     "horse": 0.845, "victoria": 0.879, "cat": 0.770, "wolf": 0.841, "centaur": 0.799, "david": 0.853,
 }  # fmt: skip
 SHOWN = tuple(distortion_bars.LABELS)
-POST_LIMIT = 1.05  # times the truth, which the paper's post-processing hardly exceeds
+POST_LIMIT = 1.05  # times the truth; the paper's post-processing hardly exceeds it
 
 
 def classes_of(chosen: BenchmarkSet, setting: Setting) -> dict[str, list[tuple[str, str]]]:

@@ -20,7 +20,7 @@ ELSEWHERE = (
     "isomatch",
     "files",
     "pairs",
-)  # shown in other places, or long: NAME.json has them
+)  # facts shown elsewhere or too long for the page; NAME.json has them
 
 
 def write_page(out: Path, names: Iterable[str]) -> None:

@@ -25,7 +25,7 @@ def sets_of(setting: Setting) -> tuple[str, ...]:
     return ("example",) if setting.quick else SETS
 
 
-def measured(setting: Setting, methods: tuple[str, ...]) -> tuple[Curves, dict[str, Any]]:
+def measure_curves(setting: Setting, methods: tuple[str, ...]) -> tuple[Curves, dict[str, Any]]:
     """Compute the mean curves of methods, and the facts about them: points, pairs, and pairs without a map."""
     curves: Curves = {}
     facts: dict[str, Any] = {"points": setting.n_points, "pairs": {}, "without a map": {}}

@@ -13,7 +13,7 @@ PALETTE = (
     "#5b1046", "#9c3480", "#cc79a7", "#efc4dc", "#8c8c8c",
     "#00442f", "#009e73", "#7fd0b5", "#d55e00", "#f4f4f4",
 )  # fmt: skip
-TRIALS = 4000  # random assignments of colours to regions, of which the best is kept
+TRIALS = 4000  # random assignments of colours to regions; the best is kept
 DEUTERANOPIA = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]])
 """Perceived linear light without green cones: Machado, Oliveira & Fernandes 2009."""
 
@@ -26,8 +26,7 @@ def region_colours(distances: FloatArray, faces: IntArray) -> FloatArray:
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     screen = np.array([to_rgb(colour) for colour in PALETTE])
     # the contrast of two colours is their distance, with lightness counted double, for normal or for red–green blind
-    # vision, whichever is smaller. Of seeded random assignments, that whose least contrast between neighbours is
-    # largest
+    # vision, whichever is smaller. The seeded random assignment with the largest least contrast between neighbours wins
     contrast = np.minimum(
         _contrasts(screen), _contrasts(np.clip(screen**2.2 @ DEUTERANOPIA.T, 0, 1) ** (1 / 2.2))
     )

@@ -17,9 +17,10 @@ from isomatch_lab.sets import BenchmarkPair, BenchmarkSet, benchmark_set, tosca
 
 CLASS = "cat"
 N_REGIONS, N_POSES = 20, 4
-BORDER, DOT = 0.006, 0.018  # half the width of a border and the radius of a centre, in √area
+BORDER_HALF_WIDTH = 0.006  # half the width of a border, in √area
+DOT_RADIUS = 0.018  # radius of a centre, in √area
 DARK = 0.12
-LEAST_SHARE = 0.9  # share of the area in its true region from which a pose counts as right
+MIN_RIGHT_SHARE = 0.9  # a pose is right if at least this share of its area lies in its true region
 RESOLUTION = 330
 
 
@@ -36,7 +37,7 @@ def make(setting: Setting) -> Reproduction:
     camera = camera_of(reference, UP_AXIS)
 
     def paint(seen: FloatArray) -> FloatArray:
-        return painted(seen, palette)
+        return paint_regions(seen, palette)
 
     images, titles = [surface_image(reference, distances, paint, camera, RESOLUTION)], [poses[0][0]]
     rows: list[dict[str, Any]] = []
@@ -45,7 +46,7 @@ def make(setting: Setting) -> Reproduction:
         pair = chosen.load(*names)
         result = match(pair.target, prepared, seed=setting.seed)
         transferred = result.map.pull_back(distances)
-        best = measured(pair, result.map, transferred, distances, setting)
+        best = measure_regions(pair, result.map, transferred, distances, setting)
         rows.append({"reference": names[0], "pose": names[1], "outcome": result.outcome.value} | best)
         turned = camera @ turn_to_target(pair.target, reference, result.map)
         images.append(surface_image(pair.target, transferred, paint, turned, RESOLUTION))
@@ -55,8 +56,8 @@ def make(setting: Setting) -> Reproduction:
     verdict = Verdict(
         "the regions lie on corresponding parts of all poses, up to an intrinsic symmetry",
         f"{np.mean(shares):.1%} of the area is in its true region, {min(shares):.1%} in the worst of {len(rows)} poses "
-        f"(from {LEAST_SHARE:.0%} a pose counts as right); mean error {100 * np.mean(errors):.2f} % of √area",
-        min(shares) >= LEAST_SHARE,
+        f"(from {MIN_RIGHT_SHARE:.0%} a pose counts as right); mean error {100 * np.mean(errors):.2f} % of √area",
+        min(shares) >= MIN_RIGHT_SHARE,
     )
     facts = {"reference": poses[0][0], "poses": [pose for _, pose in poses], "regions": N_REGIONS}
     return Reproduction(figure, rows, [verdict], facts)
@@ -71,7 +72,7 @@ def poses_of(chosen: BenchmarkSet, setting: Setting) -> list[tuple[str, str]]:
     return list(BenchmarkSet(chosen.name, pairs, chosen.load).chosen(N_POSES, setting.seed).pairs)
 
 
-def measured(
+def measure_regions(
     pair: BenchmarkPair,
     image: Correspondence,
     transferred: FloatArray,
@@ -93,10 +94,10 @@ def measured(
     return max(results, key=lambda result: float(result["right_share"]))
 
 
-def painted(seen: FloatArray, palette: FloatArray) -> FloatArray:
+def paint_regions(seen: FloatArray, palette: FloatArray) -> FloatArray:
     """Colours of the nearest centre; dark at borders and centres."""
     nearest = np.partition(seen, 1, axis=1)
-    dark = (nearest[:, 1] - nearest[:, 0] < 2 * BORDER) | (nearest[:, 0] < DOT)
+    dark = (nearest[:, 1] - nearest[:, 0] < 2 * BORDER_HALF_WIDTH) | (nearest[:, 0] < DOT_RADIUS)
     return np.where(dark[:, None], DARK, palette[seen.argmin(axis=1)])
 
 

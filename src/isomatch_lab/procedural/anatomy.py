@@ -39,7 +39,7 @@ class Limb:
     def mirrored(self) -> Limb:
         """Mirror the limb to the other side: ``right_…`` becomes ``left_…``."""
         joints = tuple(
-            Joint(_left(joint.name), joint.node, (pitch, _negated(roll), _negated(yaw)))
+            Joint(_left(joint.name), joint.node, (pitch, _negate_limits(roll), _negate_limits(yaw)))
             for joint in self.joints
             for pitch, roll, yaw in [joint.limits]
         )
@@ -59,7 +59,7 @@ def body(kind: str, style: int = 0, symmetric: bool = False) -> tuple[Limb, ...]
 
 def _quadruped(draw: FloatArray, lopsided: float) -> tuple[Limb, ...]:
     leg, girth, neck, head, ear, tail = 1 + draw * [0.15, 0.1, 0.2, 0.12, 0.3, 0.25]
-    rise = 0.5 * (leg - 1)  # of the trunk, as the legs reach from the ground to the trunk
+    rise = 0.5 * (leg - 1)  # height that longer legs add to the trunk
 
     trunk = _limb(
         "trunk", None, [[0, -0.36, 0.6], [0, 0, 0.63], [0, 0.34, 0.62]],
@@ -109,10 +109,10 @@ def _quadruped(draw: FloatArray, lopsided: float) -> tuple[Limb, ...]:
     limbs = [trunk, neck_and_head, nose, tail_limb, right_foreleg, right_hindleg, right_ear]
     limbs += [right_foreleg.mirrored(), right_hindleg.mirrored(), left_ear]
     if lopsided:
-        limbs[6] = _stretched(right_ear, 1.55)
+        limbs[6] = _stretch(right_ear, 1.55)
         limbs[7] = replace(limbs[7], radii=limbs[7].radii * [1.1, 1.3, 1.35, 1.35])
         limbs.append(_limb("hump", "trunk", [[-0.09, -0.1, 0.72], [-0.1, -0.08, 0.73]], [0.09, 0.09]))
-    return tuple(replace(limb, nodes=_raised(limb, rise)) for limb in limbs)
+    return tuple(replace(limb, nodes=_raise_nodes(limb, rise)) for limb in limbs)
 
 
 def _biped(draw: FloatArray, lopsided: float) -> tuple[Limb, ...]:
@@ -165,10 +165,10 @@ def _biped(draw: FloatArray, lopsided: float) -> tuple[Limb, ...]:
     if lopsided:
         limbs[4] = replace(right_arm, radii=right_arm.radii * [1, 1.1, 1.2, 1.3, 1.3])
         limbs[8] = replace(limbs[8], radii=limbs[8].radii * [1, 1.1, 1.25, 1.3])
-        limbs[9] = _stretched(limbs[9], 2.2)
+        limbs[9] = _stretch(limbs[9], 2.2)
         tuft = skull + head * np.array([[0.04, -0.03, 0.15], [0.09, -0.1, 0.27]])
         limbs.append(_limb("tuft", "head", tuft, [0.06, 0.042]))
-    return tuple(replace(limb, nodes=_raised(limb, rise)) for limb in limbs)
+    return tuple(replace(limb, nodes=_raise_nodes(limb, rise)) for limb in limbs)
 
 
 PLANS: dict[str, Callable[[FloatArray, float], tuple[Limb, ...]]] = {"quadruped": _quadruped, "biped": _biped}
@@ -178,13 +178,13 @@ def _limb(name: str, parent: str | None, nodes: ArrayLike, radii: ArrayLike, *jo
     return Limb(name, parent, np.array(nodes, dtype=float), np.array(radii, dtype=float), joints)
 
 
-def _stretched(limb: Limb, factor: float) -> Limb:
+def _stretch(limb: Limb, factor: float) -> Limb:
     root = limb.nodes[0]
     return replace(limb, nodes=root + factor * (limb.nodes - root))
 
 
-def _raised(limb: Limb, rise: float) -> FloatArray:
-    """Nodes raised by ``rise``, except those of the lower part of a leg, which stands on the ground."""
+def _raise_nodes(limb: Limb, rise: float) -> FloatArray:
+    """Nodes raised by ``rise``, except the lower part of a leg, which stands on the ground."""
     grounded = limb.name.endswith("leg") & (np.arange(len(limb.nodes)) > 0)
     raised: FloatArray = limb.nodes + np.outer(~grounded, [0, 0, rise])
     return raised
@@ -194,6 +194,6 @@ def _left(name: str) -> str:
     return name.replace("right_", "left_")
 
 
-def _negated(limits: tuple[float, float]) -> tuple[float, float]:
+def _negate_limits(limits: tuple[float, float]) -> tuple[float, float]:
     low, high = limits
     return -high, -low

@@ -13,10 +13,10 @@ from isomatch.datasets import Creature
 from isomatch.surfaces import Mesh
 from isomatch_lab.procedural.anatomy import body
 from isomatch_lab.procedural.implicit import Skin
-from isomatch_lab.procedural.posing import Pose, natural_pose, posed
+from isomatch_lab.procedural.posing import Pose, natural_pose, pose_points
 from isomatch_lab.procedural.tessellation import tessellate
 
-FEWEST_VERTICES = 1500
+MIN_VERTICES = 1500
 
 
 def creature(
@@ -33,7 +33,7 @@ def creature(
     Parameters
     ----------
     n_vertices : int
-        Number of vertices, at least 1500; that of the mesh differs by up to 5 %.
+        Number of vertices, at least 1500; the mesh differs from it by up to 5 %.
     pose : int or mapping of str to (3,) array_like
         Seed of a random natural pose, 0 being the rest pose; or, for each joint that turns, its angles in
         degrees about x (to the right), y (forward) and z (up). `joint_names` lists the joints.
@@ -72,15 +72,15 @@ def creature(
     >>> len(truth.vertices) == source.mesh.n_vertices
     True
     """
-    if n_vertices < FEWEST_VERTICES:
+    if n_vertices < MIN_VERTICES:
         raise SettingError(
-            f"n_vertices = {n_vertices} is too coarse for a creature's thin limbs; ask for at least {FEWEST_VERTICES}"
+            f"n_vertices = {n_vertices} is too coarse for a creature's thin limbs; ask for at least {MIN_VERTICES}"
         )
     limbs = body(kind, style, symmetric)
     skin = Skin.of(limbs)
     angles = natural_pose(limbs, pose) if isinstance(pose, int | np.integer) else pose
     rest = tessellate(skin, n_vertices, triangulation)
-    mesh = Mesh(posed(rest.vertices, limbs, skin, angles), rest.faces)
+    mesh = Mesh(pose_points(rest.vertices, limbs, skin, angles), rest.faces)
     return Creature(mesh, rest.vertices, kind, style, symmetric)
 
 

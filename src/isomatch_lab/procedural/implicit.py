@@ -14,7 +14,7 @@ from isomatch_lab.procedural.anatomy import Limb
 
 CHUNK = 2048  # points a thread handles at once
 BLEND = 0.022  # width of the fillet between limbs, in body units
-REACH = 0.05  # width of the transition between a limb and its parent when posed, in body units
+TRANSITION_WIDTH = 0.05  # width of the transition between a limb and its parent when posed, in body units
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Skin:
         """Share of each limb in each point, (n, n_limbs); rows are positive and add up to one."""
         n_limbs = int(self.owner.max()) + 1
         parts = parallel_map(
-            lambda part: _membership(part, self.cones, self.owner, n_limbs, REACH), _chunks(points)
+            lambda part: _membership(part, self.cones, self.owner, n_limbs, TRANSITION_WIDTH), _chunks(points)
         )
         return np.concatenate(parts)
 

@@ -27,9 +27,9 @@ SIGNS: dict[OrganSymmetry, tuple[float, float, float]] = {
 """Signs of the coordinates under the map of the rest surface onto itself: a mirror image, or half a turn about z."""
 
 BLEND = 0.035  # width of the fillets, in the units below
-MOST_BEND = 0.6  # curvature of a bent axis, in radians for each unit of length
-MOST_TWIST = 0.5
-MOST_STRETCH = 0.05
+MAX_BEND = 0.6  # curvature of a bent axis, in radians for each unit of length
+MAX_TWIST = 0.5
+MAX_STRETCH = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def organ(
     kind : str
         "kidney", "hippocampus", "liver", "heart", "nodule", "face", "cortex" or "tube".
     n_vertices : int
-        Number of vertices, to 5 % of closed organs, of open ones to 15 %.
+        Number of vertices, met to 5 % by closed organs and to 15 % by open ones.
     style : int
         Seed of the proportions and of small bumps.
     symmetry : {"none", "mirror", "turn"}
@@ -82,7 +82,7 @@ def organ(
 
     Notes
     -----
-    Bending changes lengths by the thickness times the curvature. Of the edges, 90 % change by less than 20 %, those of
+    Bending changes lengths by the thickness times the curvature. Of the edges, 90 % change by less than 20 %, edges of
     faces and cortical patches by less than 28 %; half of the edges of most shapes by less than 6 %. The boundary of an
     open shape follows the edges of its triangulation.
 
@@ -101,8 +101,8 @@ def organ(
     if symmetry != "none":
         cones = np.concatenate([cones, cones * np.r_[SIGNS[symmetry], SIGNS[symmetry], 1, 1]])
     skin = Skin(cones, np.zeros(len(cones), dtype=np.int64), BLEND)
-    rest = _opened(tessellate(skin, n_vertices * (2 if len(opening) else 1), pose), opening)
-    return Organ(Mesh(_bent(rest.vertices, symmetry, pose), rest.faces), rest.vertices, symmetry)
+    rest = _cut_opening(tessellate(skin, n_vertices * (2 if len(opening) else 1), pose), opening)
+    return Organ(Mesh(_bend(rest.vertices, symmetry, pose), rest.faces), rest.vertices, symmetry)
 
 
 def organ_truth(source: Organ, target: Organ, *, symmetric: bool = False) -> Truth:
@@ -111,7 +111,7 @@ def organ_truth(source: Organ, target: Organ, *, symmetric: bool = False) -> Tru
     return closest_points(points, Mesh(target.rest, target.mesh.faces))
 
 
-def _opened(mesh: Mesh, opening: FloatArray) -> Mesh:
+def _cut_opening(mesh: Mesh, opening: FloatArray) -> Mesh:
     """Keep the largest component of the faces on the inner side of all planes (q, 4): normal and offset."""
     inside = np.all(mesh.vertices @ opening[:, :3].T < opening[:, 3], axis=1)
     kept = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)])
@@ -121,14 +121,14 @@ def _opened(mesh: Mesh, opening: FloatArray) -> Mesh:
     return Mesh(mesh.vertices[used], compact.reshape(faces.shape))
 
 
-def _bent(points: FloatArray, symmetry: OrganSymmetry, pose: int) -> FloatArray:
+def _bend(points: FloatArray, symmetry: OrganSymmetry, pose: int) -> FloatArray:
     """Bend the axes x and y towards z and stretch, which keeps either symmetry; twist about x unless there is one."""
     rng = np.random.default_rng([pose, 1])
-    points = points * (1 + rng.uniform(-MOST_STRETCH, MOST_STRETCH, 3))
+    points = points * (1 + rng.uniform(-MAX_STRETCH, MAX_STRETCH, 3))
     x, y, z = points.T
-    twist = rng.uniform(-MOST_TWIST, MOST_TWIST) * (symmetry == "none")
+    twist = rng.uniform(-MAX_TWIST, MAX_TWIST) * (symmetry == "none")
     y, z = np.cos(twist * x) * y - np.sin(twist * x) * z, np.sin(twist * x) * y + np.cos(twist * x) * z
-    along_x, along_y = rng.uniform(-MOST_BEND, MOST_BEND, 2) * [1.0, 0.5]
+    along_x, along_y = rng.uniform(-MAX_BEND, MAX_BEND, 2) * [1.0, 0.5]
     x, z = _arc(x, z, along_x)
     y, z = _arc(y, z, along_y)
     return np.column_stack([x, y, z])

@@ -28,9 +28,9 @@ def natural_pose(limbs: tuple[Limb, ...], seed: int) -> dict[str, FloatArray]:
     return {joint.name: rng.uniform(*np.transpose(joint.limits)) for limb in limbs for joint in limb.joints}
 
 
-def posed(rest: FloatArray, limbs: tuple[Limb, ...], skin: Skin, pose: Pose) -> FloatArray:
+def pose_points(rest: FloatArray, limbs: tuple[Limb, ...], skin: Skin, pose: Pose) -> FloatArray:
     """Move rest positions (n, 3) into a pose: a rotation vector in degrees about the rest axes for joints by name."""
-    angles = _checked(pose, limbs)
+    angles = _check_pose(pose, limbs)
     if not angles:
         return rest.copy()
     membership = skin.membership(rest)
@@ -41,11 +41,11 @@ def posed(rest: FloatArray, limbs: tuple[Limb, ...], skin: Skin, pose: Pose) -> 
         for joint in reversed(limb.joints):
             if joint.name in angles:
                 fraction = _fraction(rest, membership, limbs, limb, joint)
-                points = _turned(points, limb.nodes[joint.node], angles[joint.name], fraction)
+                points = _turn(points, limb.nodes[joint.node], angles[joint.name], fraction)
     return points
 
 
-def _checked(pose: Pose, limbs: tuple[Limb, ...]) -> dict[str, FloatArray]:
+def _check_pose(pose: Pose, limbs: tuple[Limb, ...]) -> dict[str, FloatArray]:
     joints = [joint.name for limb in limbs for joint in limb.joints]
     angles = {name: np.radians(np.asarray(value, dtype=float)) for name, value in pose.items()}
     for name, value in angles.items():
@@ -91,7 +91,7 @@ def _beyond(points: FloatArray, limb: Limb, node: int) -> FloatArray:
     return smooth
 
 
-def _turned(points: FloatArray, centre: FloatArray, angles: FloatArray, fraction: FloatArray) -> FloatArray:
+def _turn(points: FloatArray, centre: FloatArray, angles: FloatArray, fraction: FloatArray) -> FloatArray:
     """Rotate each point about a centre by its fraction of a rotation vector, by Rodrigues' formula."""
     angle = np.linalg.norm(angles)
     axis = angles / angle

@@ -16,8 +16,10 @@ from isomatch._core.settings import generator
 from isomatch.surfaces import Mesh
 from isomatch_lab.procedural.implicit import Skin
 
-LARGEST_GRID_MESH = 60_000  # vertices; a larger mesh is subdivided from one of at most this size
-LEAST_CROSSING = 0.4  # of a grid step: keeps marching cubes from cutting off tiny corners
+MAX_GRID_VERTICES = 60_000  # a larger mesh is subdivided from one of at most this many vertices
+MIN_CROSSING = (
+    0.4  # grid steps from a grid point to a crossing, so that marching cubes cut off no tiny corners
+)
 logger = logging.getLogger(__name__)
 
 
@@ -27,7 +29,7 @@ def tessellate(skin: Skin, n_vertices: int, seed: int) -> Mesh:
     # tangential smoothing; then, for large meshes, midpoint subdivision. After every step, vertices are projected onto
     # the surface. Vertices and faces are in random order; their number differs from n by up to 5 %
     rng = generator(seed)
-    levels = max(0, int(np.ceil(np.log(n_vertices / LARGEST_GRID_MESH) / np.log(4))))
+    levels = max(0, int(np.ceil(np.log(n_vertices / MAX_GRID_VERTICES) / np.log(4))))
     n_grid_vertices = n_vertices * rng.uniform(0.98, 1.02) / 4**levels
     for _ in range(8):
         vertices, faces = _marching_cubes(skin, n_grid_vertices, rng)
@@ -40,14 +42,14 @@ def tessellate(skin: Skin, n_vertices: int, seed: int) -> Mesh:
         )
     vertices = skin.project(vertices)
     for _ in range(10):
-        faces = _flipped(vertices, faces)
-        vertices = _smoothed(skin, vertices, faces, rounds=2)
+        faces = _flip_edges(vertices, faces)
+        vertices = _smooth_vertices(skin, vertices, faces, rounds=2)
     for _ in range(4):
-        faces = _flipped(vertices, faces)
+        faces = _flip_edges(vertices, faces)
     for _ in range(levels):
-        vertices, faces = _subdivided(vertices, faces)
-        vertices = _smoothed(skin, skin.project(vertices, steps=2), faces, rounds=1)
-    return _shuffled(skin.project(vertices), faces, rng)
+        vertices, faces = _subdivide(vertices, faces)
+        vertices = _smooth_vertices(skin, skin.project(vertices, steps=2), faces, rounds=1)
+    return _shuffle_vertices(skin.project(vertices), faces, rng)
 
 
 def _marching_cubes(skin: Skin, n_vertices: float, rng: np.random.Generator) -> tuple[FloatArray, IntArray]:
@@ -57,17 +59,19 @@ def _marching_cubes(skin: Skin, n_vertices: float, rng: np.random.Generator) -> 
     shift = rng.uniform(0, 1, 3)
     step = 0.04
     while True:
-        volume, origin = _sampled(skin, step, turn, shift)
+        volume, origin = _sample_skin(skin, step, turn, shift)
         n_crossings = sum(np.count_nonzero(np.diff(volume < 0, axis=axis)) for axis in range(3))
         if abs(n_crossings / n_vertices - 1) < 0.015:
             break
         step *= np.sqrt(n_crossings / n_vertices)
-    values = np.copysign(np.clip(np.abs(volume) / step, LEAST_CROSSING, 1), volume)
+    values = np.copysign(np.clip(np.abs(volume) / step, MIN_CROSSING, 1), volume)
     vertices, faces, _, _ = march(values, 0.0, gradient_direction="descent")
     return (origin + vertices * step) @ turn.T, faces.astype(np.int64)
 
 
-def _sampled(skin: Skin, step: float, turn: FloatArray, shift: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _sample_skin(
+    skin: Skin, step: float, turn: FloatArray, shift: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Sample the field on a grid in rotated axes around the surface; also give the grid's origin in these axes."""
     ends = skin.cones[:, :6].reshape(-1, 3) @ turn
     margin = skin.cones[:, 6:].max() + 0.1
@@ -91,7 +95,7 @@ def _is_sphere(vertices: FloatArray, faces: IntArray) -> bool:
     return closed and mesh.n_vertices - len(mesh.edges) + mesh.n_faces == 2 and mesh.components.max() == 0
 
 
-def _flipped(vertices: FloatArray, faces: IntArray) -> IntArray:
+def _flip_edges(vertices: FloatArray, faces: IntArray) -> IntArray:
     """Flip, all at once, edges that are not Delaunay and share no triangle."""
     n = len(vertices)
     tail, head, opposite = (np.roll(faces, -i, axis=1).ravel() for i in range(3))
@@ -132,7 +136,7 @@ def _flipped(vertices: FloatArray, faces: IntArray) -> IntArray:
     return flipped
 
 
-def _smoothed(skin: Skin, vertices: FloatArray, faces: IntArray, rounds: int) -> FloatArray:
+def _smooth_vertices(skin: Skin, vertices: FloatArray, faces: IntArray, rounds: int) -> FloatArray:
     """Move each vertex towards the mean of its neighbours, along the surface."""
     n = len(vertices)
     i, j = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
@@ -146,7 +150,7 @@ def _smoothed(skin: Skin, vertices: FloatArray, faces: IntArray, rounds: int) ->
     return vertices
 
 
-def _subdivided(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+def _subdivide(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     """Split each triangle into four at the midpoints of its edges."""
     n = len(vertices)
     tail, head = faces, np.roll(faces, -1, axis=1)
@@ -157,7 +161,7 @@ def _subdivided(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntA
     return np.concatenate([vertices, midpoints]), np.concatenate([np.column_stack(q) for q in quarters])
 
 
-def _shuffled(vertices: FloatArray, faces: IntArray, rng: np.random.Generator) -> Mesh:
+def _shuffle_vertices(vertices: FloatArray, faces: IntArray, rng: np.random.Generator) -> Mesh:
     """Put vertices, faces and the corners of each face in random order, so that the order reveals nothing."""
     order = rng.permutation(len(vertices))
     position = np.argsort(order)

@@ -103,9 +103,9 @@ def benchmark_set(
                 f"the set {name!r} has no hand-picked landmarks; leave them out, or choose from {', '.join(OPENERS)}"
             )
         return MADE[name]()
-    own = _own_folder(name, folder)
-    if own is not None:
-        shapes: Shapes = own_set(own)
+    own_folder = _own_folder(name, folder)
+    if own_folder is not None:
+        shapes: Shapes = own_set(own_folder)
     elif name not in OPENERS:
         raise SettingError(
             f"unknown benchmark set {name!r}; choose from {', '.join([*OPENERS, *MADE])}, or give a folder of your own"
@@ -122,10 +122,14 @@ def benchmark_set(
         if not isinstance(shapes, ShapeSet):
             raise SettingError(
                 f"the set {name!r} has no hand-picked landmarks; "
-                + ("leave them out" if own is None else "put them into its folder, in a folder landmarks")
+                + (
+                    "leave them out"
+                    if own_folder is None
+                    else "put them into its folder, in a folder landmarks"
+                )
             )
         shapes = shapes.with_landmarks(landmarks)
-    label = name if own is None else own.resolve().name
+    label = name if own_folder is None else own_folder.resolve().name
     files = shapes.files if isinstance(shapes, FolderSet | StoredSet) else ()
     return BenchmarkSet(label, shapes.pairs, partial(_relabelled_pair, shapes), files)
 
@@ -186,7 +190,7 @@ def _organs() -> BenchmarkSet:
 def _made_pair(
     source: str, target: str, meshes: tuple[Mesh, Mesh], image: IntArray, other: IntArray | None
 ) -> BenchmarkPair:
-    """Relabel the target of two shapes that were made, and with it the true image and that of a symmetric truth."""
+    """Relabel the target of two made shapes, with the true image and the image of a symmetric truth."""
     mesh, new = relabelled(meshes[1], crc32(target.encode()))
 
     def rows(image: IntArray) -> IntArray:

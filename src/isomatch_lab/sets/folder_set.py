@@ -26,11 +26,11 @@ from isomatch_lab.sets.stored_set import SHAPES, TRUTH, StoredSet, stored_set
 
 SETTINGS = "set.toml"
 KINDS = ("vertices", "vts", "pairs", "onto", "landmarks")
-SHAPE_FOLDERS = ("shapes", "off", "models")  # the first is ours, the others are those of published sets
-TRUTH_FOLDERS = ("truth", "corres", "maps")  # the first that exists; the last two are those of published sets
+SHAPE_FOLDERS = ("shapes", "off", "models")  # the first is ours, published sets use the others
+TRUTH_FOLDERS = ("truth", "corres", "maps")  # the first that exists; published sets use the last two
 SHAPE_SUFFIXES = {*FORMATS, ".mat", ".npz", ".vert"}
-BETWEEN = ("__", "-", "_")  # names of a pair in the name of its file
-KEPT_SHAPES = 100  # in memory while files of truth are searched
+NAME_SEPARATORS = ("__", "-", "_")  # stand between the names of a pair in a file name
+MAX_KEPT_SHAPES = 100  # shapes held in memory while files of truth are searched
 MIRRORED = (".sym", "_sym")
 ONTO_SUFFIXES = {".vts", ".baryc_gt", ".baryc_gt_sym"}  # which count from 1, as published
 LANDMARKS = "landmarks"
@@ -70,7 +70,7 @@ class FolderSettings:
 
     @classmethod
     def read(cls, root: Path) -> FolderSettings:
-        """Read those of a folder; the defaults if it has none."""
+        """Read the settings of a folder; the defaults if it has none."""
         path = root / SETTINGS
         if not path.is_file():
             return cls()
@@ -81,11 +81,11 @@ class FolderSettings:
         kinds: dict[str, Any] = {
             "truth": str, "counts_from": int, "symmetric": bool, "target": str, "shapes": (str, list),
         }  # fmt: skip
-        for name, each in values.items():
+        for name, value in values.items():
             if name not in kinds:
                 raise FormatError(f"{path}: unknown setting {name!r}; known are {', '.join(kinds)}")
-            if not isinstance(each, kinds[name]) or (name == "counts_from" and each not in (0, 1)):
-                raise FormatError(f"{path}: {name} = {each!r} is no value of this setting")
+            if not isinstance(value, kinds[name]) or (name == "counts_from" and value not in (0, 1)):
+                raise FormatError(f"{path}: {name} = {value!r} is no value of this setting")
         folders = values.pop("shapes", ())
         folders = (folders,) if isinstance(folders, str) else tuple(map(str, folders))
         if values.get("truth") not in (None, *KINDS):
@@ -207,21 +207,21 @@ class FolderSet:
     @cached_property
     def _shown_to_count_from(self) -> int | None:
         """What the first file of truth counts from that allows one reading only; None if there is none."""
-        mesh = lru_cache(maxsize=KEPT_SHAPES)(self.mesh)
+        mesh = lru_cache(maxsize=MAX_KEPT_SHAPES)(self.mesh)
         for source, target in self.pairs:
             try:
                 path = self._truth_of(source, target)
                 if path.suffix in ONTO_SUFFIXES:
                     continue
                 truth = read_truth(path, mesh(source), mesh(target))
-            except IsomatchError:  # is reported with its own pair
+            except IsomatchError:  # the error is reported with its own pair
                 continue
             if truth.base.is_certain:
                 return truth.base.counts_from
         return None
 
     def _equal_vertices(self, source: str, target: str, a: Mesh, b: Mesh) -> IntArray:
-        """Rows (i, i); the triangles have to be those of one triangulation."""
+        """Rows (i, i); both meshes must share one triangulation."""
         if a.n_vertices != b.n_vertices or a.n_faces != b.n_faces or (_sides(a) != _sides(b)).any():
             raise FormatError(
                 f"{self.root / SETTINGS}: says that equal vertices correspond, but {source} with {a.n_vertices} vertices "
@@ -255,7 +255,11 @@ class FolderSet:
 
     def _stems(self, source: str, target: str) -> list[str]:
         """Names that the file of a pair may have."""
-        return [source] if self.settings.truth == "onto" else [f"{source}{sep}{target}" for sep in BETWEEN]
+        return (
+            [source]
+            if self.settings.truth == "onto"
+            else [f"{source}{sep}{target}" for sep in NAME_SEPARATORS]
+        )
 
     def _truth_of(self, source: str, target: str) -> Path:
         stems = self._stems(source, target)
@@ -403,7 +407,7 @@ def _pairs_with_truth(opened: FolderSet) -> tuple[tuple[str, str], ...]:
     if kind in ("vts", LANDMARKS):
         every = [(a, b) for a, b in every if a in truths and b in truths]
     elif kind == "pairs":
-        every = [(a, b) for a, b in every if any(f"{a}{sep}{b}" in truths for sep in BETWEEN)]
+        every = [(a, b) for a, b in every if any(f"{a}{sep}{b}" in truths for sep in NAME_SEPARATORS)]
     elif kind == "onto":
         if opened.settings.target is None:
             raise SettingError(

@@ -38,7 +38,7 @@ class PairList:
                     f"{path}:{number}: {line[:80]!r} is no pair; write source and target, after their group if there is "
                     "one"
                 )
-            source, target = (_named(word, names, f"{path}:{number}") for word in words[-2:])
+            source, target = (_shape_name(word, names, f"{path}:{number}") for word in words[-2:])
             if (source, target) in groups:
                 raise FormatError(f"{path}:{number}: {source} and {target} are listed twice; remove one line")
             groups[source, target] = words[0] if len(words) == 3 else ""
@@ -47,7 +47,7 @@ class PairList:
         return cls(tuple(groups), groups)
 
 
-def _named(word: str, names: Collection[str], where: str) -> str:
+def _shape_name(word: str, names: Collection[str], where: str) -> str:
     """Name of a shape, which may be written with the suffix of its file."""
     if word in names:
         return word

@@ -117,10 +117,10 @@ def _open(name: str, root: str | Path, pattern: str, shared: bool) -> ShapeSet:
             shapes[shape] = path
     if not shapes:
         raise MissingFileError(f"{root}: no shapes of the set {name!r} in this folder; obtain {OBTAIN[name]}")
-    return ShapeSet(name, shapes, truths, shared, _listed(root / "test_pairs.txt"))
+    return ShapeSet(name, shapes, truths, shared, _read_pairs(root / "test_pairs.txt"))
 
 
-def _listed(path: Path) -> tuple[tuple[str, str], ...]:
+def _read_pairs(path: Path) -> tuple[tuple[str, str], ...]:
     """Pairs of names in a text file, if there is one."""
     rows = [line.replace(",", " ").split() for _, line in text_lines(path)] if path.exists() else []
     return tuple((row[0], row[1]) for row in rows if len(row) > 1)

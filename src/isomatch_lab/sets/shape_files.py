@@ -19,7 +19,7 @@ SUFFIXES = (".mat", ".npz", ".obj", ".off", ".ply", ".vert")
 
 
 def shapes_in(path: Path) -> list[str]:
-    """Names of the shapes in a file: that of the file, or those of the poses in an archive with common faces."""
+    """Names of the shapes in a file: the file's name, or the names of poses in an archive with common faces."""
     if path.suffix != ".npz":
         return [path.stem]
     with Archive.opened(path, partial(_refuse, path)) as stored:

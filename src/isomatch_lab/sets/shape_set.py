@@ -19,7 +19,7 @@ from isomatch_lab.sets.shape_files import arrays, read_landmarks, read_shape, st
 
 @dataclass(frozen=True, eq=False)
 class KnownShape:
-    """A shape and those of its vertices whose correspondence to other shapes is known.
+    """A shape and its vertices whose correspondence to other shapes is known.
 
     Parameters
     ----------

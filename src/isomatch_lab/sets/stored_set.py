@@ -101,7 +101,7 @@ class StoredSet:
 
 
 def stored_set(root: Path, symmetric: bool = False) -> StoredSet:
-    """Open such a folder; its pairs are those of ``pairs.txt``, or all that have a truth."""
+    """Open such a folder; its pairs are listed in ``pairs.txt``, or else are all that have a truth."""
     truths = [key for key in _names(root / TRUTH) if key.count("|") == 1]
     names = {name.removesuffix("_faces") for name in _names(root / SHAPES)}
     listed = PairList.read(root, names) or PairList(
@@ -122,6 +122,6 @@ def _names(path: Path) -> list[str]:
 
 
 def _read(path: Path, *names: str) -> dict[str, AnyArray]:
-    """Read those of some arrays that there are."""
+    """Read the named arrays that the file has."""
     with Archive.opened(path, partial(_refuse, path)) as archive:
         return archive.read_all([name for name in names if name in archive])

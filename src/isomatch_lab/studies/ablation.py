@@ -18,17 +18,17 @@ from isomatch import Config, NotConvergedError, match, prepare
 from isomatch.settings import RefinementSettings, SearchSettings, SelectionSettings
 from isomatch_lab.studies.shared import (
     Job,
-    asked_for,
     hard_jobs,
     in_parallel,
-    loaded,
+    load_job,
     mean_error,
+    parse_arguments,
     write_rows,
     write_table,
 )
 
-FAILURE = 10.0
-NOTICEABLE = 0.3  # difference of errors
+FAILURE_ERROR = 10.0
+NOTICEABLE_CHANGE = 0.3  # smallest difference of errors that counts as worse or better
 EVERYTHING = "everything"
 STEPS = RefinementSettings()
 LATE_POSITIONS = RefinementSettings(
@@ -49,9 +49,9 @@ VARIANTS: dict[str, Config] = {
 }
 
 
-def measured(job: Job) -> list[dict[str, Any]]:
+def measure(job: Job) -> list[dict[str, Any]]:
     """Match one pair in every variant."""
-    pair = loaded(job)
+    pair = load_job(job)
     shapes = prepare(pair.source), prepare(pair.target)
     match(*shapes)
     rows = []
@@ -76,16 +76,16 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         chosen = [row for row in rows if row["variant"] == variant]
         errors = np.array([row["error"] for row in chosen])
         gained = errors - np.array([usual[row["pair"]] for row in chosen])
-        wrong = [row for row in chosen if row["error"] > FAILURE and row["outcome"] == "CONVERGED"]
+        wrong = [row for row in chosen if row["error"] > FAILURE_ERROR and row["outcome"] == "CONVERGED"]
         table.append(
             {
                 "variant": variant,
                 "pairs": len(errors),
                 "mean": round(errors.mean(), 3),
                 "median": round(float(np.median(errors)), 3),
-                "failures": int((errors > FAILURE).sum()),
-                "worse": int((gained > NOTICEABLE).sum()),
-                "better": int((gained < -NOTICEABLE).sum()),
+                "failures": int((errors > FAILURE_ERROR).sum()),
+                "worse": int((gained > NOTICEABLE_CHANGE).sum()),
+                "better": int((gained < -NOTICEABLE_CHANGE).sum()),
                 "wrong_called_right": len(wrong),
                 "seconds": round(float(np.mean([row["seconds"] for row in chosen])), 2),
             }
@@ -94,7 +94,7 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "ablation.csv")
-    rows = [row for rows in in_parallel(measured, hard_jobs(asked.data)) for row in rows]
+    asked = parse_arguments(__doc__, "ablation.csv")
+    rows = [row for rows in in_parallel(measure, hard_jobs(asked.data)) for row in rows]
     write_rows(asked.output / "ablation_pairs.csv", tuple(rows[0]), rows)
     write_table(asked.output / "ablation.csv", summary(rows))

@@ -17,11 +17,11 @@ import numpy as np
 
 from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark, write_tables
 from isomatch_lab.sets import benchmark_set
-from isomatch_lab.studies.shared import asked_for, write_table
+from isomatch_lab.studies.shared import parse_arguments, write_table
 
 POINTS = 700
 SETS = ("faust_r", "tosca_iso_r", "scape", "tosca", "creatures")
-BESIDE = {"organs": ("isomatch", "isomatch_5pt"), "cross": ("isomatch", "isomatch_5pt")}
+SETS_WITH_LANDMARKS = {"organs": ("isomatch", "isomatch_5pt"), "cross": ("isomatch", "isomatch_5pt")}
 """Sets that are measured only if they are named, with their methods."""
 Row = dict[str, Any]
 
@@ -29,16 +29,16 @@ Row = dict[str, Any]
 def run_of(name: str, data: str) -> BenchmarkRun:
     """Describe what is run on a set; sets of unlike shapes keep both directions."""
     pairs = benchmark_set(name, data).pairs
-    if name not in BESIDE:
+    if name not in SETS_WITH_LANDMARKS:
         drawn = np.random.default_rng(0).permutation(len(pairs))
         pairs = tuple({frozenset(pairs[i]): pairs[i] for i in drawn}.values())
-    methods = BESIDE.get(name, ("isomatch",))
+    methods = SETS_WITH_LANDMARKS.get(name, ("isomatch",))
     return BenchmarkRun(name, methods, data, n_points=POINTS, distortion=False, pairs=pairs)
 
 
 def accuracy(summary: list[Row]) -> Iterator[Row]:
     """Errors over each set, failures, and shares of correspondences within three bounds."""
-    for row in sorted(summary, key=lambda row: (*SETS, *BESIDE).index(row["set"])):
+    for row in sorted(summary, key=lambda row: (*SETS, *SETS_WITH_LANDMARKS).index(row["set"])):
         within = " / ".join(f"{100 * row[key]:.1f}" for key in ("within_05", "within_10", "within_25"))
         yield {
             "set": f"`{row['set']}`",
@@ -70,7 +70,7 @@ def classes(rows: list[Row]) -> Iterator[Row]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "rows, tables and curves", [*SETS, *BESIDE])
+    asked = parse_arguments(__doc__, "rows, tables and curves", [*SETS, *SETS_WITH_LANDMARKS])
     for name in asked.kinds or SETS:
         for row in run_benchmark(run_of(name, asked.data), asked.output):
             print(name, row["pair"], row["method"], row.get("error"), row.get("outcome"), flush=True)

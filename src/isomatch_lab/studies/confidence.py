@@ -21,16 +21,16 @@ from isomatch.settings import SearchSettings
 from isomatch_lab.damage import DamageChoice
 from isomatch_lab.sets import BenchmarkPair, benchmark_set
 from isomatch_lab.studies.shared import (
-    SURE,
-    asked_for,
+    UNFLAGGED_OUTCOMES,
     error_after,
     in_parallel,
     mean_error,
+    parse_arguments,
     write_rows,
     write_table,
 )
 
-RIGHT, WRONG = 3.0, 10.0
+MAX_RIGHT_ERROR, MIN_WRONG_ERROR = 3.0, 10.0
 SEED = 2026
 KINDS = {  # how the maps of each kind are provoked
     "plain": "pairs of the benchmark sets",
@@ -76,7 +76,10 @@ def jobs(data: str) -> Iterator[Job]:
     while other < 24:
         a, b = (str(shape) for shape in rng.choice(shapes, 2))
         classes = {shape.rstrip("0123456789") for shape in (a, b)}
-        if len(classes) == 2 and classes != {"david", "victoria"}:  # two humans are near-isometric
+        if len(classes) == 2 and classes != {
+            "david",
+            "victoria",
+        }:  # two humans have a right map
             other += 1
             yield data, "other kind", "tosca_iso_r", (a, b)
     for i in range(8):
@@ -93,10 +96,10 @@ def creature_names(style: int, symmetry: str) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def measured(job: Job) -> dict[str, Any]:
+def measure_job(job: Job) -> dict[str, Any]:
     """Match one pair and judge the map."""
     data, kind, name, (a, b) = job
-    whole = loaded_pair(data, kind, name, a, b)
+    whole = load_pair(data, kind, name, a, b)
     row: dict[str, Any] = {"kind": kind, "set": name, "pair": f"{a}-{b}"}
     damaged = None
     if kind == "damaged":
@@ -109,7 +112,7 @@ def measured(job: Job) -> dict[str, Any]:
         row["kind"] = f"damaged, {choice.name}"
     pair = damaged.given if damaged else whole
     try:
-        result = isomatch.match(pair.source, pair.target, **provoked(kind, pair))
+        result = isomatch.match(pair.source, pair.target, **provoke_maps(kind, pair))
     except isomatch.IsomatchError as problem:
         return row | {"outcome": type(problem).__name__, "error": None}
     error = None
@@ -121,7 +124,7 @@ def measured(job: Job) -> dict[str, Any]:
     return row | {key: result.to_dict()["quality"][key] for key in EVIDENCE}
 
 
-def loaded_pair(data: str, kind: str, name: str, a: str, b: str) -> BenchmarkPair:
+def load_pair(data: str, kind: str, name: str, a: str, b: str) -> BenchmarkPair:
     """Load a pair; of shapes of different kinds without any truth."""
     shapes = benchmark_set(name, data)
     if kind != "other kind":
@@ -130,7 +133,7 @@ def loaded_pair(data: str, kind: str, name: str, a: str, b: str) -> BenchmarkPai
     return BenchmarkPair(f"{a}-{b}", source, target, np.zeros((0, 2), int))
 
 
-def provoked(kind: str, pair: BenchmarkPair) -> dict[str, Any]:
+def provoke_maps(kind: str, pair: BenchmarkPair) -> dict[str, Any]:
     """Options of `match` that make a wrong map likely."""
     trusted = Config(hypotheses="given")
     if kind == "mirrored":
@@ -158,7 +161,7 @@ def provoked(kind: str, pair: BenchmarkPair) -> dict[str, Any]:
 def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """For each kind and in all: how many right maps are flagged, how many wrong ones are not."""
     table = []
-    # a right map that is reported to contradict the landmarks given is not counted: two of them were exchanged
+    # a right map reported to contradict the landmarks is left out: two landmarks were exchanged
     judged = [row for row in rows if row["kind"] != "either side"]
     groups = {kind: [row for row in rows if row["kind"].startswith(kind)] for kind in KINDS}
     groups |= {
@@ -168,22 +171,24 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for kind, chosen in groups.items():
         error = {id(row): np.inf if row["kind"] == "other kind" else row["error"] for row in chosen}
         measured = [row for row in chosen if error[id(row)] is not None]
-        right = [r for r in measured if error[id(r)] < RIGHT and r["outcome"] != "PRIORS_CONTRADICTED"]
-        poor = [r for r in measured if RIGHT <= error[id(r)] <= WRONG]
-        wrong = [r for r in measured if error[id(r)] > WRONG]
+        right = [
+            r for r in measured if error[id(r)] < MAX_RIGHT_ERROR and r["outcome"] != "PRIORS_CONTRADICTED"
+        ]
+        poor = [r for r in measured if MAX_RIGHT_ERROR <= error[id(r)] <= MIN_WRONG_ERROR]
+        wrong = [r for r in measured if error[id(r)] > MIN_WRONG_ERROR]
         line: dict[str, Any] = {"kind": KINDS.get(kind, kind), "maps": len(chosen)}
         for name, members in (("right", right), ("poor", poor), ("wrong", wrong)):
-            flagged = sum(row["outcome"] not in SURE for row in members)
+            flagged = sum(row["outcome"] not in UNFLAGGED_OUTCOMES for row in members)
             line[f"{name}, of them flagged"] = f"{len(members)}, {flagged}"
         table.append(line | {"ambiguous": sum(r["outcome"] == "SYMMETRY_AMBIGUOUS" for r in chosen)})
     return table
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "confidence.csv")
+    asked = parse_arguments(__doc__, "confidence.csv")
     results = write_rows(
         asked.output / "confidence.csv",
         ("kind", "set", "pair", "error", "outcome", *EVIDENCE),
-        in_parallel(measured, jobs(asked.data)),
+        in_parallel(measure_job, jobs(asked.data)),
     )
     write_table(asked.output / "confidence_table.csv", summary(results))

@@ -34,13 +34,13 @@ from isomatch.cohort import (
 from isomatch.datasets import Creature, ground_truth
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import BenchmarkPair, relabelled, remeshed, scape
-from isomatch_lab.studies.shared import asked_for, mean_error, write_rows, write_table
+from isomatch_lab.studies.shared import mean_error, parse_arguments, write_rows, write_table
 
 SETS = ("creatures", "faust_r", "scape", "cat", "horse")
-MOST_SHAPES = 20
+MAX_SHAPES = 20
 BIPEDS = tuple(f"biped{i}" for i in range(1, 9))
 SHARES = (0.0, 0.1, 0.2, 0.3)
-FAILURE = 10.0  # mean error × 100 / √area
+FAILURE_ERROR = 10.0  # mean error × 100 / √area
 COLUMNS = (
     *("set", "pairs", "share", "wrong", "mirrored", "wrong_sure", "found", "right_flagged", "replaced"),
     *("error_before", "error_after", "failures_before", "failures_after", "sure_failures_before"),
@@ -66,13 +66,13 @@ def study_of(name: str, data: Path) -> Study:
         return relabelled_poses(data)
     shapes = remeshed(data / (name if name == "faust_r" else "tosca_iso_r"))
     names = [shape for shape in shapes.names if name == "faust_r" or shape.rstrip("0123456789") == name]
-    return Study(tuple(names[:MOST_SHAPES]), shapes.mesh, shapes.pair)
+    return Study(tuple(names[:MAX_SHAPES]), shapes.mesh, shapes.pair)
 
 
 def relabelled_poses(data: Path) -> Study:
     """Poses of one person, which share a triangulation in their files and do not here."""
     shapes = scape(data / "scape")
-    names = shapes.names[:MOST_SHAPES]
+    names = shapes.names[:MAX_SHAPES]
 
     @cache
     def made(name: str) -> tuple[Mesh, np.ndarray]:
@@ -101,7 +101,7 @@ def made_pair(source: str, target: str) -> BenchmarkPair:
     )
 
 
-def matched(study: Study, folder: Path) -> Collection:
+def match_all(study: Study, folder: Path) -> Collection:
     """Match all pairs of a set."""
     shapes = folder / "shapes"
     shapes.mkdir(parents=True, exist_ok=True)
@@ -114,7 +114,7 @@ def matched(study: Study, folder: Path) -> Collection:
     return collection
 
 
-def prepared(collection: Collection, name: str) -> PreparedShape:
+def prepare_shape(collection: Collection, name: str) -> PreparedShape:
     """Read a prepared shape."""
     return PreparedShape.load(collection.layout.prepared(collection.rows().shapes[name].key))
 
@@ -124,26 +124,30 @@ def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> Pai
     if file.exists():
         return PairMaps.load(file)
     right = collection.maps(*pair)
-    source, target = (prepared(collection, name) for name in pair)
+    source, target = (prepare_shape(collection, name) for name in pair)
     image, config = None, replace(collection.config, orientation="reverse")
     if kind == "turned":
-        turned = [each.map.vertices for each in match(source, target).alternatives if each.orientation > 0]
-        image = max(turned, key=lambda other: moved(target, right, other), default=None)
-        if image is not None and moved(target, right, image) < 1.5 * FAILURE / 100:
+        turned = [
+            alternative.map.vertices
+            for alternative in match(source, target).alternatives
+            if alternative.orientation > 0
+        ]
+        image = max(turned, key=lambda other: mean_displacement(target, right, other), default=None)
+        if image is not None and mean_displacement(target, right, image) < 1.5 * FAILURE_ERROR / 100:
             image = None
     if image is not None:
         config = replace(collection.config, hypotheses="given")
     kind = "mirrored" if image is None else "turned"
     results = match_both(source, target, initial_map=image, config=config)
-    there, back = (MapSummary.of(result, settings=True) for result in results)
-    record = replace(right.record, there=there, back=back, more={"kind": kind})
+    forward, backward = (MapSummary.of(result, settings=True) for result in results)
+    record = replace(right.record, there=forward, back=backward, more={"kind": kind})
     maps = PairMaps(results.there.map, results.back.map, record)
     file.parent.mkdir(exist_ok=True)
     maps.save(file)
     return maps
 
 
-def moved(target: PreparedShape, right: PairMaps, image: np.ndarray) -> float:
+def mean_displacement(target: PreparedShape, right: PairMaps, image: np.ndarray) -> float:
     """Mean distance of the images under another map."""
     return target.mean_distance(target.body_vertex[right.there.vertices], target.body_vertex[image])
 
@@ -163,7 +167,7 @@ def with_wrong_maps(base: Collection, share: float, folder: Path) -> tuple[Colle
         maps.save(copy.layout.maps(pair))
         kinds[pair] = maps.record.more["kind"]
         print(folder.name, pair, kinds[pair], maps.record.there.outcome.name, flush=True)
-    list(copy.run(jobs=1))  # makes the ledger from the maps
+    list(copy.run(jobs=1))  # rebuild the ledger from the saved maps
     return copy, kinds
 
 
@@ -171,15 +175,15 @@ def errors_of(study: Study, collection: Collection, kept: dict[str, float]) -> d
     """Mean error of the map of each pair; of maps that were judged before, it is known."""
     errors = {}
     for pair in collection.rows().pairs:
-        there = collection.maps(*pair).there
-        text = f"{pair} {hash(there.vertices.tobytes())}"
+        image = collection.maps(*pair).there
+        text = f"{pair} {hash(image.vertices.tobytes())}"
         if text not in kept:
-            kept[text] = mean_error(study.pair(*pair), there)
+            kept[text] = mean_error(study.pair(*pair), image)
         errors[pair] = kept[text]
     return errors
 
 
-def measured(name: str, study: Study, folder: Path, share: float, errors: dict[str, float]) -> dict[str, Any]:
+def measure(name: str, study: Study, folder: Path, share: float, errors: dict[str, float]) -> dict[str, Any]:
     """Errors and outcomes before and after the maps of a collection were brought to agree."""
     file = folder / f"{share}.json"
     if file.exists():
@@ -195,7 +199,7 @@ def measured(name: str, study: Study, folder: Path, share: float, errors: dict[s
     first = {pair: agreement.before or 0.0 for pair, agreement in agreements.items()}
     flagged = {pair for pair, agreement in agreements.items() if agreement.tried_with is not None}
     flagged |= set(agreement_of(rows).contradicted)
-    wrong = {pair for pair in pairs if before[pair] > FAILURE}
+    wrong = {pair for pair in pairs if before[pair] > FAILURE_ERROR}
 
     def sure(rows: dict[Pair, PairRow], pair: Pair) -> bool:
         return rows[pair].there.outcome in (Outcome.CONVERGED, Outcome.PARTIAL)
@@ -213,9 +217,9 @@ def measured(name: str, study: Study, folder: Path, share: float, errors: dict[s
         "error_before": float(np.mean(list(before.values()))),
         "error_after": float(np.mean(list(after.values()))),
         "failures_before": len(wrong),
-        "failures_after": sum(error > FAILURE for error in after.values()),
+        "failures_after": sum(error > FAILURE_ERROR for error in after.values()),
         "sure_failures_before": sum(sure(rows_before, pair) for pair in wrong),
-        "sure_failures_after": sum(sure(rows.pairs, pair) for pair in pairs if after[pair] > FAILURE),
+        "sure_failures_after": sum(sure(rows.pairs, pair) for pair in pairs if after[pair] > FAILURE_ERROR),
         "consistency_right": max(first[pair] for pair in pairs if pair not in wrong),
         "consistency_wrong": min((first[pair] for pair in wrong), default=None),
     }
@@ -223,7 +227,7 @@ def measured(name: str, study: Study, folder: Path, share: float, errors: dict[s
     return row
 
 
-def shown(row: dict[str, Any]) -> dict[str, Any]:
+def table_row(row: dict[str, Any]) -> dict[str, Any]:
     """Give a row as the page shows it."""
     worst = row["consistency_wrong"]
     return {
@@ -245,7 +249,7 @@ def limits(n: int, share: float, draws: int = 60) -> tuple[float, float]:
     """Recall and precision among n shapes with one symmetry, where a share of the maps at random is mirrored."""
     rng, pairs = np.random.default_rng(1), np.triu_indices(n, 1)
     hits = wrong_maps = flagged = 0
-    # two mirrored maps make a right one, so this is the hardest kind of wrong map, and no evidence but cycles is used
+    # two mirrored maps compose to a right one, so these wrong maps are the hardest to find by cycles alone
     for _ in range(draws):
         drawn = np.triu(rng.random((n, n)) < share, 1)
         wrong = drawn | drawn.T
@@ -259,17 +263,19 @@ def limits(n: int, share: float, draws: int = 60) -> tuple[float, float]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "consistency.csv", SETS)
+    asked = parse_arguments(__doc__, "consistency.csv", SETS)
     cycles = []
     for n in (4, 6, 8, 12, 20):
-        told = {f"{share:.0%} wrong": "{:.2f}, {:.2f}".format(*limits(n, share)) for share in SHARES[1:]}
-        cycles.append({"shapes": n} | told)
+        cycle_limits = {
+            f"{share:.0%} wrong": "{:.2f}, {:.2f}".format(*limits(n, share)) for share in SHARES[1:]
+        }
+        cycles.append({"shapes": n} | cycle_limits)
     write_table(asked.output / "cycles_table.csv", cycles)
     rows = []
     for name in asked.kinds or SETS:
         study, errors = study_of(name, Path(asked.data)), dict[str, float]()
-        matched(study, asked.output / name)
-        rows += [measured(name, study, asked.output / name, share, errors) for share in SHARES]
+        match_all(study, asked.output / name)
+        rows += [measure(name, study, asked.output / name, share, errors) for share in SHARES]
         print(*rows, sep="\n", flush=True)
     write_rows(asked.output / "consistency.csv", COLUMNS, rows)
-    write_table(asked.output / "consistency_table.csv", [shown(row) for row in rows])
+    write_table(asked.output / "consistency_table.csv", [table_row(row) for row in rows])

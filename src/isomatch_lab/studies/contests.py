@@ -22,11 +22,11 @@ from matplotlib.figure import Figure
 from isomatch import Mesh, write_mesh
 from isomatch.evaluation import THRESHOLDS
 from isomatch_lab.evaluation import benchmark
-from isomatch_lab.studies.shared import SURE, asked_for, write_rows, write_table
+from isomatch_lab.studies.shared import UNFLAGGED_OUTCOMES, parse_arguments, write_rows, write_table
 
-POINTS = 1000  # of the truth of each pair
-WRONG = 10.0  # × √area / 100
-NO_MAP = 100.0  # the error of a pair without a map
+POINTS = 1000  # truth points of each pair
+WRONG_ERROR = 10.0  # a pair is wrong above this mean error × 100 / √area
+NO_MAP_ERROR = 100.0  # the error of a pair without a map
 COLUMNS = ("contest", "pair", "group", "error", "error_matched", "iou", "outcome", "seconds")
 DECIMATED = "decimate:0.5"
 
@@ -95,18 +95,18 @@ def rows_of(name: str, data: Path, output: Path) -> list[dict[str, Any]]:
 def line(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Sum a contest up."""
     good = [row for row in rows if "problem" not in row]
-    errors = np.array([row.get("error", NO_MAP) for row in rows])
+    errors = np.array([row.get("error", NO_MAP_ERROR) for row in rows])
     matched = [row["error_matched"] for row in good if "error_matched" in row] or errors
-    sure = [row["error"] for row in good if row["outcome"] in SURE]
+    sure = [row["error"] for row in good if row["outcome"] in UNFLAGGED_OUTCOMES]
     return {
         "contest": CONTESTS[name].title,
         "pairs": len(rows),
         "mean": f"{errors.mean():.2f}",
         "median": f"{np.median(errors):.2f}",
         "worst": f"{errors.max():.1f}",
-        "wrong (> 10)": int((errors > WRONG).sum()),
+        "wrong (> 10)": int((errors > WRONG_ERROR).sum()),
         "called right": len(sure),
-        "of these wrong": sum(error > WRONG for error in sure),
+        "of these wrong": sum(error > WRONG_ERROR for error in sure),
         "mean where matched": f"{np.mean(matched):.2f}" if any(row.get("unmatched") for row in good) else "",
         "IoU, %": overlap_of(name, rows),
         "seconds, one thread": f"{np.median([row['seconds'] for row in good]):.1f}",
@@ -130,7 +130,7 @@ def curves(rows_by_contest: dict[str, list[dict[str, Any]]], output: Path) -> No
     )
     figure = Figure(figsize=(9, 5), layout="constrained")
     axes = figure.subplots()
-    colours: dict[str, str] = {}  # a remeshed set has that of the set
+    colours: dict[str, str] = {}  # a remeshed set has the colour of its set
     for title, share in shares.items():
         remeshed = title.endswith(" remeshed") and "," in title
         colour = colours.setdefault(title.split(",")[0] if remeshed else title, f"C{len(colours)}")
@@ -143,12 +143,12 @@ def curves(rows_by_contest: dict[str, list[dict[str, Any]]], output: Path) -> No
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "contests.csv", CONTESTS)
+    asked = parse_arguments(__doc__, "contests.csv", CONTESTS)
     rows_by_contest = {
         name: rows_of(name, Path(asked.data), asked.output) for name in asked.kinds or CONTESTS
     }
-    each = [{"contest": name, **row} for name, rows in rows_by_contest.items() for row in rows]
-    write_rows(asked.output / "contests.csv", COLUMNS, each)
+    measured_pairs = [{"contest": name, **row} for name, rows in rows_by_contest.items() for row in rows]
+    write_rows(asked.output / "contests.csv", COLUMNS, measured_pairs)
     write_table(
         asked.output / "contests_table.csv", [line(name, rows) for name, rows in rows_by_contest.items()]
     )

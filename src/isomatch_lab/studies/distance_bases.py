@@ -19,18 +19,22 @@ import matplotlib.pyplot as plt
 
 from isomatch import Mesh, distance_basis, geodesic_distances, laplace_basis
 from isomatch.spectral import BasisMethod
-from isomatch_lab.paper.basis_error import projected, relative_error
+from isomatch_lab.paper.basis_error import project_distances, relative_error
 from isomatch_lab.procedural import creature
-from isomatch_lab.studies.shared import asked_for, write_rows, write_table
+from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
 Row: TypeAlias = tuple[
     str, str, int, int, float, Any
-]  # weights, method, k, p, error, processor seconds or ""
+]  # weights, method, k, p, error, processor seconds or "" without them
 RANKS = (5, 10, 20, 30, 40, 50, 75, 100)
-SHOWN = (5, 10, 20, 30, 50, 100)  # in the table
+TABLE_RANKS = (5, 10, 20, 30, 50, 100)  # ranks that the table shows
 COLUMNS = (60, 80, 100, 140, 200, 300, 400)
 METHODS: dict[BasisMethod, str] = {"predicted": "C3", "nystrom": "C0", "fmds": "C2", "smds": "C4"}
-COMPARED: tuple[tuple[BasisMethod, int], ...] = (("predicted", 100), ("predicted", 200), ("nystrom", 100))
+COMPARED_BASES: tuple[tuple[BasisMethod, int], ...] = (
+    ("predicted", 100),
+    ("predicted", 200),
+    ("nystrom", 100),
+)
 NAMES = {
     "exact": "exact (optimum)",
     "predicted": "predicted columns (default)",
@@ -51,7 +55,7 @@ def measure(mesh: Mesh, distances: np.ndarray) -> Iterator[Row]:
         for k in RANKS:
             row = exact.truncated(k).row(everywhere)
             yield weights, "exact", k, mesh.n_vertices, relative_error(row, distances, measure), ""
-            one_sided = projected(smooth[:, :k], distances, measure)
+            one_sided = project_distances(smooth[:, :k], distances, measure)
             yield weights, "laplace", k, mesh.n_vertices, relative_error(one_sided, distances, measure), ""
         settings = [(k, 2 * k) for k in RANKS] + [(50, p) for p in COLUMNS if p != 100]
         for method in METHODS:
@@ -107,7 +111,7 @@ def ratios(data: Path) -> Iterator[tuple[str, str, str, int, float]]:
             optimum = relative_error(
                 distance_basis(mesh, 50, 50, "exact", weights, held_out=0).row(everywhere), distances, measure
             )
-            for method, p in COMPARED:
+            for method, p in COMPARED_BASES:
                 basis = distance_basis(mesh, 50, p, method, weights, held_out=0)
                 yield (
                     name,
@@ -130,14 +134,14 @@ def table(rows: list[Row]) -> Iterator[dict[str, Any]]:
         for method, name in NAMES.items():
             line = {"weights": weights, "method": name}
             for w, m, k, p, error, _ in rows:
-                if (w, m) == (weights, method) and k in SHOWN and (p == 2 * k or method not in METHODS):
+                if (w, m) == (weights, method) and k in TABLE_RANKS and (p == 2 * k or method not in METHODS):
                     line[f"k = {k}"] = f"{error:.4f}"
             yield line
 
 
 def main() -> None:
     """Measure, write, draw."""
-    asked = asked_for(__doc__, "tables and curves")
+    asked = parse_arguments(__doc__, "tables and curves")
     data = Path(asked.data)
     with np.load(data / "tosca" / "wolf.npz") as poses:
         mesh = Mesh(poses["wolf0"], poses["faces"])

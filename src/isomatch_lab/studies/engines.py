@@ -19,7 +19,7 @@ from isomatch import Mesh, MissingDependencyError, distance_engine
 from isomatch.geodesics import DistanceEngine, engine_names
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import benchmark_set
-from isomatch_lab.studies.shared import asked_for, write_rows, write_table
+from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
 SOURCES = 10
 REPEATS = 10  # the fastest counts; exact is timed once
@@ -40,16 +40,16 @@ def meshes(data: str) -> Iterator[tuple[str, Mesh]]:
         yield f"`{name}` {shape}", benchmark_set(name, data).load(shape, shape).source
 
 
-def measured(name: str, mesh: Mesh) -> Iterator[dict[str, Any]]:
+def measure(name: str, mesh: Mesh) -> Iterator[dict[str, Any]]:
     """Relative error with respect to exact distances, and milliseconds a column, of each engine."""
     sources = np.random.default_rng(0).integers(mesh.n_vertices, size=SOURCES)
     columns, seconds = {}, {}
-    for engine, each in installed_engines(mesh).items():
-        each.distances_from(sources[:1])  # compiles, factorises
+    for engine, solver in installed_engines(mesh).items():
+        solver.distances_from(sources[:1])  # compiles, factorises
         runs = []
         for _ in range(1 if engine == "exact" else REPEATS):
             started = time.perf_counter()
-            columns[engine] = each.distances_from(sources)
+            columns[engine] = solver.distances_from(sources)
             runs.append((time.perf_counter() - started) / SOURCES)
         seconds[engine] = min(runs)
     exact = columns["exact"]
@@ -77,7 +77,7 @@ def installed_engines(mesh: Mesh) -> dict[str, DistanceEngine]:
 
 
 def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """For each mesh the errors of each engine, and its time as a multiple of that of fast marching."""
+    """For each mesh the errors of each engine, and its time as a multiple of fast marching."""
     for name in dict.fromkeys(row["mesh"] for row in rows):
         members = {row["engine"]: row for row in rows if row["mesh"] == name}
         usual = members["fast_marching"]["milliseconds"]
@@ -89,8 +89,8 @@ def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "tables")
+    asked = parse_arguments(__doc__, "tables")
     os.environ["ISOMATCH_NUM_THREADS"] = "1"
-    rows = [row for name, mesh in meshes(asked.data) for row in measured(name, mesh)]
+    rows = [row for name, mesh in meshes(asked.data) for row in measure(name, mesh)]
     write_rows(asked.output / "engines.csv", tuple(rows[0]), rows)
     write_table(asked.output / "engines_table.csv", list(table(rows)))

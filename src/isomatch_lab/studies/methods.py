@@ -2,7 +2,7 @@
 
     python -m isomatch_lab.studies.methods --data DIR -o OUT
 
-draws ten pairs of the remeshed sets; of SCAPE it takes those of the Princeton benchmark, which ``DIR/scb`` lists. It
+draws ten pairs of the remeshed sets; of SCAPE it takes the pairs of the Princeton benchmark, listed in ``DIR/scb``. It
 writes what ``isomatch bench`` writes and ``methods_table.csv``, and draws the published curves in ``DIR/scb`` beside.
 Rows that are already in OUT are not computed again.
 """
@@ -20,7 +20,7 @@ from isomatch_lab.evaluation import (
     run_benchmark,
     write_tables,
 )
-from isomatch_lab.studies.shared import asked_for, write_table
+from isomatch_lab.studies.shared import parse_arguments, write_table
 
 SETS = ("faust_r", "tosca_iso_r", "scape")
 PAIRS, POINTS = 10, 500
@@ -64,7 +64,7 @@ def as_shown(row: Row, mirrored: set[str]) -> Row:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "rows, tables and curves")
+    asked = parse_arguments(__doc__, "rows, tables and curves")
     for name in SETS:
         for row in run_benchmark(run_of(name, asked.data), asked.output):
             print(name, row["pair"], row["method"], row.get("error"), row.get("outcome"), flush=True)

@@ -3,7 +3,7 @@
     python -m isomatch_lab.studies.pair_pictures --data DIR [-o docs/accuracy] [--count 3]
 
 matches them again and writes ``worst_1.png``, … and ``CONTEST.png`` with the geodesic error on the
-source, at truth points and, between them, that of the nearest one in space.
+source: measured at truth points; other points take the error of the nearest truth point in space.
 """
 
 from __future__ import annotations

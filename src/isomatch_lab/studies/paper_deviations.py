@@ -4,7 +4,7 @@
 
 writes ``deviations.csv`` and ``deviations_table.csv``: plain GDD and its post-processing from five true landmarks, as
 the benchmark has them and with one thing changed; for each pair, the mean geodesic error (× 100 / √area, 1000 truth
-points) and the ratio of the mean square distortion to that of the truth (100 × 1000 points).
+points) and the mean square distortion divided by the distortion of the truth (100 × 1000 points).
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from isomatch.settings import PreparationSettings, RefinementSettings, SearchSet
 from isomatch_lab.baselines import gdd, gdd_post
 from isomatch_lab.evaluation import CachingEngine, metric_distortion, true_landmarks
 from isomatch_lab.sets import BenchmarkPair, benchmark_set
-from isomatch_lab.studies.shared import asked_for, write_rows, write_table
+from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
 SEED = 0
-AT_ONCE_STEPS = 12  # more change little
-PAIRS = {"tosca_iso_r": ("cat", "centaur"), "tosca": ("wolf",)}  # one of each class
+AT_ONCE_STEPS = 12  # more steps change little
+PAIRS = {"tosca_iso_r": ("cat", "centaur"), "tosca": ("wolf",)}  # set: its classes, one pair each
 
 
 def whole(config: Config, pair: BenchmarkPair) -> Config:
@@ -60,8 +60,8 @@ VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Conf
 }
 
 
-def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
-    """Error and distortion over that of the truth, for each variant."""
+def measure(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
+    """Error, and distortion divided by the distortion of the truth, for each variant."""
     source, target = (CachingEngine(distance_engine(mesh), 2.0**30) for mesh in (pair.source, pair.target))
     engines = source, target
     landmarks = true_landmarks(pair, seed=SEED, engines=engines)
@@ -79,14 +79,14 @@ def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "deviations.csv")
+    asked = parse_arguments(__doc__, "deviations.csv")
     rows, table = [], {variant: {"": variant} for variant in VARIANTS}
     for set_name, classes in PAIRS.items():
         chosen = benchmark_set(set_name, asked.data)
         for kind in classes:
             of_class = [pair for pair in chosen.pairs if pair[0].rstrip("0123456789") == kind]
             pair = chosen.load(*of_class[np.random.default_rng(SEED).integers(len(of_class))])
-            for variant, numbers in measured(pair).items():
+            for variant, numbers in measure(pair).items():
                 rows.append((set_name, pair.name, variant, *(float(f"{number:.4g}") for number in numbers)))
                 column = f"`{set_name}` {pair.name}: error, distortion / truth"
                 table[variant][column] = "{:.2f}, {:.2f}".format(*numbers)

@@ -16,12 +16,12 @@ from isomatch_lab.paper import ITEMS, Setting, reproduce
 from isomatch_lab.paper.benchmark_rows import benchmark_rows
 from isomatch_lab.paper.curves_5pt import METHODS
 from isomatch_lab.paper.princeton_curves import sets_of
-from isomatch_lab.studies.shared import asked_for, write_table
+from isomatch_lab.studies.shared import parse_arguments, write_table
 
 POINTS = 500
 
 
-def told(stage: str) -> None:
+def print_stage(stage: str) -> None:
     """Print a stage."""
     print(stage, flush=True)
 
@@ -33,17 +33,17 @@ def means(setting: Setting) -> list[dict[str, str]]:
     for method, (label, _) in METHODS.items():
         row = {"": label}
         for name, rows in sets.items():
-            own = [row for row in rows if row["method"] == method]
-            error, area = (np.mean([row[measure] for row in own]) for measure in ("error", "auc"))
+            method_rows = [row for row in rows if row["method"] == method]
+            error, area = (np.mean([row[measure] for row in method_rows]) for measure in ("error", "auc"))
             row[name.upper()] = f"{error:.2f}, {area:.3f}"
         table.append(row)
     return table
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "the figures and paper_table.csv")
-    setting = Setting(Path(asked.data), asked.output / "runs", n_points=POINTS, progress=told)
+    asked = parse_arguments(__doc__, "the figures and paper_table.csv")
+    setting = Setting(Path(asked.data), asked.output / "runs", n_points=POINTS, progress=print_stage)
     for record in reproduce(tuple(ITEMS), setting, asked.output, force=True):
         for verdict in record["verdicts"]:
-            told(f"{record['item']}: {'holds' if verdict['holds'] else 'fails'}: {verdict['claim']}")
+            print_stage(f"{record['item']}: {'holds' if verdict['holds'] else 'fails'}: {verdict['claim']}")
     write_table(asked.output / "paper_table.csv", means(setting))

@@ -39,9 +39,9 @@ REAL = {
     "david": ("tosca", "david0", "david1"),
 }
 REPEATS = 5
-SOON = 6.0  # seconds from which a match is repeated less often
+QUICK_SECONDS = 6.0  # a match that takes longer is repeated less often
 STAGES = ("body", "levels", "distances", "functions", "samples")
-LATER = ("search", "selection", "refinement", "quality", "polish", "carry")
+LATER_STAGES = ("search", "selection", "refinement", "quality", "polish", "carry")
 """Stages of the preparation of one shape, and of the match."""
 
 
@@ -79,7 +79,7 @@ def main() -> None:
         "pyfm error",
     )
     flat = (row | row["stages"] for row in rows)
-    write_rows(asked.output / "performance.csv", (*columns, *STAGES, *LATER), flat)
+    write_rows(asked.output / "performance.csv", (*columns, *STAGES, *LATER_STAGES), flat)
     write_table(asked.output / "pairs_table.csv", pairs_table(rows))
     write_table(asked.output / "stages_table.csv", stages_table(rows))
     _plot(rows, asked.output / "performance.svg")
@@ -96,14 +96,14 @@ def _asked_for() -> argparse.Namespace:
     parser.add_argument("--one", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.one:
-        row = measured(asked.one, asked.data, asked.output, asked.pyfm)
+        row = measure(asked.one, asked.data, asked.output, asked.pyfm)
         path = asked.output / f"{asked.one.replace(' ', '_')}.json"
         path.write_text(json.dumps(row, indent=1), encoding="utf-8")
         sys.exit()
     return asked
 
 
-def measured(name: str, data: str | None, output: Path, largest_for_pyfm: int) -> dict[str, Any]:
+def measure(name: str, data: str | None, output: Path, largest_for_pyfm: int) -> dict[str, Any]:
     """Match one pair, warm, and return a row: seconds in the median, memory, error, stages and lower bounds."""
     pair = _pair(name, data, output)
     small = example_pair()
@@ -126,7 +126,7 @@ def measured(name: str, data: str | None, output: Path, largest_for_pyfm: int) -
     row["further seconds"], row["further cpu seconds"], _ = _median(
         lambda: isomatch.match(shapes[0], shapes[1])
     )
-    row["stages"] = stages | {stage: later.get(stage, 0.0) for stage in LATER}
+    row["stages"] = stages | {stage: later.get(stage, 0.0) for stage in LATER_STAGES}
     finer = shapes[0].finer
     levels = shapes[0].body.n_vertices, finer.surface.n_vertices if finer else 0
     row["bounds"] = lower_bounds(pair.source.n_vertices, *levels)
@@ -161,7 +161,7 @@ def _pair(name: str, data: str | None, output: Path) -> BenchmarkPair:
 def _median(match: Callable[[], Any]) -> tuple[float, float, Any]:
     """Seconds and CPU seconds of a match in the median of some repetitions, and its result."""
     seconds, cpu = list[float](), list[float]()
-    while not seconds or len(seconds) < (REPEATS if seconds[0] < SOON else 3):
+    while not seconds or len(seconds) < (REPEATS if seconds[0] < QUICK_SECONDS else 3):
         before = time.perf_counter(), time.process_time()
         result = match()
         seconds.append(time.perf_counter() - before[0])
@@ -171,10 +171,10 @@ def _median(match: Callable[[], Any]) -> tuple[float, float, Any]:
 
 def _error(pair: BenchmarkPair, image: isomatch.Correspondence) -> float:
     """Mean distance in space of images from the truth, × 100 / √(target area)."""
-    here, there = pair.truth.T
-    images = image.pull_back(pair.target.vertices)[here]
-    apart = np.linalg.norm(images - pair.target.vertices[there], axis=1)
-    return float(100 * np.nanmean(apart) / np.sqrt(pair.target.area))
+    source_vertices, target_vertices = pair.truth.T
+    images = image.pull_back(pair.target.vertices)[source_vertices]
+    distances = np.linalg.norm(images - pair.target.vertices[target_vertices], axis=1)
+    return float(100 * np.nanmean(distances) / np.sqrt(pair.target.area))
 
 
 def _peak() -> float:
@@ -250,7 +250,7 @@ def stages_table(rows: list[dict[str, Any]]) -> list[dict[str, str]]:
     made = [row for row in rows if row["pair"].startswith("creature")]
     sizes = np.array([row["vertices"] for row in made])
     table = []
-    for stage in (*STAGES, *LATER):
+    for stage in (*STAGES, *LATER_STAGES):
         seconds = np.array([row["stages"][stage] for row in made])
         spent = seconds > 0
         exponent = ""
@@ -275,7 +275,7 @@ def _plot(rows: list[dict[str, Any]], path: Path) -> None:
     sizes = [row["vertices"] for row in made]
     figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
     axes.loglog(sizes, [row["seconds"] for row in made], "ko-", lw=2, label="match, whole")
-    for stage in (*STAGES, *LATER):
+    for stage in (*STAGES, *LATER_STAGES):
         seconds = [row["stages"][stage] or np.nan for row in made]
         axes.loglog(sizes, seconds, ".-" if stage in STAGES else ".--", lw=1, label=stage)
     beside = [row for row in rows if "pyfm seconds" in row]

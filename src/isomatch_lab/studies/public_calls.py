@@ -45,8 +45,8 @@ class Folders:
     def shapes(self, file: str, *names: str, coarsened: bool = True) -> list[Mesh]:
         """Return shapes of a file, each with about 2500 vertices and no two with equally many, or as they are."""
         with np.load(self.data / file, allow_pickle=False) as stored:
-            faces = [own if (own := f"{name}_faces") in stored else "faces" for name in names]
-            meshes = [Mesh(stored[name], stored[own]) for name, own in zip(names, faces)]
+            faces = [own_faces if (own_faces := f"{name}_faces") in stored else "faces" for name in names]
+            meshes = [Mesh(stored[name], stored[face]) for name, face in zip(names, faces)]
         return [coarse(mesh, 2500 + 100 * i) if coarsened else mesh for i, mesh in enumerate(meshes)]
 
     def remeshed(self, *files: str) -> list[Mesh]:
@@ -62,8 +62,8 @@ def call(*variants: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
         name = function.__name__.strip("_").replace("_", " ")
-        each = {f"{name}: {variant}": partial(function, variant=variant) for variant in variants}
-        CALLS.update(each or {name: function})
+        calls = {f"{name}: {variant}": partial(function, variant=variant) for variant in variants}
+        CALLS.update(calls or {name: function})
         return function
 
     return register
@@ -93,13 +93,13 @@ def together(first: Mesh, second: Mesh) -> Mesh:
     return Mesh(vertices, np.vstack([first.faces, second.faces + first.n_vertices]))
 
 
-def pierced(mesh: Mesh, n: int, at: int = 10) -> Mesh:
+def pierce(mesh: Mesh, n: int, at: int = 10) -> Mesh:
     """Take the n vertices that are nearest to one out of a mesh."""
     distance = np.linalg.norm(mesh.vertices - mesh.vertices[at], axis=1)
     return mesh.submesh(distance > np.sort(distance)[n - 1])[0]
 
 
-def damaged(mesh: Mesh) -> Mesh:
+def break_mesh(mesh: Mesh) -> Mesh:
     """Break a mesh: some points are there twice, one is unused; some faces are twice, turned over, or of two points."""
     twice, n = mesh.vertices[mesh.faces[:60].ravel()], mesh.n_vertices
     faces = np.vstack([np.arange(n, n + 180).reshape(60, 3), mesh.faces[60:]])
@@ -108,7 +108,7 @@ def damaged(mesh: Mesh) -> Mesh:
     return Mesh(vertices, np.vstack([faces, faces[100:120], [[1, 1, 2]]]))
 
 
-def turned(mesh: Mesh, side: int) -> Mesh:
+def turn_over(mesh: Mesh, side: int) -> Mesh:
     """Turn all faces over; with −1 reflect the mesh too, so that its outside stays outside."""
     return Mesh(mesh.vertices * [side, 1, 1], mesh.faces[:, ::-1])
 
@@ -123,7 +123,7 @@ def graph(mesh: Mesh) -> Graph:
     return Graph(mesh.n_vertices, mesh.edges, mesh.edge_lengths)
 
 
-def dressed(mesh: Mesh) -> Asset:
+def add_attributes(mesh: Mesh) -> Asset:
     """Make an asset with an attribute of every kind."""
     unit = (mesh.vertices - mesh.vertices.min(axis=0)) / np.ptp(mesh.vertices, axis=0)
     corners, zone = unit[mesh.faces.ravel()], np.digitize(unit[:, 1], [0.3, 0.6])
@@ -154,8 +154,8 @@ PAIRS: dict[str, Callable[[Folders], Iterable[Any]]] = {
     "kidneys": lambda at: [organ("kidney", 1500, pose=i).mesh for i in (1, 2)],
     "faces": lambda at: [organ("face", 1500, pose=i).mesh for i in (1, 2)],
     "large": lambda at: bodies(18_000, 1, 2),
-    "holes": lambda at: (pierced(shipped()[0], 150), shipped()[1]),
-    "both with holes": lambda at: (pierced(shipped()[0], 200), pierced(shipped()[1], 200, at=900)),
+    "holes": lambda at: (pierce(shipped()[0], 150), shipped()[1]),
+    "both with holes": lambda at: (pierce(shipped()[0], 200), pierce(shipped()[1], 200, at=900)),
     "cut": lambda at: at.shapes("shrec16_cuts/shapes.npz", "cuts_cat_shape_10", "null_cat"),
     "whole and cut": lambda at: at.shapes("shrec16_cuts/shapes.npz", "null_horse", "cuts_horse_shape_4"),
     "unsure cut": lambda at: at.shapes("shrec16_cuts/shapes.npz", "cuts_horse_shape_15", "null_horse"),
@@ -165,9 +165,9 @@ PAIRS: dict[str, Callable[[Folders], Iterable[Any]]] = {
     "parts of species": lambda at: at.shapes("psmal/shapes.npz", "cuts_0_cow_02", "cuts_22_dog_05"),
     "touching limbs": lambda at: at.shapes("topkids/shapes.npz", "kid01", "kid00"),
     "components": lambda at: map(together, shipped(), bodies(1500, 1, 2, kind="biped")),
-    "damaged": lambda at: (damaged(shipped()[0]), shipped()[1]),
-    "mirror image": lambda at: (turned(shipped()[0], -1), shipped()[1]),
-    "inside out": lambda at: (turned(shipped()[0], 1), shipped()[1]),
+    "damaged": lambda at: (break_mesh(shipped()[0]), shipped()[1]),
+    "mirror image": lambda at: (turn_over(shipped()[0], -1), shipped()[1]),
+    "inside out": lambda at: (turn_over(shipped()[0], 1), shipped()[1]),
     "points": lambda at: [points(coarse(mesh, 1500)) for mesh in shipped()],
     "graphs": lambda at: [graph(coarse(mesh, 1500)) for mesh in shipped()],
 }
@@ -191,7 +191,7 @@ GIVEN = {  # folder of the case, map, receiver, giver
     "other skin": ("14-skin-same-rig", "identity.txt", "other_names.glb", "rigged.glb"),
 }
 FORMATS = ".off .obj .stl .stl-text .ply .ply-text .glb .gltf .vtk .vtk-text .vtp .vtu .gii .pial"
-MENDED = (".off", ".obj", ".ply", ".stl", ".glb", ".gltf", ".gii")  # files of cases that are also mended
+MENDED_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".glb", ".gltf", ".gii")  # of cases to mend
 
 # Calls
 
@@ -237,21 +237,21 @@ def _match_both_and_wrap(at: Folders, variant: str) -> Any:
 
 @call()
 def _result_used(at: Folders) -> Any:
-    there, (source, target), files = (
+    image, (source, target), files = (
         result().map,
         shipped(),
         [at.scratch / f"map{suffix}" for suffix in (".npz", ".txt")],
     )
     result().save(at.scratch / "result.npz")
     for file in files:
-        there.save(file)
-    loaded = [Correspondence.load(file, there.n_target) for file in files]
-    back = there.reversed(source, target)
-    pulled = there @ target.vertices, there.pull_back(np.arange(target.n_vertices))
-    pushed = there.push_forward(source.vertices, source.vertex_areas, target.vertex_areas)
-    composed = there.then(back), there.then(back, target, source), there.to_functional(source, target, 30)
+        image.save(file)
+    loaded = [Correspondence.load(file, image.n_target) for file in files]
+    back = image.reversed(source, target)
+    pulled = image @ target.vertices, image.pull_back(np.arange(target.n_vertices))
+    pushed = image.push_forward(source.vertices, source.vertex_areas, target.vertex_areas)
+    composed = image.then(back), image.then(back, target, source), image.to_functional(source, target, 30)
     summary = result().to_dict(), result().overlap, isomatch.MatchResult.load(at.scratch / "result.npz")
-    return loaded, back, there.reversed(), pulled, pushed, composed, there.T, summary
+    return loaded, back, image.reversed(), pulled, pushed, composed, image.T, summary
 
 
 @call("shipped", "damaged", "components", "large", "points", "graphs", "cut")
@@ -275,7 +275,7 @@ def _distance_basis(at: Folders, variant: str) -> Any:
 
 @call()
 def _laplace_basis(at: Folders) -> Any:
-    surfaces = shipped()[0], pierced(shipped()[0], 200), points(tiny()[0])
+    surfaces = shipped()[0], pierce(shipped()[0], 200), points(tiny()[0])
     bases = [isomatch.laplace_basis(surface, 60) for surface in surfaces]
     return bases, isomatch.heat_kernel_signature(bases[0], 20), isomatch.wave_kernel_signature(bases[0], 20)
 
@@ -311,15 +311,15 @@ def _check_and_repair(at: Folders, variant: str) -> Any:
 def _file_format(at: Folders, variant: str) -> Any:
     suffix, _, text = variant.partition("-")
     file = at.scratch / f"written{suffix}"
-    lost = isomatch.write_asset(file, dressed(tiny()[0]), **({"binary": False} if text else {}))
+    lost = isomatch.write_asset(file, add_attributes(tiny()[0]), **({"binary": False} if text else {}))
     read = isomatch.read_asset(file), isomatch.read_mesh(file)
-    return file.read_bytes(), [each.name for each in lost], read
+    return file.read_bytes(), [feature.name for feature in lost], read
 
 
 @call("source", "target", "majority", "values")
 def _carry_attributes(at: Folders, variant: str) -> Any:
     options = {"majority": {"labels": variant}, "values": {"numbers_as": variant}}
-    ends = match(*tiny()).map, *map(dressed, tiny())
+    ends = match(*tiny()).map, *map(add_attributes, tiny())
     carried = isomatch.carry_attributes(*ends, **options.get(variant, {"to": variant}))
     isomatch.write_asset(at.scratch / "carried.glb", carried.asset)
     return carried, (at.scratch / "carried.glb").read_bytes()
@@ -338,7 +338,9 @@ def _files_given(at: Folders, variant: str) -> Any:
 @call()
 def _cases(at: Folders) -> Any:
     files = sorted(path for path in at.cases.rglob("*") if path.is_file())
-    acts = {file: (isomatch.check, isomatch.repair) if file.suffix in MENDED else () for file in files}
+    acts = {
+        file: (isomatch.check, isomatch.repair) if file.suffix in MENDED_SUFFIXES else () for file in files
+    }
     names = [str(file.relative_to(at.cases)) for file in files]
     read = [
         [Attempt(act, file) for act in (isomatch.read_asset, Landmarks.read, *acts[file])] for file in files
@@ -374,7 +376,7 @@ def _collection(at: Folders, variant: str) -> Any:
     maps = [collection.maps(*pair) for pair in sorted(collection.rows().pairs)]
     shapes = shape_statistics.read_shapes(folder / "corresponded")
     model, x, mesh = shape_statistics.ShapeModel.fit(shapes), shapes.vertices, shapes.mesh(3)
-    apart, observed = shape_statistics.procrustes_distances(x), np.arange(len(x[0])) % 5 == 0
+    distances, observed = shape_statistics.procrustes_distances(x), np.arange(len(x[0])) % 5 == 0
     return {
         "maps": [(pair.there, pair.back, pair.there_error, pair.back_error) for pair in maps],
         "shapes": (
@@ -395,7 +397,11 @@ def _collection(at: Folders, variant: str) -> Any:
             shape_statistics.generalisation(model),
             shape_statistics.specificity(model, n_samples=50),
         ),
-        "procrustes": (shape_statistics.generalised_procrustes(x), apart, shape_statistics.shape_tree(apart)),
+        "procrustes": (
+            shape_statistics.generalised_procrustes(x),
+            distances,
+            shape_statistics.shape_tree(distances),
+        ),
         "groups": shape_statistics.group_test(model.aligned, ["a", "b"] * (len(x) // 2), n_permutations=99),
         "regression": shape_statistics.shape_regression(model.aligned, np.arange(len(x)), n_permutations=99),
     }
@@ -414,4 +420,4 @@ def _asymmetry(at: Folders) -> Any:
 @call()
 def _pictures(at: Folders) -> Any:
     figures = result().plot(*shipped(), width=600), tiny()[0].plot(tiny()[0].vertices[:, 0], width=300)
-    return [[each.get_array() for axes in figure.axes for each in axes.images] for figure in figures]
+    return [[image.get_array() for axes in figure.axes for image in axes.images] for figure in figures]

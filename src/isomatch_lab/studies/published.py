@@ -1,4 +1,4 @@
-"""Published numbers of the contests, from ``published.csv``, with those of isomatch among them.
+"""Published numbers of the contests, from ``published.csv``, with the numbers of isomatch among them.
 
 `beside` tells the place of each contest of ``docs/results/contests.csv`` on which others published. See ``results.py``.
 """
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 PUBLISHED = Path(__file__).with_suffix(".csv")
-OURS = {  # contest in published.csv: heading, and our rows of it in contests.csv with what they are of
+OURS = {  # contest in published.csv: heading, and our rows in contests.csv with what each covers
     "faust": (
         "FAUST remeshed",
         {"FAUST remeshed, 000–019": "of 000–019", "FAUST remeshed, 030–049": "of 030–049"},
@@ -45,7 +45,7 @@ def beside(results: Path) -> str:
             better = sum(
                 float(row[key]) > float(our) if overlap else float(row[key]) < float(our) for row in others
             )
-            best = [_told(rows[0], key) if rows else "" for rows in (others, alike)]
+            best = [_describe(rows[0], key) if rows else "" for rows in (others, alike)]
             place = f"{better + 1} of {len(others) + 1}"
             lines.append([f"{title}, {measured[name]['pairs']} {what}", key, our, place, *best])
     return markdown(
@@ -53,8 +53,8 @@ def beside(results: Path) -> str:
     )
 
 
-def _told(row: Row, key: str) -> str:
-    """Name a method, its year and its number; what was seen in a summary alone keeps the mark."""
+def _describe(row: Row, key: str) -> str:
+    """Name a method, its year and its number; † marks a number known from a summary only."""
     return f"{row['method']} {row['year']}{' †' * row['source'].endswith('†')}: {row[key]}"
 
 

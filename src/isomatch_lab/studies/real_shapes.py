@@ -15,10 +15,10 @@ import numpy as np
 
 from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark
 from isomatch_lab.sets import benchmark_set
-from isomatch_lab.studies.shared import asked_for, in_parallel, write_rows, write_table
+from isomatch_lab.studies.shared import in_parallel, parse_arguments, write_rows, write_table
 
 METHODS = ("isomatch", "isomatch_5pt")
-LEVELS = {  # of damage; pair i suffers level i, and its source and target take turns
+LEVELS = {  # levels of damage; pairs take them in turn, once for the target and once for the source
     "holes": (0.15, 0.25, 0.4),
     "cut": (0.15, 0.3, 0.5),
     "limb_removed": (0.05, 0.09, 0.18),
@@ -78,7 +78,7 @@ def jobs(output: Path, data: str) -> list[Job]:
     return jobs
 
 
-def measured(job: Job) -> list[dict[str, Any]]:
+def measure_job(job: Job) -> list[dict[str, Any]]:
     """Match one pair without and with landmarks."""
     output, data, kind, damage, set_name, pair, seed = job
     folder = output / "rows" / "-".join([damage.replace(":", "_"), *pair])
@@ -121,8 +121,8 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "real_shapes.csv", [*LEVELS, *(f"{kind}, both" for kind in BOTH)])
+    asked = parse_arguments(__doc__, "real_shapes.csv", [*LEVELS, *(f"{kind}, both" for kind in BOTH)])
     wanted = [job for job in jobs(asked.output, asked.data) if not asked.kinds or job[2] in asked.kinds]
-    rows = [row for rows in in_parallel(measured, wanted) for row in rows]
+    rows = [row for rows in in_parallel(measure_job, wanted) for row in rows]
     write_rows(asked.output / "real_shapes.csv", COLUMNS, rows)
     write_table(asked.output / "real_shapes_table.csv", table(rows))

@@ -29,21 +29,21 @@ from scipy.sparse import find, issparse
 from isomatch import Config, MatchResult, Quality
 from isomatch_lab.studies.public_calls import CALLS, Attempt, Folders
 
-BESIDE = Path(__file__).parents[4] / "shared" / "data"
-SKIPPED = ("timings", "document")  # fields: what is not the same twice, and what a format keeps for itself
-SHOWN = 20  # differences of a call that are printed
+REAL_DATA = Path(__file__).parents[4] / "shared" / "data"
+SKIPPED = ("timings", "document")  # fields that differ at every run, or hold a format's own data
+MAX_SHOWN = 20  # differences printed for each call
 Arrays = Mapping[str, np.ndarray]
 
 
 def attempt(act: Callable[[], Any]) -> dict[str, np.ndarray]:
     """Return the arrays of what a call returns, or the class of its error."""
     try:
-        return dict(flat(act()))
+        return dict(flatten(act()))
     except Exception as error:
         return {"error": np.array([type(error).__name__]), "message": np.array(str(error))}
 
 
-def flat(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
+def flatten(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
     """Walk through what a call returns: each array by the path to it, and texts as arrays of no dimension."""
     parts: Iterable[tuple[object, Any]] = ()
     if isinstance(value, Attempt):
@@ -57,7 +57,7 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
         yield name, array.astype(str) if array.dtype.kind == "O" else array
     elif isinstance(value, Quality):
         names = [field.name for field in fields(value)]
-        parts = ("numbers", np.array([getattr(value, each) for each in names])), ("names", names)
+        parts = ("numbers", np.array([getattr(value, field) for field in names])), ("names", names)
     elif issparse(value):
         parts = enumerate(find(value))
     elif is_dataclass(value) and not isinstance(value, Config):
@@ -68,15 +68,15 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
     elif isinstance(value, Mapping) or hasattr(value, "_asdict"):
         parts = (value if isinstance(value, Mapping) else value._asdict()).items()
     elif isinstance(value, tuple | list):
-        are_words = value and all(isinstance(each, str) for each in value)
+        are_words = value and all(isinstance(text, str) for text in value)
         parts = [("words", "\n".join(value))] if are_words else enumerate(value)
-    for each, part in parts:
-        if each not in SKIPPED:
-            yield from flat(part, f"{name}|{each}".strip("|"))
+    for key, part in parts:
+        if key not in SKIPPED:
+            yield from flatten(part, f"{name}|{key}".strip("|"))
 
 
 def record(at: Folders, only: str) -> dict[str, np.ndarray]:
-    """Make the calls of which the names begin so; paths of folders are taken out of texts."""
+    """Make the calls whose names begin with ``only``; paths of folders are taken out of texts."""
     recorded = {}
     for name in filter(lambda name: name.startswith(only), CALLS):
         started = time.perf_counter()
@@ -100,11 +100,11 @@ def difference(old: np.ndarray, new: np.ndarray) -> str:
     if old.tobytes() == new.tobytes():
         return ""
     before, after = old.astype(complex), new.astype(complex)
-    apart = ~((before == after) | (np.isnan(before) & np.isnan(after)))
+    is_different = ~((before == after) | (np.isnan(before) & np.isnan(after)))
     with np.errstate(all="ignore"):
         share = np.abs(before - after) / np.maximum(np.abs(before), np.abs(after))
-    greatest = share[apart].max(initial=0)
-    return f"greatest relative difference {greatest:.2g}, at {np.count_nonzero(apart)} of {apart.size}"
+    greatest = share[is_different].max(initial=0)
+    return f"greatest relative difference {greatest:.2g}, at {np.count_nonzero(is_different)} of {is_different.size}"
 
 
 def is_text(array: np.ndarray) -> bool:
@@ -122,8 +122,8 @@ def differences(old: Arrays, new: Arrays) -> tuple[list[str], list[str]]:
         if again:
             added.remove(again[0])
             words.append(f"{key} is {again[0]} now")
-        elif told := difference(array, new[key]) if key in new else "missing":
-            (words if is_text(array) else arrays).append(f"{key}: {told}")
+        elif change := difference(array, new[key]) if key in new else "missing":
+            (words if is_text(array) else arrays).append(f"{key}: {change}")
     for key in added:
         (words if is_text(new[key]) else arrays).append(f"{key}: new")
     return arrays, words
@@ -144,7 +144,7 @@ def compare(old_file: Path, new_file: Path, only: str) -> bool:
         print(
             f"{name}: {'DIFFERS' if arrays else 'words differ' if words else 'identical'}, {len(old)} arrays"
         )
-        for line in (*arrays[:SHOWN], *words[:SHOWN]):
+        for line in (*arrays[:MAX_SHOWN], *words[:MAX_SHOWN]):
             print(f"    {line}")
     return same
 
@@ -156,7 +156,7 @@ def main() -> int:
     )
     parser.add_argument("what", choices=("record", "compare"))
     parser.add_argument("files", type=Path, nargs="+", help="file to write, or two files to compare")
-    parser.add_argument("--data", type=Path, default=BESIDE, help="folder of real shapes")
+    parser.add_argument("--data", type=Path, default=REAL_DATA, help="folder of real shapes")
     parser.add_argument("--cases", type=Path, help="folder of small files; by default cases, beside that")
     parser.add_argument("--only", default="", help="calls of which the names begin so")
     asked = parser.parse_args()

@@ -12,8 +12,8 @@ class Step:
     name: str
     minutes: int
     command: str
-    tables: dict[str, str]  # in docs/results, and the names of those in {out}
-    files: dict[str, str]  # in docs, likewise
+    tables: dict[str, str]  # table in docs/results: its file in {out}
+    files: dict[str, str]  # file in docs: its file in {out}
 
 
 def study(
@@ -72,7 +72,7 @@ STEPS = (
     study("real_shapes", 21, parts="real_shapes_table.csv"),
     study(
         *("performance", 17, "performance.csv", "performance.svg"),
-        options="--pyfm 30000",  # on larger meshes it takes minutes a match
+        options="--pyfm 30000",  # a match of a larger mesh takes minutes
         folder="performance",
         speed="pairs_table.csv",
     ),

@@ -11,8 +11,9 @@ command, the machine, versions of packages, the revision, the date and the secon
 is skipped.
 
 In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result -->`` is ``docs/results/NAME.csv``, in
-``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are,
-``<!-- result: stamp: STEP; STEP -->`` of what those of some steps are, where a page has tables of several revisions.
+``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` tells where and when the tables of the
+page were measured, ``<!-- result: stamp: STEP; STEP -->`` only for some steps, where a page has tables of several
+revisions.
 ``<!-- result: beside -->`` puts the contests among published numbers.
 """
 
@@ -39,11 +40,11 @@ from isomatch_lab.studies import published
 from isomatch_lab.studies.result_steps import STEPS, Step
 
 ROOT = Path(__file__).parents[3]
-SHARED = ("shared.py", "hard_pairs.txt")  # what several studies need
+SHARED = ("shared.py", "hard_pairs.txt")  # files that several studies need
 RESULTS = Path("docs", "results")
 PACKAGES = ("numpy", "scipy", "numba")
 MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
-OTHER = ("stamp", "beside")  # what is marked and no table
+NOT_TABLES = ("stamp", "beside")  # marked places that hold no table
 Stamp = dict[str, Any]
 
 
@@ -95,10 +96,10 @@ def is_present(step: Step, root: Path = ROOT) -> bool:
 def measure(step: Step, data: str, output: Path, root: Path = ROOT) -> None:
     """Run the command of a step, copy what it wrote, and stamp it."""
     stamp = present_stamp(step, root)
-    told_before = json.dumps(stamp, sort_keys=True).encode()
-    out = output / f"{step.name}_{hashlib.sha256(told_before).hexdigest()[:16]}"
+    stamp_text = json.dumps(stamp, sort_keys=True).encode()
+    out = output / f"{step.name}_{hashlib.sha256(stamp_text).hexdigest()[:16]}"
     out.mkdir(parents=True, exist_ok=True)
-    clock = out / "seconds.txt"  # of this run and of those that were interrupted
+    clock = out / "seconds.txt"  # seconds of this run and of interrupted ones
     spent = float(clock.read_text(encoding="utf-8")) if clock.exists() else 0.0
     started = time.monotonic()
     try:
@@ -123,7 +124,7 @@ def measure(step: Step, data: str, output: Path, root: Path = ROOT) -> None:
 
 def tables_of(text: str) -> list[str]:
     """Names of the tables that a page shows."""
-    return [place[1] for place in MARKED.finditer(text) if place[1] not in OTHER]
+    return [place[1] for place in MARKED.finditer(text) if place[1] not in NOT_TABLES]
 
 
 def steps_of(text: str) -> list[str]:
@@ -138,11 +139,12 @@ def filled(text: str, stamps: dict[str, Stamp], results: Path = ROOT / RESULTS) 
     def fill(place: re.Match[str]) -> str:
         name, columns, old = place.groups()
         if name == "stamp":
-            new = told({step: stamps[step] for step in (columns.split("; ") if columns else steps_of(text))})
+            steps = columns.split("; ") if columns else steps_of(text)
+            new = describe_measurement({step: stamps[step] for step in steps})
         elif name == "beside":
             new = published.beside(results)
         else:
-            new = rendered(results / f"{name}.csv", columns)
+            new = render_table(results / f"{name}.csv", columns)
         return place[0].replace(f"-->\n{old}<!--", f"-->\n{new}<!--")
 
     return MARKED.sub(fill, text)
@@ -154,7 +156,7 @@ def read_table(path: Path) -> list[list[str]]:
         return list(csv.reader(file))
 
 
-def rendered(path: Path, columns: str | None) -> str:
+def render_table(path: Path, columns: str | None) -> str:
     """Give a table, or some of its columns, as Markdown."""
     lines = read_table(path)
     chosen = [lines[0].index(column) for column in columns.split("; ")] if columns else range(len(lines[0]))
@@ -162,8 +164,8 @@ def rendered(path: Path, columns: str | None) -> str:
     return published.markdown(head, rows)
 
 
-def told(shown: dict[str, Stamp]) -> str:
-    """Say of what the tables of a page are; those of older revisions, which have no stamp, are named."""
+def describe_measurement(shown: dict[str, Stamp]) -> str:
+    """Say where and when the tables of a page were measured; name tables of older revisions, which have no stamp."""
     lines = []
     stamped = {name: stamp for name, stamp in shown.items() if stamp["source"]}
     if stamped:
@@ -191,8 +193,8 @@ def require_one_stamp(shown: dict[str, Stamp]) -> None:
         name: {key: stamp[key] for key in ("source", "machine", "versions")} for name, stamp in shown.items()
     }
     if any(stamp != next(iter(stamps.values())) for stamp in stamps.values()):
-        each = "; ".join(f"{name}: {stamp}" for name, stamp in stamps.items())
-        raise SystemExit(f"tables of one page have different stamps; measure the older ones again: {each}")
+        stated = "; ".join(f"{name}: {stamp}" for name, stamp in stamps.items())
+        raise SystemExit(f"tables of one page have different stamps; measure the older ones again: {stated}")
 
 
 def pages() -> list[Path]:
@@ -220,7 +222,7 @@ def main() -> None:
         )
     if not (asked.data or asked.pages or asked.list):
         parser.error("--data is needed, or --pages, or --list")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the seconds so far are kept
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # keep the seconds spent so far
     for step in STEPS:
         if asked.pages or (asked.steps and step.name not in asked.steps):
             continue

@@ -16,7 +16,13 @@ from matplotlib.figure import Figure
 
 from isomatch_lab.damage import DAMAGES
 from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark
-from isomatch_lab.studies.shared import SURE, asked_for, in_parallel, write_rows, write_table
+from isomatch_lab.studies.shared import (
+    UNFLAGGED_OUTCOMES,
+    in_parallel,
+    parse_arguments,
+    write_rows,
+    write_table,
+)
 
 METHODS = ("isomatch", "pyfm")
 POINTS = 400
@@ -47,7 +53,7 @@ def jobs(output: Path, data: str) -> list[Job]:
     return jobs
 
 
-def measured(job: Job) -> list[dict[str, Any]]:
+def measure(job: Job) -> list[dict[str, Any]]:
     """Match one pair by each method."""
     output, data, damage, level, (name, *pair) = job
     text = None if damage is None else f"{damage}:{level}"
@@ -80,7 +86,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
                 members = [row for row in chosen(rows, name, level, method) if row.get("error") is not None]
                 means.append(np.mean([row["error"] for row in members]) if members else np.nan)
                 for row in members:
-                    right = row["outcome"] in (*SURE, "")
+                    right = row["outcome"] in (*UNFLAGGED_OUTCOMES, "")
                     colour = COLOURS[method]
                     axes.plot(
                         place + side, row["error"], "o", ms=4, mec=colour, mfc=colour if right else "none"
@@ -105,7 +111,7 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, str]]:
             for method in METHODS:
                 members = chosen(rows, name, level, method)
                 errors = np.array([row["error"] for row in members if row.get("error") is not None])
-                called = [row["error"] > 10 for row in members if row.get("outcome") in SURE]
+                called = [row["error"] > 10 for row in members if row.get("outcome") in UNFLAGGED_OUTCOMES]
                 line[f"{method}: mean, worst"] = f"{errors.mean():.1f}, {errors.max():.1f}"
                 line[f"{method}: wrong"] = f"{(errors > 10).sum()} of {len(errors)}"
                 if method == "isomatch":
@@ -115,8 +121,8 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, str]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "tables and curves")
-    rows = [row for rows in in_parallel(measured, jobs(asked.output, asked.data)) for row in rows]
+    asked = parse_arguments(__doc__, "tables and curves")
+    rows = [row for rows in in_parallel(measure, jobs(asked.output, asked.data)) for row in rows]
     write_rows(asked.output / "robustness.csv", COLUMNS, rows)
     draw(rows, asked.output / "robustness.svg")
     write_table(asked.output / "robustness_table.csv", table(rows))

@@ -17,19 +17,19 @@ import numpy as np
 from isomatch import Config, IsomatchError, PreparedShape, match, prepare
 from isomatch_lab.studies.shared import (
     Job,
-    asked_for,
     hard_jobs,
     in_parallel,
-    loaded,
+    load_job,
     mean_error,
+    parse_arguments,
     write_table,
 )
 
-FAILURE = 10.0
-NOTICEABLE = 0.2  # change of the mean
-EVERY = 16  # of the hard pairs, so many are passed over for one that is taken
-USUAL = Config()
-VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # by stage; "" for the everyday settings
+FAILURE_ERROR = 10.0
+NOTICEABLE_CHANGE = 0.2  # least change of the mean error that is reported
+HARD_PAIRS_STEP = 16  # every sixteenth hard pair is taken
+DEFAULTS = Config()
+VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # settings by stage; "" for the everyday settings
     "": {"n_search": (300, 600), "n_refine": (500, 2000)},
     "preparation": {
         "extremity_spacing": (0.15, 0.4),
@@ -70,26 +70,26 @@ VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # by stage; "" for the everyd
 
 def variants() -> dict[tuple[str, str], Config]:
     """List the settings by what was changed and to what."""
-    made = {("defaults", ""): USUAL}
+    made = {("defaults", ""): DEFAULTS}
     for stage, settings in VALUES.items():
         for name, values in settings.items():
             for value in values:
                 if stage:
-                    config = replace(USUAL, **{stage: replace(getattr(USUAL, stage), **{name: value})})
+                    config = replace(DEFAULTS, **{stage: replace(getattr(DEFAULTS, stage), **{name: value})})
                 else:
-                    config = replace(USUAL, **{name: value})
+                    config = replace(DEFAULTS, **{name: value})
                 made[f"{stage}.{name}".lstrip("."), str(value)] = config
     return made
 
 
-def measured(job: Job) -> dict[tuple[str, str], float]:
+def measure(job: Job) -> dict[tuple[str, str], float]:
     """Match one pair with each value; shapes are prepared again where a setting asks for it."""
-    pair = loaded(job)
+    pair = load_job(job)
     usual = prepare(pair.source), prepare(pair.target)
     errors = {}
     for key, config in variants().items():
         shapes: tuple[PreparedShape, PreparedShape] = usual
-        if USUAL.differs_in_preparation(config):
+        if DEFAULTS.differs_in_preparation(config):
             shapes = prepare(pair.source, config), prepare(pair.target, config)
         try:
             errors[key] = mean_error(pair, match(*shapes, config=config).map)
@@ -98,10 +98,10 @@ def measured(job: Job) -> dict[tuple[str, str], float]:
     return errors
 
 
-def telling(table: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows whose mean is not that of the defaults, and the range of all others."""
+def notable_rows(table: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows whose mean differs from the defaults, and the range of all others."""
     usual, rows = table[0]["mean"], table[1:]
-    moved = [row for row in rows if abs(row["mean"] - usual) > NOTICEABLE]
+    moved = [row for row in rows if abs(row["mean"] - usual) > NOTICEABLE_CHANGE]
     means = [row["mean"] for row in rows if row not in moved]
     rest = {"setting": f"{len(means)} other values", "mean": f"{min(means):.2f} to {max(means):.2f}"}
     shown = [
@@ -121,10 +121,10 @@ def telling(table: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "sensitivity.csv")
-    jobs = hard_jobs(asked.data)[::EVERY]
+    asked = parse_arguments(__doc__, "sensitivity.csv")
+    jobs = hard_jobs(asked.data)[::HARD_PAIRS_STEP]
     rows = []
-    for job, row in zip(jobs, in_parallel(measured, jobs), strict=True):
+    for job, row in zip(jobs, in_parallel(measure, jobs), strict=True):
         rows.append(row)
         print(*job[1:], round(row["defaults", ""], 2), flush=True)
     usual = np.array([row["defaults", ""] for row in rows])
@@ -138,9 +138,9 @@ if __name__ == "__main__":
                 "value": value,
                 "pairs": len(errors),
                 "mean": round(errors.mean(), 3),
-                "failures": int((errors > FAILURE).sum()),
+                "failures": int((errors > FAILURE_ERROR).sum()),
                 "largest_change": round(errors[most] - usual[most], 2),
             }
         )
     write_table(asked.output / "sensitivity.csv", table)
-    write_table(asked.output / "sensitivity_table.csv", telling(table))
+    write_table(asked.output / "sensitivity_table.csv", notable_rows(table))

@@ -33,24 +33,24 @@ def mean_error(pair: BenchmarkPair, image: Correspondence, either_side: bool = F
     """Mean geodesic error × 100 / √(target area) on 400 truth points; of truth and mirrored truth the better one."""
     truths = [pair.truth] if pair.mirrored is None or not either_side else [pair.truth, pair.mirrored]
     errors = [geodesic_errors(pair.target, image, truth, 400) for truth in truths]
-    return float(100 * min(counted(each).mean() for each in errors))
+    return float(100 * min(counted(values).mean() for values in errors))
 
 
 def error_after(damaged: DamagedPair, image: Correspondence) -> float:
     """Mean error × 100 / √area of a map of damaged shapes, on the whole target."""
     target = damaged.whole.target
-    lifted = [Correspondence(each, target.n_vertices) for each in damaged.lifted(image.vertices)]
-    errors = [geodesic_errors(target, each, damaged.whole.truth, 400) for each in lifted]
+    lifted = [Correspondence(images, target.n_vertices) for images in damaged.lifted(image.vertices)]
+    errors = [geodesic_errors(target, lifted_map, damaged.whole.truth, 400) for lifted_map in lifted]
     return float(100 * counted(np.min(errors, axis=0)).mean())
 
 
-SURE = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
+UNFLAGGED_OUTCOMES = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
 
 
-def summed_up(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
+def summarise(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
     """Mean, median and worst error of some maps, wrong maps, those called right, and their largest error."""
     errors = np.array([row["error"] for row in rows])
-    sure = [row["error"] for row in rows if row["outcome"] in SURE]
+    sure = [row["error"] for row in rows if row["outcome"] in UNFLAGGED_OUTCOMES]
     return {
         "mean, median, worst": f"{errors.mean():.1f}, {np.median(errors):.1f}, {errors.max():.1f}",
         "wrong": f"{(errors > 10).sum()} of {len(errors)}",
@@ -74,7 +74,7 @@ def hard_jobs(data: str) -> list[Job]:
     return [*real, *damaged]
 
 
-def loaded(job: Job) -> BenchmarkPair:
+def load_job(job: Job) -> BenchmarkPair:
     """Read or make the pair of a job."""
     data, name, names = job
     if name == "hard creatures":
@@ -98,10 +98,10 @@ def damaged_creatures(damage: str, seed: int) -> BenchmarkPair:
         )
         for side, size in enumerate(sizes)
     ]
-    source, target = (each.mesh for each in made)
+    source, target = (shape.mesh for shape in made)
     if damage == "noise":
         share = 0.4 / 3**0.5
-        source, target = (noise(each.mesh, share, seed=2 * seed + i).mesh for i, each in enumerate(made))
+        source, target = (noise(shape.mesh, share, seed=2 * seed + i).mesh for i, shape in enumerate(made))
     if damage == "stretch":
         centre = np.average(target.vertices, axis=0, weights=target.vertex_areas)
         radius = np.linalg.norm(target.vertices - centre, axis=1, keepdims=True)
@@ -112,7 +112,7 @@ def damaged_creatures(damage: str, seed: int) -> BenchmarkPair:
     return BenchmarkPair(f"{damage}-{seed}", source, target, truth)
 
 
-def drawn(data: str, counts: dict[str, int], seed: int) -> list[Job]:
+def draw_jobs(data: str, counts: dict[str, int], seed: int) -> list[Job]:
     """Folder, set and names of pairs drawn from some sets."""
     return [
         (data, name, pair)
@@ -143,13 +143,13 @@ def write_rows(
 
 
 def write_table(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """Write a table as a page shows it, and print it; columns are those of the first row."""
+    """Write a table as a page shows it, and print it; the first row names the columns."""
     write_rows(path, tuple(rows[0]), rows)
     for row in rows:
         print(*row.values(), sep="  ", flush=True)
 
 
-def asked_for(description: str | None, file: str, kinds: Iterable[str] = ()) -> argparse.Namespace:
+def parse_arguments(description: str | None, file: str, kinds: Iterable[str] = ()) -> argparse.Namespace:
     """Read ``--data``, ``-o`` and some of the kinds from the command line, and make the folder for the file."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--data", required=True, help="folder of the benchmark sets")

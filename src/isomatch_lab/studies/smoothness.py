@@ -19,10 +19,10 @@ from isomatch_lab.evaluation import dirichlet_energy
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import (
     Job,
-    asked_for,
-    drawn,
+    draw_jobs,
     in_parallel,
     mean_error,
+    parse_arguments,
     write_rows,
     write_table,
 )
@@ -37,7 +37,7 @@ VARIANTS = {
 MEASURES = ("error", "cycle", "dirichlet", "image_area", "seconds")
 
 
-def measured(job: Job) -> list[dict[str, Any]]:
+def measure_job(job: Job) -> list[dict[str, Any]]:
     """Match one pair both ways in every variant."""
     data, name, names = job
     pair = benchmark_set(name, data).load(*names)
@@ -45,26 +45,26 @@ def measured(job: Job) -> list[dict[str, Any]]:
     shapes = prepare(source), prepare(target)
     rows = []
     for variant, config in VARIANTS.items():
-        there, back = (match(*ends, config=config) for ends in (shapes, shapes[::-1]))
+        forward, backward = (match(*ends, config=config) for ends in (shapes, shapes[::-1]))
         rows.append(
             {
                 "set": name,
                 "pair": "-".join(names),
                 "variant": variant,
-                "error": mean_error(pair, there.map),
-                "cycle": 100 * float(cycle_errors(source, there.map, back.map, 400).mean()),
-                "dirichlet": dirichlet_energy(source, target, there.map),
-                "image_area": coverage(target, there.map, reach=0.0),
-                "seconds": there.timings["total"],
+                "error": mean_error(pair, forward.map),
+                "cycle": 100 * float(cycle_errors(source, forward.map, backward.map, 400).mean()),
+                "dirichlet": dirichlet_energy(source, target, forward.map),
+                "image_area": coverage(target, forward.map, reach=0.0),
+                "seconds": forward.timings["total"],
             }
         )
     return rows
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "smoothness.csv")
-    jobs = drawn(asked.data, PAIRS, SEED)
-    rows = [row for rows in in_parallel(measured, jobs) for row in rows]
+    asked = parse_arguments(__doc__, "smoothness.csv")
+    jobs = draw_jobs(asked.data, PAIRS, SEED)
+    rows = [row for rows in in_parallel(measure_job, jobs) for row in rows]
     write_rows(asked.output / "smoothness.csv", tuple(rows[0]), rows)
     table = []
     for variant in VARIANTS:

@@ -2,8 +2,8 @@
 
     python -m isomatch_lab.studies.steadiness --data DIR -o OUT
 
-writes ``steadiness.csv``, a row for each match, and ``steadiness_table.csv``: how many outcomes differ from that of the
-undisturbed pair, and the share of images that lie more than an edge from its images.
+writes ``steadiness.csv``, a row for each match, and ``steadiness_table.csv``: how many outcomes differ from the
+undisturbed outcome, and the share of images that lie more than an edge from the undisturbed ones.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import isomatch
 from isomatch import Mesh
 from isomatch._core.arrays import IntArray
 from isomatch_lab.sets import benchmark_set
-from isomatch_lab.studies.shared import Job, asked_for, drawn, in_parallel, write_rows, write_table
+from isomatch_lab.studies.shared import Job, draw_jobs, in_parallel, parse_arguments, write_rows, write_table
 
 PAIRS = {
     "example": 1,
@@ -31,24 +31,24 @@ PAIRS = {
     "smal": 1,
     "shrec16_cuts": 1,
     "shrec16_holes": 1,
-}  # how many of each set
-DISTURBED = 30  # times
-SIZE = 1e-9  # of the extent of a shape, by which each coordinate is moved at most
+}  # number of pairs drawn from each set
+N_DISTURBED = 30  # disturbed matches of each pair
+MAX_MOVE_RATIO = 1e-9  # largest move of a coordinate, divided by the extent of the shape
 
 
-def disturbed(mesh: Mesh, seed: int) -> Mesh:
-    """Move each coordinate by up to `SIZE`; seed 0 moves nothing."""
+def disturb(mesh: Mesh, seed: int) -> Mesh:
+    """Move each coordinate by up to `MAX_MOVE_RATIO`; seed 0 moves nothing."""
     if seed == 0:
         return mesh
     moves = np.random.default_rng(seed).uniform(-1, 1, mesh.vertices.shape)
-    return mesh.moved(mesh.vertices + SIZE * np.ptp(mesh.vertices, axis=0).max() * moves)
+    return mesh.moved(mesh.vertices + MAX_MOVE_RATIO * np.ptp(mesh.vertices, axis=0).max() * moves)
 
 
-def matched(job: tuple[Job, int]) -> tuple[str, IntArray]:
+def match_disturbed(job: tuple[Job, int]) -> tuple[str, IntArray]:
     """Outcome and images of a pair disturbed by a seed."""
     (data, name, names), seed = job
     pair = benchmark_set(name, data).load(*names)
-    result = isomatch.match(disturbed(pair.source, 2 * seed), disturbed(pair.target, 2 * seed + bool(seed)))
+    result = isomatch.match(disturb(pair.source, 2 * seed), disturb(pair.target, 2 * seed + bool(seed)))
     return result.outcome.name, result.map.vertices
 
 
@@ -62,10 +62,10 @@ def beyond_an_edge(target: Mesh, image: IntArray, other: IntArray) -> float:
     return float((((image >= 0) != (other >= 0)).sum() + (~near).sum()) / len(image))
 
 
-def measured(jobs: list[tuple[Job, int]]) -> Iterator[dict[str, Any]]:
+def measure(jobs: list[tuple[Job, int]]) -> Iterator[dict[str, Any]]:
     """Make a row for each disturbed match."""
-    results = zip(jobs, in_parallel(matched, jobs))
-    for (data, name, names), of_pair in groupby(results, lambda each: each[0][0]):
+    results = zip(jobs, in_parallel(match_disturbed, jobs))
+    for (data, name, names), of_pair in groupby(results, lambda result: result[0][0]):
         target = benchmark_set(name, data).load(*names).target
         (_, (outcome, image)), *others = of_pair
         for (_, seed), (found, other) in others:
@@ -76,13 +76,13 @@ def measured(jobs: list[tuple[Job, int]]) -> Iterator[dict[str, Any]]:
 
 def main() -> None:
     """Run the study."""
-    asked = asked_for(__doc__, "the table")
-    jobs = list(product(drawn(asked.data, PAIRS, 0), range(1 + DISTURBED)))
-    rows = write_rows(asked.output / "steadiness.csv", None, measured(jobs))
+    asked = parse_arguments(__doc__, "the table")
+    jobs = list(product(draw_jobs(asked.data, PAIRS, 0), range(1 + N_DISTURBED)))
+    rows = write_rows(asked.output / "steadiness.csv", None, measure(jobs))
     table = []
     for pair, of_pair in groupby(rows, lambda row: (row["set"], row["pair"])):
-        own = list(of_pair)
-        outcomes, moved = Counter(row["outcome"] for row in own), [row["moved"] for row in own]
+        pair_rows = list(of_pair)
+        outcomes, moved = Counter(row["outcome"] for row in pair_rows), [row["moved"] for row in pair_rows]
         table.append(
             {
                 "pair": " ".join(pair),

@@ -3,9 +3,9 @@
     python -m isomatch_lab.studies.vertex_confidence --data DIR -o OUT [SET ...]
 
 writes ``vertex_confidence.csv`` (one row for each map) and ``vertex_confidence_table.csv``. The *capture* of a
-measure is the error that the tenth of the vertices trusted least contains, over that of the tenth that is truly
-worst: 1 is perfect, and trust at random captures the mean error over that of the worst tenth. The settings of the
-expected error were chosen on faust_r, creatures and the people of cross; the other sets judge.
+measure is the error in the tenth of the vertices trusted least, divided by the error in the tenth that is truly worst:
+1 is perfect, and trust at random captures the mean error divided by the mean error of the worst tenth. The settings of
+the expected error were chosen on faust_r, creatures and the people of cross; the other sets judge.
 """
 
 from __future__ import annotations
@@ -23,17 +23,23 @@ from isomatch.decimation import decimate
 from isomatch.evaluation import geodesic_errors
 from isomatch_lab.damage import DamageChoice
 from isomatch_lab.sets import BenchmarkPair, benchmark_set
-from isomatch_lab.studies.shared import asked_for, damaged_creatures, in_parallel, write_rows, write_table
+from isomatch_lab.studies.shared import (
+    damaged_creatures,
+    in_parallel,
+    parse_arguments,
+    write_rows,
+    write_table,
+)
 
 SEED = 5
 COUNTS = {"faust_r": 8, "creatures": 8, "tosca_iso_r": 8, "scape": 6, "tosca": 6, "cross": 24, "smal": 8}
 # of ``knees/BONE.npz``, with an array of vertices for each subject and their ``faces``
 BONES = (("femur", "S081", "S085"), ("tibia", "S082", "S095"), ("patella", "S084", "S099"))
-KEPT = 0.7  # share of the vertices of a bone that is matched to
-HARD = ("noise", "stretch", "cut", "holes")  # creatures, four pairs each
+KEPT_SHARE = 0.7  # share of its vertices that a target bone keeps
+DAMAGES = ("noise", "stretch", "cut", "holes")  # creatures, four pairs each
 N_POINTS = 500
-WORST = 0.1  # share of the vertices
-SMOOTHED = 0.1  # √area: the radius over which the plain ingredients are averaged
+WORST_SHARE = 0.1  # share of the vertices that count as worst
+SMOOTHING_RADIUS = 0.1  # √area: the radius over which the plain ingredients are averaged
 BINS = 5
 
 Job = tuple[str, str, tuple[str, str]]
@@ -42,7 +48,7 @@ Job = tuple[str, str, tuple[str, str]]
 def jobs(data: str, kinds: list[str]) -> list[Job]:
     """Draw the pairs of each set; those asked for, or all."""
     drawn = []
-    for name in kinds or [*COUNTS, "knees", *HARD]:
+    for name in kinds or [*COUNTS, "knees", *DAMAGES]:
         if name in COUNTS:
             pairs = benchmark_set(name, data).chosen(COUNTS[name], SEED).pairs
         elif name == "knees":
@@ -53,7 +59,7 @@ def jobs(data: str, kinds: list[str]) -> list[Job]:
     return drawn
 
 
-def measured(job: Job) -> dict[str, Any]:
+def measure_job(job: Job) -> dict[str, Any]:
     """Match one pair; capture of each measure, and mean errors, true and expected, in bins of the expected one."""
     data, name, names = job
     if name in COUNTS:
@@ -77,11 +83,11 @@ def measured(job: Job) -> dict[str, Any]:
     row |= {"error": errors.mean(), "expected": expected.mean()}
     for measure, values in measures.items():
         if measure == "expected error":
-            row[measure] = captured(errors, expected)
+            row[measure] = capture(errors, expected)
         elif values is None:
-            row[measure] = errors.mean() / np.sort(errors)[-round(WORST * len(errors)) :].mean()
+            row[measure] = errors.mean() / np.sort(errors)[-round(WORST_SHARE * len(errors)) :].mean()
         else:
-            row[measure] = captured(errors, values[rows[:, 0]])
+            row[measure] = capture(errors, values[rows[:, 0]])
     for i, part in enumerate(np.array_split(np.argsort(expected), BINS)):
         row[f"expected {i}"], row[f"error {i}"] = expected[part].mean(), errors[part].mean()
     return row
@@ -92,15 +98,15 @@ def bones(folder: Path, source: str, target: str) -> BenchmarkPair:
     bone, subject = source.split("_")
     with np.load(folder / f"{bone}.npz") as arrays:
         one, other = (Mesh(arrays[name], arrays["faces"]) for name in (subject, target.split("_")[1]))
-    coarse = decimate(other, round(KEPT * other.n_vertices)).mesh
+    coarse = decimate(other, round(KEPT_SHARE * other.n_vertices)).mesh
     nearest = cKDTree(coarse.vertices).query(other.vertices)[1]
     truth = np.column_stack([np.arange(one.n_vertices), nearest])
     return BenchmarkPair(f"{source}-{target}", one, coarse, truth, symmetric=False).relabelled(SEED)
 
 
-def captured(errors: np.ndarray, measure: np.ndarray) -> float:
-    """Error of the tenth that a measure trusts least, over that of the worst tenth."""
-    count = round(WORST * len(errors))
+def capture(errors: np.ndarray, measure: np.ndarray) -> float:
+    """Error of the tenth that a measure trusts least, divided by the error of the worst tenth."""
+    count = round(WORST_SHARE * len(errors))
     return float(errors[np.argsort(-measure, kind="stable")[:count]].sum() / np.sort(errors)[-count:].sum())
 
 
@@ -131,7 +137,7 @@ def ingredients(source: Mesh, target: Mesh, result: MatchResult) -> dict[str, np
         other = result.alternatives[0].map.pull_back(target.vertices)
         plain["gap to the next map"] = np.nan_to_num(np.linalg.norm(other - images, axis=1))
     step = diags_array(1 / degree) @ adjacency
-    count = int(2 * SMOOTHED**2 * source.area / (source.edge_lengths**2).mean())
+    count = int(2 * SMOOTHING_RADIUS**2 * source.area / (source.edge_lengths**2).mean())
     values = np.column_stack(list(plain.values()))
     for _ in range(count):
         values = 0.5 * (values + step @ values)
@@ -155,8 +161,8 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "vertex_confidence.csv", [*COUNTS, "knees", *HARD])
+    asked = parse_arguments(__doc__, "vertex_confidence.csv", [*COUNTS, "knees", *DAMAGES])
     results = write_rows(
-        asked.output / "vertex_confidence.csv", None, in_parallel(measured, jobs(asked.data, asked.kinds))
+        asked.output / "vertex_confidence.csv", None, in_parallel(measure_job, jobs(asked.data, asked.kinds))
     )
     write_table(asked.output / "vertex_confidence_table.csv", summary(results))

@@ -25,15 +25,15 @@ from isomatch_lab.damage import Damaged, DamagedPair, damaged_pair, decimate, me
 from isomatch_lab.evaluation import true_landmarks
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import (
-    asked_for,
     error_after,
     in_parallel,
-    summed_up,
+    parse_arguments,
+    summarise,
     write_rows,
     write_table,
 )
 
-PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused
+PAIRS = (  # set, source, target, gap / √area, shapes whose limbs are fused
     ("faust_r", "tr_reg_010", "tr_reg_016", 0.02, "target"),
     ("faust_r", "tr_reg_000", "tr_reg_017", 0.02, "target"),
     ("faust_r", "tr_reg_021", "tr_reg_027", 0.04, "target"),
@@ -118,7 +118,7 @@ def jobs(data: str) -> Iterator[Job]:
                 yield data, kind, landmarks, pair
 
 
-def measured(job: Job) -> dict[str, Any]:
+def measure(job: Job) -> dict[str, Any]:
     """Match one pair, and measure the error on the whole target."""
     data, kind, landmarks, (name, source, target, gap, side) = job
     damaged = fused_pair(data, kind, name, source, target, gap, side)
@@ -147,16 +147,18 @@ def fused_pair(
         return damaged_pair(whole)
     ways: dict[str, Callable[..., Damaged]] = {
         "weld": weld,
-        "stitched": stitched,
+        "stitched": stitch,
         "remesh": remesh,
         "merge": merge,
     }
     fuse = ways[kind]
     sides = ("source", "target") if side == "both" else (side,)
-    return damaged_pair(whole, **{each: fuse(getattr(whole, each), gap, seed=SEED) for each in sides})
+    return damaged_pair(
+        whole, **{shape_name: fuse(getattr(whole, shape_name), gap, seed=SEED) for shape_name in sides}
+    )
 
 
-def stitched(mesh: Mesh, gap: float, seed: int) -> Damaged:
+def stitch(mesh: Mesh, gap: float, seed: int) -> Damaged:
     """Weld a mesh, and remove the faces that two sheets have in common."""
     glued = weld(mesh, gap, seed=seed)
     _, name, count = np.unique(
@@ -192,7 +194,7 @@ def remesh(mesh: Mesh, gap: float, seed: int) -> Damaged:
 def _inside(vertices: Any, faces: Any, shape: tuple[int, ...]) -> Any:
     """Which points (x, y, z) of the integer grid a closed mesh encloses: signed crossings along each line in z."""
     crossings = np.zeros((shape[0], shape[1], shape[2] + 1), dtype=np.int32)
-    shift = np.array([1e-4, 2.3e-4, 0.0])  # no line meets a vertex
+    shift = np.array([1e-4, 2.3e-4, 0.0])  # a shift after which no grid line meets a vertex
     for a, b, c in (vertices + shift)[faces]:
         low, high = np.ceil(np.min([a, b, c], axis=0)[:2]), np.floor(np.max([a, b, c], axis=0)[:2])
         x, y = np.mgrid[low[0] : high[0] + 1, low[1] : high[1] + 1].reshape(2, -1)
@@ -207,13 +209,13 @@ def _inside(vertices: Any, faces: Any, shape: tuple[int, ...]) -> Any:
     return crossings.cumsum(axis=2)[:, :, :-1] > 0
 
 
-def _counterpart(here: Mesh, there: Mesh) -> tuple[Any, Any]:
-    """Nearest vertex of another mesh whose normal is less than 60° off, of each vertex; and how far it is."""
-    apart, near = KDTree(there.vertices).query(here.vertices, k=30)
-    alike = np.einsum("nj,nkj->nk", here.vertex_normals, there.vertex_normals[near]) > 0.5
+def _counterpart(mesh: Mesh, other: Mesh) -> tuple[Any, Any]:
+    """Nearest vertex of the other mesh with a normal less than 60° off, and its distance, for each vertex."""
+    distances, near = KDTree(other.vertices).query(mesh.vertices, k=30)
+    alike = np.einsum("nj,nkj->nk", mesh.vertex_normals, other.vertex_normals[near]) > 0.5
     first = alike.argmax(axis=1)
     rows = np.arange(len(near))
-    return near[rows, first], np.where(alike.any(axis=1), apart[rows, first], np.inf)
+    return near[rows, first], np.where(alike.any(axis=1), distances[rows, first], np.inf)
 
 
 def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
@@ -222,10 +224,10 @@ def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
         for kind in KINDS:
             group = [row for row in rows if (row["landmarks"], row["kind"]) == (landmarks, kind)]
             if group:
-                yield {"limbs fused by": kind, "landmarks": landmarks, **summed_up(group)}
+                yield {"limbs fused by": kind, "landmarks": landmarks, **summarise(group)}
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "welds.csv")
-    rows = write_rows(asked.output / "welds.csv", COLUMNS, in_parallel(measured, jobs(asked.data)))
+    asked = parse_arguments(__doc__, "welds.csv")
+    rows = write_rows(asked.output / "welds.csv", COLUMNS, in_parallel(measure, jobs(asked.data)))
     write_table(asked.output / "welds_table.csv", list(table(rows)))

@@ -8,7 +8,7 @@ from isomatch import Outcome, PointCloud, SettingError, geodesic_distances, prep
 from isomatch.datasets import ground_truth
 from isomatch.matching import prepare_pair
 from isomatch_lab.baselines import GmdsConfig, gmds
-from isomatch_lab.baselines.gmds import Placement, descended, placed, placement, relative_stress
+from isomatch_lab.baselines.gmds import Placement, descend_stress, place_points, placement, relative_stress
 from isomatch_lab.baselines.task import Task
 from isomatch_lab.procedural import creature
 from shapes import disguised
@@ -54,7 +54,7 @@ def scattered(poses):
 
 @pytest.mark.long
 def test_stress_never_rises_and_falls_from_a_bad_start(poses, scattered):
-    _, stresses = descended(prepare_pair(*poses[:2]), scattered, 0, 20)
+    _, stresses = descend_stress(prepare_pair(*poses[:2]), scattered, 0, 20)
     assert (np.diff(stresses) <= 0).all()
     assert stresses[-1] < 0.7 * stresses[0]
 
@@ -71,7 +71,7 @@ def test_stress_is_that_of_the_definition(poses, scattered):
 
 @pytest.mark.long
 def test_points_stay_on_triangles_of_the_target(poses, scattered):
-    points, _ = descended(prepare_pair(*poses[:2]), scattered, 0, 20)
+    points, _ = descend_stress(prepare_pair(*poses[:2]), scattered, 0, 20)
     assert points.barycentric.min() >= 0
     np.testing.assert_allclose(points.barycentric.sum(axis=1), 1)
     inside = points.barycentric.min(axis=1) > 0
@@ -83,7 +83,7 @@ def test_points_stay_on_triangles_of_the_target(poses, scattered):
 
 @pytest.mark.long
 def test_held_points_do_not_move(poses, scattered):
-    points, _ = descended(prepare_pair(*poses[:2]), scattered, 7, 3)
+    points, _ = descend_stress(prepare_pair(*poses[:2]), scattered, 7, 3)
     np.testing.assert_array_equal(points.corners[:7], scattered.corners[:7])
     np.testing.assert_array_equal(points.barycentric[:7], scattered.barycentric[:7])
     assert (points.corners[7:] != scattered.corners[7:]).any()
@@ -97,7 +97,7 @@ def test_no_place_nearby_is_better(poses):
     task = Task.of(source, target, landmarks_of(source, truth), None, None, 0)
     points, _, _ = placement(task, GmdsConfig(levels=(20,)))
     for _ in range(100):
-        points, stresses = descended(pair, points, 5, 1)
+        points, stresses = descend_stress(pair, points, 5, 1)
     for i in range(5, len(points.vertices), 4):
         for corner in points.corners[i]:
             corners, weights = points.corners.copy(), points.barycentric.copy()
@@ -172,7 +172,7 @@ def test_points_are_placed_by_distances_to_others(copies):
     images = target.body_vertex[truth[source.user_vertex[source.column_vertices]]]
     anchors = Placement.at_vertices(np.column_stack([source.column_vertices, images]))
     vertices = np.arange(0, source.body.n_vertices, 50)
-    found = placed(prepare_pair(source, target), vertices, anchors)
+    found = place_points(prepare_pair(source, target), vertices, anchors)
     nearest = target.user_vertex[found.corners[np.arange(len(vertices)), found.barycentric.argmax(axis=1)]]
     np.testing.assert_array_equal(nearest, truth[source.user_vertex[vertices]])
 

@@ -52,7 +52,7 @@ def test_the_claims_hold(made):
     assert "Nyström, the paper's method" in nystrom
     assert all("lies above SGMDS" in claim for claim in others)
     setting = Setting(None, out / "runs", quick=True, n_points=N_POINTS, jobs=1)
-    curves, _ = princeton_curves.measured(setting, ("gdd_post", "sgmds_5pt"))
+    curves, _ = princeton_curves.measure_curves(setting, ("gdd_post", "sgmds_5pt"))
     assert princeton_curves.least_lead(curves, "gdd_post", "sgmds_5pt")[0] > -0.15
     assert princeton_curves.area(curves["example", "gdd_post"]) > princeton_curves.area(
         curves["example", "sgmds_5pt"]
@@ -147,7 +147,7 @@ def test_error_of_a_basis_by_another_route():
     direct = basis_error.relative_error(basis.row(rows), distances, np.ones(n))
     assert direct**2 == pytest.approx(1 - (basis.values**2).sum() / (distances**2).sum(), rel=1e-9)
     weights = np.random.default_rng(0).uniform(1, 2, n)
-    spanned = basis_error.projected(np.eye(n), distances, weights)
+    spanned = basis_error.project_distances(np.eye(n), distances, weights)
     np.testing.assert_allclose(spanned, distances, atol=1e-9)
 
 
@@ -194,7 +194,7 @@ def test_curves_rise_to_at_most_one(made, name):
 def test_rows_of_an_earlier_run_are_used(made):
     before = (made[0] / "runs" / "rows.jsonl").read_text()
     setting = Setting(None, made[0] / "runs", quick=True, n_points=N_POINTS, jobs=1)
-    curves, facts = princeton_curves.measured(setting, ("gdd_post", "sgmds_5pt"))
+    curves, facts = princeton_curves.measure_curves(setting, ("gdd_post", "sgmds_5pt"))
     assert (made[0] / "runs" / "rows.jsonl").read_text() == before
     assert set(curves) == {("example", "gdd_post"), ("example", "sgmds_5pt")}
     assert facts["pairs"] == {"example": ["standing-running"]}
@@ -207,7 +207,7 @@ def test_a_pair_without_a_map_counts_as_wrong(tmp_path, monkeypatch):
 
     monkeypatch.setitem(METHODS, "gdd", Method(broken))
     setting = Setting(None, tmp_path, quick=True, n_points=150, jobs=1)
-    curves, facts = princeton_curves.measured(setting, ("gdd",))
+    curves, facts = princeton_curves.measure_curves(setting, ("gdd",))
     assert (curves["example", "gdd"] == 0).all()
     assert facts["without a map"] == {"example, gdd": 1}
 
