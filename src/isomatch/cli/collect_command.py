@@ -55,8 +55,8 @@ def run(
     """Match the shapes of a folder with a template, or with one another; run it again to continue.
 
     Args:
-        shapes: A folder, a quoted pattern such as 'scans/*.vtp', or a list.csv with a column path and perhaps name. Of
-            subjects of several surfaces, each of which is matched by itself: a folder with a folder for each subject,
+        shapes: A folder, a quoted pattern such as 'scans/*.vtp', or a list.csv with a column path and perhaps name. For
+            subjects of several surfaces, which are matched separately: a folder with a folder for each subject,
             with files named like the structures, or a list.csv with the columns subject, structure and file.
         output: Folder for prepared shapes, maps, pairs.csv, index.html, and the shapes in the topology of the template.
         template: Name or file of the template; by default (auto) the shape in the middle of all, by spectra and
@@ -68,8 +68,8 @@ def run(
         reflect: Shapes to match as their mirror images. auto: those that fit clearly better so, as left ones among right
             ones; none; or their names, separated by commas, or a file of them. Default: as in the last run, first none.
         units: Units of shapes that are in others than most, such as scan7=mm,scan9=cm: um, mm, cm, m or in. They are
-            brought to that of all others, which is found by their sizes, or given first: m,scan7=mm. none: all are in one
-            unit. Default: as in the last run.
+            brought to the unit of all others, which is found by their sizes, or given first: m,scan7=mm. none: all are in
+            one unit. Default: as in the last run.
         landmarks: File of landmarks and curves of the template, as of 3D Slicer, or folder of such files of several
             shapes, named like them: the folder landmarks gets a file for each shape, and tables; see isomatch collect
             landmarks.

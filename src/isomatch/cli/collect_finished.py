@@ -32,11 +32,11 @@ def landmarks(
     Args:
         folder: The folder of a collection.
         marks: Folder of the landmarks of some of its shapes, named like them, or one such file: .mrk.json or .fcsv of 3D
-            Slicer, .pp of MeshLab, or a table name,x,y,z. A file of another name is that of the template.
+            Slicer, .pp of MeshLab, or a table name,x,y,z. A file of another name belongs to the template.
         to: Folder for a file of each shape, and for R's geomorph landmarks.csv, with a row for each, and landmarks.tps:
             in the unit of the collection, and reflected, x → −x, where a shape was matched as its mirror image.
-            landmarks_errors.csv has the expected error of each, and that of the marked shapes, carried from the others;
-            landmarks_slid.csv how far points slid, and bending energies.
+            landmarks_errors.csv has the expected error of each, and the error of the marked shapes, carried from the
+            others; landmarks_slid.csv how far points slid, and bending energies.
         format: Suffix of the files: mrk.json (default), fcsv, pp or csv. They have the spread over templates, but those
             of pp.
     """
@@ -114,7 +114,7 @@ def add(
         model: model.npz of isomatch statistics, made of this collection; by default FOLDER/statistics/model.npz.
         reflect: New subjects to match as their mirror images: auto, none, or their names. By default auto if that was
             asked for of the collection.
-        units: Units of new subjects, such as scan7=mm. Where that of the collection is not known, it comes first:
+        units: Units of new subjects, such as scan7=mm. If the collection's unit is not known, give it first:
             m,scan7=mm. A size whose unit is given is not questioned.
     """
     how: dict[str, Any] = {"reflect": names_of(reflect), "units": units_of(units), "reports": reports}

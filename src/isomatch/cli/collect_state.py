@@ -84,10 +84,12 @@ def say_cohort(
         say(f"subjects of all structures: {folder / 'corresponded'}; go on with isomatch statistics {folder}")
 
     talk.result(found.to_json(status), summary, is_answer=is_answer)
-    failed = [f"{what} of {name}" if name else what for name, own in status.items() for what in own.failures]
+    failed = [
+        f"{what} of {name}" if name else what for name, state in status.items() for what in state.failures
+    ]
     require_complete(failed, found.folder)
     for outcome in refused:
-        if count := sum(own.outcomes.get(outcome.name, 0) for own in status.values()):
+        if count := sum(state.outcomes.get(outcome.name, 0) for state in status.values()):
             raise NotConvergedError(f"{count} of the maps: {outcome.value}; all files are in {found.folder}")
 
 

@@ -19,7 +19,7 @@ LABEL_WIDTH = 16  # columns of a label
 def project(model: Path, /, *shapes: Path, output: Output, force: Force = False, talk: Talk = TALK) -> None:
     """Score new shapes in a model: how far from the mean, how well the modes describe each.
 
-    The model stays as it is. Shapes in another topology are brought into that of the model by isomatch collect add.
+    The model stays as it is. Shapes in another topology are brought into its topology by isomatch collect add.
 
     Args:
         model: model.npz of isomatch statistics.
@@ -53,7 +53,7 @@ def complete(
 
     Args:
         model: model.npz of isomatch statistics.
-        shape: A mesh in the topology of the model, of which vertices are missing (not finite, or measured = 0); any other
+        shape: A mesh in the topology of the model with missing vertices (not finite, or measured = 0); any other
             mesh, which is matched to the mean of the model; or landmarks: .mrk.json or .fcsv of 3D Slicer, .pp of
             MeshLab, or a table name,x,y,z. Of subjects, a folder of the structures that are known, named as in the model.
         output: Surface file for the completed shape, with the scalars standard_deviation and expected_error at its

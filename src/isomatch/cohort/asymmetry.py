@@ -20,7 +20,7 @@ from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import Asymmetry, CorrespondedShapes, draw_values
 from isomatch.cohort.statistics import Scale, Weights
 from isomatch.cohort.statistics_folder import SCALES, VERSION, Results, StatisticsFolder, listed, tabulated
-from isomatch.cohort.study_input import read_study, told_doubts
+from isomatch.cohort.study_input import doubts_in_words, read_study
 from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation
 from isomatch.landmarks import read_landmark_pairs, read_landmarks
@@ -111,7 +111,7 @@ def asymmetry(
             raise InputError(f"{source}: {problem}; give a table of pairs of them (--left-right, or --pairs)")
         if len(cohort) == 1 and cohort.left_out:
             raise MeshError(f"{source}: no two meshes are in one topology; run isomatch collect first")
-        first = told_doubts(doubt for doubt in study.doubts if not (pairs and doubt.kind == "mirrored"))
+        first = doubts_in_words(doubt for doubt in study.doubts if not (pairs and doubt.kind == "mirrored"))
         for line in first:
             to.warn(line)
         maps, about, unsure = list[Correspondence](), [dict[str, Any]()] * len(cohort), ""
@@ -280,14 +280,16 @@ def _draw_landmarks(
 ) -> Drawn:
     """Draw the asymmetry of landmarks, and make a line for each specimen."""
     m, size, mean, common = len(both) // 2, _size(found, share), found.symmetric, found.directional
-    own = np.sqrt(((found.components - common) ** 2).sum(axis=2).mean(axis=0))
+    fluctuation = np.sqrt(((found.components - common) ** 2).sum(axis=2).mean(axis=0))
     axes = {f"directional_{axis}": column for axis, column in zip("xyz", common.T.tolist())}
-    new.table("landmarks.csv", landmark=both.marks, **axes, fluctuating=own.tolist())
+    new.table("landmarks.csv", landmark=both.marks, **axes, fluctuating=fluctuation.tolist())
     factor = DRAWN_DISPLACEMENT * size / (float(np.linalg.norm(common, axis=1).max()) or 1.0)
     shown = {f"asymmetry × {factor:.2g}": mean + factor * common}
     shape_statistics.draw_landmarks(new.picture("directional"), shown, mean, both.links)
     label = "standard deviation, in units of the shapes"
-    shape_statistics.draw_landmarks(new.picture("fluctuating"), {"": mean}, mean, both.links, own, label)
+    shape_statistics.draw_landmarks(
+        new.picture("fluctuating"), {"": mean}, mean, both.links, fluctuation, label
+    )
     lines = []
     for i, lengths in enumerate(np.linalg.norm(found.components, axis=2)):
         most = int(lengths.argmax())
@@ -382,10 +384,11 @@ def _sentences(record: dict[str, Any]) -> list[str]:
     first, shown = _below_error(record["shapes"])
     found = [first] if first else []
     if rows:
-        between, common, own = (f"{row['share']:.1%}" for row in rows[:3])
+        symmetric_share, directional_share, fluctuating_share = (f"{row['share']:.1%}" for row in rows[:3])
         found += [
-            f"{n} individuals: {between} of all variation is between them and symmetric, {common} is directional "
-            f"asymmetry, the same in all, and {own} fluctuating, each in its own way",
+            f"{n} individuals: {symmetric_share} of all variation is between them and symmetric, "
+            f"{directional_share} is directional asymmetry, the same in all, and {fluctuating_share} fluctuating, "
+            "each in its own way",
             f"fluctuating asymmetry has {rows[2]['f']:.3g} times the mean square of the error of measurement, "
             f"p = {rows[2]['p_value']:.4g}"
             if len(rows) > 3

@@ -81,13 +81,13 @@ def agree(
     For n shapes in triangles, 3 n² maps are read up to four times, with O(n³) time and 48 n³ bytes
     of memory, or a `MemoryBudgetError`. Other arguments are those of `Collection.run`.
     """
-    own = collection.layout.ledger()
+    ledger_path = collection.layout.ledger()
     with ExitStack() as held:
         workers = held.enter_context(workers_of(executor, jobs, time_limit))
-        others = [path for path in collection.layout.ledgers() if path != own]
+        others = [path for path in collection.layout.ledgers() if path != ledger_path]
         for path in others:
             held.enter_context(claimed(path))  # shards wait
-        ledger = held.enter_context(writing_ledger(own))
+        ledger = held.enter_context(writing_ledger(ledger_path))
         ledger.rows.merge(read_ledgers(others))
         ledger.rows = ledger.rows.of(collection.names)
         names = _names_in_triangles(ledger.rows)
@@ -196,13 +196,15 @@ def _record(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
         value = round(float(inconsistencies[i, j]), 4)
         pair = _as_matched(ledger.rows, names[i], names[j])
         row = ledger.rows.pairs[pair]
-        agreement, own = row.agreement or PairAgreement(), _own_outcomes(row)
+        agreement, match_outcomes = row.agreement or PairAgreement(), _own_outcomes(row)
         before = value if agreement.before is None else agreement.before
-        outcomes = tuple(outcome.name for outcome in own)
+        outcomes = tuple(outcome.name for outcome in match_outcomes)
         agreement = replace(agreement, before=before, inconsistency=value, outcomes=outcomes)
         poor = Evidence(poor=value > CONTRADICTED)
-        there, back = (side.with_outcome(lower_outcome(x, poor)) for side, x in zip(row.sides, own))
-        new = replace(row, agreement=agreement, there=there, back=back)
+        forward, backward = (
+            side.with_outcome(lower_outcome(x, poor)) for side, x in zip(row.sides, match_outcomes)
+        )
+        new = replace(row, agreement=agreement, there=forward, back=backward)
         if new != row:
             ledger.put(pair, replace(new, time=time.time()))
 
@@ -302,9 +304,9 @@ class CycleJob:
         alone = replace(config, hypotheses="given")
         rematched = match_both(source, target, initial_map=paths[best], config=alone, seed=repair.seed)
 
-        def disagreement(there: IntArray, back: IntArray) -> float:
-            at_target = _mean_distances(target, ends, there[None, samples])
-            at_source = _mean_distances(source, paths_back[:, samples_back], back[None, samples_back])
+        def disagreement(forward: IntArray, backward: IntArray) -> float:
+            at_target = _mean_distances(target, ends, forward[None, samples])
+            at_source = _mean_distances(source, paths_back[:, samples_back], backward[None, samples_back])
             distances, weights = np.concatenate([at_target, at_source]), np.tile(trust, 2)
             finite = np.isfinite(distances)
             return float(np.average(distances[finite], weights=weights[finite])) if finite.any() else np.inf
@@ -329,9 +331,9 @@ class CycleJob:
         results = [
             replace(x, outcome=lower_outcome(x.outcome, least), notes=(note, *x.notes)) for x in rematched
         ]
-        there, back = (MapSummary.of(result, settings=True) for result in results)
+        forward, backward = (MapSummary.of(result, settings=True) for result in results)
         by = pair[0], middle, pair[1]
-        record = replace(old.record, there=there, back=back, memory=peak_memory(), replaced_by=by)
+        record = replace(old.record, there=forward, back=backward, memory=peak_memory(), replaced_by=by)
         file = self.collection.layout.maps(pair)
         PairMaps.of(results[0], results[1], record).save(file)
         return Replacement(record, digest_of(file))

@@ -150,8 +150,8 @@ def _plan_surfaces(collection: Collection, rows: Rows, template: str) -> list[Pl
     keys = {ends: identity_of_map(row) for ends, row in current.items()}
     sure = {frozenset(pair) for pair in rows.pairs if frozenset(pair) in keys and not rows.is_doubtful(pair)}
     linked = [name for name in collection.names if {template, name} in sure]
-    own = rows.shapes.get(template, ShapeRow(state="todo")).key
-    plans = [PlannedSurface(entries[template], None, own)]
+    template_key = rows.shapes.get(template, ShapeRow(state="todo")).key
+    plans = [PlannedSurface(entries[template], None, template_key)]
     start = collection.names.index(template) if collection.pairs == "ring" else 0
     ring = [*collection.names[start:], *collection.names[:start]]
     around = [frozenset(leg) for leg in pairwise([*ring, template])]
@@ -159,7 +159,7 @@ def _plan_surfaces(collection: Collection, rows: Rows, template: str) -> list[Pl
     if is_closed:  # every surface depends on all maps
         key = _hash_of(keys[leg] for leg in around)
         in_order = tuple(entries[name] for name in ring)
-        plans = [plans[0]._replace(key=f"{own} {key}", ways=(in_order[1:],))]
+        plans = [plans[0]._replace(key=f"{template_key} {key}", ways=(in_order[1:],))]
         for i, entry in enumerate(in_order[1:], 1):
             both = sorted((in_order[1:i], in_order[:i:-1]), key=len)
             plans.append(PlannedSurface(entry, (template, entry.name), key, ways=tuple(both)))

@@ -92,7 +92,7 @@ class Event(NamedTuple):
         return cast("ShapeRow | PairRow", self.row).again if is_repeatable else ()
 
     @property
-    def told(self) -> tuple[str, float]:
+    def progress(self) -> tuple[str, float]:
         """The step in words, and the share of all steps that are done."""
         name = self.name if isinstance(self.name, str) else " and ".join(self.name)
         again = f"; again, because {'; '.join(self.again)}" if self.again else ""
@@ -142,8 +142,8 @@ class Run:
             settings = self.collection.config, self.collection.seed
             job = Job(layout, *settings, self.collection.leader)
             layout.remove_unfinished(self.shard)
-            own = layout.ledger(self.shard)
-            ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
+            ledger_path = layout.ledger(self.shard)
+            ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != ledger_path))
             name, origin = made_with(*settings)
             if name not in ledger.rows.origins:
                 ledger.put(name, OriginRow(time=time.time(), made_with=origin))
@@ -217,9 +217,9 @@ class Run:
         """Plan which shapes to reflect; a shard knows enough pairs for it only in a star."""
         if self.collection.reflect != "auto" or (self.collection.pairs != "star" and self.shard[1] > 1):
             return []
-        own, reflections = set(self.pairs_of_shard(rows)), list[Reflection]()
+        shard_pairs, reflections = set(self.pairs_of_shard(rows)), list[Reflection]()
         for name, pair in mirror_images(self.collection, rows).items():
-            if pair in own and name not in tried and name not in rows.pairs[pair].not_reflected:
+            if pair in shard_pairs and name not in tried and name not in rows.pairs[pair].not_reflected:
                 is_reflected, row = not rows.reflected([name]), rows.shapes[name]
                 key = self._key(identity_of(row.hash, is_reflected))
                 shapes = {other: rows.shapes[other] for other in pair}
@@ -430,9 +430,9 @@ class Job:
             config = replace(config, hypotheses="given", start="auto", part="none")
         seed = self.seed + plan.attempt
         matches = match_both(source, target, initial_map=first_map, config=config, seed=seed)
-        there, back = map(MapSummary.of, matches)
+        forward, backward = map(MapSummary.of, matches)
         effort: dict[str, Any] = {"seconds": time.perf_counter() - start, "memory": peak_memory()}
-        record = MapRecord(key=plan.key, **plan.known, there=there, back=back, **effort)
+        record = MapRecord(key=plan.key, **plan.known, there=forward, back=backward, **effort)
         return PairMaps.of(*matches, record)
 
 

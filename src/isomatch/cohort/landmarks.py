@@ -110,7 +110,7 @@ class LandmarkTables:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""
-        slid = [own._asdict() for own in self.slid]
+        slid = [record._asdict() for record in self.slid]
         errors = {name: error._asdict() for name, error in self.left_out_errors.items()}
         return {**vars(self), "folder": str(self.folder), "left_out_errors": errors, "slid": slid}
 
@@ -180,23 +180,23 @@ def landmark_files(marks: Path, collection: Collection, template: str | None) ->
     if others := sorted(path.name for path in present.values() if path not in used):
         tell_skipped(f"{marks}: {', '.join(others)} left out, named like no shape of the collection")
     for name, path in files.items():
-        own = Landmarks.read(path, collection.paths[name])
+        landmarks = Landmarks.read(path, collection.paths[name])
         for other in of.get(name, ())[1:]:
-            if not _are_alike(own, other, collection.paths[name]):
+            if not _are_alike(landmarks, other, collection.paths[name]):
                 skipped = f"{other.name}, which has others, is left out"
                 tell_skipped(f"{name} has the landmarks of {path.name}; {skipped}")
     return files
 
 
-def _are_alike(own: Landmarks, other: Path, surface: Path) -> bool:
+def _are_alike(landmarks: Landmarks, other: Path, surface: Path) -> bool:
     """Whether another file of a shape has the same landmarks, up to the digits of text."""
     try:
         found = Landmarks.read(other, surface)
     except IsomatchError:
         return False
-    size = np.ptp(own.positions[own.placed], axis=0).max() if own.placed.any() else 0.0
+    size = np.ptp(landmarks.positions[landmarks.placed], axis=0).max() if landmarks.placed.any() else 0.0
     near: dict[str, Any] = {"rtol": 0, "atol": SAME_PLACE * size, "equal_nan": True}
-    return found.names == own.names and np.allclose(found.positions, own.positions, **near)
+    return found.names == landmarks.names and np.allclose(found.positions, landmarks.positions, **near)
 
 
 def write_tables(
@@ -226,7 +226,7 @@ def write_tables(
             listener.tell(f"landmarks of {name}", len(points) / len(collection.names))
         turned, scales = rows.reflected(points), scales_of(collection.units, rows)
         slid = _slide(collection, points, turned, more.criterion) if more.slide else []
-        left_out = {own.name: own for own in landmarks_left_out(collection, *given)}
+        left_out = {comparison.name: comparison for comparison in landmarks_left_out(collection, *given)}
         first = next(iter(points.values()))
         axes = next((marks.axes for marks in points.values() if marks.axes), None)
         alike = {}  # in the unit of the collection, and reflected as they were matched
@@ -237,7 +237,7 @@ def write_tables(
                 own_axes = marks.in_axes(axes)
                 alike[name] = replace(own_axes, positions=own_axes.positions * factors)
         if more.slide:
-            write_csv(to / "landmarks_slid.csv", (own._asdict() for own in slid), Slid._fields)
+            write_csv(to / "landmarks_slid.csv", (record._asdict() for record in slid), Slid._fields)
         write_csv(to / "landmarks_errors.csv", _error_lines(points, left_out), ERROR_COLUMNS)
         misread = [name for table in tables for name in write_specimens(table, alike)]
         views = _write_views(collection, to, points, suffix)
@@ -253,9 +253,9 @@ def write_tables(
         shapes=list(points),
         expected_error={n: float(np.nanmedian(e)) for n, e in errors.items() if np.isfinite(e).any()},
         check_first=_least_sure(points.values()),
-        mean_spread={name: float(np.nanmean(own)) for name, own in spread.items()},
-        largest_spread={name: points[name].names[np.nanargmax(own)] for name, own in spread.items()},
-        left_out_errors={name: _sum_up(own) for name, own in left_out.items()},
+        mean_spread={name: float(np.nanmean(values)) for name, values in spread.items()},
+        largest_spread={name: points[name].names[np.nanargmax(values)] for name, values in spread.items()},
+        left_out_errors={name: _sum_up(comparison) for name, comparison in left_out.items()},
         not_written=sorted(lost),
         other_landmarks=[name for name in points if name not in alike],
         misread_names=misread,
@@ -264,7 +264,7 @@ def write_tables(
         half_turned=[name for name, marks in points.items() if marks.axes != axes],
         doubtful=[pair for pair in rows.pairs if rows.is_doubtful(pair) and not ends.isdisjoint(pair)],
         slid=slid,
-        not_slid=sorted({*points}.difference(own.specimen for own in slid)) if more.slide else [],
+        not_slid=sorted({*points}.difference(record.specimen for record in slid)) if more.slide else [],
         left_out=[name for name in collection.names if name not in points],
         look_at=_least_sure_view(to, {name: errors[name] for name in views}),
     )
@@ -278,7 +278,7 @@ def _least_sure(points: Iterable[Landmarks]) -> dict[str, float]:
         for name, error in zip(marks.names, marks.expected_error.tolist()):
             if np.isfinite(error):
                 errors[name].append(error)
-    medians = {name: float(np.median(own)) for name, own in errors.items()}
+    medians = {name: float(np.median(values)) for name, values in errors.items()}
     ranked = sorted(medians.items(), key=lambda item: -item[1])
     kinds = ([item for item in ranked if (item[0] in semilandmarks) == is_semi] for is_semi in (False, True))
     return {name: error for kind in kinds for name, error in kind[:N_LEAST_SURE]}
@@ -295,7 +295,7 @@ def _slide(
 ) -> list[Slid]:
     """Slide the landmarks of shapes that have those of the first, and a place for half of them."""
     first = next(iter(points.values()))
-    marks = {name: own for name, own in points.items() if own.placed.mean() >= MIN_PLACED}
+    marks = {name: landmarks for name, landmarks in points.items() if landmarks.placed.mean() >= MIN_PLACED}
     names = [n for n in marks if (marks[n].names, marks[n].curves) == (first.names, first.curves)]
     signs = np.array([[_signs_of(name, turned)] for name in names])
     meshes = (read_mesh(collection.paths[name]) for name in names)
@@ -305,7 +305,7 @@ def _slide(
     once, positions = joined[names[0]], signs * [joined[name].positions for name in names]
     slid = slid_semilandmarks(positions, surfaces, once.curves, once.patch, criterion=criterion)
     moved = np.where(np.isfinite(before), (signs * slid.positions)[:, place], np.nan)
-    points |= {name: replace(marks[name], positions=own) for name, own in zip(names, moved)}
+    points |= {name: replace(marks[name], positions=places) for name, places in zip(names, moved)}
     return slid.of_each(names, positions)
 
 
@@ -316,8 +316,8 @@ def _signs_of(name: str, turned: Container[str]) -> FloatArray:
 
 def _error_lines(points: dict[str, Landmarks], left_out: dict[str, LeftOut]) -> Iterator[dict[str, object]]:
     """Yield a line for each landmark of each shape; for templates, of what the others give."""
-    for name, own in points.items():
-        marks = left_out[name].carried if name in left_out else own
+    for name, landmarks in points.items():
+        marks = left_out[name].carried if name in left_out else landmarks
         errors = left_out[name].error if name in left_out else np.full(len(marks), np.nan)
         columns = marks.expected_error, marks.spread, errors
         for landmark, *values in zip(marks.names, *(column.tolist() for column in columns)):
@@ -366,7 +366,7 @@ def collected_landmarks(
     templates.add_patches(patches or {}, surface_points)
     for name in collection.names:
         try:
-            marks = templates.own(name) if name in files else templates.carried(name, files)
+            marks = templates.landmarks_of(name) if name in files else templates.carry_to(name, files)
         except IsomatchError as error:
             if name in files:
                 raise
@@ -382,9 +382,9 @@ def landmarks_left_out(
     """Carry to each template the landmarks of all others, to know the errors of unmarked shapes."""
     templates = _Templates(collection, files, curve_points)
     for name in files:
-        carried = templates.carried(name, [other for other in files if other != name])
+        carried = templates.carry_to(name, [other for other in files if other != name])
         if carried is not None:
-            errors = carried.positions - _positions(templates.own(name), carried.names)
+            errors = carried.positions - _positions(templates.landmarks_of(name), carried.names)
             yield LeftOut(name, carried, np.asarray(np.linalg.norm(errors, axis=1)))
 
 
@@ -417,8 +417,8 @@ class _Templates:
         if files and set(files) != set(self._marks):
             raise InputError("patches: give those of all shapes that have landmarks, and of no others")
         for name, path in files.items():
-            own = Landmarks.read(path, self._read(name)).in_axes(self._marks[name].axes)
-            self._marks[name] = self._marks[name].with_patch(own.positions)
+            semilandmarks = Landmarks.read(path, self._read(name)).in_axes(self._marks[name].axes)
+            self._marks[name] = self._marks[name].with_patch(semilandmarks.positions)
         if surface_points:
             first, *others = self._marks
             start, marks = self._read(first), self._marks[first]
@@ -431,13 +431,13 @@ class _Templates:
                     patch = carry_landmarks(map_there, start, self._read(name), Landmarks(spread)).positions
                 self._marks[name] = self._marks[name].with_patch(patch)
 
-    def own(self, name: str) -> Landmarks:
+    def landmarks_of(self, name: str) -> Landmarks:
         """Return the landmarks of a template, with equally spaced points on its curves."""
         shape = self._read(name)
         itself = Correspondence(range(len(shape.points)), len(shape.points))
         return carry_landmarks(itself, shape, shape, self._marks[name], curve_points=self._curve_points)
 
-    def carried(self, name: str, templates: Iterable[str]) -> Landmarks | None:
+    def carry_to(self, name: str, templates: Iterable[str]) -> Landmarks | None:
         """Return the median of what templates give a shape; None if no sure map leads to it."""
         found, n_points = [], self._curve_points
         for template in templates:

@@ -101,8 +101,10 @@ class Row:
     @classmethod
     def defaults(cls) -> dict[str, Any]:
         """Return the default of each value."""
-        own = [x for x in fields(cls) if x.name != "more"]
-        return {x.name: x.default if x.default_factory is MISSING else x.default_factory() for x in own}
+        stored_fields = [x for x in fields(cls) if x.name != "more"]
+        return {
+            x.name: x.default if x.default_factory is MISSING else x.default_factory() for x in stored_fields
+        }
 
 
 def _plain(value: Any) -> Any:
@@ -263,7 +265,7 @@ class SurfaceRow:
     extended: Cell = ""
     error: str = ""
     expected_error: Cell = ""  # of the map, in √area
-    ways: Cell = ""  # number of maps of which it is the median
+    ways: Cell = ""  # number of maps; the surface is their median
     scale: Cell = ""  # factor of the positions
     reflected: str = ""  # yes or empty
     mirror_image: str = ""
@@ -285,7 +287,7 @@ class SurfaceRow:
         write_csv(path, map(vars, lines), SURFACE_COLUMNS)
 
 
-SURFACE_COLUMNS = tuple(each.name for each in fields(SurfaceRow))[:-1]
+SURFACE_COLUMNS = tuple(column.name for column in fields(SurfaceRow))[:-1]
 OLDEST_COLUMNS = SURFACE_COLUMNS[: SURFACE_COLUMNS.index("error") + 1]  # columns of every version
 _READ: Mapping[str, Callable[[Any], Any]] = {
     **dict.fromkeys(("there", "back"), lambda value: MapSummary(value or {})),
@@ -382,7 +384,7 @@ NUMBER = int | float
 
 def _list_of(kind: Kind, count: int | None = None) -> Callable[[Any], bool]:
     return lambda value: (
-        isinstance(value, list) and count in (None, len(value)) and all(_is(each, kind) for each in value)
+        isinstance(value, list) and count in (None, len(value)) and all(_is(item, kind) for item in value)
     )
 
 
@@ -392,7 +394,7 @@ def _result(value: Any) -> bool:
         isinstance(quality, dict)
         and value.get("outcome") in Outcome.__members__
         and {"spectral_residual", "orientation", "mirrored"} <= quality.keys()
-        and all(isinstance(each, NUMBER | None) for each in quality.values())
+        and all(isinstance(measure, NUMBER | None) for measure in quality.values())
     )
 
 

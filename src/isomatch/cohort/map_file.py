@@ -57,9 +57,9 @@ class PairMaps:
     back_error: FloatArray | None = None
 
     @classmethod
-    def of(cls, there: MatchResult, back: MatchResult, record: MapRecord) -> PairMaps:
+    def of(cls, forward: MatchResult, backward: MatchResult, record: MapRecord) -> PairMaps:
         """Take the maps of two results, with their expected errors."""
-        return cls(there.map, back.map, record, there.expected_error, back.expected_error)
+        return cls(forward.map, backward.map, record, forward.expected_error, backward.expected_error)
 
     @property
     def turned(self) -> PairMaps:
@@ -85,13 +85,13 @@ class PairMaps:
         arrays = PAIR_FORMAT.read(path)
         try:
             record = MapRecord.from_json(json.loads(arrays["record"]))
-            there, back = (Correspondence(**parts) for parts in pair_parts(arrays))
+            forward, backward = (Correspondence(**parts) for parts in pair_parts(arrays))
         except (ValueError, KeyError, TypeError, MapError) as error:
             problem = f"not the maps of a pair ({error})"
             raise FormatError(f"{path}: {problem}; remove it and match again") from None
         stored = [arrays.get(f"{side}_expected_error") for side in SIDES]
         errors = [None if error is None else np.where(error < 0, np.nan, error) for error in stored]
-        return cls(there, back, record, *errors)
+        return cls(forward, backward, record, *errors)
 
 
 def maps_of_pair(layout: Layout, source: str, target: str) -> PairMaps:
@@ -103,7 +103,7 @@ def maps_of_pair(layout: Layout, source: str, target: str) -> PairMaps:
 def as_matched(
     correspondence: Correspondence, source: Mesh, target: Mesh, sides: tuple[bool, bool]
 ) -> tuple[Correspondence, Mesh, Mesh]:
-    """Turn a map of surfaces in files into that of the surfaces as matched, maybe reflected."""
+    """Turn a map between surfaces in files into the map between them as matched, maybe reflected."""
     if not any(sides):
         return correspondence, source, target
     correspondence.check_fits(source, target)

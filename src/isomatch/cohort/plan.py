@@ -262,16 +262,18 @@ class Entry:
 def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry, ...]:
     """List the shapes of a collection, see `Collection.create`, by name or as listed."""
     if not isinstance(shapes, str | Path):
-        given = (each if isinstance(each, Entry) else Path(each) for each in shapes)
-        entries = [each if isinstance(each, Entry) else Entry(legible(each.stem), each) for each in given]
+        given = (shape if isinstance(shape, Entry) else Path(shape) for shape in shapes)
+        entries = [
+            shape if isinstance(shape, Entry) else Entry(legible(shape.stem), shape) for shape in given
+        ]
     elif str(shapes).lower().endswith(".csv") and not Path(shapes).is_dir():
         entries = _in_table(Path(shapes))
     else:
         folder = Path(shapes)
         paths = folder.iterdir() if folder.is_dir() else map(Path, glob(str(shapes)))
         entries = [Entry(legible(path.stem), path) for path in meshes_among(paths)]
-        inner = [each for each in sorted(folder.iterdir()) if each.is_dir()] if folder.is_dir() else []
-        if passed := ", ".join(each.name for each in inner if meshes_among(each.iterdir())):
+        inner = [path for path in sorted(folder.iterdir()) if path.is_dir()] if folder.is_dir() else []
+        if passed := ", ".join(path.name for path in inner if meshes_among(path.iterdir())):
             tell_skipped(f"{folder}: the surfaces in its folders {passed} are left out; give one folder")
     if not entries:
         remedy = "give a folder, a quoted pattern or a list.csv"

@@ -56,10 +56,10 @@ class Cohort:
         plan = Layout(Path(folder)).plan
         plans = sorted(plan.parent.glob(f"*/{plan.name}"))
         inner = {path.parent.name: Collection.open(path.parent) for path in plans}
-        own = {} if inner and not plan.exists() else {"": Collection.open(folder)}
-        for collection in (own | inner).values():
+        outer = {} if inner and not plan.exists() else {"": Collection.open(folder)}
+        for collection in (outer | inner).values():
             write_table(collection.rows(), collection.layout.table)
-        return cls(Path(folder), own | inner)
+        return cls(Path(folder), outer | inner)
 
     def status(self, *, thorough: bool = False) -> dict[str, Status]:
         """Sum up each collection, with damaged landmarks or, if ``thorough``, all damaged files."""
@@ -79,7 +79,7 @@ class Cohort:
 
     def to_json(self, status: Mapping[str, Status]) -> dict[str, Any]:
         """Return a status with contacts and landmarks in plain values."""
-        plain = {name: own.to_json() for name, own in status.items()}
+        plain = {name: summary.to_json() for name, summary in status.items()}
         if "" not in plain:
             return {"folder": str(self.folder), "structures": plain, "contacts": self.contacts}
         marks = {"landmarks": self.landmarks.to_json()} if self.landmarks else {}
@@ -273,9 +273,9 @@ def follow(events: Iterable[Event], to: Listener) -> None:
     """Tell the steps of a run, and warn of outliers and of what is done again."""
     again = Counter[tuple[str, str]]()
     for event in events:
-        to.tell(*event.told)
+        to.tell(*event.progress)
         if event.state == "failed":
-            noted(event.told[0])
+            noted(event.progress[0])
         again.update((event.what, reason) for reason in event.again)
         if isinstance(event.row, Outlier):
             to.warn(f"{event.name} {event.row.reason}")

@@ -58,7 +58,7 @@ def add(
     files : sequence of path_like
         Meshes, or one folder or list of them.
     model : Path, optional
-        File of its `ShapeModel`; by default that of `statistics` in its folder ``statistics``.
+        File of its `ShapeModel`; by default ``statistics/model.npz`` in the folder.
     reflect : "auto", str or iterable of str, optional
         New subjects to match as mirror images; by default "auto" if the collection has it, else
         none.
@@ -102,11 +102,11 @@ def add(
         scored = {name: prior.score_file(path) for name, path in paths.items()}
         outcomes = {name: rows.pairs[more.template or "", name].there.outcome for name in scored}
         landmarks = _nearest_landmarks(collection, more, scored)
-        own = {n: {"outcome": outcomes[n].name, "landmark": landmarks.get(n, "")} for n in scored}
+        cells = {n: {"outcome": outcomes[n].name, "landmark": landmarks.get(n, "")} for n in scored}
         about = {"folder": str(more.folder), "left_out": left_out, "status": status_of(more).to_json()}
         into = StatisticsFolder(more.folder, last=LAST)
         with into.claimed(force=True) as inner:
-            record = write_scored(inner, file, prior, scored, own, about)
+            record = write_scored(inner, file, prior, scored, cells, about)
     for name in subjects:
         if name not in scored:
             lack = "it is not in the topology of the template"
@@ -127,9 +127,9 @@ def _nearest_landmarks(
     marks, vertices = Landmarks.read(marks_file, mesh), read_mesh(mesh).vertices
     if not marks.placed.any():
         return {}
-    worst = {name: vertices[np.nanargmax(own.vertex_errors)] for name, own in scored.items()}
+    worst = {name: vertices[np.nanargmax(shape.vertex_errors)] for name, shape in scored.items()}
     distances = {name: np.linalg.norm(marks.positions - place, axis=1) for name, place in worst.items()}
-    return {name: marks.names[np.nanargmin(own)] for name, own in distances.items()}
+    return {name: marks.names[np.nanargmin(lengths)] for name, lengths in distances.items()}
 
 
 def added(
@@ -243,7 +243,7 @@ def _taken_names(new: Iterable[Entry], collection: Collection, earlier: Collecti
 def _units_of_collection(
     collection: Collection, rows: Rows, template: str, known: Mapping[str, str], areas: Mapping[str, float]
 ) -> dict[str, str]:
-    """Return the unit of a collection, as ``"*"``, and that of the template; empty if unknown."""
+    """Return the unit of a collection, as ``"*"``, and the unit of its template; empty if unknown."""
     common = common_unit(collection.units, rows)
     if common is None:
         if not known:
@@ -335,10 +335,10 @@ def write_scored(
     file: Path,
     model: ShapeModel,
     scored: Mapping[str, ScoredShape],
-    own: Mapping[str, Mapping[str, Any]] | None = None,
+    cells: Mapping[str, Mapping[str, Any]] | None = None,
     about: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Write files about new shapes: ``own`` values in lines, those ``about`` all in the record."""
+    """Write files about new shapes: ``cells`` go into lines, values ``about`` all into the record."""
     usual = leave_one_out(model)
     lines = []
     for name, shape in scored.items():
@@ -354,7 +354,7 @@ def write_scored(
             "farthest_error": float(shape.vertex_errors[farthest]),
             "measured": 1.0 if shape.measured is None else float(shape.measured.mean()),
         }
-        lines.append({**line, **(own or {}).get(name, {})})
+        lines.append({**line, **(cells or {}).get(name, {})})
     into.scored(model, scored, lines)
     vectors = ({n: getattr(x, n).tolist() for n in ("scores", "deviations")} for x in scored.values())
     record = {
@@ -420,7 +420,7 @@ def complete_file(
         to.tell("completing", 0.8)
         completed = shape_statistics.complete(prior, observed, pose=pose)
         values = {name: getattr(completed, name) for name in ("standard_deviation", "expected_error")}
-        scalars = [Attribute(name, "point", "scalar", np.asarray(own)) for name, own in values.items()]
+        scalars = [Attribute(name, "point", "scalar", np.asarray(array)) for name, array in values.items()]
         left: tuple[Attribute, ...] = ()
         require_names(prior.structures, "structure", model, "make the model again")
         for name, part in shape_statistics.slices_of(prior.structures).items() if shape.is_dir() else ():

@@ -22,7 +22,7 @@ from isomatch.cohort.map_file import require_unchanged
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import MEASURED, CorrespondedShapes, Criterion, ShapeDesign, ShapeModel
 from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
-from isomatch.cohort.study_input import Study, read_groups, read_study, told_doubts
+from isomatch.cohort.study_input import Study, doubts_in_words, read_groups, read_study
 from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import Correspondence
 from isomatch.io import Asset, Attribute, holds_values, read_asset, read_attributes, write_asset
@@ -93,7 +93,7 @@ def statistics(
         study = read_study(folder, groups, needed, wireframe=wireframe, slide=slide)
         shapes, labels, notes = study.shapes, study.groups, study.notes
         weights = weights if len(shapes.faces) else "uniform"
-        for line in told_doubts(study.doubts):
+        for line in doubts_in_words(study.doubts):
             to.warn(line)
         to.tell("model", 0.1)
         if mirror is not None:
@@ -224,11 +224,11 @@ def _fit_linear(
     """Test the terms of a model in the shapes that have all values."""
     names = model.names[: len(log_sizes)]  # without mirror images
     cells = [{SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())]
-    columns = dict.fromkeys(column for own in cells for column in own if column != "name")
+    columns = dict.fromkeys(column for row in cells for column in row if column != "name")
     # the group is a factor, even if its names are numbers, in capitals or not
     formula = re.sub(GROUP, "factor(group)", formula, flags=re.IGNORECASE)
     used = {word.strip() for word in re.split(r"[+*:()~]", formula)} & {*columns}
-    lacks = [any(str(own.get(column, "")).lower() in NO_TEXT for column in used) for own in cells]
+    lacks = [any(str(row.get(column, "")).lower() in NO_TEXT for column in used) for row in cells]
     if without := [*compress(names, lacks)]:
         notes.append(f"not in the model {formula!r}, as a value is missing: {', '.join(without)}")
     full = [i for i, is_missing in enumerate(lacks) if not is_missing]
@@ -291,10 +291,14 @@ def _test_in_words(test: dict[str, Any]) -> str:
 
 def _sentences(record: dict[str, Any]) -> list[str]:
     lines = list[str]()
-    for own in record["structures"]:
-        line = f"{own['structure']} has {own['share']:.1%} of the variance; of its own {own['pose_share']:.1%} is pose"
-        if own["hidden_error"] is not None:
-            line += f"; hidden, it is completed to {own['hidden_error']:.4g}, the mean to {own['hidden_mean_error']:.4g}"
+    for structure in record["structures"]:
+        share, pose_share = structure["share"], structure["pose_share"]
+        line = (
+            f"{structure['structure']} has {share:.1%} of the variance; of its own {pose_share:.1%} is pose"
+        )
+        error, mean_error = structure["hidden_error"], structure["hidden_mean_error"]
+        if error is not None:
+            line += f"; hidden, it is completed to {error:.4g}, the mean to {mean_error:.4g}"
         lines.append(line)
     if tested := record["groups"]:
         if len(tested["names"]) == 2:
@@ -363,7 +367,7 @@ def series(
         notes = [f"left out: {reason}" for reason in shapes.left_out]
         notes += [f"missing: {name}; see shapes.csv" for name in order if name not in meshes]
         doubts = shape_statistics.doubtful_shapes(shapes)
-        notes += told_doubts(doubt for doubt in doubts if doubt.kind == "units")
+        notes += doubts_in_words(doubt for doubt in doubts if doubt.kind == "units")
         for note in notes:
             to.warn(note)
         if len(names) < 2:

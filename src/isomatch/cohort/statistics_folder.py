@@ -151,7 +151,7 @@ class StatisticsFolder:
             self.mesh(f"{file}.ply", mesh, values, shown, highest)
             shape_statistics.draw_values(self.picture(file), mesh, shown, label)
         else:
-            columns = {name: each.tolist() for name, each in values.items()}
+            columns = {name: array.tolist() for name, array in values.items()}
             self.table(f"{file}_landmarks.csv", landmark=like.marks, **columns)
             shape_statistics.draw_landmarks(self.picture(file), {"": at}, at, like.links, shown, label)
 
@@ -188,7 +188,7 @@ class StatisticsFolder:
         shape_statistics.draw_regression(path, allometry, logarithms, shapes.names, label, groups)
         ends = {"allometry_smallest": logarithms.min(), "allometry_largest": logarithms.max()}
         away = {name: (end - logarithms.mean()) * allometry.coefficients[0] for name, end in ends.items()}
-        self.shapes("allometry", shapes, {name: allometry.mean + each for name, each in away.items()})
+        self.shapes("allometry", shapes, {name: allometry.mean + change for name, change in away.items()})
 
     def structures(
         self, model: ShapeModel, poses: shape_statistics.StructurePoses, hidden: list[dict[str, Any]]
@@ -198,8 +198,8 @@ class StatisticsFolder:
         for (name, shares), pose_share in zip(model.structure_shares.items(), poses.shares.tolist()):
             share = float(shares @ model.variance_ratios)
             line = {"structure": name, "share": share, "pose_share": pose_share}
-            own = [[each["error"], each["mean_error"]] for each in hidden if each["structure"] == name]
-            errors = np.mean(own, axis=0).tolist() if own else (None, None)
+            error_rows = [[row["error"], row["mean_error"]] for row in hidden if row["structure"] == name]
+            errors = np.mean(error_rows, axis=0).tolist() if error_rows else (None, None)
             lines.append({**line, **dict(zip(("hidden_error", "hidden_mean_error"), errors))})
         columns = {column: [line[column] for line in lines] for column in lines[0]}
         self.table("structures.csv", **columns, **_by_mode(np.array([*model.structure_shares.values()])))
@@ -243,9 +243,11 @@ class StatisticsFolder:
                 sections[title] = tabulated([*rows[0]], (row.values() for row in rows))
         if classes:
             groups = [labels[name] for name in classified]
-            variates = {f"variate_{i}": each.tolist() for i, each in enumerate(classes.variates.T, start=1)}
-            told = {"name": classified, "group": groups, "predicted": classes.predicted}
-            self.table("classification.csv", **told, **variates)
+            variates = {
+                f"variate_{i}": column.tolist() for i, column in enumerate(classes.variates.T, start=1)
+            }
+            columns = {"name": classified, "group": groups, "predicted": classes.predicted}
+            self.table("classification.csv", **columns, **variates)
             across = np.column_stack([classes.variates, np.zeros(len(groups))])[:, :2]
             label = f"canonical variates of {classes.n_modes} modes, in standard deviations within groups"
             shape_statistics.draw_embedding(self.picture("canonical"), across, classified, label, groups)
@@ -273,20 +275,22 @@ class StatisticsFolder:
     ) -> None:
         """Write how, and where, shapes that are no part of the model differ from it."""
         columns = {column: [line[column] for line in lines] for column in lines[0]} if lines else {}
-        columns |= _by_mode(np.array([each.scores for each in scored.values()]))
+        columns |= _by_mode(np.array([shape.scores for shape in scored.values()]))
         self.table("scored.csv", **columns)
-        errors = {name: each.vertex_errors for name, each in scored.items()}
-        highest = max((float(np.nanquantile(each, 0.995)) for each in errors.values()), default=0.0)
-        for name, each in scored.items():
-            apart = np.linalg.norm(each.aligned - model.mean, axis=1)
-            values = {"residual": errors[name], "distance_from_mean": apart}
-            self.mesh(f"scored/{name}.ply", model.mesh().moved(each.aligned), values, errors[name], highest)
+        errors = {name: shape.vertex_errors for name, shape in scored.items()}
+        highest = max((float(np.nanquantile(values, 0.995)) for values in errors.values()), default=0.0)
+        for name, shape in scored.items():
+            distances = np.linalg.norm(shape.aligned - model.mean, axis=1)
+            values = {"residual": errors[name], "distance_from_mean": distances}
+            self.mesh(f"scored/{name}.ply", model.mesh().moved(shape.aligned), values, errors[name], highest)
 
     def exports(self, shapes: CorrespondedShapes, model: ShapeModel) -> list[str]:
         """Write aligned meshes, files of ShapeWorks and Scalismo; return what failed, and why."""
         aligned = model.aligned
         inside = "aligned/" if len(shapes.faces) else ""
-        self.shapes("aligned", shapes, {inside + name: each for name, each in zip(model.names, aligned)})
+        self.shapes(
+            "aligned", shapes, {inside + name: vertices for name, vertices in zip(model.names, aligned)}
+        )
         if not inside:
             return []
         inner = self.path("shapeworks/project.swproj").parent
@@ -307,7 +311,7 @@ class StatisticsFolder:
         folder: str,
         model: ShapeModel,
         record: Mapping[str, Any],
-        told: Sequence[str],
+        sentences: Sequence[str],
         more: Mapping[str, str],
     ) -> None:
         """Write the page with all pictures of a model, its modes in 3D, and what the command tells."""
@@ -318,7 +322,7 @@ class StatisticsFolder:
         rows = [(str(i), f"{x:.1%}", f"{y:.1%}") for i, (x, y) in modes]
         scale += ", and projected on the tangent space" * record["tangent"]
         settings = f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."
-        sections = {"To look at first": listed(doubts), "What was found": listed(told)}
+        sections = {"To look at first": listed(doubts), "What was found": listed(sentences)}
         view, scripts = mode_view(model, record["modes"]) if len(model.faces) else ("", "")
         sections |= {**more, "Modes": view + tabulated(("mode", "share of the variance", "so far"), rows)}
         self.page(f"Statistics of {counted}", folder, settings, sections, PICTURES, scripts)
@@ -332,7 +336,7 @@ class StatisticsFolder:
         words: Mapping[str, str],
         scripts: str = "",
     ) -> None:
-        """Write the page: sections of HTML by their headings, but for empty ones, pictures with words, and files."""
+        """Write the page: sections that are not empty, with headings, pictures with words, and files."""
         ending = f".{self.pictures}"
         drawn = [name.removesuffix(ending) for name in self.written if name.endswith(ending)]
         body = template_of("statistics_folder.html").substitute(
@@ -373,10 +377,10 @@ def _by_mode(scores: FloatArray) -> dict[str, list[float]]:
 
 
 def _files_of(record: Path) -> list[str]:
-    """Names that an earlier record lists, as far as they are in its folder."""
+    """Names that an earlier record lists, if they are in its folder."""
     try:
         listed = json.loads(record.read_text(encoding="utf-8"))["files"]
-        return [each for each in listed if not Path(each).is_absolute() and ".." not in Path(each).parts]
+        return [name for name in listed if not Path(name).is_absolute() and ".." not in Path(name).parts]
     except (OSError, ValueError, KeyError, TypeError):
         return []
 

@@ -91,17 +91,17 @@ def _read_landmarks(
         if not any(len(curve.rows) > 2 for curve in first.curves) and not first.patch:
             remedy = f"give a table {source.stem}_sliders.csv or {source.stem}_surfaces.csv beside it"
             raise InputError(f"{source}: has no curves nor points of a surface that could slide; {remedy}")
-        given = np.array([each.positions for each in specimens.values()])
+        given = np.array([specimen.positions for specimen in specimens.values()])
         found = shape_statistics.slid_semilandmarks(given, None, first.curves, first.patch, criterion=slide)
         slid = found.of_each([*specimens], given)
         specimens = {n: replace(specimens[n], positions=at) for n, at in zip(specimens, found.positions)}
     if wireframe:
         links = tuple(Curve("", pair) for pair in read_landmark_pairs(wireframe, first.names))
-        specimens = {name: replace(each, curves=links) for name, each in specimens.items()}
+        specimens = {name: replace(specimen, curves=links) for name, specimen in specimens.items()}
     return CorrespondedShapes.of_landmarks(specimens), slid
 
 
-def told_doubts(doubts: Iterable[Doubt]) -> list[str]:
+def doubts_in_words(doubts: Iterable[Doubt]) -> list[str]:
     """Put doubts in words."""
     return [f"{' and '.join(doubt.names)} {doubt.reason}" for doubt in doubts]
 
@@ -112,7 +112,9 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
     for row in read_table(pairs).records() if pairs.is_file() else ():
         for end in ("source", "target"):
             outcomes.get(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
-    doubtful = {name: ", ".join(sorted(own)) for name, own in outcomes.items() if own and not own & TRUSTED}
+    doubtful = {
+        name: ", ".join(sorted(found)) for name, found in outcomes.items() if found and not found & TRUSTED
+    }
     return [f"{name} may be matched wrongly: {doubts}" for name, doubts in doubtful.items()]
 
 

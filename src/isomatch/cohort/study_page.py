@@ -34,7 +34,7 @@ SHOWN |= {"spectral_residual": "{:.2f}", "runner_up": "{:.2f}", "seconds": "{:.1
 HEADS = {"runner_up": "best alternative", "distortion_mean": "distortion"}
 MAX_TURNED_SHARE = 0.01  # share of faces that are turned over, which is not worth a word
 MAX_PAIRS = 200  # pairs on the page
-MEASURES = tuple(each.name for each in fields(Quality))
+MEASURES = tuple(field.name for field in fields(Quality))
 COLUMNS = (
     *("source", "target", "state", "outcome", "outcome_back"),
     *(*MEASURES, *(f"{name}_back" for name in MEASURES)),
@@ -80,7 +80,7 @@ def _first(odd: Sequence[Outlier]) -> str:
 
 def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, SurfaceRow]) -> str:
     line, row = lines.get(name, SurfaceRow(name=name)), rows.shapes.get(name, ShapeRow(state="todo"))
-    problems = [each.error for each in (row, line) if each.error]
+    problems = [record.error for record in (row, line) if record.error]
     if line.mirror_image:
         problems.append("seems to be a mirror image")
     if float(line.turned or 0) > MAX_TURNED_SHARE:
@@ -123,9 +123,9 @@ def worst_first(rows: Rows) -> list[tuple[Pair, PairRow]]:
     """Order pairs: failed ones first, then by outcome and spectral residual."""
 
     def goodness(item: tuple[Pair, PairRow]) -> tuple[bool, int, float]:
-        there = item[1].there
-        sureness = there.outcome.sureness if there.values else -1
-        return item[1].state == "done", sureness, -(there.measures.get("spectral_residual") or 0.0)
+        summary = item[1].there
+        sureness = summary.outcome.sureness if summary.values else -1
+        return item[1].state == "done", sureness, -(summary.measures.get("spectral_residual") or 0.0)
 
     return sorted(rows.pairs.items(), key=goodness)
 
@@ -165,8 +165,9 @@ def write_reports(
 ) -> Iterator[tuple[Pair, str]]:
     """Write the reports of pairs without one of their present map; yield each with any error.
 
-    Of the pairs, these are so many of the worst; the "doubtful" ones on the page, which are not ``CONVERGED``, with the
-    three next; or "all". Other arguments are those of `Collection.run`.
+    A number N chooses the N worst pairs; "doubtful" the pairs on the page that are not
+    ``CONVERGED``, and the three next ones; "all" every pair. Other arguments are those of
+    `Collection.run`.
     """
     if not isinstance(which, str) and which < 0:
         raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")
@@ -205,7 +206,7 @@ def _written(collection: Collection, item: tuple[Pair, PairRow]) -> None:
     source_turned, target_turned = (name in row.reflected for name in pair)
     maps = collection.maps(*pair)
     source, target = map(mesh_from, files)
-    there, source, target = as_matched(maps.there, source, target, (source_turned, target_turned))
+    forward, source, target = as_matched(maps.there, source, target, (source_turned, target_turned))
     command = join(["isomatch", "match", *map(str, files)])
     if source_turned != target_turned:
         command += " --orientation any"
@@ -217,7 +218,7 @@ def _written(collection: Collection, item: tuple[Pair, PairRow]) -> None:
         notes.append("a collection does not keep alternatives; isomatch match finds them again")
     if row.is_contradicted:
         notes.insert(0, f"other maps contradict it by {row.inconsistency:.2f} √area")
-    result = MatchResult.from_dict(dict(row.there.values), there, collection.config)
+    result = MatchResult.from_dict(dict(row.there.values), forward, collection.config)
     known: dict[str, Any] = {} if maps.there_error is None else {"expected_error": maps.there_error}
     result = replace(result, notes=tuple(notes), **known)
     write_report(path, source, target, result, names=pair, command=command)

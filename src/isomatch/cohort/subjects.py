@@ -72,7 +72,7 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
         if alike := [name for name, fold in zip(names, folded) if folded.count(fold) > 1]:
             remedy = "name them alike, or otherwise"
             raise InputError(f"{source}: {', '.join(alike)} differ in case or accents alone; {remedy}")
-    # a structure of few subjects, all of which lack a usual one, may be that one under another name
+    # a structure of few subjects that all lack a usual one may be that one under another name
     usual = [structure for structure, files in found.items() if 2 * len(files) > len(subjects)]
     for structure, files in found.items():
         lacked = [other for other in usual if found[other].keys().isdisjoint(files)]
@@ -96,7 +96,8 @@ def subject_collections(
 ) -> dict[str, Collection]:
     """Make or continue a collection for each structure; one that lies on a larger one is led by it.
 
-    The template of the structure that most subjects have is that of the others where they have it.
+    The template of the structure that most subjects have is also the template of the other
+    structures, where they have it.
     """
     names = {name for files in found.values() for name in files}
     named = [] if reflect in (None, "auto") else list(reflect or ())
@@ -136,9 +137,13 @@ def sides_of(
     # The majority decides: the layout and each structure whose map is sure have a vote. A
     # structure, or a layout, that reflects no subject does not tell sides, and has no vote. Sides
     # are relative to a template, so those of a structure with another template may be opposite.
-    all_rows = {name: own.rows() for name, own in collections.items()}
-    templates = {name: own.chosen_template(all_rows[name]) or "" for name, own in collections.items()}
-    turned = {name: set(all_rows[name].reflected(own.names)) for name, own in collections.items()}
+    all_rows = {name: collection.rows() for name, collection in collections.items()}
+    templates = {
+        name: collection.chosen_template(all_rows[name]) or "" for name, collection in collections.items()
+    }
+    turned = {
+        name: set(all_rows[name].reflected(collection.names)) for name, collection in collections.items()
+    }
     first, *others = collections
     for structure in others:
         names = set(collections[structure].names)
@@ -146,7 +151,7 @@ def sides_of(
         n_opposite = len((turned[structure] ^ turned[first]) & shared)
         if templates[structure] != templates[first] and 2 * n_opposite > len(shared):
             turned[structure] = names - turned[structure]
-    subjects = dict.fromkeys(name for own in collections.values() for name in own.names)
+    subjects = dict.fromkeys(name for collection in collections.values() for name in collection.names)
     by_layout = set(subjects) - set(mirrored) if templates[first] in mirrored else set(mirrored)
     reflected, against = set[str](), list[tuple[str, str]]()
     for subject in subjects:
@@ -170,12 +175,12 @@ def finish_subjects(
 ) -> list[Gap]:
     """Write each subject as one surface to ``corresponded``, and the gaps to ``contacts.csv``."""
     parts = {}
-    for name, own in collections.items():
-        if written := surfaces_written(own):
-            parts[name] = shape_statistics.read_shapes(map(own.layout.corresponded, written))
+    for name, collection in collections.items():
+        if written := surfaces_written(collection):
+            parts[name] = shape_statistics.read_shapes(map(collection.layout.corresponded, written))
     if not parts:
         raise InputError(f"{folder}: no structure is in one topology; see their pages")
-    templates = [own.chosen_template(own.rows()) for own in collections.values()]
+    templates = [collection.chosen_template(collection.rows()) for collection in collections.values()]
     shapes = shape_statistics.stacked(parts)
     shapes, gaps = measure_contacts(shapes, max(templates, key=templates.count), move=keep_contacts)
     to = Path(folder) / "corresponded"
@@ -262,8 +267,12 @@ class _Contact(NamedTuple):
 
 def leaders_of(meshes: Mapping[str, Mesh]) -> dict[str, str]:
     """Find the larger structure on which each lies by 0.6 of its area, as cartilage on bone."""
-    contacts = _contacts_of(meshes, MIN_SHEET_AREA)
-    return {name: max(own, key=lambda contact: contact.area).other for name, own in contacts.items() if own}
+    found = _contacts_of(meshes, MIN_SHEET_AREA)
+    return {
+        name: max(contacts, key=lambda contact: contact.area).other
+        for name, contacts in found.items()
+        if contacts
+    }
 
 
 def measure_contacts(
@@ -296,9 +305,9 @@ def measure_contacts(
         sheet = max(sheets, key=lambda contact: contact.area, default=None)
         smooth = _smoothing(meshes[name], sheet) if sheet else None
         for i in np.flatnonzero(has[name]).tolist():
-            own, note = mesh_of(shapes.vertices, i, name), ""
+            surface, note = mesh_of(shapes.vertices, i, name), ""
             if move and sheet and smooth and has[sheet.other][i] and i != at:
-                moved, kept = _follow(own, mesh_of(vertices, i, sheet.other), sheet, smooth)
+                moved, kept = _follow(surface, mesh_of(vertices, i, sheet.other), sheet, smooth)
                 if (without := 1 - kept[sheet.touches].mean()) > MAX_WITHOUT:
                     note = f"left as matched: {without:.0%} of what touches would have no counterpart"
                 else:
@@ -321,7 +330,8 @@ def _contacts_of(meshes: Mapping[str, Mesh], least: float) -> dict[str, list[_Co
     ordered = sorted(meshes, key=lambda name: -meshes[name].area)
     found = {a: [_Contact.of(meshes[a], b, meshes[b]) for b in ordered[:i]] for i, a in enumerate(ordered)}
     return {
-        a: [contact for contact in own if contact.area >= least * meshes[a].area] for a, own in found.items()
+        a: [contact for contact in contacts if contact.area >= least * meshes[a].area]
+        for a, contacts in found.items()
     }
 
 
@@ -340,14 +350,16 @@ def _smoothing(mesh: Mesh, contact: _Contact) -> Callable[[FloatArray], FloatArr
 
 
 def _follow(
-    own: Mesh, other: Mesh, contact: _Contact, smooth: Callable[[FloatArray], FloatArray]
+    surface: Mesh, other: Mesh, contact: _Contact, smooth: Callable[[FloatArray], FloatArray]
 ) -> tuple[FloatArray, BoolArray]:
     """Move the points of a structure along with the other; tell which have counterparts."""
-    goals, places = contact.points.interpolated(other.vertices), own.vertices
+    goals, places = contact.points.interpolated(other.vertices), surface.vertices
     for _ in range(N_ROUNDS):
-        places = _nearest(own, places + smooth(goals - _nearest(other, places)))
+        places = _nearest(surface, places + smooth(goals - _nearest(other, places)))
     left = goals - _nearest(other, places)
-    is_beyond = contact.touches & (np.linalg.norm(left, axis=1) > MAX_SLIP * np.sqrt(own.area / len(places)))
+    is_beyond = contact.touches & (
+        np.linalg.norm(left, axis=1) > MAX_SLIP * np.sqrt(surface.area / len(places))
+    )
     return np.where(is_beyond[:, None], places + left, places), ~is_beyond
 
 
@@ -355,11 +367,11 @@ def _nearest(mesh: Mesh, positions: FloatArray) -> FloatArray:
     return nearest_on_surface(mesh, positions).interpolated(mesh.vertices)
 
 
-def _gap_of(contact: _Contact, own: Mesh, other: Mesh, rows: BoolArray) -> tuple[float, float, float]:
+def _gap_of(contact: _Contact, surface: Mesh, other: Mesh, rows: BoolArray) -> tuple[float, float, float]:
     """Measure the largest gap and overlap, and mean slip, of some points of a contact."""
     if not rows.any():
         return np.nan, np.nan, np.nan
-    points = own.vertices[rows]
+    points = surface.vertices[rows]
     nearest = nearest_on_surface(other, points)
     away = points - nearest.interpolated(other.vertices)
     outside = np.einsum("ij,ij->i", away, nearest.interpolated(other.vertex_normals)) >= 0

@@ -210,7 +210,7 @@ class Alike(NamedTuple):
     name: str
     other: str
     kind: Literal["copy", "mirror image"]
-    factor: float  # its size, over that of the other
+    factor: float  # its size divided by the size of the other
     is_equal: bool  # whether vertices and faces are equal, also in their order
 
 

@@ -157,7 +157,7 @@ class _Fit:
             centre = shape.mean(axis=0) if len(shape) else np.zeros(3)
             if is_free:
                 columns = np.concatenate([spread, _motions(shape, centre, size, model.size is not None)])
-            # the noise of each coordinate is 1/√3 of that of the distance
+            # the noise of each coordinate is the noise of the distance divided by √3
             noise = np.maximum(observations.noise / motion.scale, MIN_NOISE * size)[:, None] / np.sqrt(3)
             offsets = motion.undo(observations.positions) - mean
             seen = observations.weigh(np.concatenate([columns, offsets[None]]), motion.rotation) / noise
@@ -315,7 +315,7 @@ class Observations:
         return np.asarray(across + ALONG_WEIGHT * (columns - across))
 
     def check_fits(self, n_vertices: int) -> None:
-        """Raise an `InputError` if the points are not on a surface with so many vertices."""
+        """Raise an `InputError` if the points are not on a surface with ``n_vertices`` vertices."""
         corners = self.points.corners
         if corners.size and not 0 <= corners.min() <= corners.max() < n_vertices:
             given = f"points at vertices {corners.min()}…{corners.max()}"
@@ -373,22 +373,24 @@ def observed_vertices(
 
 
 def observed_landmarks(
-    model: ShapeModel, own: Landmarks, found: Landmarks, noise: float | None = None
+    model: ShapeModel, mean_landmarks: Landmarks, found: Landmarks, noise: float | None = None
 ) -> Observations:
     """Observe landmarks of a shape, joined by name with landmarks of the model's mean.
 
     Their expected errors add to the noise, see `observed_vertices`.
     """
-    known, given = ([n for n, is_placed in zip(x.names, x.placed) if is_placed and n] for x in (own, found))
+    known, given = (
+        [n for n, is_placed in zip(x.names, x.placed) if is_placed and n] for x in (mean_landmarks, found)
+    )
     shared = [name for name in known if name in set(given)]
     if not shared:
         of_both = f"{', '.join(given)[:80]} and {', '.join(known)[:80]}"
         raise LandmarkError(f"no landmark of the shape is named like one of the mean: {of_both}")
     if twice := [name for name in shared if known.count(name) + given.count(name) > 2]:
         raise LandmarkError(f"several landmarks are named {', '.join(twice)}; give each a name of its own")
-    row_of = [{x.names[i]: i for i in np.flatnonzero(x.placed)} for x in (own, found)]
+    row_of = [{x.names[i]: i for i in np.flatnonzero(x.placed)} for x in (mean_landmarks, found)]
     rows, rows_found = ([of[name] for name in shared] for of in row_of)
-    points = nearest_on_surface(model.mesh(), own.positions[rows])
+    points = nearest_on_surface(model.mesh(), mean_landmarks.positions[rows])
     positions, errors = found.positions[rows_found], np.nan_to_num(found.expected_error[rows_found])
     unknown = [name for name in given if name not in shared]
     notes = (f"landmarks that the mean does not have: {', '.join(unknown)}",) if unknown else ()
@@ -449,8 +451,8 @@ def read_observations(
     if path.suffix.lower() not in FORMATS:
         if landmarks is None:
             raise LandmarkError(f"{path}: give the landmarks of the mean too, with the same names")
-        own = Landmarks.read(landmarks, model.mesh())
-        return observed_landmarks(model, own, Landmarks.read(path), noise)
+        mean_landmarks = Landmarks.read(landmarks, model.mesh())
+        return observed_landmarks(model, mean_landmarks, Landmarks.read(path), noise)
     if landmarks is not None:
         use = "landmarks of the mean are for a file of landmarks"
         raise SettingError(f"{landmarks}: {use}; {path} is a mesh")
@@ -502,7 +504,7 @@ def _noise(noise: float | None, model: ShapeModel, points: PrecisePoints, positi
 
 
 def _scale(model: ShapeModel, points: PrecisePoints, positions: FloatArray) -> float:
-    """Estimate the size of a shape over that of the model, if sizes were removed."""
+    """Estimate the size of a shape divided by the size of the model, if sizes were removed."""
     if model.size is None:
         return 1.0
     sizes = [np.linalg.norm(x - x.mean(axis=0)) for x in (positions, points.interpolated(model.mean))]

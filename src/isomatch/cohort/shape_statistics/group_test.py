@@ -25,7 +25,7 @@ class GroupTest:
 
     groups: tuple[str, str]  #: their names, in alphabetical order
     counts: tuple[int, int]  #: numbers of shapes
-    difference: FloatArray  #: (n, d) mean of the second group minus that of the first
+    difference: FloatArray  #: (n, d) mean of the second group minus mean of the first
     t_squared: FloatArray  #: (n,) of Hotelling; ``inf`` if the groups are separated completely
     p_values: FloatArray  #: (n,) probability of as large a T² if the groups have one distribution
     #: (n,) least false discovery rate at which a vertex counts as different (Benjamini & Hochberg

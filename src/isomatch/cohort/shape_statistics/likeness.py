@@ -18,12 +18,12 @@ from isomatch.cohort.shape_statistics.procrustes import generalised_procrustes, 
 from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 
-# In seven sets of animals and people in many poses, up to half of which were mirrored at random,
-# the first two find 202 of 208 mirror images, none in TOSCA victoria, whose poses differ most, and
+# In seven sets of animals and people in many poses, with up to half of the shapes mirrored at
+# random, the first two find 202 of 208 mirror images, none in TOSCA victoria, whose poses differ most, and
 # no wrong ones.
 MIN_SAMPLE_AGREEMENT = 0.35  # median of all shapes; below it, poses differ too much to tell
 MIN_SHAPE_AGREEMENT = 0.15  # median of one shape with the others
-MIRROR_RATIO = 0.7  # distance of the mirror image over that of the shape, in samples of few shapes
+MIRROR_RATIO = 0.7  # mirror image's distance divided by the shape's distance, in samples of few shapes
 MIN_THICKNESS = 0.01  # thickness over size; a thinner shape equals its mirror image
 SAME_SHAPE = 1e-5  # distance over size; a shape in another file is nearer
 FAR_SIZES = 10.0  # distance from the middle of all centroids, in sizes, from which a shape is far
@@ -188,13 +188,13 @@ def likely_units(factor: float) -> tuple[str, str] | None:
     (('mm', 'm'), ('in', 'mm'), None, None)
     """
     pairs = [*USUAL_UNITS, *(pair[::-1] for pair in USUAL_UNITS), *permutations(METRES, 2)]
-    errors = [abs(np.log(factor * METRES[own] / METRES[others])) for own, others in pairs]
+    errors = [abs(np.log(factor * METRES[unit] / METRES[usual])) for unit, usual in pairs]
     best = int(np.round(errors, 9).argmin())
     return pairs[best] if errors[best] < min(abs(np.log(factor)), np.log(MIN_SIZE_RATIO)) else None
 
 
 def told_factor(factor: float) -> str:
-    """Tell the ratio of a size to that of the others, and which units would explain it."""
+    """Tell the ratio of a size to the size of the others, and which units would explain it."""
     text = f"is {factor:.4g} times as large as the others"
     units = likely_units(factor)
     return f"{text}: in {units[0]}, if they are in {units[1]}?" if units else text

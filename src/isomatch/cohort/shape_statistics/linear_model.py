@@ -50,7 +50,7 @@ class TermTest(NamedTuple):
 class PairTest(NamedTuple):
     """The distance of two groups: of their means, or of their slopes along a variable."""
 
-    of: str  # the factor, or the term of own slopes
+    of: str  # the factor, or the term with a slope for each group
     first: str
     second: str
     distance: float  # of means, or of slopes for one unit of the variable, in units of the shapes
@@ -89,7 +89,7 @@ class ShapeDesign:
         factors = re.findall(r"factor\s*\(\s*(.+?)\s*\)", formula)
         plain = re.sub(r"factor\s*\(\s*(.+?)\s*\)", r"\1", formula.rpartition("~")[2])
         for part in plain.split("+"):
-            crossed = [tuple(each.strip() for each in factor.split(":")) for factor in part.split("*")]
+            crossed = [tuple(name.strip() for name in factor.split(":")) for factor in part.split("*")]
             for n in range(1, len(crossed) + 1):
                 for chosen in combinations(crossed, n):
                     term = tuple(dict.fromkeys(name for names in chosen for name in names))
@@ -99,7 +99,7 @@ class ShapeDesign:
         codes, levels = dict[str, FloatArray](), dict[str, tuple[str, ...]]()
         for name in dict.fromkeys(name for term in terms for name in term):
             codes[name], levels[name] = _coded(name, formula, table, name in factors)
-        return cls(formula, tuple(terms), codes, {name: own for name, own in levels.items() if own})
+        return cls(formula, tuple(terms), codes, {name: values for name, values in levels.items() if values})
 
     @property
     def names(self) -> list[str]:
@@ -161,7 +161,7 @@ class ShapeAnova:
     """Sequential analysis of variance by the terms of a model, and tests of pairs of groups."""
 
     rows: tuple[TermTest, ...]  #: the terms in their order, residuals, total
-    pairs: tuple[PairTest, ...]  #: for each factor and each term of own slopes
+    pairs: tuple[PairTest, ...]  #: for each factor and each term with a slope for each group
     n_permutations: int
     seed: int  #: draws the permutations
 
@@ -199,7 +199,8 @@ def shape_anova(
     for phenotypes described by high-dimensional data*, Heredity 2015. The residuals of the model of
     all earlier terms are permuted and added to its fitted values, and F is compared. For pairs, the
     terms of the factor are left out, and means at the mean of other variables compared; or the term
-    of own slopes is left out, and slopes compared. A permutation takes O(m² q) time for q columns.
+    with a slope for each group is left out, and slopes compared. A permutation takes O(m² q) time
+    for q columns.
 
     Examples
     --------

@@ -111,8 +111,8 @@ def motion_by_region(
     """Average the values of `face_motion` for ``all``, and for each region, named at each vertex.
 
     Returns ``region``, ``area``, ``volume``, which is nan for regions and surfaces that are not
-    closed, and means weighted by area: thickness by that of the mesh, the others by that of the
-    reference, so that ``area_strain`` is the growth of the region. A face at a border counts a
+    closed, and means weighted by area: thickness by the area of the mesh, the others by the area of
+    the reference, so that ``area_strain`` is the growth of the region. A face at a border counts a
     third for each corner. The name "" is no region.
     """
     of = np.array(regions, dtype=str)

@@ -207,8 +207,8 @@ def _converged(products: FloatArray, most: int) -> tuple[FloatArray, int]:
     """Rotations (m, d, d) of all shapes onto their mean, and the number of iterations."""
     medoid = int((_pair_distances(products) ** 2).sum(axis=1).argmin())
     rotations = _nearest_rotations(products[:, medoid])
-    own = np.einsum("ssij->sij", products)
-    size = np.sqrt(max(np.einsum("sii->s", own).mean(), np.finfo(float).tiny))
+    moments = np.einsum("ssij->sij", products)
+    size = np.sqrt(max(np.einsum("sii->s", moments).mean(), np.finfo(float).tiny))
     for iteration in range(most):
         # Σₜ Xₛᵀ W Xₜ Rₜᵀ / m = Xₛᵀ W (mean): the 3 × 3 products of pairs suffice. The rotation Rₛ
         # onto the mean maximises the trace of its product with it; then the mean is renewed (Gower)
@@ -217,7 +217,7 @@ def _converged(products: FloatArray, most: int) -> tuple[FloatArray, int]:
         change = turned - rotations
         rotations = turned
         # |Xₛ ΔRᵀ|² = tr(ΔR Xₛᵀ W Xₛ ΔRᵀ)
-        moved = np.sqrt(np.maximum(np.einsum("sij,sjk,sik->s", change, own, change), 0.0))
+        moved = np.sqrt(np.maximum(np.einsum("sij,sjk,sik->s", change, moments, change), 0.0))
         if moved.max() <= TOLERANCE * size:
             return rotations, iteration + 1
     problem = f"the shapes still move by {moved.max() / size:.1e} of their size after {most} iterations"

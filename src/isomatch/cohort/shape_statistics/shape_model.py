@@ -196,8 +196,8 @@ class ShapeModel:
     @property
     def structure_shares(self) -> dict[str, FloatArray]:
         """Share of each structure in the variance of each mode, (k,); their sum is 1."""
-        own = np.einsum("i,kij,kij->ki", self.weights, self.modes, self.modes)
-        return {name: own[:, part].sum(axis=1) for name, part in slices_of(self.structures).items()}
+        shares = np.einsum("i,kij,kij->ki", self.weights, self.modes, self.modes)
+        return {name: shares[:, part].sum(axis=1) for name, part in slices_of(self.structures).items()}
 
     @property
     def aligned(self) -> FloatArray:
@@ -325,10 +325,10 @@ def _without_each(
     # modes are orthonormal; the mirror image of a shape is left out with it
     m = len(model.names)
     chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
-    own = np.array([name.removesuffix(MIRRORED) for name in model.names])
+    individuals = np.array([name.removesuffix(MIRRORED) for name in model.names])
     with serial_blas():
         for left_out in chosen if m > 1 else ():
-            others = model.scores[own != own[left_out]]
+            others = model.scores[individuals != individuals[left_out]]
             mean = others.mean(axis=0)
             _, values, axes = np.linalg.svd(others - mean, full_matrices=False)
             used = values[: m - 2] > 1e-10 * max(values.max(initial=0.0), 1e-300)

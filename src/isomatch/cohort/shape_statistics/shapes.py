@@ -104,8 +104,8 @@ class CorrespondedShapes:
         if self.structures and sum(self.structures.values()) != vertices.shape[1]:
             problem = f"{self.structures} are not {vertices.shape[1]} vertices"
             raise MeshError(f"{problem}; give those of each structure")
-        own = {"names": tuple(self.names), "left_out": tuple(self.left_out)}
-        vars(self).update(**own, vertices=vertices, faces=faces, measured=measured)
+        names, left_out = tuple(self.names), tuple(self.left_out)
+        vars(self).update(names=names, left_out=left_out, vertices=vertices, faces=faces, measured=measured)
 
     def __repr__(self) -> str:
         return f"CorrespondedShapes({len(self)} shapes of {self.n_vertices} {self.points})"
@@ -124,7 +124,7 @@ class CorrespondedShapes:
         """Collect meshes in natural order of names, without those that are not in correspondence.
 
         A mesh is left out if its faces, or the ``polygons`` they were cut from, differ from those
-        of most meshes by more than their order and that of corners; if it has a vertex without a
+        of most meshes by more than the order of faces and corners; if it has a vertex without a
         finite position, as unmatched vertices are written; or if less than half of its vertices
         were ``measured``, an array (n,) for each mesh with some that were not, and there are no
         ``structures``. Polygons are cut as in the first mesh. ``left_out`` tells which and why.
@@ -291,7 +291,7 @@ def _most_common(values: Iterable[T]) -> T:
 
 
 def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes:
-    """Read meshes in one topology: a folder, that of ``isomatch collect``, or given files.
+    """Read meshes in one topology from a folder, an ``isomatch collect`` folder, or given files.
 
     A shape has the name of its file without the suffix; ``left_out`` names files that are not in
     correspondence with the others. The attribute ``measured`` of PLY files tells which vertices
@@ -339,16 +339,16 @@ def _cut_as(polygons: Polygons, triangles: IntArray) -> bool:
     first = (np.cumsum(polygons.sizes) - polygons.sizes)[of, None]
     whole = polygons.sizes[of] == 3
     n = max(int(polygons.corners.max(initial=0)), int(triangles.max(initial=0))) + 1
-    own = np.repeat(np.arange(len(polygons)), polygons.sizes) * n + polygons.corners
+    polygon_corners = np.repeat(np.arange(len(polygons)), polygons.sizes) * n + polygons.corners
     is_equal = np.array_equal(triangles[whole], polygons.corners[first[whole] + np.arange(3)])
-    return is_equal and bool(np.isin(of[:, None] * n + triangles, own).all())
+    return is_equal and bool(np.isin(of[:, None] * n + triangles, polygon_corners).all())
 
 
 def _measured(file: str | Path, asset: Asset) -> BoolArray | None:
     if Path(file).suffix.lower() != ".ply":
         return None
-    own = [x.values for x in asset.attributes if (x.name, x.domain) == (MEASURED, "point")]
-    return np.asarray(own[0] != 0) if own and own[0].ndim == 1 else None
+    masks = [x.values for x in asset.attributes if (x.name, x.domain) == (MEASURED, "point")]
+    return np.asarray(masks[0] != 0) if masks and masks[0].ndim == 1 else None
 
 
 def _files_of(folder: Path) -> list[Path]:

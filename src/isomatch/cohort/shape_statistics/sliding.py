@@ -128,7 +128,7 @@ def slid_semilandmarks(
     sizes, energies = centroid_sizes(now)[:, None, None], list[FloatArray]()
     of: Sequence[Mesh | None] = surfaces or [None] * len(now)
     rows, given = np.array(patch, dtype=np.int64), list(zip(of, now, placed))
-    specimens = parallel_map(lambda own: _Specimen(*own, curves, rows), given)
+    specimens = parallel_map(lambda parts: _Specimen(*parts, curves, rows), given)
     closeness = min(MAX_RESIDUAL, enough)
     with serial_blas():
         for _ in range(most_rounds):

@@ -84,16 +84,16 @@ def aligned_structures(
     shapes, seen = shapes.moved(joint.aligned), shapes.seen
     vertices, shares, poses = joint.aligned.copy(), [], []
     for part in slices_of(shapes.structures).values():
-        own = share[part] / share[part].sum()
+        part_weights = share[part] / share[part].sum()
         faces = structure_of(shapes.mesh(0), part).faces
         alone = CorrespondedShapes(shapes.names, shapes.vertices[:, part], faces, measured=seen[:, part])
-        whole = filled(alone, own, scale).vertices
-        vertices[:, part] = generalised_procrustes(whole, own, scale).aligned
+        whole = filled(alone, part_weights, scale).vertices
+        vertices[:, part] = generalised_procrustes(whole, part_weights, scale).aligned
         both = vertices[:, part], joint.aligned[:, part]
-        variances = [np.einsum("i,mij->", own, (x - x.mean(axis=0)) ** 2) for x in both]
+        variances = [np.einsum("i,mij->", part_weights, (x - x.mean(axis=0)) ** 2) for x in both]
         shares.append(1 - variances[0] / variances[1] if variances[1] > 0 else 0.0)
-        centres = [np.einsum("i,mij->mj", own, x)[:, None] for x in both]
-        products = np.einsum("mij,i,mik->mjk", both[1] - centres[1], own, both[0] - centres[0])
+        centres = [np.einsum("i,mij->mj", part_weights, x)[:, None] for x in both]
+        products = np.einsum("mij,i,mik->mjk", both[1] - centres[1], part_weights, both[0] - centres[0])
         turns = Rotation.from_matrix(nearest_rotation(products)).as_rotvec()
         pose = np.stack([np.asarray(turns), (centres[1] - centres[0])[:, 0]])
         poses.append(np.where(np.asarray(seen[:, part].any(axis=1))[:, None], pose, np.nan))
