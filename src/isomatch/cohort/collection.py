@@ -115,7 +115,7 @@ class Collection(Plan):
         if pairs not in ("star", "all"):
             pairs_of(names, pairs, template)
         settings = pairs, template, config or Config(), seed
-        sides, units_of = _checked(reflect, names), checked_units(units or {}, names)
+        sides, units_of = _check_reflect(reflect, names), checked_units(units or {}, names)
         new = cls(layout.folder, entries, *settings, sides, units_of, leader, beside)
         if layout.plan.exists():
             old = cls.open(folder)
@@ -243,7 +243,9 @@ class Collection(Plan):
 _NEIGHBOURS = ("leader", "beside")  # other collections that a plan names
 
 
-def _checked(reflect: str | Iterable[str] | None, names: Sequence[str]) -> Literal["auto"] | tuple[str, ...]:
+def _check_reflect(
+    reflect: str | Iterable[str] | None, names: Sequence[str]
+) -> Literal["auto"] | tuple[str, ...]:
     """Return the names of the shapes to reflect, in order; `InputError` for unknown ones."""
     if reflect == "auto":
         return "auto"

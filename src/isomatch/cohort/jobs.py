@@ -265,13 +265,13 @@ class Run:
     def _plan(self, pair: Pair, rows: Rows) -> PlannedPair:
         source, target = (rows.shapes[name] for name in pair)
         row, sides = rows.pair(pair), tuple(rows.reflected(pair))
-        led_by = self._led_by(pair, sides)
+        led_by = self._identify_leading_map(pair, sides)
         keys, hashes = (source.key, target.key), (source.hash, target.hash)
         surfaces = [identity_of(content, name in sides) for name, content in zip(pair, hashes)]
         key = self._key(*surfaces, *filter(None, [led_by]), attempt=row.attempt)
         return PlannedPair(pair, key, keys, hashes, sides, row.attempt, bool(row.contradicted), led_by)
 
-    def _led_by(self, pair: Pair, sides: tuple[str, ...]) -> str:
+    def _identify_leading_map(self, pair: Pair, sides: tuple[str, ...]) -> str:
         """Identify the map of the leader that a pair starts from; empty without a reliable one."""
         for ends in (pair, pair[::-1]):
             if self._leader_rows.is_current(ends) and not self._leader_rows.is_doubtful(ends):
@@ -426,7 +426,7 @@ class Job:
         source, target = (load_shape(self.layout.prepared(key), self.config) for key in plan.shapes)
         first_map, config = None, self.config
         if self.leader and plan.led_by:
-            first_map = _carried_map(self.leader, plan, source, target)
+            first_map = _carry_map(self.leader, plan, source, target)
             config = replace(config, hypotheses="given", start="auto", part="none")
         seed = self.seed + plan.attempt
         matches = match_both(source, target, initial_map=first_map, config=config, seed=seed)
@@ -436,7 +436,7 @@ class Job:
         return PairMaps.of(*matches, record)
 
 
-def _carried_map(leader: Plan, plan: PlannedPair, source: PreparedShape, target: PreparedShape) -> IntArray:
+def _carry_map(leader: Plan, plan: PlannedPair, source: PreparedShape, target: PreparedShape) -> IntArray:
     """Carry a surface along with the leader's map, and find the nearest target vertices (n,)."""
     maps, (a, b) = maps_of_pair(leader.layout, *plan.pair), plan.pair
     sides = a in plan.reflected, b in plan.reflected

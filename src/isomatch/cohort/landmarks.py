@@ -422,7 +422,7 @@ class _Templates:
         if surface_points:
             first, *others = self._marks
             start, marks = self._read(first), self._marks[first]
-            spread = spread_on_surface(_unwelded(start), surface_points, marks.positions[marks.placed])
+            spread = spread_on_surface(_triangulate(start), surface_points, marks.positions[marks.placed])
             self._marks[first] = marks.with_patch(spread)
             for name in others:
                 map_there, _ = self._map(first, name)
@@ -447,17 +447,17 @@ class _Templates:
                 found.append(
                     carry_landmarks(map_there, *ends, marks, curve_points=n_points, expected_error=error)
                 )
-        return median_landmarks(found, _unwelded(self._read(name))) if found else None
+        return median_landmarks(found, _triangulate(self._read(name))) if found else None
 
     def _map(self, source: str, target: str) -> tuple[Correspondence | None, FloatArray | None]:
         """Compose the shortest path of sure maps, with its expected error; None without a path."""
         path = self._rows.path(source, target)
         if path is None:
             return None, None
-        return maps_along(self._collection.layout, path, lambda name: _unwelded(self._read(name)))
+        return maps_along(self._collection.layout, path, lambda name: _triangulate(self._read(name)))
 
 
-def _unwelded(shape: Asset) -> Mesh:
+def _triangulate(shape: Asset) -> Mesh:
     return Mesh(shape.placed_points, shape.polygons.triangles)
 
 

@@ -90,7 +90,7 @@ class Row:
 
     def to_json(self) -> dict[str, Any]:
         """Return the object."""
-        return {**{name: _written(value) for name, value in self.given().items()}, **self.more}
+        return {**{name: _to_plain(value) for name, value in self.given().items()}, **self.more}
 
     def given(self) -> dict[str, Any]:
         """Return the values that are written, by the names of their fields."""
@@ -111,7 +111,7 @@ def _plain(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _written(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     if isinstance(value, MapSummary):
         return value.values
     return value.to_json() if isinstance(value, Row) else value

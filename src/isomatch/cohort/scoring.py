@@ -22,7 +22,7 @@ from isomatch.cohort.plan import Entry, Layout, entries_of
 from isomatch.cohort.run import Reports, follow, status_of, write_results
 from isomatch.cohort.shape_statistics import ScoredShape, ShapeModel, leave_one_out, size_factors
 from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
-from isomatch.cohort.unusual_shapes import OTHERS, checked_units, common_unit, scales_of, told_unit
+from isomatch.cohort.unusual_shapes import OTHERS, checked_units, common_unit, explain_unit, scales_of
 from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
 from isomatch.io import Asset, Attribute, mesh_from, read_mesh, write_asset
 from isomatch.landmarks import Landmarks
@@ -173,7 +173,7 @@ def added(
     entries = [Entry(template, collection.paths[template]), *before, *new]
     checked_units(known, [entry.name for entry in entries])
     how: dict[str, Any] = {"template": template, "config": collection.config, "seed": collection.seed}
-    how["reflect"] = _reflected(reflect, collection, rows.reflected([template]), earlier)
+    how["reflect"] = _choose_reflected(reflect, collection, rows.reflected([template]), earlier)
     try:
         return Collection.create(inner.folder, entries, **how, units=known), problems
     except SettingError as error:
@@ -264,10 +264,10 @@ def _in_other_units(
     sizes = [row.area**0.5 * scales.get(name, 1.0) for name, row in rows.shapes.items() if row.area]
     unknown = {name: area for name, area in areas.items() if name not in known}
     factors = {name: float(size_factors(np.array([*sizes, x**0.5]))[-1]) for name, x in unknown.items()}
-    return {name: f"{name} {told_unit(name, factor)}" for name, factor in factors.items() if factor != 1}
+    return {name: f"{name} {explain_unit(name, factor)}" for name, factor in factors.items() if factor != 1}
 
 
-def _reflected(
+def _choose_reflected(
     reflect: str | Iterable[str] | None, collection: Collection, turned: list[str], earlier: Collection | None
 ) -> str | list[str]:
     """Return the shapes to reflect: the template as in the collection, and new ones."""

@@ -67,7 +67,7 @@ def write_specimen(
         "marks": {
             "names": list(marks.names),
             "semi": np.isin(np.arange(len(marks)), marks.semilandmarks).tolist(),
-            "sides": [_placed(surface, side.marks, marks) for surface, side in zip(drawn, sides)],
+            "sides": [_place_landmarks(surface, side.marks, marks) for surface, side in zip(drawn, sides)],
             "high": high,
             "ramp": stops("plasma"),
         },
@@ -114,7 +114,7 @@ def simplified(surface: DrawnSurface, name: str) -> str:
     return f"{name} is simplified to {surface.n_shown:,} of its {surface.n_used:,} vertices here."
 
 
-def _placed(surface: DrawnSurface, known: Landmarks | None, marks: Landmarks) -> dict[str, Any]:
+def _place_landmarks(surface: DrawnSurface, known: Landmarks | None, marks: Landmarks) -> dict[str, Any]:
     """Return where known landmarks of a surface are, in the order of the names of others, and their expected errors."""
     known = Landmarks([]) if known is None else known
     rows = {name: row for row, name in enumerate(known.names)}

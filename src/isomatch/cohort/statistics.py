@@ -97,7 +97,7 @@ def statistics(
             to.warn(line)
         to.tell("model", 0.1)
         if mirror is not None:
-            shapes, note = _mirrored(shapes, mirror, scale, weights, seed)
+            shapes, note = _add_mirror_images(shapes, mirror, scale, weights, seed)
             notes += note
         share = shapes.area_weights if weights == "area" else None
         shapes = shape_statistics.filled(shapes, share, scale)
@@ -178,7 +178,7 @@ def statistics(
     return Results(into.folder, into.written, record, sentences, model=modelled)
 
 
-def _mirrored(
+def _add_mirror_images(
     shapes: CorrespondedShapes, mirror: str, scale: Scale, weights: Weights, seed: int
 ) -> tuple[CorrespondedShapes, list[str]]:
     """Add mirror images by a left–right map; a note names the shape it is of, if not the mean."""

@@ -344,7 +344,7 @@ class StatisticsFolder:
             settings=escape(settings),
             sections="".join(f"<h2>{escape(name)}</h2>\n{html}\n" for name, html in sections.items() if html),
             figures="".join(_figure(name + ending, words[name]) for name in words if name in drawn),
-            files=_linked(self.written),
+            files=_link_files(self.written),
             scripts=scripts,
         )
         style = text_of("cohort.css")
@@ -414,7 +414,7 @@ def _figure(file: str, words: str) -> str:
     return f"<figure>{shown}<figcaption>{escape(words)}</figcaption></figure>\n"
 
 
-def _linked(names: Iterable[str]) -> str:
+def _link_files(names: Iterable[str]) -> str:
     """Link tables and meshes of a folder; those in folders inside it open with a click."""
     parts = []
     for folder, inner in groupby(

@@ -74,7 +74,7 @@ def read_study(
     doubts = shape_statistics.doubtful_shapes(shapes)
     notes = [noted(f"left out: {reason}") for reason in shapes.left_out]
     for folder in (source / structure for structure in shapes.structures or ("",)):
-        of_maps = _doubts(folder / "pairs.csv", shapes.names) + _reflected(
+        of_maps = _doubts(folder / "pairs.csv", shapes.names) + _tell_reflected(
             folder / "shapes.csv", shapes.names
         )
         notes += [f"{folder.name}: {note}" if shapes.structures else note for note in of_maps]
@@ -118,7 +118,7 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
     return [f"{name} may be matched wrongly: {doubts}" for name, doubts in doubtful.items()]
 
 
-def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
+def _tell_reflected(table: Path, names: tuple[str, ...]) -> list[str]:
     """Tell which shapes of a collection are mirror images of the surfaces in their files."""
     lines = read_table(table).records() if table.is_file() else []
     named = ", ".join(line["name"] for line in lines if line.get("reflected") and line.get("name") in names)

@@ -179,7 +179,7 @@ def write_reports(
     folder = collection.layout.folder / "reports"
     with writing(folder):
         folder.mkdir(exist_ok=True)
-    tasks = [Task((item,), partial(_written, collection.of(item[0]))) for item in due]
+    tasks = [Task((item,), partial(_write_report_of, collection.of(item[0]))) for item in due]
     with workers_of(executor, jobs, time_limit) as workers:
         for (pair, _), attempt in workers.completed(tasks):
             yield pair, attempt.error
@@ -199,7 +199,7 @@ def _chosen(matched: list[tuple[Pair, PairRow]], which: int | str) -> list[tuple
     return matched[: None if which == "all" else int(which)]
 
 
-def _written(collection: Collection, item: tuple[Pair, PairRow]) -> None:
+def _write_report_of(collection: Collection, item: tuple[Pair, PairRow]) -> None:
     """Write the report of a pair, source → target."""
     pair, row = item
     files = [collection.paths[name] for name in pair]

@@ -90,10 +90,10 @@ def _in_other_units(collection: Plan, rows: Rows) -> Iterator[Outlier]:
             problem = f"is said to be in {collection.units[name]}, which fits no unit of the others"
             yield Outlier("units", name, f"{problem}; give theirs, too")
         elif factor != 1:
-            yield Outlier("units", name, told_unit(name, factor))
+            yield Outlier("units", name, explain_unit(name, factor))
 
 
-def told_unit(name: str, factor: float) -> str:
+def explain_unit(name: str, factor: float) -> str:
     """Tell how many times as large as the others a shape is, and which unit would explain it."""
     units = likely_units(factor)
     return f"{told_factor(factor)} (--units {name}={units[0] if units else 'UNIT'})"

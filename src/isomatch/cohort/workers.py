@@ -170,7 +170,7 @@ def workers_of(
     executor: str | Executor | Workers = "local", jobs: int | None = None, time_limit: float | None = None
 ) -> Iterator[Workers]:
     """Open the workers of a block, see `Collection.run`; given workers stay open after it."""
-    opened = nullcontext(executor) if isinstance(executor, Workers) else _opened(executor, jobs)
+    opened = nullcontext(executor) if isinstance(executor, Workers) else _open_workers(executor, jobs)
     with opened as workers:
         before, limit = workers.end, math.inf if time_limit is None else time.time() + time_limit
         workers.end = min(before, limit)
@@ -181,7 +181,7 @@ def workers_of(
 
 
 @contextmanager
-def _opened(executor: str | Executor, jobs: int | None) -> Iterator[Workers]:
+def _open_workers(executor: str | Executor, jobs: int | None) -> Iterator[Workers]:
     if jobs is not None and jobs < 1:
         raise InputError(f"{jobs} jobs cannot run at once; give a number from 1")
     count = jobs or n_threads()

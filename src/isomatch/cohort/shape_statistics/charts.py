@@ -302,7 +302,7 @@ def draw_values(
     high = high or 1.0
     name, low = (DIVERGING, -high) if (values < 0).any() else (RISING, 0.0)
     front = camera_of(mesh)
-    seen = {title: _seen_from(front, direction) for title, direction in (views or {}).items()}
+    seen = {title: _turn_camera(front, direction) for title, direction in (views or {}).items()}
     cameras = seen or {"": front, " ": front * [[-1], [1], [-1]]}
     paint = colour_scale(name, low, high)
     density = min(_density([mesh], camera, per_row=2) for camera in cameras.values()) * np.sqrt(mesh.area)
@@ -321,7 +321,7 @@ def draw_values(
     save_figure(figure, path)
 
 
-def _seen_from(front: FloatArray, to: FloatArray) -> FloatArray:
+def _turn_camera(front: FloatArray, to: FloatArray) -> FloatArray:
     """Turn a camera, see `camera_of`, to another direction, upright if possible."""
     up = front[1] if abs(front[1] @ to) < 0.7 else front[2]
     right = np.cross(up, to) / np.linalg.norm(np.cross(up, to))

@@ -369,7 +369,9 @@ def observed_vertices(
     points, positions = PrecisePoints.at_vertices(rows), mesh.vertices[rows]
     noise = _noise(noise, model, points, positions)
     notes = (f"{len(rows)} of {len(mesh.vertices)} vertices have a position",)
-    return Observations(points, positions, noise / _counted(mean.vertex_areas[rows] / mean.area), notes=notes)
+    return Observations(
+        points, positions, noise / _root_of_observations(mean.vertex_areas[rows] / mean.area), notes=notes
+    )
 
 
 def observed_landmarks(
@@ -418,11 +420,11 @@ def observed_part(
     positions = part.vertices[rows]
     area = _scale(model, points, positions) ** 2 * mean.area
     with np.errstate(divide="ignore"):
-        alone = _noise(noise, model, points, positions) / _counted(part.vertex_areas / area)
+        alone = _noise(noise, model, points, positions) / _root_of_observations(part.vertex_areas / area)
     errors = np.broadcast_to(np.asarray(expected_error, dtype=np.float64), part.n_vertices)[rows]
     finite = errors[np.isfinite(errors)]
     errors = np.where(np.isfinite(errors), errors, np.median(finite) if len(finite) else 0.0)
-    mapped = np.sqrt(area) * errors / _counted(part.vertex_areas[rows] / area)
+    mapped = np.sqrt(area) * errors / _root_of_observations(part.vertex_areas[rows] / area)
     notes = (f"{len(rows)} of {part.n_vertices} vertices were matched to the mean",)
     surface = SeenSurface(part, alone)
     return Observations(points, positions, np.hypot(alone[rows], mapped), surface=surface, notes=notes)
@@ -489,7 +491,7 @@ def _of_structures(folder: Path, model: ShapeModel, noise: float | None, **how: 
     return replace(seen, notes=(*seen.notes, *notes))
 
 
-def _counted(shares: FloatArray) -> FloatArray:
+def _root_of_observations(shares: FloatArray) -> FloatArray:
     """Root of the number of independent observations that a vertex stands for, at most 1."""
     return np.minimum(np.sqrt(shares) / PATCH, 1.0)
 

@@ -93,7 +93,11 @@ def group_test(
     share = counts[0] * counts[1] / m
     q = np.minimum(share * (np.tensordot(contrast, white, 1) ** 2).sum(axis=1), 1.0)
     permuted = method == "permutation"
-    p = _permuted(white, q, contrast, share, n_permutations, seed) if permuted else _parametric(q, rank, m)
+    p = (
+        _permute_groups(white, q, contrast, share, n_permutations, seed)
+        if permuted
+        else _parametric(q, rank, m)
+    )
     with np.errstate(divide="ignore"):
         t_squared = (m - 2) * q / np.where(q > 1 - 1e-12, 0.0, 1 - q)
     difference: FloatArray = np.tensordot(contrast, aligned, 1)
@@ -127,7 +131,7 @@ def _whiten(aligned: FloatArray) -> tuple[FloatArray, IntArray]:
     return white, kept.sum(axis=1)
 
 
-def _permuted(
+def _permute_groups(
     white: FloatArray, q: FloatArray, contrast: FloatArray, share: float, n_permutations: int, seed: int
 ) -> FloatArray:
     m, n, dim = white.shape

@@ -19,8 +19,8 @@ from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 
 # In seven sets of animals and people in many poses, with up to half of the shapes mirrored at
-# random, the first two find 202 of 208 mirror images, none in TOSCA victoria, whose poses differ most, and
-# no wrong ones.
+# random, the first two find 202 of 208 mirror images, none in TOSCA victoria, whose poses differ
+# most, and no wrong ones.
 MIN_SAMPLE_AGREEMENT = 0.35  # median of all shapes; below it, poses differ too much to tell
 MIN_SHAPE_AGREEMENT = 0.15  # median of one shape with the others
 MIRROR_RATIO = 0.7  # mirror image's distance divided by the shape's distance, in samples of few shapes
@@ -84,7 +84,7 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
     distances = procrustes_distances(vertices / sizes[:, None, None], scale="remove")
     reflected = procrustes_distances(vertices / sizes[:, None, None], scale="remove", mirrored=True)
     factors = size_factors(sizes)
-    mirrored = _mirrored(distances, reflected)
+    mirrored = _find_mirrored(distances, reflected)
     opposite = mirrored[:, None] != mirrored
     reasons: dict[Kind, dict[int, str]] = {
         "units": {i: told_factor(factors[i]) for i in np.flatnonzero(factors != 1).tolist()},
@@ -101,7 +101,7 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
     return doubts + [Doubt("twice", same, reason) for same in alike if len(same) > 1]
 
 
-def _mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
+def _find_mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
     """Tell which shapes, (m,), are mirror images of most."""
     # Two shapes agree by 1 if their thinnest directions do, and by −1 if these are opposite, so
     # that the mirror image is nearer. Signs of the leading eigenvector of the agreements tell the
@@ -237,7 +237,7 @@ def shape_tree(distances: FloatArray) -> FloatArray:
 
     Returns a linkage matrix of ``scipy.cluster.hierarchy``, (m − 1, 4).
     """
-    checked = _checked(distances)
+    checked = _check_distances(distances)
     if len(checked) < 2:
         raise InputError("a tree needs at least two shapes")
     return np.asarray(linkage(squareform(checked, checks=False), "average"))
@@ -251,7 +251,7 @@ def classical_scaling(distances: FloatArray, dim: int = 2) -> FloatArray:
     >>> classical_scaling([[0, 1, 3], [1, 0, 2], [3, 2, 0]], dim=1).round(6).ravel()
     array([-1.333333, -0.333333,  1.666667])
     """
-    checked = _checked(distances)
+    checked = _check_distances(distances)
     m = len(checked)
     points = np.zeros((m, dim))
     points[:, :m] = spectral.classical_scaling(checked**2, np.ones(m), dim)[0]
@@ -259,7 +259,7 @@ def classical_scaling(distances: FloatArray, dim: int = 2) -> FloatArray:
     return points * np.where(farthest < 0, -1.0, 1.0)
 
 
-def _checked(distances: FloatArray) -> FloatArray:
+def _check_distances(distances: FloatArray) -> FloatArray:
     checked = numbers_of(distances, "distances", InputError)
     shape = checked.shape
     if len(shape) != 2 or shape[0] != shape[1] or not (np.isfinite(checked).all() and (checked >= 0).all()):

@@ -98,7 +98,7 @@ class ShapeDesign:
         terms = sorted(found, key=len)
         codes, levels = dict[str, FloatArray](), dict[str, tuple[str, ...]]()
         for name in dict.fromkeys(name for term in terms for name in term):
-            codes[name], levels[name] = _coded(name, formula, table, name in factors)
+            codes[name], levels[name] = _code_variable(name, formula, table, name in factors)
         return cls(formula, tuple(terms), codes, {name: values for name, values in levels.items() if values})
 
     @property
@@ -123,7 +123,7 @@ class ShapeDesign:
         return np.concatenate([[0.0 if slope else 1.0], *rows])
 
 
-def _coded(
+def _code_variable(
     name: str, formula: str, table: Mapping[str, Sequence[object]], is_factor: bool
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the codes (m, q) of a variable, and its levels if it is a factor."""

@@ -88,7 +88,7 @@ def generalised_procrustes(
     size, scales = _common_size(centred, share, scale)
     centred = centred * scales[:, None, None]
     products = _products(centred, share)
-    rotations, n_iterations = _converged(products, most_iterations)
+    rotations, n_iterations = _rotate_onto_mean(products, most_iterations)
     rotations = _nearest_rotations(rotations.sum(axis=0)) @ rotations  # nearest to the identity
     translations = centroids.mean(axis=0) - scales[:, None] * np.einsum("sij,sj->si", rotations, centroids)
     aligned = centred @ rotations.transpose(0, 2, 1)
@@ -203,7 +203,7 @@ def _pair_distances(products: FloatArray, mirrored: bool = False) -> FloatArray:
     return np.asarray((distances + distances.T) / 2)
 
 
-def _converged(products: FloatArray, most: int) -> tuple[FloatArray, int]:
+def _rotate_onto_mean(products: FloatArray, most: int) -> tuple[FloatArray, int]:
     """Rotations (m, d, d) of all shapes onto their mean, and the number of iterations."""
     medoid = int((_pair_distances(products) ** 2).sum(axis=1).argmin())
     rotations = _nearest_rotations(products[:, medoid])

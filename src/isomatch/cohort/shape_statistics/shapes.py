@@ -310,7 +310,7 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
             tell_skipped(f"{name}: left out, as it has no faces")
             del meshes[name]
     polygons = {name: assets[name].polygons for name in meshes}
-    masks = ((name, _measured(files[name], assets[name])) for name in meshes)
+    masks = ((name, _read_measured(files[name], assets[name])) for name in meshes)
     measured = {name: mask for name, mask in masks if mask is not None}
     table = paths[0].parent / STRUCTURES if paths else Path(STRUCTURES)
     structures = _structures_in(table) if paths and table.exists() else {}
@@ -328,11 +328,11 @@ def _structures_in(table: Path) -> dict[str, int]:
 def read_corresponding(path: str | Path, faces: IntArray) -> tuple[Mesh, BoolArray | None]:
     """Read a mesh, cut like triangles (f, 3) if they fit, and its ``measured``, if any."""
     asset = read_as_far_as_possible(path)
-    triangles = faces if _cut_as(asset.polygons, faces) else asset.polygons.triangles
-    return Mesh(asset.placed_points, triangles), _measured(path, asset)
+    triangles = faces if _is_cut_as(asset.polygons, faces) else asset.polygons.triangles
+    return Mesh(asset.placed_points, triangles), _read_measured(path, asset)
 
 
-def _cut_as(polygons: Polygons, triangles: IntArray) -> bool:
+def _is_cut_as(polygons: Polygons, triangles: IntArray) -> bool:
     if len(triangles) != (polygons.sizes - 2).sum():
         return False
     of = np.repeat(np.arange(len(polygons)), polygons.sizes - 2)  # the polygon of each triangle
@@ -344,7 +344,7 @@ def _cut_as(polygons: Polygons, triangles: IntArray) -> bool:
     return is_equal and bool(np.isin(of[:, None] * n + triangles, polygon_corners).all())
 
 
-def _measured(file: str | Path, asset: Asset) -> BoolArray | None:
+def _read_measured(file: str | Path, asset: Asset) -> BoolArray | None:
     if Path(file).suffix.lower() != ".ply":
         return None
     masks = [x.values for x in asset.attributes if (x.name, x.domain) == (MEASURED, "point")]
