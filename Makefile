@@ -73,6 +73,7 @@ coverage: $(VENV)/dev
 lint: $(VENV)/dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python release/check_wording.py src
 
 types: $(VENV)/dev
 	$(BIN)/mypy

@@ -186,7 +186,7 @@ def asymmetry(
             "Where the variation lies": tabulated(ANOVA_HEADS, (row.values() for row in rows))
             if rows
             else "",
-            "Where that of sizes lies": tabulated(ANOVA_HEADS, of_sizes.anova) if of_sizes else "",
+            "Where the asymmetry of sizes lies": tabulated(ANOVA_HEADS, of_sizes.anova) if of_sizes else "",
             "How asymmetric each is": tabulated(columns, cells),
         }
         title = f"Asymmetry of {lines[0]['name'] if len(of) == 1 else f'{len(of)} shapes'}"
