@@ -11,6 +11,7 @@ import yaml
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "release"))
+import check_wording  # noqa: E402
 import prepare  # noqa: E402
 
 NOW = prepare.Release.read()
@@ -120,3 +121,13 @@ def test_workflows_pin_their_actions_and_only_publishing_may_identify_itself():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert set(re.search(r"^PYTHONS \?= (.*)$", makefile, re.MULTILINE)[1].split()) <= set(matrix["python"])
     assert {name.partition("-")[0] for name in matrix["os"]} == {"ubuntu", "macos", "windows"}
+
+
+def test_wording_that_readers_have_to_decipher_is_found(tmp_path):
+    path = tmp_path / "a.py"
+    path.write_text(
+        "def add(own):\n    # over the least\n    return [each for each in own]  # all but for two\n"
+    )
+    assert [line for line, _ in check_wording.faults_of(path)] == [2, 3, 1, 3]
+    path.write_text("def add(numbers):\n    # The sum is over all numbers.\n    return sum(numbers)\n")
+    assert not [*check_wording.faults_of(path)]
