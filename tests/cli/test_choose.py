@@ -113,7 +113,7 @@ def test_an_alternative_becomes_the_map_and_the_map_an_alternative(matched, resu
     moved = np.linalg.norm(target.vertices[found] - target.vertices[chosen.vertices], axis=1)
     assert np.median(moved) < 0.05 * np.sqrt(target.area)
     report = (result / "report.html").read_text(encoding="utf-8")
-    assert "<strong>Alternative 1</strong> The map before this one was chosen. Sends" in report
+    assert "<strong>Alternative 1</strong> The map before this one was chosen. Differs on" in report
 
 
 @pytest.mark.long
@@ -181,7 +181,8 @@ def test_what_cannot_be_chosen_is_refused_and_nothing_changes(result, tmp_path, 
         assert main(["choose", str(result), "1"]) == 1
         assert "result.json: lacks source, target" in capsys.readouterr().err
     record = json.loads(before["result.json"])
-    (result / "result.json").write_text(json.dumps({**record, "source": record["target"]}))
+    swapped = {"source": record["target"], "meshes": [record["meshes"][1]] * 2}
+    (result / "result.json").write_text(json.dumps({**record, **swapped}))
     assert main(["choose", str(result), "1"]) == 1
     assert "is not a map of this source" in capsys.readouterr().err
     (result / "result.json").write_bytes(before["result.json"])

@@ -39,7 +39,7 @@ class Faults:
             monkeypatch.setattr(place, name, self._failing(kind, getattr(place, name)))
         for name in ALLOCATORS:
             monkeypatch.setattr(np, name, self._failing("allocation", getattr(np, name)))
-        faults, usual, connected = self, Path.open, ledger_module._connected
+        faults, usual, connect = self, Path.open, ledger_module.sqlite3.connect
 
         class Stored(io.FileIO):
             def write(self, data):
@@ -64,7 +64,9 @@ class Faults:
                 return getattr(self.connection, name)
 
         monkeypatch.setattr(Path, "open", opened)
-        monkeypatch.setattr(ledger_module, "_connected", lambda *given: Connection(connected(*given)))
+        monkeypatch.setattr(
+            ledger_module.sqlite3, "connect", lambda *given, **options: Connection(connect(*given, **options))
+        )
 
     def _failing(self, kind, function):
         def call(*given, **options):

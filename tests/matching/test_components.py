@@ -283,7 +283,7 @@ def test_a_rigid_motion_is_carried_exactly(creatures):
     carrier = Carrier.of([SimpleNamespace(pair=main, map=result.map, quality=result.quality)])
     hats = components_of(source)[1], components_of(target)[1]
     assert carrier.length_ratio(*hats) == pytest.approx(1, abs=0.01)
-    assert carrier.offset(carrier.moved(hats[0]).mean(axis=0), hats[1]) < 0.01
+    assert carrier.offset(carrier.move(hats[0]).mean(axis=0), hats[1]) < 0.01
 
 
 class OfLargeOnes(Isometry):

@@ -53,7 +53,7 @@ def test_of_a_part_the_part_is_tried_with_and_without_its_holes_closed(example, 
 
 
 def test_two_parts_are_tried_as_such(part):
-    assert names(prepare_pair(part, part)) == ["isometry", "two parts", "isometry from both sides"]
+    assert names(prepare_pair(part, part)) == ["isometry", "isometry from both sides", "two parts"]
 
 
 def test_what_was_handed_in_is_all_that_is_tried(problem):
