@@ -37,12 +37,18 @@ def read_text(path: Path) -> str:
 
 def decode_text(text: bytes) -> str:
     """Decode a text by `encoding_of`, without a byte order mark."""
-    encoding, head = encoding_of(text), text[:_EXAMINED_BYTES]
-    if not text.startswith((*BYTE_ORDER_MARKS,)):
-        for i, wide in enumerate(("utf-16-be", "utf-16-le")):  # every second byte of European letters is 0
-            high, low = head[i::2], head[1 - i :: 2]
-            encoding = wide if 2 * high.count(0) > len(high) and not low.count(0) else encoding
-    return text.decode(encoding, errors="replace")
+    marked = text.startswith((*BYTE_ORDER_MARKS,))
+    return text.decode((not marked and wide_encoding(text)) or encoding_of(text), errors="replace")
+
+
+def wide_encoding(text: bytes) -> str | None:
+    """Find UTF-16 without a byte order mark: every second byte of European letters is 0."""
+    head = text[:_EXAMINED_BYTES]
+    for i, encoding in enumerate(("utf-16-be", "utf-16-le")):
+        high, low = head[i::2], head[1 - i :: 2]
+        if 2 * high.count(0) > len(high) and not low.count(0):
+            return encoding
+    return None
 
 
 def encoding_of(text: bytes) -> str:

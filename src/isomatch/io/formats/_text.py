@@ -13,7 +13,7 @@ import numpy as np
 
 from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch._core.cached import cached_property
-from isomatch._core.texts import BYTE_ORDER_MARKS, decode_text
+from isomatch._core.texts import BYTE_ORDER_MARKS, decode_text, wide_encoding
 from isomatch.io.asset import Frame
 from isomatch.io.formats._reading import unexpected
 from isomatch.io.polygons import spans
@@ -202,7 +202,7 @@ def read_lines(
     # A comment begins at the start of a line or after a blank, in any encoding; line ends are of any kind.
     # If ``continued``, a line with a final backslash continues in the next. After a keyword in ``named``,
     # the rest of the line is a name, which may contain #.
-    if data.startswith(tuple(BYTE_ORDER_MARKS)) or b"\0" in data[:_EXAMINED_BYTES]:
+    if data.startswith(tuple(BYTE_ORDER_MARKS)) or wide_encoding(data):
         data = decode_text(data).encode()
     text = data.translate(_BLANKS_TO_SPACES).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not text.endswith(b"\n"):
