@@ -132,7 +132,7 @@ def fails(faults, kind, n, argv, capsys):
     out, said = capsys.readouterr()
     reached = faults.count >= n
     if code:
-        assert code == 1
+        assert code in ((1, 3) if argv[0] == "collect" else (1,))  # 3: some shapes or pairs failed
         assert reached
         assert all(line.startswith("isomatch: ") for line in said.splitlines())
         *notes, error = said.splitlines()
