@@ -28,7 +28,7 @@ def faults_of(path: Path) -> Iterator[tuple[int, str]]:
         if token.type == tokenize.COMMENT:
             words = token.string.lstrip("# ")
             line = token.start[0]
-            goes_on = line == previous_line + 1
+            goes_on = line == previous_line + 1 and token.line.lstrip().startswith("#")
             previous_line = line
             pattern = TURNS if goes_on or not OPENINGS.match(words) else OPENINGS
             if found := pattern.search(words):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import isomatch
+from browser_pages import settled
 from isomatch.datasets import example_pair
 from isomatch.visualization import HEADLINES
 from served_pages import bent, serving
@@ -55,10 +56,6 @@ def visit(browser):
     for context in contexts:
         context.close()
     assert not faults
-
-
-def settled(page):
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
 def at(page, pane, x, y):

@@ -37,9 +37,8 @@ class Body:
     left_out: float  # share in other components, see `body_of`
     notes: tuple[str, ...]  # parts left out, and repairs
     share: float = 1.0  # of the area of the shape
-    others: tuple[
-        Body, ...
-    ] = ()  # further components of a mesh that can be matched separately, largest first
+    # further components of a mesh that can be matched separately, largest first
+    others: tuple[Body, ...] = ()
 
 
 def body_of(shape: Surface, settings: PreparationSettings) -> Body:

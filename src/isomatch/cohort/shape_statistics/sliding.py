@@ -28,8 +28,8 @@ MAX_ITERATIONS = 30  # of conjugate gradients
 MAX_RESIDUAL = 0.01  # of conjugate gradients, over the first residual
 STEP_SHARES = 1.0, 0.5, 0.25  # shares of a step that are tried in turn
 N_NEIGHBOURS = 5  # points, with the one itself, to which a tangent plane is fitted
-AFFINE_WEIGHT = 0.01  # over m times the mean distance; with 1, iterations are twice as many
-RIDGE = 1e-10  # over the mean distance, so that two curves may end in one point
+AFFINE_WEIGHT = 0.01  # ratio to m times the mean distance; with 1, iterations are twice as many
+RIDGE = 1e-10  # ratio to the mean distance, so that two curves may end in one point
 
 
 class Slid(NamedTuple):
