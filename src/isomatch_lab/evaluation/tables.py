@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from isomatch._core.files import staged
 from isomatch._core.texts import write_csv
 from isomatch_lab.evaluation.curves import PublishedCurve, curve_panels, draw_curves
 from isomatch_lab.evaluation.ledger import Row, identity_of, read_rows
@@ -48,15 +49,18 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
     every = read_rows(out)
     rows = sorted(_comparable(every), key=lambda row: (*_group(row), row["pair"]))
     table = summaries(rows)
-    _write_csv(out / "pairs.csv", rows, COLUMNS)
-    if table:
-        _write_csv(out / "summary.csv", table, tuple(table[0]))
-        gains = improvements(rows)
-        if gains:
-            _write_csv(out / "improvements.csv", gains, tuple(gains[0]))
-        panels = curve_panels(rows, published)
-        draw_curves(panels, out)
-        write_page(out / "index.html", table, gains, rows, panels, len(every) - len(rows))
+    gains = improvements(rows)
+    with staged(
+        out, "index.html"
+    ) as new:  # an interrupted run leaves all of the earlier files, or all new ones
+        _write_csv(new / "pairs.csv", rows, COLUMNS)
+        if table:
+            _write_csv(new / "summary.csv", table, tuple(table[0]))
+            if gains:
+                _write_csv(new / "improvements.csv", gains, tuple(gains[0]))
+            panels = curve_panels(rows, published)
+            draw_curves(panels, new)
+            write_page(new / "index.html", table, gains, rows, panels, len(every) - len(rows))
     return table
 
 
