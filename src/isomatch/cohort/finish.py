@@ -318,10 +318,8 @@ def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
     resolution = (THUMBNAIL_SIZE - 2 * MARGIN) / max(extents)
     image = surface_image(mesh, position_colours(template), to_screen, cameras[mesh], resolution)
     image = image[:THUMBNAIL_SIZE, :THUMBNAIL_SIZE]
-    square, (top, left) = (
-        np.zeros((THUMBNAIL_SIZE, THUMBNAIL_SIZE, 4)),
-        (THUMBNAIL_SIZE - np.array(image.shape[:2])) // 2,
-    )
+    square = np.zeros((THUMBNAIL_SIZE, THUMBNAIL_SIZE, 4))
+    top, left = (THUMBNAIL_SIZE - np.array(image.shape[:2])) // 2
     square[top : top + image.shape[0], left : left + image.shape[1]] = np.clip(image, 0.0, 1.0)
     with replaced(path) as file:
         imsave(file, square, format="png")

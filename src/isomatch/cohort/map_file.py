@@ -141,11 +141,8 @@ def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = KEPT) -> 
 
 def require_unchanged(layout: Layout, folders: Iterable[str]) -> None:
     """Raise `FormatError` if files of some folders of a collection are not as they were written."""
-    changed = [
-        f"{path} {what}"
-        for path, what in changed_files(layout, read_ledgers(layout.ledgers()), folders).items()
-    ]
-    if changed:
+    found = changed_files(layout, read_ledgers(layout.ledgers()), folders)
+    if changed := [f"{path} {what}" for path, what in found.items()]:
         more = f" and {len(changed) - MAX_NAMED} more" if len(changed) > MAX_NAMED else ""
         remedy = "run isomatch collect again, which makes what is damaged again"
         raise FormatError(f"{', '.join(changed[:MAX_NAMED])}{more}; {remedy}")

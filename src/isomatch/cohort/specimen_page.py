@@ -55,10 +55,8 @@ def write_specimen(
     marks, is_template = specimen.marks or Landmarks([]), specimen.name == template.name
     sides = [specimen] if is_template else [specimen, template]
     colours = position_colours(template.corresponded)
-    drawn = [
-        DrawnSurface(side.mesh, camera_like(template.corresponded, side.corresponded), MOST_SHOWN)
-        for side in sides
-    ]
+    cameras = [camera_like(template.corresponded, side.corresponded) for side in sides]
+    drawn = [DrawnSurface(side.mesh, camera, MOST_SHOWN) for side, camera in zip(sides, cameras)]
     scene = {
         "shapes": [
             surface.packed(colours[cKDTree(side.corresponded.vertices).query(side.mesh.vertices)[1]])

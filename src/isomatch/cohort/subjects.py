@@ -261,12 +261,8 @@ class _Contact(NamedTuple):
 
 def leaders_of(meshes: Mapping[str, Mesh]) -> dict[str, str]:
     """Find the larger structure on which each lies by 0.6 of its area, as cartilage on bone."""
-    found = _contacts_of(meshes, MIN_SHEET_AREA)
-    return {
-        name: max(contacts, key=lambda contact: contact.area).other
-        for name, contacts in found.items()
-        if contacts
-    }
+    found = [(name, contacts) for name, contacts in _contacts_of(meshes, MIN_SHEET_AREA).items() if contacts]
+    return {name: max(contacts, key=lambda contact: contact.area).other for name, contacts in found}
 
 
 def measure_contacts(
@@ -323,11 +319,11 @@ def measure_contacts(
 def _contacts_of(meshes: Mapping[str, Mesh], least: float) -> dict[str, list[_Contact]]:
     """Find where each structure touches a larger one by a share of its area; largest ones first."""
     ordered = sorted(meshes, key=lambda name: -meshes[name].area)
-    found = {a: [_Contact.of(meshes[a], b, meshes[b]) for b in ordered[:i]] for i, a in enumerate(ordered)}
-    return {
-        a: [contact for contact in contacts if contact.area >= least * meshes[a].area]
-        for a, contacts in found.items()
-    }
+    found = dict[str, list[_Contact]]()
+    for i, name in enumerate(ordered):
+        contacts = (_Contact.of(meshes[name], other, meshes[other]) for other in ordered[:i])
+        found[name] = [contact for contact in contacts if contact.area >= least * meshes[name].area]
+    return found
 
 
 def _smoothing(mesh: Mesh, contact: _Contact) -> Callable[[FloatArray], FloatArray]:

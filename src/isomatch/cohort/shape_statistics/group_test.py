@@ -91,12 +91,10 @@ def group_test(
     contrast = np.where(second, 1 / counts[1], -1 / counts[0])
     share = counts[0] * counts[1] / m
     q = np.minimum(share * (np.tensordot(contrast, white, 1) ** 2).sum(axis=1), 1.0)
-    permuted = method == "permutation"
-    p = (
-        _permute_groups(white, q, contrast, share, n_permutations, seed)
-        if permuted
-        else _parametric(q, rank, m)
-    )
+    if method == "permutation":
+        p = _permute_groups(white, q, contrast, share, n_permutations, seed)
+    else:
+        p = _parametric(q, rank, m)
     with np.errstate(divide="ignore"):
         t_squared = (m - 2) * q / np.where(q > 1 - 1e-12, 0.0, 1 - q)
     difference: FloatArray = np.tensordot(contrast, aligned, 1)
