@@ -10,7 +10,7 @@ import isomatch
 from corresponded import ellipsoids, moved, random_shapes
 from isomatch.cli import main
 from isomatch.cohort.shape_statistics import ShapeModel, leave_one_out, read_shapes
-from isomatch.cohort.statistics import read_groups
+from isomatch.cohort.study_input import read_shape_cells
 from shapes import icosphere
 from small_collections import lines_of
 
@@ -219,7 +219,8 @@ def table(header, rows, separator=",", end="\n"):
 )
 def test_tables_of_groups_as_spreadsheets_write_them(data, tmp_path):
     (tmp_path / "groups.csv").write_bytes(data)
-    assert read_groups(tmp_path / "groups.csv", NAMES, ["lost: other faces than most shapes"]) == GROUPS
+    cells = read_shape_cells(tmp_path / "groups.csv", NAMES, ["lost: other faces than most shapes"])
+    assert {name: row["group"] for name, row in cells.items() if row["group"]} == GROUPS
 
 
 @pytest.mark.parametrize(
@@ -237,7 +238,7 @@ def test_tables_of_groups_as_spreadsheets_write_them(data, tmp_path):
 def test_odd_tables_of_groups(text, message, tmp_path):
     (tmp_path / "groups.csv").write_text(text)
     with pytest.raises(isomatch.FormatError, match=message):
-        read_groups(tmp_path / "groups.csv", NAMES)
+        read_shape_cells(tmp_path / "groups.csv", NAMES)
 
 
 @pytest.mark.long

@@ -16,7 +16,7 @@ from isomatch.cli import main
 from isomatch.cohort import Collection, export, write_reports
 from isomatch.cohort import jobs as jobs_module
 from isomatch.cohort.ledger import Ledger, MapSummary, PairRow, Rows, ShapeRow
-from isomatch.cohort.unusual_shapes import mirror_images, two_groups
+from isomatch.cohort.snapshot import Snapshot, two_groups
 from isomatch.matching import match_both
 from isomatch.surfaces import Graph, PointCloud, reflected
 from isomatch_lab.procedural import creature
@@ -104,7 +104,7 @@ def test_what_seems_to_be_a_mirror_image_is_named_but_not_reflected(blobs, plain
     collection = Collection.open(plain)
     found = {pair[1] for pair, outcome in outcomes(collection).items() if outcome == "MIRROR_IMAGE"}
     assert found == set(LEFT)
-    assert mirror_images(collection, collection.rows()) == {name: ("r0", name) for name in LEFT}
+    assert Snapshot(collection, collection.rows()).mirror_images == {name: ("r0", name) for name in LEFT}
     assert sides(plain) == [[], LEFT]
     assert (plain / "index.html").read_text().count("seems to be a mirror image") == len(LEFT)
     assert main(["collect", "status", str(plain)]) == 0
@@ -132,7 +132,7 @@ def test_reflected_shapes_are_remembered_in_every_row(auto, capsys):
     collection = Collection.open(auto)
     rows = collection.rows()
     assert rows.reflected(NAMES) == LEFT
-    assert mirror_images(collection, rows) == {}
+    assert Snapshot(collection, rows).mirror_images == {}
     for pair, row in rows.pairs.items():
         expected = [name for name in pair if name in LEFT]
         assert row.reflected == collection.maps(*pair).record.reflected == tuple(expected)
@@ -317,7 +317,7 @@ def test_of_all_pairs_the_smaller_group_is_reflected(blobs, tmp_path, work):
     run(pairs, shard=(1, 2))
     assert work.count("match") == 10
     assert pairs.rows().reflected(NAMES) == []  # a shard does not see all pairs
-    assert set(mirror_images(pairs, pairs.rows())) == set(LEFT)
+    assert set(Snapshot(pairs, pairs.rows()).mirror_images) == set(LEFT)
     run(pairs)
     assert pairs.rows().reflected(NAMES) == LEFT
     assert set(outcomes(pairs).values()) <= {"CONVERGED", "SYMMETRY_AMBIGUOUS"}
@@ -347,13 +347,13 @@ def test_groups_of_shapes_by_their_pairs(blobs, tmp_path):
         rows.pairs[a, b] = matched("MIRROR_IMAGE", 0.5) if a[0] != b[0] else matched("PARTIAL")
     rows.pairs["l1", "r1"] = matched("MIRROR_IMAGE", 0.2)
     rows.pairs["l0", "r2"] = matched("LOW_CONFIDENCE")
-    assert mirror_images(pairs, rows) == {"l0": ("l0", "r0"), "l1": ("l1", "r1")}
+    assert Snapshot(pairs, rows).mirror_images == {"l0": ("l0", "r0"), "l1": ("l1", "r1")}
     rows.shapes["l0"] = replace(rows.shapes["l0"], reflected=True)
     for pair, row in rows.pairs.items():
         rows.pairs[pair] = replace(row, reflected=tuple(name for name in pair if name == "l0"))
-    assert set(mirror_images(pairs, rows)) == {"r0", "r1", "r2"}
+    assert set(Snapshot(pairs, rows).mirror_images) == {"r0", "r1", "r2"}
     rows.shapes["l1"] = replace(rows.shapes["l1"], hash="another file")
-    assert set(mirror_images(pairs, rows)) == {"r0", "r1"}
+    assert set(Snapshot(pairs, rows).mirror_images) == {"r0", "r1"}
 
 
 def test_two_groups_outvote_a_wrong_link():

@@ -13,8 +13,9 @@ from isomatch import Correspondence, InputError, Mesh, read_asset, read_mesh, wr
 from isomatch.cli import main
 from isomatch.cohort import Collection, Rows, ShapeRow, export, outliers
 from isomatch.cohort.map_file import keep_files
+from isomatch.cohort.plan import scales_of
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
-from isomatch.cohort.unusual_shapes import alike_shapes, likeness_of, scales_of
+from isomatch.cohort.unusual_shapes import alike_shapes, likeness_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.surfaces import reflected
 from shapes import box, disguised

@@ -16,6 +16,7 @@ from isomatch._core.errors import InputError
 from isomatch.cli import main
 from isomatch.cohort import Collection
 from isomatch.cohort.shape_statistics import CorrespondedShapes, read_shapes, stacked
+from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.subjects import (
     measure_contacts,
     sides_of,
@@ -167,7 +168,8 @@ class Structure(SimpleNamespace):
 
 
 def star(template, turned, unsure="", names="abcd"):
-    return Structure(template=template, turned=turned, unsure=unsure, names=list(names))
+    plan = Structure(template=template, turned=turned, unsure=unsure, names=list(names))
+    return Snapshot(plan, plan.rows())
 
 
 def test_most_structures_decide_whether_a_subject_is_reflected_and_the_others_are_named():

@@ -15,7 +15,7 @@ from isomatch import Config, Correspondence, Landmarks, Mesh, read_asset, read_l
 from isomatch._core.errors import IsomatchError
 from isomatch.cli.inputs import read_config
 from isomatch.cohort.plan import entries_of
-from isomatch.cohort.statistics import read_groups
+from isomatch.cohort.study_input import read_shape_cells
 from isomatch.cohort.subjects import structures_of
 from isomatch.evaluation import read_indices, read_truth
 from isomatch.io import read_attributes
@@ -158,7 +158,7 @@ def test_settings_of_any_type(data):
 
 DOOR = {
     "values.csv": (b"vertex,part,depth\n0,1,0.5\n1,NA,2.5\n3,2,7\n", read_attributes),
-    "groups.csv": (b'"name";"group"\n"a";"m"\n"b";NA\n', lambda path: read_groups(path, "ab")),
+    "groups.csv": (b'"name";"group"\n"a";"m"\n"b";NA\n', lambda path: read_shape_cells(path, "ab")),
     "list.csv": (b"\xef\xbb\xbfname;path\r\n007;a.ply\r\n", entries_of),
     "subjects.csv": (b"subject,structure,file\ns1,bone,a.ply\ns2,bone,b.ply\n", structures_of),
     "cloud.xyz": (b"//X Y Z R G B\n0,5 1 2 3 4 5\n1,5 1 2 3 4 5\n", read_asset),

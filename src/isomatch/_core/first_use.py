@@ -45,15 +45,18 @@ class _Package(ModuleType):
 
 
 def names_at_first_use(package: str) -> list[str]:
-    """Make a package import its public names at first use, as its stub says; return its ``__all__``."""
+    """Make a package import its public names at first use, as its stub says; return its ``__all__``.
+
+    A stub without ``__all__`` imports each public name ``as`` itself.
+    """
     module: Any = sys.modules[package]
     stub = get_data(package, "__init__.pyi")
     body = ast.parse(stub or b"").body
-    public: list[str] = next(ast.literal_eval(node.value) for node in body if isinstance(node, ast.Assign))
     imports = [node for node in body if isinstance(node, ast.ImportFrom)]
     module._homes = {alias.name: node.module for node in imports for alias in node.names}
     module.__class__ = _Package
-    return public
+    lists = (ast.literal_eval(node.value) for node in body if isinstance(node, ast.Assign))
+    return next(lists, sorted(module._homes))
 
 
 # written by release/prepare.py: the name in an index, or the folder of a checkout until there is one

@@ -1,79 +1,43 @@
 from isomatch.cohort import shape_statistics as shape_statistics
-from isomatch.cohort.asymmetry import asymmetry
-from isomatch.cohort.collection import Collection
-from isomatch.cohort.combine import Agreement, agree, agreement_of, inconsistency
-from isomatch.cohort.finish import export, finish, surfaces_written
-from isomatch.cohort.jobs import Event
-from isomatch.cohort.landmarks import (
-    LandmarkTables,
-    Semilandmarks,
-    collected_landmarks,
-    write_landmark_tables,
-)
-from isomatch.cohort.ledger import (
-    CONTRADICTED,
-    MapRecord,
-    MapSummary,
-    PairAgreement,
-    PairRow,
-    Rows,
-    ShapeRow,
-    SurfaceRow,
-)
-from isomatch.cohort.map_file import PairMaps
-from isomatch.cohort.mode_view import write_modes
-from isomatch.cohort.plan import Entry, Layout
-from isomatch.cohort.run import Cohort, Reports, Status, reconcile, run
-from isomatch.cohort.scoring import add, complete_file, project
-from isomatch.cohort.statistics import series, statistics
-from isomatch.cohort.statistics_folder import Results
-from isomatch.cohort.study_page import write_reports
-from isomatch.cohort.subjects import Gap
-from isomatch.cohort.unusual_shapes import Outlier, outliers
-from isomatch.cohort.workers import Workers
-
-__all__ = [
-    "CONTRADICTED",
-    "Agreement",
-    "Cohort",
-    "Collection",
-    "Entry",
-    "Event",
-    "Gap",
-    "LandmarkTables",
-    "Layout",
-    "MapRecord",
-    "MapSummary",
-    "Outlier",
-    "PairAgreement",
-    "PairMaps",
-    "PairRow",
-    "Reports",
-    "Results",
-    "Rows",
-    "Semilandmarks",
-    "ShapeRow",
-    "Status",
-    "SurfaceRow",
-    "Workers",
-    "add",
-    "agree",
-    "agreement_of",
-    "asymmetry",
-    "collected_landmarks",
-    "complete_file",
-    "export",
-    "finish",
-    "inconsistency",
-    "outliers",
-    "project",
-    "reconcile",
-    "run",
-    "series",
-    "shape_statistics",
-    "statistics",
-    "surfaces_written",
-    "write_landmark_tables",
-    "write_modes",
-    "write_reports",
-]
+from isomatch.cohort.asymmetry import asymmetry as asymmetry
+from isomatch.cohort.collection import Collection as Collection
+from isomatch.cohort.combine import Agreement as Agreement
+from isomatch.cohort.combine import agree as agree
+from isomatch.cohort.combine import agreement_of as agreement_of
+from isomatch.cohort.combine import inconsistency as inconsistency
+from isomatch.cohort.finish import export as export
+from isomatch.cohort.finish import finish as finish
+from isomatch.cohort.finish import surfaces_written as surfaces_written
+from isomatch.cohort.jobs import Event as Event
+from isomatch.cohort.landmarks import LandmarkTables as LandmarkTables
+from isomatch.cohort.landmarks import Semilandmarks as Semilandmarks
+from isomatch.cohort.landmarks import collected_landmarks as collected_landmarks
+from isomatch.cohort.landmarks import write_landmark_tables as write_landmark_tables
+from isomatch.cohort.ledger import CONTRADICTED as CONTRADICTED
+from isomatch.cohort.ledger import MapRecord as MapRecord
+from isomatch.cohort.ledger import MapSummary as MapSummary
+from isomatch.cohort.ledger import PairAgreement as PairAgreement
+from isomatch.cohort.ledger import PairRow as PairRow
+from isomatch.cohort.ledger import Rows as Rows
+from isomatch.cohort.ledger import ShapeRow as ShapeRow
+from isomatch.cohort.ledger import SurfaceRow as SurfaceRow
+from isomatch.cohort.map_file import PairMaps as PairMaps
+from isomatch.cohort.mode_view import write_modes as write_modes
+from isomatch.cohort.plan import Entry as Entry
+from isomatch.cohort.plan import Layout as Layout
+from isomatch.cohort.run import Cohort as Cohort
+from isomatch.cohort.run import Reports as Reports
+from isomatch.cohort.run import Status as Status
+from isomatch.cohort.run import reconcile as reconcile
+from isomatch.cohort.run import run as run
+from isomatch.cohort.scoring import add as add
+from isomatch.cohort.scoring import complete_file as complete_file
+from isomatch.cohort.scoring import project as project
+from isomatch.cohort.statistics import series as series
+from isomatch.cohort.statistics import statistics as statistics
+from isomatch.cohort.statistics_folder import Results as Results
+from isomatch.cohort.study_page import write_reports as write_reports
+from isomatch.cohort.subjects import Gap as Gap
+from isomatch.cohort.unusual_shapes import Outlier as Outlier
+from isomatch.cohort.unusual_shapes import outliers as outliers
+from isomatch.cohort.workers import Workers as Workers

@@ -18,6 +18,7 @@ from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surface_as_written
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import Asymmetry, CorrespondedShapes, draw_values
+from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.statistics import Scale, Weights
 from isomatch.cohort.statistics_folder import SCALES, VERSION, Results, StatisticsFolder, listed, tabulated
 from isomatch.cohort.study_input import doubts_in_words, read_study
@@ -28,8 +29,8 @@ from isomatch.matching import Outcome
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, nearest_on_surface
 
-N_DRAWN = 3  # number of the most asymmetric shapes that have pictures
-DRAWN_DISPLACEMENT = 0.1  # largest displacement in pictures of landmarks, over the size
+N_DRAWN = 3  # number of shapes that have a picture of their own: the most asymmetric ones
+DRAWN_DISPLACEMENT = 0.1  # length, over the size, to which the largest displacement is enlarged in pictures
 ANOVA_HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F", "p")
 WRONG = "; where they have one colour, the map between them is wrong"
 DIRECTIONAL = "Directional asymmetry: what all have in common."
@@ -76,9 +77,8 @@ def asymmetry(
         left_right/NAME.npz.
     pairs, left_right, landmarks, individuals, scale, weights, degrees, wireframe, config, seed, force
         As the options of ``isomatch asymmetry``.
-    progress, warn : callable, optional
-        Called with each step and the share that is done; and with shapes to look at first, which by
-        default are logged.
+    progress, warn
+        See `run`; warnings are about shapes to look at first.
 
     Returns
     -------
@@ -118,7 +118,10 @@ def asymmetry(
         hints: IntArray | None = None
         if landmarks and is_mesh:
             hints = read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
-        scans = Collection.open(source) if Layout(source).plan.exists() else None
+        scans = None
+        if Layout(source).plan.exists():
+            collection = Collection.open(source)
+            scans = Snapshot(collection, collection.rows())
         if pairs:
             named = [(row["left"], row["right"]) for row in read_table(pairs).records(("left", "right"))]
             both = shape_statistics.paired_sides(cohort, named)
@@ -198,16 +201,16 @@ def asymmetry(
 
 
 def _match_sides(
-    cohort: CorrespondedShapes, scans: Collection | None, how: dict[str, Any], notes: list[str], to: Listener
+    cohort: CorrespondedShapes, scans: Snapshot | None, how: dict[str, Any], notes: list[str], to: Listener
 ) -> tuple[list[Correspondence], list[dict[str, Any]], str]:
     """Match shapes, or surfaces in their files, with their mirror images; tell which are unsure."""
     maps, about, unsure = list[Correspondence](), list[dict[str, Any]](), list[str]()
-    whole, rows = shape_statistics.filled(cohort, cohort.area_weights, "remove"), scans and scans.rows()
+    whole = shape_statistics.filled(cohort, cohort.area_weights, "remove")
     for i, name in enumerate(cohort.names):
         mesh = scan = whole.mesh(i)
-        if scans and rows and cohort.seen[i].all():
+        if scans and cohort.seen[i].all():
             try:
-                scan = surface_as_written(scans, rows, name)
+                scan = surface_as_written(scans, name)
             except FormatError as error:
                 notes.append(f"{name} is matched in the topology of all, where maps go wrong alike: {error}")
         progress = to.part(i / len(cohort), (i + 1) / len(cohort)).tell
@@ -221,7 +224,7 @@ def _match_sides(
             sides = _onto(mesh, places.interpolated(sides.pull_back(scan.vertices)))
             expected = places.interpolated(expected[:, None])[:, 0]
         maps.append(sides)
-        # half of an error reaches the mean of both sides
+        # the mean of both sides has half of the error of a map
         map_error = float(np.sqrt(np.nansum(mesh.vertex_areas * (expected / 2) ** 2)))
         about.append({"outcome": result.outcome.value, "map_error": map_error})
         notes += [f"{name}: {note}" for note in result.notes if note.endswith("are left unmatched")]
@@ -286,10 +289,8 @@ def _draw_landmarks(
     factor = DRAWN_DISPLACEMENT * size / (float(np.linalg.norm(common, axis=1).max()) or 1.0)
     shown = {f"asymmetry × {factor:.2g}": mean + factor * common}
     shape_statistics.draw_landmarks(new.picture("directional"), shown, mean, both.links)
-    label = "standard deviation, in units of the shapes"
-    shape_statistics.draw_landmarks(
-        new.picture("fluctuating"), {"": mean}, mean, both.links, fluctuation, label
-    )
+    spread = fluctuation, "standard deviation, in units of the shapes"
+    shape_statistics.draw_landmarks(new.picture("fluctuating"), {"": mean}, mean, both.links, *spread)
     lines = []
     for i, lengths in enumerate(np.linalg.norm(found.components, axis=2)):
         most = int(lengths.argmax())

@@ -18,16 +18,17 @@ from isomatch.cohort.jobs import Event, Run
 from isomatch.cohort.ledger import Pair, PairRow, writing_ledger
 from isomatch.cohort.map_file import PairMaps, maps_of_pair
 from isomatch.cohort.plan import (
+    OTHERS,
     PATTERNS,
     Entry,
     Layout,
     Plan,
+    checked_units,
     entries_of,
     pairs_of,
     require_distinct_files,
     require_shape_names,
 )
-from isomatch.cohort.unusual_shapes import OTHERS, checked_units
 from isomatch.cohort.workers import Workers
 from isomatch.settings import Config
 
@@ -118,7 +119,7 @@ class Collection(Plan):
         sides, units_of = _check_reflect(reflect, names), checked_units(units or {}, names)
         new = cls(layout.folder, entries, *settings, sides, units_of, leader, beside)
         if layout.plan.exists():
-            old = cls.open(folder)
+            old = cls._read(layout)
             new._require_same(old)
             if pairs == "all":  # the source of each pair stays the same
                 place = {name: i for i, name in enumerate(old.names)}
@@ -148,8 +149,11 @@ class Collection(Plan):
     @classmethod
     def open(cls, folder: str | Path) -> Collection:
         """Open a collection; `FormatError` if the folder has none, or its plan is damaged."""
-        folder = Path(folder).absolute()
-        path = Layout(folder).plan
+        return cls._read(Layout(Path(folder).absolute()))
+
+    @classmethod
+    def _read(cls, layout: Layout) -> Collection:
+        folder, path = layout.folder, layout.plan
         try:
             plan = json.loads(path.read_text(encoding="utf-8"))
             shapes = tuple(Entry(name, Path(file)) for name, file in plan["shapes"].items())
@@ -240,7 +244,7 @@ class Collection(Plan):
             raise SettingError(f"{self.folder}: {problem}; continue it with the same, or give another folder")
 
 
-_NEIGHBOURS = ("leader", "beside")  # other collections that a plan names
+_NEIGHBOURS = ("leader", "beside")  # fields of a plan that name other collections
 
 
 def _check_reflect(

@@ -39,15 +39,15 @@ from isomatch.matching import Evidence, Outcome, lower_outcome, match_both, outc
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
-MAX_ROUNDS = 3
-TILE_SIDE = 8  # shapes along either side of a tile of pairs
-UNSURE_WEIGHT = 0.25  # weight of a map that its own match does not trust
-TRIANGLE_BYTES = 48  # memory for a triangle, measured with 150 shapes: its reading, and 5 times that
-MAX_PATHS = 8  # compositions that are compared; more hardly change which is in their middle
-N_SAMPLES = 100  # vertices of a shape, 0.1 √area apart: enough for a mean distance
-MIN_SHARED = 0.5  # share of the samples that two maps must both match to be compared
-ORIENTATIONS = {"preserve": 1, "reverse": -1, "any": 0}
-SHARPNESS = 1.3 ** np.arange(15)  # rates at which trust falls with inconsistency, 1 to 39 per √area
+MAX_ROUNDS = 3  # contradicted maps are replaced in at most this number of rounds
+TILE_SIDE = 8  # a task reads the maps of a square of pairs, with this number of shapes on either side
+UNSURE_WEIGHT = 0.25  # weight of a map whose own match does not trust it; all other maps have weight 1
+TRIANGLE_BYTES = 48  # memory of a triangle, 6 numbers of 8 bytes, measured with 150 shapes
+MAX_PATHS = 8  # number of compositions that are compared; more hardly change which one is in their middle
+N_SAMPLES = 100  # number of vertices of a shape, about 0.1 √area from each other, that give a mean distance
+MIN_SHARED = 0.5  # two maps are compared if both match at least this share of the samples
+ORIENTATIONS = {"preserve": 1, "reverse": -1, "any": 0}  # wanted sign of the orientation of maps, 0 for any
+SHARPNESS = 1.3 ** np.arange(15)  # rate, in each round, at which trust falls, 1 to 39 per √area
 
 
 class Agreement(NamedTuple):
@@ -86,7 +86,7 @@ def agree(
         workers = held.enter_context(workers_of(executor, jobs, time_limit))
         others = [path for path in collection.layout.ledgers() if path != ledger_path]
         for path in others:
-            held.enter_context(claimed(path))  # shards wait
+            held.enter_context(claimed(path))  # so that runs of shards wait
         ledger = held.enter_context(writing_ledger(ledger_path))
         ledger.rows.merge(read_ledgers(others))
         ledger.rows = ledger.rows.of(collection.names)
@@ -150,20 +150,20 @@ def _measure(job: CycleJob, ledger: Ledger, workers: Workers) -> FloatArray:
     tasks = [Task(tuple(tile), job.images) for tile in tiles]
     for pair, attempt in workers.completed(tasks):
         if attempt.result is None:
-            continue  # the next run matches it again
+            continue  # the file is damaged, and the next run matches the pair again
         both, (record, file) = attempt.result
         row = rows.pairs[pair]
         if record.key != row.key:
-            continue  # a run wrote it that was killed before it wrote the row, as the next one does
+            continue  # a run was killed after it wrote the map, and the next run writes the row
         if file != (row.file or file):
             if record.replaced_by in ((), row.replaced_by):
-                continue  # it was changed after it was written; the next run matches it again
+                continue  # the file was changed after it was written; the next run matches it again
             replaced = Attempt(attempt.result[1], "", time.time())
             ledger.put(pair, _row_after(row, replaced, len(names)))
         a, b = (number[name] for name in pair)
         images[a, b], images[b, a] = both
     readings = np.full((len(names),) * 3, np.nan)
-    side = max(1, -(-len(names) // workers.count()))  # few tasks, as the images travel with each
+    side = max(1, -(-len(names) // workers.count()))  # tasks are few, as the images travel with each of them
     compare = partial(job.readings, images)
     tasks = [Task(tuple(names[i : i + side]), compare) for i in range(0, len(names), side)]
     for name, attempt in workers.completed(tasks):
@@ -201,9 +201,8 @@ def _record(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
         outcomes = tuple(outcome.name for outcome in match_outcomes)
         agreement = replace(agreement, before=before, inconsistency=value, outcomes=outcomes)
         poor = Evidence(poor=value > CONTRADICTED)
-        forward, backward = (
-            side.with_outcome(lower_outcome(x, poor)) for side, x in zip(row.sides, match_outcomes)
-        )
+        lowered = (lower_outcome(outcome, poor) for outcome in match_outcomes)
+        forward, backward = (side.with_outcome(outcome) for side, outcome in zip(row.sides, lowered))
         new = replace(row, agreement=agreement, there=forward, back=backward)
         if new != row:
             ledger.put(pair, replace(new, time=time.time()))
@@ -261,7 +260,7 @@ class Repair(NamedTuple):
     """A contradicted pair, and the shapes through which trusted maps lead around it."""
 
     pair: Pair
-    middles: tuple[str, ...]  # the other shapes
+    middles: tuple[str, ...]  # names of these other shapes
     trust: tuple[float, ...]  # weight of the path through each
     outcomes: tuple[str, ...]  # name of the least sure outcome along each path
     seed: int  # seed of the match
@@ -328,9 +327,8 @@ class CycleJob:
         note = f"other maps contradict the map that was matched, by {before:.2f} √area; this one is their composition "
         note += f"over {middle}, refined, and its outcome is at most as sure as theirs"
         least = Evidence.of(Outcome[repair.outcomes[best]])
-        results = [
-            replace(x, outcome=lower_outcome(x.outcome, least), notes=(note, *x.notes)) for x in rematched
-        ]
+        lowered = ((x, lower_outcome(x.outcome, least)) for x in rematched)
+        results = [replace(x, outcome=outcome, notes=(note, *x.notes)) for x, outcome in lowered]
         forward, backward = (MapSummary.of(result, settings=True) for result in results)
         by = pair[0], middle, pair[1]
         record = replace(old.record, there=forward, back=backward, memory=peak_memory(), replaced_by=by)
@@ -340,9 +338,8 @@ class CycleJob:
 
     def _images_of(self, vertices: IntArray, source: str, target: str) -> IntArray:
         """Map vertices of one shape to another; −1 stays −1."""
-        return np.where(
-            vertices >= 0, self.collection.maps(source, target).there.vertices[vertices], UNMATCHED
-        )
+        images = self.collection.maps(source, target).there.vertices[vertices]
+        return np.where(vertices >= 0, images, UNMATCHED)
 
     def _compositions(self, source: str, target: str, middles: Sequence[str]) -> IntArray:
         """Map the vertices of the source through each of q other shapes, (q, n)."""
@@ -397,7 +394,7 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
         with np.errstate(invalid="ignore"):
             inconsistencies = (weights * errors).sum(axis=1) / total
         trust = prior_trust * trust_in(np.nan_to_num(inconsistencies, nan=np.inf), sharpness)
-    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # symmetric up to rounding before
+    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # the mean removes rounding
 
 
 def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:
@@ -415,7 +412,7 @@ def turned_shapes(orientations: FloatArray) -> IntArray:
 
 
 def _smaller_side(links: FloatArray, members: IntArray) -> IntArray:
-    # links are 1 within two groups, and −1 between them: the leading eigenvector has opposite signs
+    # links are 1 inside two groups and −1 between them, where the leading eigenvector changes sign
     side = np.linalg.eigh(links[np.ix_(members, members)])[1][:, -1]
     return min(members[side < 0], members[side >= 0], key=len)
 

@@ -24,7 +24,6 @@ from isomatch.cohort.ledger import (
     CONTRADICTED,
     Ledger,
     Pair,
-    Rows,
     ShapeRow,
     SurfaceRow,
     read_ledgers,
@@ -40,21 +39,22 @@ from isomatch.cohort.map_file import (
 )
 from isomatch.cohort.plan import BETWEEN, Entry, Layout, identity_of_map
 from isomatch.cohort.shape_statistics import MEASURED, doubtful_positions
+from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.specimen_page import Specimen, camera_like, write_specimen
 from isomatch.cohort.study_page import write_page, write_table
-from isomatch.cohort.unusual_shapes import NOT_UNLIKE, mirror_images, scales_of
+from isomatch.cohort.unusual_shapes import NOT_UNLIKE
 from isomatch.cohort.workers import Task, Workers, workers_of
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
 from isomatch.io import Asset, Attribute, Frame, Polygons, mesh_from, read_asset, read_mesh, write_asset
 from isomatch.surfaces import Mesh, reflected
 from isomatch.visualization import camera_of, position_colours, surface_image, to_screen
 
-SURFACES_PER_TASK = 4
-N_COMPARED_VERTICES = 1000  # vertices of a shape by which outliers are found
-MAX_COMPARED = 2000  # shapes that are compared; a regular sample if there are more
-SAVE_INTERVAL = 60.0  # seconds after which the table is written again, to lose little if killed
-MAX_WAYS = 20  # ways through other shapes; as many as were measured
-THUMBNAIL_SIZE, MARGIN = 300, 6  # pixels of a side, and around the longest extent
+SURFACES_PER_TASK = 4  # number of surfaces that a worker writes in one task
+N_COMPARED_VERTICES = 1000  # number of vertices by which shapes are compared to find outliers
+MAX_COMPARED = 2000  # if there are more shapes, a regular sample of about this number is compared
+SAVE_INTERVAL = 60.0  # seconds after which the table is written again, so that a killed run loses little
+MAX_WAYS = 20  # a surface is the median of at most this number of ways, as many as were measured
+THUMBNAIL_SIZE, MARGIN = 300, 6  # pixels of a side of a picture, and around the longest extent of the shape
 
 
 def finish(
@@ -77,21 +77,19 @@ def finish(
     Yields the line in ``shapes.csv`` of each surface that is written; ``again`` is what was wrong
     with its former file. Other arguments are those of `Collection.run`.
     """
-    layout, rows = collection.layout, collection.rows()
-    template = collection.chosen_template(rows)
-    lines = SurfaceRow.read(layout.shapes_table)
-    mirrored = mirror_images(collection, rows)
-    plans = [] if template is None else _plan_surfaces(collection, rows, template)
-    kept = collection.names if template is None else [plan.entry.name for plan in plans]
+    known = Snapshot(collection, collection.rows())
+    layout, template, lines = known.layout, known.template, known.surface_rows()
+    plans = [] if template is None else _plan_surfaces(known, template)
+    kept = known.names if template is None else [plan.entry.name for plan in plans]
     with claimed(layout.shapes_table), writing_ledger(layout.ledger()) as ledger:
-        _remove_others(collection, set(kept), lines, ledger)
+        _remove_others(known, set(kept), lines, ledger)
         if template is not None:
             for folder in ("corresponded", "thumbnails", "views"):
                 with writing(layout.folder / folder):
                     (layout.folder / folder).mkdir(exist_ok=True)
-            changed = changed_files(layout, rows, ["corresponded"])
-            unchanged = _unchanged_surfaces(layout, rows, changed)
-            write = partial(_write_surface, layout, _entry(collection, rows, template))
+            changed = changed_files(layout, known.rows, ["corresponded"])
+            unchanged = _unchanged_surfaces(known, changed)
+            write = partial(_write_surface, layout, known.entry(template))
             todo = [plan for plan in plans if not _is_written(plan, lines, unchanged)]
             parts = (todo[i : i + SURFACES_PER_TASK] for i in range(0, len(todo), SURFACES_PER_TASK))
             saved = time.monotonic()
@@ -108,55 +106,46 @@ def finish(
                         saved = time.monotonic()
                     again = f"its file {changed[file]}" if file in changed else ""
                     yield replace(lines[name], again=again)
-            _tell_sides(collection.names, rows.reflected(collection.names), mirrored, lines)
-            _tell_unreached(collection, rows, template, set(kept), lines)
+            _tell_sides(known, lines)
+            _tell_unreached(known, set(kept), lines)
             written = [plan.entry.name for plan in plans if _is_written(plan, lines, unchanged)]
             _tell_unlike(layout, written, lines)
             SurfaceRow.write(layout.shapes_table, lines.values())
-    write_table(rows, layout.table)
-    write_page(collection, rows, template, lines)
+    write_table(known.rows, layout.table)
+    write_page(known)
 
 
-def refresh_page(collection: Collection) -> None:
-    """Write ``index.html`` again, after files that it links."""
-    rows = collection.rows()
-    template = collection.chosen_template(rows)
-    write_page(collection, rows, template, SurfaceRow.read(collection.layout.shapes_table))
-
-
-def surface_as_written(collection: Collection, rows: Rows, name: str) -> Mesh:
+def surface_as_written(known: Snapshot, name: str) -> Mesh:
     """Return the surface of a file as it is written: reflected, and in the common unit."""
-    entry, factor = _entry(collection, rows, name), scales_of(collection.units, rows).get(name, 1.0)
+    entry = known.entry(name)
     mesh = reflected(_mesh(entry)) if entry.reflected else _mesh(entry)
-    return mesh.moved(factor * mesh.vertices)
+    return mesh.moved(known.scales.get(name, 1.0) * mesh.vertices)
 
 
 def surfaces_written(collection: Collection) -> list[str]:
     """List the shapes that are written in the template's topology by their present maps."""
-    rows = collection.rows()
-    template = collection.chosen_template(rows)
-    if template is None:
+    known = Snapshot(collection, collection.rows())
+    if known.template is None:
         return []
-    layout, plans = collection.layout, _plan_surfaces(collection, rows, template)
-    lines = SurfaceRow.read(layout.shapes_table)
-    unchanged = _unchanged_surfaces(layout, rows, changed_files(layout, rows, ["corresponded"]))
+    plans, lines = _plan_surfaces(known, known.template), known.surface_rows()
+    unchanged = _unchanged_surfaces(known, changed_files(known.layout, known.rows, ["corresponded"]))
     return [plan.entry.name for plan in plans if _is_written(plan, lines, unchanged)]
 
 
-def _plan_surfaces(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
-    scales = scales_of(collection.units, rows)
-    entries = {name: _entry(collection, rows, name) for name in collection.names}
+def _plan_surfaces(known: Snapshot, template: str) -> list[PlannedSurface]:
+    rows, names, is_ring = known.rows, known.names, known.plan.pairs == "ring"
+    entries = {name: known.entry(name) for name in names}
     current = {frozenset(pair): row for pair, row in rows.pairs.items() if rows.is_current(pair)}
     keys = {ends: identity_of_map(row) for ends, row in current.items()}
     sure = {frozenset(pair) for pair in rows.pairs if frozenset(pair) in keys and not rows.is_doubtful(pair)}
-    linked = [name for name in collection.names if {template, name} in sure]
+    linked = [name for name in names if {template, name} in sure]
     template_key = rows.shapes.get(template, ShapeRow(state="todo")).key
     plans = [PlannedSurface(entries[template], None, template_key)]
-    start = collection.names.index(template) if collection.pairs == "ring" else 0
-    ring = [*collection.names[start:], *collection.names[:start]]
+    start = names.index(template) if is_ring else 0
+    ring = [*names[start:], *names[:start]]
     around = [frozenset(leg) for leg in pairwise([*ring, template])]
-    is_closed = collection.pairs == "ring" and sure.issuperset(around)
-    if is_closed:  # every surface depends on all maps
+    is_closed = is_ring and sure.issuperset(around)
+    if is_closed:  # in a closed ring, every surface depends on all maps
         key = _hash_of(keys[leg] for leg in around)
         in_order = tuple(entries[name] for name in ring)
         plans = [plans[0]._replace(key=f"{template_key} {key}", ways=(in_order[1:],))]
@@ -177,13 +166,13 @@ def _plan_surfaces(collection: Collection, rows: Rows, template: str) -> list[Pl
         key = _hash_of(keys[leg] for leg in legs) if middles else keys[frozenset(pair)]
         plans.append(PlannedSurface(entries[name], pair, key, ways=ways))
     matched = {plan.entry.name for plan in plans}
-    for name in collection.names:
+    for name in names:
         if name not in matched and (path := rows.path(template, name)):
             key = _hash_of(keys[frozenset(leg)] for leg in pairwise(path))
             way = tuple(entries[middle] for middle in path[1:-1])
             plans.append(PlannedSurface(entries[name], (template, name), key, ways=(way,)))
     for i, plan in enumerate(plans):
-        if (factor := scales.get(plan.entry.name, 1.0)) != 1:
+        if (factor := known.scales.get(plan.entry.name, 1.0)) != 1:
             plans[i] = plan._replace(scale=factor, key=f"{plan.key} × {factor:.6g}")
     return plans
 
@@ -192,13 +181,8 @@ def _hash_of(keys: Iterable[str]) -> str:
     return blake2b("; ".join(keys).encode(), digest_size=16).hexdigest()
 
 
-def _entry(collection: Collection, rows: Rows, name: str) -> Entry:
-    """Return a shape as it was matched."""
-    return Entry(name, collection.paths[name], bool(rows.reflected([name])))
-
-
-def _unchanged_surfaces(layout: Layout, rows: Rows, changed: Container[Path]) -> set[str]:
-    files = [layout.folder / name for name in rows.files]
+def _unchanged_surfaces(known: Snapshot, changed: Container[Path]) -> set[str]:
+    files = [known.layout.folder / name for name in known.rows.files]
     return {file.stem for file in files if file.parent.name == "corresponded" and file not in changed}
 
 
@@ -207,11 +191,9 @@ def _is_written(plan: PlannedSurface, lines: dict[str, SurfaceRow], unchanged: C
     return line is not None and line.key == plan.key and not line.error and plan.entry.name in unchanged
 
 
-def _remove_others(
-    collection: Collection, kept: set[str], lines: dict[str, SurfaceRow], ledger: Ledger
-) -> None:
+def _remove_others(known: Snapshot, kept: set[str], lines: dict[str, SurfaceRow], ledger: Ledger) -> None:
     """Remove files and lines of shapes that are not kept, and reports of their pairs."""
-    layout, everything = collection.layout, read_ledgers(collection.layout.ledgers())
+    layout, everything = known.layout, read_ledgers(known.layout.ledgers())
     for name in {*lines, *everything.shapes} - kept:
         landmarks = layout.landmarks / f"{name}.mrk.json"
         seen = layout.thumbnail(name), layout.view(name), layout.landmark_view(name)
@@ -221,7 +203,7 @@ def _remove_others(
         if lines.pop(name, None):  # the others are compared again without it
             lines |= {other: replace(line, unlike="") for other, line in lines.items()}
     for pair in everything.pairs:
-        if not set(pair) <= set(collection.names):
+        if not set(pair) <= set(known.names):
             layout.report(pair).unlink(missing_ok=True)
 
 
@@ -240,25 +222,22 @@ def _tell_unlike(layout: Layout, names: list[str], lines: dict[str, SurfaceRow])
         lines[name] = replace(lines[name], unlike=unlike.get(name, NOT_UNLIKE))
 
 
-def _tell_unreached(
-    collection: Collection, rows: Rows, template: str, kept: set[str], lines: dict[str, SurfaceRow]
-) -> None:
+def _tell_unreached(known: Snapshot, kept: set[str], lines: dict[str, SurfaceRow]) -> None:
     """Add lines of shapes without a path of sure maps, with the maps at which the paths end."""
-    broken = [
-        " and ".join(pair) for pair in rows.pairs if rows.is_doubtful(pair) and len(kept & {*pair}) == 1
-    ]
-    where = f", as those of {', '.join(broken)} are doubtful" if broken else ""
-    for name in collection.names:
+    rows = known.rows
+    ends = [pair for pair in rows.pairs if rows.is_doubtful(pair) and len(kept & {*pair}) == 1]
+    broken = map(" and ".join, ends)
+    where = f", as those of {', '.join(broken)} are doubtful" if ends else ""
+    for name in known.names:
         if name not in kept and name in rows.shapes:
-            reason = f"no sure maps lead to it from the template {template}{where}"
+            reason = f"no sure maps lead to it from the template {known.template}{where}"
             lines[name] = replace(lines.get(name, SurfaceRow(name=name)), error=reason)
 
 
-def _tell_sides(
-    names: list[str], turned: list[str], mirrored: Container[str], lines: dict[str, SurfaceRow]
-) -> None:
+def _tell_sides(known: Snapshot, lines: dict[str, SurfaceRow]) -> None:
     """Add to lines whether shapes were reflected, and whether they seem to be mirror images."""
-    for name in names:
+    turned, mirrored = known.reflected, known.mirror_images
+    for name in known.names:
         if name in lines or name in turned or name in mirrored:
             sides = {"reflected": "yes" * (name in turned), "mirror_image": "yes" * (name in mirrored)}
             lines[name] = replace(lines.get(name, SurfaceRow(name=name)), **sides)
@@ -339,10 +318,8 @@ def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
     resolution = (THUMBNAIL_SIZE - 2 * MARGIN) / max(extents)
     image = surface_image(mesh, position_colours(template), to_screen, cameras[mesh], resolution)
     image = image[:THUMBNAIL_SIZE, :THUMBNAIL_SIZE]
-    square, (top, left) = (
-        np.zeros((THUMBNAIL_SIZE, THUMBNAIL_SIZE, 4)),
-        (THUMBNAIL_SIZE - np.array(image.shape[:2])) // 2,
-    )
+    square = np.zeros((THUMBNAIL_SIZE, THUMBNAIL_SIZE, 4))
+    top, left = (THUMBNAIL_SIZE - np.array(image.shape[:2])) // 2
     square[top : top + image.shape[0], left : left + image.shape[1]] = np.clip(image, 0.0, 1.0)
     with replaced(path) as file:
         imsave(file, square, format="png")
@@ -350,7 +327,7 @@ def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
 
 def _polygons(template: Entry, mesh: Mesh) -> Polygons:
     """Return the polygons of the template's file, or triangles if it was reflected."""
-    with suppress(IsomatchError):  # such as for attributes that cannot be read
+    with suppress(IsomatchError):  # a file may have attributes that cannot be read
         if not template.reflected:
             return read_asset(template.path).polygons
     return Polygons.of_triangles(mesh.faces)
@@ -358,7 +335,7 @@ def _polygons(template: Entry, mesh: Mesh) -> Polygons:
 
 def _frame(entry: Entry, scale: float) -> Frame | None:
     """Return the space of a file, without its unit if scaled; None if the shape was reflected."""
-    with suppress(IsomatchError):  # such as for attributes that cannot be read
+    with suppress(IsomatchError):  # a file may have attributes that cannot be read
         frame = read_asset(entry.path).frame
         if frame and not entry.reflected:
             return frame if scale == 1 else Frame(words=(f"SPACE={frame.axes}",) if frame.axes else ())

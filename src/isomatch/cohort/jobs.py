@@ -49,7 +49,8 @@ from isomatch.cohort.plan import (
     tiles_of,
     why_again,
 )
-from isomatch.cohort.unusual_shapes import OF_SHAPES, Outlier, holes_of, likeness_of, mirror_images, outliers
+from isomatch.cohort.snapshot import Snapshot
+from isomatch.cohort.unusual_shapes import OF_SHAPES, Outlier, holes_of, likeness_of, outliers
 from isomatch.cohort.workers import Attempt, Task, Workers, try_job, workers_of
 from isomatch.correspondence import carry_along
 from isomatch.io import mesh_from, surface_from
@@ -58,10 +59,10 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Graph, Mesh, reflected
 
-MAX_TILE_PAIRS = 64  # pairs of a tile, whose rows come when all of it is done
-TILES_PER_WORKER = 4  # several, so that all workers end at about the same time
+MAX_TILE_PAIRS = 64  # largest number of pairs in a task; their rows are written when all of them are matched
+TILES_PER_WORKER = 4  # pairs are cut into this number of tasks a worker, so that all workers end together
 MAX_LOADED_BYTES = 256 * 2**20  # size of the prepared shapes that a worker keeps; a match needs more
-MAX_CARRIERS = 1500  # points of the leader's surface that carry others along
+MAX_CARRIERS = 1500  # number of points of the leader's surface that carry other surfaces along
 REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -149,7 +150,7 @@ class Run:
                 ledger.put(name, OriginRow(time=time.time(), made_with=origin))
             yield from self._prepare_shapes(job, workers, ledger)
             odd = outliers(self.collection, Rows(ledger.rows.shapes))
-            odd = [outlier for outlier in odd if outlier.kind in OF_SHAPES]  # broken ones are failed shapes
+            odd = [outlier for outlier in odd if outlier.kind in OF_SHAPES]
             for count, outlier in enumerate(odd, 1):
                 yield Event("outlier", outlier.name, outlier, count, len(odd))
             tried: set[str] = set()
@@ -203,7 +204,7 @@ class Run:
             old = rows.pairs[plan.pair]
             if isinstance(attempt.result, tuple):
                 shape, pair = attempt.result
-                # the shape first: it tells whether a pair is still to be matched
+                # the row of the shape is written first, as it tells whether pairs are to be matched
                 shape = self._with_reasons(shape, rows.shapes[entry.name], (entry.name,), None, rows)
                 ledger.put(entry.name, shape)
                 row = self._with_reasons(pair, old, plan.pair, None, rows)
@@ -218,7 +219,7 @@ class Run:
         if self.collection.reflect != "auto" or (self.collection.pairs != "star" and self.shard[1] > 1):
             return []
         shard_pairs, reflections = set(self.pairs_of_shard(rows)), list[Reflection]()
-        for name, pair in mirror_images(self.collection, rows).items():
+        for name, pair in Snapshot(self.collection, rows).mirror_images.items():
             if pair in shard_pairs and name not in tried and name not in rows.pairs[pair].not_reflected:
                 is_reflected, row = not rows.reflected([name]), rows.shapes[name]
                 key = self._key(identity_of(row.hash, is_reflected))
@@ -323,7 +324,7 @@ class PlannedPair(NamedTuple):
     shapes: tuple[str, str]  # keys of the prepared shapes
     hashes: tuple[str, str]  # content_hash of the surfaces in the files
     reflected: tuple[str, ...]  # names of the shapes that are matched as mirror images
-    attempt: int  # added to the seed
+    attempt: int  # number of earlier attempts, added to the seed
     contradicted: bool = False  # whether others contradict the earlier map, so that any new one wins
     led_by: str = ""  # identifies the map of the leader that it starts from
 
@@ -336,7 +337,7 @@ class PlannedPair(NamedTuple):
     def row(self, found: Attempt[tuple[MapRecord, str]]) -> PairRow:
         """Return the row of the pair, with the record and the digest of the file of its maps."""
         ended: dict[str, Any] = {"attempt": self.attempt, "state": found.state, "time": found.time}
-        if found.result is None:  # the earlier map is judged as before
+        if found.result is None:  # the earlier map stays, and is judged as before
             ended |= {"error": found.error, "seconds": found.seconds, "contradicted": self.contradicted}
             return PairRow(**self.known, **ended, key=self.key)
         record, file = found.result
@@ -413,7 +414,7 @@ class Job:
             return shape.error
         file = self.layout.maps(plan.pair)
         maps = _load_if_whole(lambda: PairMaps.load(file))
-        if maps is None or maps.record.key != plan.key:  # else a run that was killed had saved it
+        if maps is None or maps.record.key != plan.key:  # otherwise a killed run has saved these maps
             maps = self._new_maps(plan)
             worst = min((side.outcome for side in maps.record.sides), key=lambda outcome: outcome.sureness)
             if worst.is_doubtful:
@@ -449,7 +450,7 @@ def _carry_map(leader: Plan, plan: PlannedPair, source: PreparedShape, target: P
     scale = float(np.sqrt(leader_target.area / leader_source.area))
     points, goals = cast(Mesh, source.surface).vertices, cast(Mesh, target.surface).vertices
     moved = carry_along(points, leader_source.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
-    # sheets may end elsewhere on their leaders, so they are laid onto each other as a whole
+    # sheets may end elsewhere on their leaders, so their centroids are laid onto each other
     return np.asarray(cKDTree(goals - goals.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
 
 
@@ -466,7 +467,7 @@ def _load_if_whole(load: Callable[[], T]) -> T | None:
 
 _shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
 """Prepared shapes of this process with their sizes, by file and time; the last used is last."""
-_shapes_lock = Lock()  # a worker of a cluster may have several threads
+_shapes_lock = Lock()  # needed because a worker of a cluster may have several threads
 
 
 def load_shape(file: Path, config: Config, room: int = MAX_LOADED_BYTES) -> PreparedShape:

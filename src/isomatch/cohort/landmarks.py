@@ -21,11 +21,13 @@ from isomatch._core.skipped import tell_skipped
 from isomatch._core.stage_timer import Progress
 from isomatch._core.texts import write_csv
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.finish import refresh_page, surface_as_written
+from isomatch.cohort.finish import surface_as_written
 from isomatch.cohort.map_file import keep_files, maps_along, require_unchanged
+from isomatch.cohort.plan import Plan
 from isomatch.cohort.shape_statistics import Criterion, Slid, slid_semilandmarks
+from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.specimen_page import Specimen, write_specimen
-from isomatch.cohort.unusual_shapes import scales_of
+from isomatch.cohort.study_page import write_page
 from isomatch.cohort.workers import Listener
 from isomatch.correspondence import Correspondence
 from isomatch.io import Asset, read_asset, read_mesh
@@ -43,9 +45,9 @@ from isomatch.transfer import carry_landmarks
 
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".tps", ".csv", ".txt")
 ERROR_COLUMNS = ("specimen", "landmark", "expected_error", "spread", "error")
-MIN_PLACED = 0.5  # share of the landmarks of a shape that must have a place for them to slide
-N_LEAST_SURE = 3  # number of the least sure landmarks that are named, and as many semilandmarks
-SAME_PLACE = 1e-4  # difference of positions in two files, over the extent of all landmarks
+MIN_PLACED = 0.5  # landmarks of a shape slide if at least this share of them has a place
+N_LEAST_SURE = 3  # number of the least sure landmarks that are named, and of semilandmarks
+SAME_PLACE = 1e-4  # positions in two files are equal if they differ by less, over the extent of all landmarks
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class LandmarkTables:
     check_first: dict[str, float]  # median errors of the least sure landmarks, then semilandmarks
     mean_spread: dict[str, float]  # mean spread of each shape over the templates
     largest_spread: dict[str, str]  # landmark with the largest spread
-    left_out_errors: dict[str, LeftOutError]  # by template
+    left_out_errors: dict[str, LeftOutError]  # errors of each template
     not_written: list[str]  # attributes that the format cannot hold
     other_landmarks: list[str]  # shapes with other landmarks, which are not in the tables
     misread_names: list[str]  # shapes whose names geomorph takes for lines of landmarks.tps
@@ -137,10 +139,8 @@ def write_landmark_tables(
     to : path_like
         Folder for a file of each shape, landmarks.csv, landmarks.tps, tables of errors, and
         views/NAME.html.
-    semilandmarks, format, force
-        As the options of ``isomatch collect landmarks``.
-    progress : callable, optional
-        Called with each step, and the share that is done.
+    semilandmarks, format, force, progress
+        As the options of ``isomatch collect landmarks``; for the progress, see `run`.
 
     Returns
     -------
@@ -157,11 +157,12 @@ def write_landmark_tables(
     suffix = f".{format.removeprefix('.')}"
     writer_of(Path(f"landmarks{suffix}"))
     collection, listener = Collection.open(folder), Listener.of(progress, None)
-    files = landmark_files(Path(landmarks), collection, collection.chosen_template(collection.rows()))
-    return write_tables(collection, files, Path(to), semilandmarks, listener, suffix, force)
+    known = Snapshot(collection, collection.rows())
+    files = landmark_files(Path(landmarks), collection, known.template)
+    return write_tables(known, files, Path(to), semilandmarks, listener, suffix, force)
 
 
-def landmark_files(marks: Path, collection: Collection, template: str | None) -> dict[str, Path]:
+def landmark_files(marks: Path, collection: Plan, template: str | None) -> dict[str, Path]:
     """Find the file of landmarks of each shape that has one, and check that it can be read."""
     names = collection.names
     listed = marks.iterdir() if marks.is_dir() else [marks]
@@ -200,7 +201,7 @@ def _are_alike(landmarks: Landmarks, other: Path, surface: Path) -> bool:
 
 
 def write_tables(
-    collection: Collection,
+    known: Snapshot,
     files: Mapping[str, Path],
     to: Path,
     semilandmarks: Semilandmarks | None,
@@ -209,11 +210,10 @@ def write_tables(
     force: bool = True,
 ) -> LandmarkTables:
     """Write the landmarks of all shapes and their tables."""
-    rows, own_folder = collection.rows(), collection.layout.landmarks
+    collection, own_folder = known.plan, known.layout.landmarks
     to = own_folder if to.resolve() == own_folder.resolve() else to
-    more, template = semilandmarks or Semilandmarks(), collection.chosen_template(rows)
-    ends = {*files, template}
-    patches = {} if more.patches is None else landmark_files(more.patches, collection, template)
+    more, ends = semilandmarks or Semilandmarks(), {*files, known.template}
+    patches = {} if more.patches is None else landmark_files(more.patches, collection, known.template)
     given = files, more.curve_points
     points: dict[str, Landmarks] = {}
     lost: set[str] = set()
@@ -224,28 +224,29 @@ def write_tables(
         for name, marks in collected_landmarks(collection, *given, patches, more.surface_points):
             points[name] = marks
             listener.tell(f"landmarks of {name}", len(points) / len(collection.names))
-        turned, scales = rows.reflected(points), scales_of(collection.units, rows)
+        turned = known.rows.reflected(points)
         slid = _slide(collection, points, turned, more.criterion) if more.slide else []
         left_out = {comparison.name: comparison for comparison in landmarks_left_out(collection, *given)}
         first = next(iter(points.values()))
         axes = next((marks.axes for marks in points.values() if marks.axes), None)
-        alike = {}  # in the unit of the collection, and reflected as they were matched
+        alike = {}  # landmarks in the unit of the collection, reflected as they were matched
         for name, marks in points.items():
             lost |= {*write_landmarks(to / f"{name}{suffix}", marks)}
             if (marks.names, marks.curves) == (first.names, first.curves):
-                factors = scales.get(name, 1.0) * _signs_of(name, turned)
+                factors = known.scales.get(name, 1.0) * _signs_of(name, turned)
                 own_axes = marks.in_axes(axes)
                 alike[name] = replace(own_axes, positions=own_axes.positions * factors)
         if more.slide:
             write_csv(to / "landmarks_slid.csv", (record._asdict() for record in slid), Slid._fields)
         write_csv(to / "landmarks_errors.csv", _error_lines(points, left_out), ERROR_COLUMNS)
         misread = [name for table in tables for name in write_specimens(table, alike)]
-        views = _write_views(collection, to, points, suffix)
+        views = _write_views(known, to, points, suffix)
         if to == own_folder:
             keep_files(collection.layout, (path for path in earlier if path.exists()))
-            refresh_page(collection)
+            write_page(known)
     spread = {name: marks.spread for name, marks in points.items() if np.isfinite(marks.spread).any()}
     errors = {name: marks.expected_error for name, marks in points.items()}
+    least_sure = max(views, key=lambda name: np.nanmax(errors[name], initial=0.0), default="")
     return LandmarkTables(
         folder=to,
         format=suffix,
@@ -262,11 +263,11 @@ def write_tables(
         reflected=turned,
         axes=axes,
         half_turned=[name for name, marks in points.items() if marks.axes != axes],
-        doubtful=[pair for pair in rows.pairs if rows.is_doubtful(pair) and not ends.isdisjoint(pair)],
+        doubtful=[x for x in known.rows.pairs if known.rows.is_doubtful(x) and not ends.isdisjoint(x)],
         slid=slid,
         not_slid=sorted({*points}.difference(record.specimen for record in slid)) if more.slide else [],
         left_out=[name for name in collection.names if name not in points],
-        look_at=_least_sure_view(to, {name: errors[name] for name in views}),
+        look_at=str(to / "views" / f"{least_sure}.html") if views else "",
     )
 
 
@@ -284,14 +285,8 @@ def _least_sure(points: Iterable[Landmarks]) -> dict[str, float]:
     return {name: error for kind in kinds for name, error in kind[:N_LEAST_SURE]}
 
 
-def _least_sure_view(to: Path, errors: Mapping[str, FloatArray]) -> str:
-    """Return the page of the shape whose landmarks are least sure."""
-    worst = max(errors, key=lambda name: np.nanmax(errors[name], initial=0.0), default=None)
-    return "" if worst is None else str(to / "views" / f"{worst}.html")
-
-
 def _slide(
-    collection: Collection, points: dict[str, Landmarks], turned: list[str], criterion: Criterion
+    collection: Plan, points: dict[str, Landmarks], turned: list[str], criterion: Criterion
 ) -> list[Slid]:
     """Slide the landmarks of shapes that have those of the first, and a place for half of them."""
     first = next(iter(points.values()))
@@ -338,12 +333,12 @@ class LeftOut(NamedTuple):
     """The landmarks of a template as carried from the other templates."""
 
     name: str
-    carried: Landmarks  # with expected errors and spread
+    carried: Landmarks  # carried landmarks, with expected errors and spread
     error: FloatArray  # (m,) distance from the known ones, in units of the shape; nan without a place
 
 
 def collected_landmarks(
-    collection: Collection,
+    collection: Plan,
     files: Mapping[str, str | Path],
     curve_points: int | None = None,
     patches: Mapping[str, str | Path] | None = None,
@@ -377,7 +372,7 @@ def collected_landmarks(
 
 
 def landmarks_left_out(
-    collection: Collection, files: Mapping[str, str | Path], curve_points: int | None = None
+    collection: Plan, files: Mapping[str, str | Path], curve_points: int | None = None
 ) -> Iterator[LeftOut]:
     """Carry to each template the landmarks of all others, to know the errors of unmarked shapes."""
     templates = _Templates(collection, files, curve_points)
@@ -400,7 +395,7 @@ def _positions(marks: Landmarks, names: tuple[str, ...]) -> FloatArray:
 class _Templates:
     """The shapes that have landmarks, which they give to others."""
 
-    def __init__(self, collection: Collection, files: Mapping[str, str | Path], n_points: int | None) -> None:
+    def __init__(self, collection: Plan, files: Mapping[str, str | Path], n_points: int | None) -> None:
         if unknown := [name for name in files if name not in collection.paths]:
             where = f"{', '.join(unknown)}: no shapes of {collection.folder}"
             raise InputError(f"{where}; files are named like shapes")
@@ -439,14 +434,13 @@ class _Templates:
 
     def carry_to(self, name: str, templates: Iterable[str]) -> Landmarks | None:
         """Return the median of what templates give a shape; None if no sure map leads to it."""
-        found, n_points = [], self._curve_points
+        found = []
         for template in templates:
             map_there, error = self._map(template, name)
             if map_there is not None:
-                ends, marks = (self._read(template), self._read(name)), self._marks[template]
-                found.append(
-                    carry_landmarks(map_there, *ends, marks, curve_points=n_points, expected_error=error)
-                )
+                given = self._read(template), self._read(name), self._marks[template]
+                how: dict[str, Any] = {"curve_points": self._curve_points, "expected_error": error}
+                found.append(carry_landmarks(map_there, *given, **how))
         return median_landmarks(found, _triangulate(self._read(name))) if found else None
 
     def _map(self, source: str, target: str) -> tuple[Correspondence | None, FloatArray | None]:
@@ -461,26 +455,25 @@ def _triangulate(shape: Asset) -> Mesh:
     return Mesh(shape.placed_points, shape.polygons.triangles)
 
 
-def _write_views(collection: Collection, to: Path, found: Mapping[str, Landmarks], suffix: str) -> list[str]:
+def _write_views(known: Snapshot, to: Path, found: Mapping[str, Landmarks], suffix: str) -> list[str]:
     """Write a page for each shape whose surface is written, with its landmarks in 3D; return the names."""
-    rows = collection.rows()
-    template, scales = collection.chosen_template(rows), scales_of(collection.units, rows)
+    layout, template = known.layout, known.template
     errors = [np.delete(marks.expected_error, marks.semilandmarks) for marks in found.values()]
     high = float(np.nanmax(np.concatenate(errors), initial=0.0)) or 1.0
 
     def specimen(name: str) -> Specimen:
-        marks, turned = found.get(name), rows.reflected([name])
+        marks = found.get(name)
         if marks is not None:
-            factors = scales.get(name, 1.0) * _signs_of(name, turned)
+            factors = known.scales.get(name, 1.0) * _signs_of(name, known.reflected)
             marks = replace(marks, positions=marks.positions * factors)
-        corresponded = read_mesh(collection.layout.corresponded(name))
-        return Specimen(name, surface_as_written(collection, rows, name), corresponded, marks)
+        corresponded = read_mesh(layout.corresponded(name))
+        return Specimen(name, surface_as_written(known, name), corresponded, marks)
 
-    names = [name for name in found if collection.layout.corresponded(name).exists()]
-    if template is None or not collection.layout.corresponded(template).exists():
+    names = [name for name in found if layout.corresponded(name).exists()]
+    if template is None or not layout.corresponded(template).exists():
         return []
     beside = specimen(template)
-    is_inside = to == collection.layout.landmarks
+    is_inside = to == layout.landmarks
     (to / "views").mkdir(exist_ok=True)
     for before, name, after in zip(["", *names], names, [*names[1:], ""]):
         around = {f"previous: {before}": before, f"next: {after}": after}

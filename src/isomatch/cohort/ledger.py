@@ -20,9 +20,9 @@ from isomatch.matching import MatchResult, Outcome
 State = Literal["todo", "failed", "done"]
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""
-CONTRADICTED = 0.1  # √area: a map with a larger mean error is wrong; right maps reach half of it
-N_EIGENVALUES, N_QUANTILES = 30, 20  # of the features by which a template is chosen
-N_RANKS = 64  # distances from the centroid by which shapes are compared
+CONTRADICTED = 0.1  # √area: a map with a larger mean error is wrong; right maps have up to half of it
+N_EIGENVALUES, N_QUANTILES = 30, 20  # numbers of features by which a template is chosen
+N_RANKS = 64  # number of quantiles of a shape's distances from its centroid, which tell it from others
 LOCK_TIMEOUT = 60.0  # seconds to wait while another process reads or writes a ledger
 _TABLES = """
 BEGIN IMMEDIATE;
@@ -77,8 +77,8 @@ class Row:
     """Values that are written as one JSON object; those equal to their default are left out."""
 
     always: ClassVar[tuple[str, ...]] = ("state", "time")  # values that are written in any case
-    of_done: ClassVar[tuple[str, ...]] = ()  # likewise, where the state is "done"
-    # values of the object that it was read from whose names are not known here
+    of_done: ClassVar[tuple[str, ...]] = ()  # values that are also written if the state is "done"
+    # values that were read, and whose names this version does not know
     more: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -101,10 +101,9 @@ class Row:
     @classmethod
     def defaults(cls) -> dict[str, Any]:
         """Return the default of each value."""
-        stored_fields = [x for x in fields(cls) if x.name != "more"]
-        return {
-            x.name: x.default if x.default_factory is MISSING else x.default_factory() for x in stored_fields
-        }
+        stored = [x for x in fields(cls) if x.name != "more"]
+        made = {x.name: x.default_factory() for x in stored if x.default_factory is not MISSING}
+        return {x.name: made.get(x.name, x.default) for x in stored}
 
 
 def _plain(value: Any) -> Any:
@@ -122,21 +121,21 @@ class ShapeRow(Row):
     """What is known of a shape."""
 
     of_done = ("reflected", "bytes", "n_vertices", "area", "features", "holes", "notes")
-    size: int | None = None  # bytes of its file
-    changed: int | None = None  # when that was changed, in ns since the epoch
+    size: int | None = None  # size of its file, in bytes
+    changed: int | None = None  # when its file was changed, in ns since the epoch
     state: State
     time: float = 0.0  # when the row was made, in seconds since the epoch
     error: str = ""
     seconds: float | None = None
     key: str = ""  # identifies the prepared shape
-    hash: str = ""  # of the surface in its file
+    hash: str = ""  # content hash of the surface in its file
     reflected: bool = False  # whether it is matched as its mirror image
-    bytes: int = 0  # of the file of the prepared shape
+    bytes: int = 0  # size of the file of the prepared shape
     file: str = ""  # digest of the file of the prepared shape
     n_vertices: int = 0
     area: float = 0.0
-    features: tuple[float, ...] = ()  # see `features_of`
-    n_points: int = 0  # for this and the next three, see `likeness_of`
+    features: tuple[float, ...] = ()  # numbers that `features_of` computes
+    n_points: int = 0  # `likeness_of` explains this and the next three
     spread: float = 0.0
     ranks: tuple[float, ...] = ()
     handedness: float | None = None
@@ -155,8 +154,8 @@ class ShapeRow(Row):
 class PairAgreement(Row):
     """How the maps of a pair agree with the others of a collection, see `agree`."""
 
-    before: float | None = None  # first measured inconsistency
-    inconsistency: float | None = None  # in √area
+    before: float | None = None  # inconsistency when it was measured first
+    inconsistency: float | None = None  # mean distance from compositions of other maps, in √area
     outcomes: tuple[str, ...] = ()  # outcomes of its own match, in both directions
     tried_with: int | None = None  # number of shapes with which a replacement was tried
     refused: str = ""  # why it was not replaced
@@ -195,16 +194,16 @@ class PairRow(MapRecord):
 
     always = ("state", "time", "reflected", "attempt")
     of_done = ("memory",)
-    attempt: int = 0  # added to the seed
+    attempt: int = 0  # number of earlier attempts, added to the seed
     state: State
     time: float = 0.0  # when the row was made, in seconds since the epoch
     error: str = ""
     file: str = ""  # digest of the file of the maps
-    contradicted: bool | None = None  # whether other maps contradict the one to be matched again
+    contradicted: bool | None = None  # whether others contradict the map to be matched again
     made_with: str = ""  # key of its `OriginRow`
     again: tuple[str, ...] = ()  # why it was matched again
     not_reflected: Mapping[str, str] = field(default_factory=dict)  # why a shape is not reflected
-    agreement: PairAgreement | None = None  # None where it was not compared
+    agreement: PairAgreement | None = None  # None if the pair was not compared
 
     @property
     def verdict(self) -> Literal["todo", "failed", "low", "done"]:
@@ -250,7 +249,7 @@ class OriginRow(Row):
     made_with: Mapping[str, Any]
 
 
-Cell = str | float  # of a table; a text if it was read
+Cell = str | float  # cell of a table: a text if the table was read
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,15 +258,15 @@ class SurfaceRow:
 
     name: str
     key: str = ""  # identifies the map
-    turned: Cell = ""  # this and the next three as in `WrapQuality`
+    turned: Cell = ""  # `WrapQuality` explains this and the next three
     stretch: Cell = ""
     distance: Cell = ""
     extended: Cell = ""
     error: str = ""
-    expected_error: Cell = ""  # of the map, in √area
+    expected_error: Cell = ""  # expected error of the map, in √area
     ways: Cell = ""  # number of maps; the surface is their median
-    scale: Cell = ""  # factor of the positions
-    reflected: str = ""  # yes or empty
+    scale: Cell = ""  # factor by which positions were multiplied
+    reflected: str = ""  # yes if it was matched as its mirror image
     mirror_image: str = ""
     unlike: str = ""  # why it is far from all others
     loop_error: Cell = ""  # distance of the template from itself once around a ring, in √area
@@ -301,8 +300,8 @@ class Rows:
 
     shapes: dict[str, ShapeRow] = field(default_factory=dict)
     pairs: dict[Pair, PairRow] = field(default_factory=dict)
-    files: dict[str, FileRow] = field(default_factory=dict)  # by their path in the folder
-    origins: dict[str, OriginRow] = field(default_factory=dict)  # by ``made_with`` of rows
+    files: dict[str, FileRow] = field(default_factory=dict)  # rows of files by their paths in the folder
+    origins: dict[str, OriginRow] = field(default_factory=dict)  # by the values ``made_with`` of other rows
     damaged: list[str] = field(default_factory=list)  # such as "the row of a and b in ledger.sqlite"
 
     def merge(self, other: Rows) -> None:
@@ -376,16 +375,17 @@ def _counts_more(one: ShapeRow | PairRow | FileRow, other: ShapeRow | PairRow | 
     return (one.state == "done", one.time) > (other.state == "done", other.time)
 
 
-# Types of the values of a row, by its state; a row with other values was damaged
+# Types of the values of a row, by its state; a row with values of other types is damaged
 Kind = type | UnionType | Callable[[Any], bool]
 Kinds = Mapping[str, Mapping[str, Kind]]
 NUMBER = int | float
 
 
 def _list_of(kind: Kind, count: int | None = None) -> Callable[[Any], bool]:
-    return lambda value: (
-        isinstance(value, list) and count in (None, len(value)) and all(_is(item, kind) for item in value)
-    )
+    def is_list(value: Any) -> bool:
+        return isinstance(value, list) and count in (None, len(value)) and all(_is(x, kind) for x in value)
+
+    return is_list
 
 
 def _result(value: Any) -> bool:
@@ -416,7 +416,7 @@ TABLES: Mapping[str, tuple[type[Row], Kinds]] = {
     "origins": (OriginRow, {"done": {"made_with": dict}}),
 }
 """Class of the rows of each table of `Rows`, and the values that they must have."""
-_OPTIONAL: Mapping[str, Kind] = {  # types of values that a row need not have
+_OPTIONAL: Mapping[str, Kind] = {  # types of the values that a row may lack
     **dict.fromkeys(("file", "error", "source_hash", "target_hash", "led_by"), str),
     **dict.fromkeys(("seconds", "spread", "handedness"), NUMBER),
     **dict.fromkeys(("again", "replaced_by"), _texts),
@@ -458,7 +458,7 @@ class Ledger:
     def put(self, name: str | Pair, row: Row) -> None:
         """Write the row of a shape, a pair, a file by its path in the folder, or settings."""
         record, table = row.to_json(), next(table for table, (kind, _) in TABLES.items() if type(row) is kind)
-        getattr(self.rows, table)[name] = type(row).from_json(record)  # as it would be read
+        getattr(self.rows, table)[name] = type(row).from_json(record)  # the row as it would be read
         values = *([name] if isinstance(name, str) else name), json.dumps(record)
         self._execute(f"INSERT OR REPLACE INTO {table} VALUES ({', '.join('?' * len(values))})", *values)
 
@@ -484,7 +484,7 @@ def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
             opened.enter_context(closing(connection))
             connection.execute(f"PRAGMA journal_mode = {'WAL' if one_host else 'DELETE'}")
             if one_host:
-                # a power failure may lose the last rows, which the files of maps have too
+                # a power failure may lose the last rows, which are restored from the files of maps
                 connection.execute("PRAGMA synchronous = NORMAL")
             connection.executescript(_TABLES)
             ledger = Ledger(connection, path)
@@ -525,7 +525,7 @@ def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
     present = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
     rows = Rows()
     for table in filter(present.__contains__, TABLES):  # a ledger just begun, or an old one, has fewer
-        # fetched at once, since nobody can write while rows are read
+        # all rows are fetched at once, since no other process can write while they are read
         for *names, text in connection.execute(f"SELECT * FROM {table}").fetchall():
             row = row_of(table, text)
             if row is None:

@@ -39,7 +39,7 @@ UNKNOWN_ERROR = -1.0  # stands in a file for an expected error that is not known
 KEPT = ("prepared", "maps", "corresponded", "landmarks")
 """Folders whose files have digests in the ledgers."""
 MISSING, CHANGED = "is missing", "was changed after it was written"
-MAX_NAMED = 5  # files that an error names
+MAX_NAMED = 5  # an error about damaged files names at most this number of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,17 +141,14 @@ def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = KEPT) -> 
 
 def require_unchanged(layout: Layout, folders: Iterable[str]) -> None:
     """Raise `FormatError` if files of some folders of a collection are not as they were written."""
-    changed = [
-        f"{path} {what}"
-        for path, what in changed_files(layout, read_ledgers(layout.ledgers()), folders).items()
-    ]
-    if changed:
+    found = changed_files(layout, read_ledgers(layout.ledgers()), folders)
+    if changed := [f"{path} {what}" for path, what in found.items()]:
         more = f" and {len(changed) - MAX_NAMED} more" if len(changed) > MAX_NAMED else ""
         remedy = "run isomatch collect again, which makes what is damaged again"
         raise FormatError(f"{', '.join(changed[:MAX_NAMED])}{more}; {remedy}")
 
 
-_KeptFile = tuple[Path, ShapeRow | PairRow | FileRow]  # with the row that has its digest
+_KeptFile = tuple[Path, ShapeRow | PairRow | FileRow]  # a file, and the row with its digest
 
 
 def _kept_files(layout: Layout, rows: Rows) -> Iterator[_KeptFile]:
@@ -163,7 +160,7 @@ def _kept_files(layout: Layout, rows: Rows) -> Iterator[_KeptFile]:
 
 
 def _change_of(kept: _KeptFile) -> str:
-    # all bytes are read, since neither time nor size of a file tells that a disk lost some
+    # all bytes are read, since a disk may lose some and keep the size and time of the file
     path, row = kept
     with suppress(FormatError, OSError):  # OSError: the disk does not give the file
         if digest_of(path) == row.file:
@@ -185,7 +182,7 @@ def maps_along(
     composed, errors = maps.there, _expected_error(maps)
     for pair in pairs:
         maps = maps_of_pair(layout, *pair)
-        # errors add up as if they were independent
+        # errors of maps are taken as independent, so that their squares add up
         errors = np.asarray(np.hypot(errors, composed.pull_back(_expected_error(maps))))
         composed = composed.then(maps.there, *map(mesh_of, pair))
     return composed, errors

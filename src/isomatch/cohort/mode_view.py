@@ -12,9 +12,9 @@ from isomatch.cohort.shape_statistics import ShapeModel
 from isomatch.cohort.specimen_page import MOST_SHOWN, simplified, stops, template_of, text_of
 from isomatch.visualization import DrawnSurface, camera_of, html_page, scripts_of, stage_of
 
-FARTHEST = 3  # standard deviations
-STEP = 0.1  # of a slider, in standard deviations
-OUTLIERS = 0.005  # share of displacements that may lie beyond the ends of the colours
+FARTHEST = 3  # standard deviations from the mean to either end of a slider
+STEP = 0.1  # standard deviations between two positions of a slider
+OUTLIERS = 0.005  # share of the displacements that are longer than the colours can show
 
 
 def write_modes(path: str | Path, model: ShapeModel, n_modes: int = 3) -> None:
@@ -33,9 +33,8 @@ def write_modes(path: str | Path, model: ShapeModel, n_modes: int = 3) -> None:
     1
     """
     view, scripts = mode_view(model, n_modes)
-    write_text(
-        Path(path), html_page("Modes", f"<h1>Modes</h1>\n{view}{scripts}", style=text_of("cohort.css"))
-    )
+    page = html_page("Modes", f"<h1>Modes</h1>\n{view}{scripts}", style=text_of("cohort.css"))
+    write_text(Path(path), page)
 
 
 def mode_view(model: ShapeModel, n_modes: int) -> tuple[str, str]:

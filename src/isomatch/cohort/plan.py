@@ -34,17 +34,20 @@ from isomatch.cohort.ledger import (
     ShapeRow,
     read_ledgers,
 )
+from isomatch.cohort.shape_statistics import METRES
 from isomatch.io import meshes_among
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
-STALE_AFTER = 3600.0  # seconds after which an unfinished file belongs to no run; files take a few
+STALE_AFTER = 3600.0  # seconds after which an unfinished file belongs to no run; writing a file takes a few
 NO_SETTING = "—"  # the value of a setting that an earlier version did not have
 R = TypeVar("R", ShapeRow, PairRow)
-MEDOID_SAMPLE = 1000  # maximal number of shapes with which each is compared to find the medoid
-BETWEEN = "__"  # joins two names in the name of the file of their maps
+MEDOID_SAMPLE = 1000  # to find the medoid, each shape is compared with at most this number of others
+BETWEEN = "__"  # stands between two names in the name of the file of their maps
 PATTERNS = ("star", "all", "chain", "ring")
-TILE_SIDE = 8  # shapes along either side of the tiles that shards are cut from
+OTHERS = "*"  # stands, among the names of shapes, for all whose unit is not given
+MAX_SIZE_RATIO = 2.0  # two shapes of one kind, in one unit, differ in size by a smaller factor
+TILE_SIDE = 8  # a shard is made of squares of pairs; this number of shapes is on either side of a square
 _NAMED = "give a list.csv with columns name and path"
 
 
@@ -170,7 +173,7 @@ def features_of(shape: PreparedShape) -> tuple[float, ...]:
     values[: len(scaled)] = scaled
     spectrum = values[1:] / (4 * np.pi * np.arange(1, n))  # Weyl's law: λ_i ≈ 4π i / area
     vertices = shape.sample_vertices[: shape.config.n_search]
-    distances = shape.distances_between(vertices)[np.triu_indices(len(vertices), 1)]  # in √area
+    distances = shape.distances_between(vertices)[np.triu_indices(len(vertices), 1)]  # distances in √area
     quantiles = np.quantile(distances, (np.arange(N_QUANTILES) + 0.5) / N_QUANTILES)
     return tuple(np.concatenate([spectrum, quantiles]).tolist())
 
@@ -192,7 +195,7 @@ class Plan:
     folder: Path
     shapes: tuple[Entry, ...]  #: names and files
     pairs: str
-    template: str | None  #: its name; None for the medoid, found once all shapes are prepared
+    template: str | None  #: name; None for the medoid, which is found once all shapes are prepared
     config: Config
     seed: int
     reflect: Literal["auto"] | tuple[str, ...] = ()
@@ -262,10 +265,7 @@ class Entry:
 def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry, ...]:
     """List the shapes of a collection, see `Collection.create`, by name or as listed."""
     if not isinstance(shapes, str | Path):
-        given = (shape if isinstance(shape, Entry) else Path(shape) for shape in shapes)
-        entries = [
-            shape if isinstance(shape, Entry) else Entry(legible(shape.stem), shape) for shape in given
-        ]
+        entries = [x if isinstance(x, Entry) else Entry(legible(Path(x).stem), Path(x)) for x in shapes]
     elif str(shapes).lower().endswith(".csv") and not Path(shapes).is_dir():
         entries = _in_table(Path(shapes))
     else:
@@ -286,9 +286,8 @@ def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry
 
 
 def _in_table(path: Path) -> list[Entry]:
-    rows = read_table(path).records(
-        ("path",), ("name",), "its first line names the columns, such as name,path"
-    )
+    remedy = "its first line names the columns, such as name,path"
+    rows = read_table(path).records(("path",), ("name",), remedy)
     files = [path.parent / row["path"] for row in rows]
     return [Entry(row.get("name") or legible(file.stem), file) for row, file in zip(rows, files)]
 
@@ -330,9 +329,8 @@ def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[P
 
 def _read_pairs(path: Path, names: Collection[str]) -> list[Pair]:
     remedy = "give columns source and target, named in the first line"
-    pairs = [
-        (row["source"], row["target"]) for row in read_table(path).records(("source", "target"), (), remedy)
-    ]
+    rows = read_table(path).records(("source", "target"), (), remedy)
+    pairs = [(row["source"], row["target"]) for row in rows]
     if not pairs:
         raise InputError(f"{path}: no pairs; {remedy}")
     if strangers := sorted({name for pair in pairs for name in pair} - set(names)):
@@ -352,3 +350,38 @@ def tiles_of(pairs: Sequence[Pair], names: Sequence[str], side: int, most: int) 
     for a, b in pairs:
         groups.setdefault((block[a], block[b]), []).append((a, b))
     return [group[i : i + most] for group in groups.values() for i in range(0, len(group), most)]
+
+
+def checked_units(units: Mapping[str, str], names: Iterable[str]) -> dict[str, str]:
+    """Return the units of shapes by name; `InputError` if a name or a unit is not known."""
+    if strangers := sorted(set(units) - {OTHERS, *names}):
+        raise InputError(f"{', '.join(strangers)}: units of no shape of this collection; give their names")
+    if unknown := sorted({*units.values()} - set(METRES)):
+        raise InputError(f"{', '.join(unknown)}: unknown units; known are {', '.join(METRES)}")
+    return dict(units)
+
+
+def common_unit(units: Mapping[str, str], rows: Rows) -> str | None:
+    """Return the unit of the shapes whose unit is not given, by ``"*"`` or sizes, if clear."""
+    named = {name: unit for name, unit in units.items() if name != OTHERS}
+    if OTHERS in units or not named:
+        return units.get(OTHERS)
+    sizes = {name: row.area**0.5 for name, row in rows.shapes.items() if row.area}
+    others = [size for name, size in sizes.items() if name not in named]
+    in_metres = [sizes[name] * METRES[unit] for name, unit in named.items() if name in sizes]
+    if not others:
+        return Counter(named.values()).most_common(1)[0][0]
+    if not in_metres:
+        return None
+    ratio = float(np.median(in_metres)) / float(np.median(others))  # metres in the unit of the others
+    nearest = min(METRES, key=lambda unit: abs(np.log(ratio / METRES[unit])))
+    return nearest if abs(np.log(ratio / METRES[nearest])) < np.log(MAX_SIZE_RATIO) else None
+
+
+def scales_of(units: Mapping[str, str], rows: Rows) -> dict[str, float]:
+    """Return the factor of the positions of each shape for which it is not 1."""
+    common = common_unit(units, rows)
+    if common is None:
+        return {}
+    named = {name: unit for name, unit in units.items() if name != OTHERS and unit != common}
+    return {name: METRES[unit] / METRES[common] for name, unit in named.items()}

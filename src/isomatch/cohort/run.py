@@ -21,9 +21,10 @@ from isomatch.cohort.combine import Agreement, agreement_of
 from isomatch.cohort.finish import finish
 from isomatch.cohort.jobs import Event
 from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, landmark_files, write_tables
-from isomatch.cohort.ledger import Rows, SurfaceRow, writing_ledger
+from isomatch.cohort.ledger import writing_ledger
 from isomatch.cohort.map_file import KEPT, changed_files
 from isomatch.cohort.plan import Layout
+from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.study_page import write_reports, write_table
 from isomatch.cohort.subjects import (
     Gap,
@@ -33,7 +34,7 @@ from isomatch.cohort.subjects import (
     subject_collections,
     subject_doubts,
 )
-from isomatch.cohort.unusual_shapes import Outlier, mirror_images, outliers
+from isomatch.cohort.unusual_shapes import Outlier, outliers
 from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
 from isomatch.settings import Config
 
@@ -45,7 +46,7 @@ class Cohort:
     """Shapes, or subjects of several surfaces, in correspondence; `run` and ``open`` make one."""
 
     folder: Path
-    #: the collection of each structure; for shapes of one surface, "" and what was added to it
+    #: collection of each structure; "" for shapes of one surface, "added" for what was added to them
     collections: Mapping[str, Collection]
     gaps: Sequence[Gap] = ()  #: how structures lie on each other; empty if not measured now
     landmarks: LandmarkTables | None = None  #: what was written about landmarks
@@ -165,14 +166,14 @@ def run(
         doubts = subject_doubts(subjects, reflect, units or ())
         mirrored = {doubt.names[0] for doubt in doubts if doubt.kind == "mirrored"}
         for doubt in doubts:
-            if doubt.kind != "mirrored" or reflect != "auto":  # else it is reflected
+            if doubt.kind != "mirrored" or reflect != "auto":  # a mirrored subject is reflected
                 to.warn(f"{' and '.join(doubt.names)} {doubt.reason}")
         cohort = Cohort(Path(folder), subject_collections(folder, subjects, **settings))
     else:
-        collection = Collection.create(folder, shapes, **settings)
-        cohort = Cohort(Path(folder), {"": collection})
-        if landmarks is not None:
-            marks = landmark_files(landmarks, collection, collection.template)
+        cohort = Cohort(Path(folder), {"": Collection.create(folder, shapes, **settings)})
+    if landmarks is not None:
+        whole = cohort.collections[""]
+        marks = landmark_files(landmarks, whole, whole.template)
     with workers_of(executor, jobs, time_limit) as workers:
         for structure, collection in cohort.collections.items():
             to.tell(f"{structure}: starting" if structure else "starting", 0.0)
@@ -184,7 +185,8 @@ def run(
         if subjects:
             _reflect_subjects(cohort.collections, mirrored, workers, to)
         for collection in cohort.collections.values():
-            if _is_matched(collection) and (pairs == "all" if agree is None else agree):
+            known = Snapshot(collection, collection.rows())
+            if known.is_matched and (pairs == "all" if agree is None else agree):
                 to.tell("comparing maps with compositions of others", 1.0)
                 try:
                     follow(combine.agree(collection, workers), to)
@@ -192,29 +194,25 @@ def run(
                     to.warn(f"maps were not compared: {error}")
             write_results(collection, reports, workers, to)
             if marks:
-                tables = write_tables(collection, marks, collection.layout.landmarks, semilandmarks, to)
+                known = Snapshot(collection, collection.rows())
+                tables = write_tables(known, marks, known.layout.landmarks, semilandmarks, to)
                 cohort = replace(cohort, landmarks=tables)
         if subjects:
             to.tell("bringing structures together", 1.0)
-            gaps = finish_subjects(folder, cohort.collections, keep_contacts=keep_contacts)
+            gaps = finish_subjects(cohort.folder, cohort.collections, keep_contacts=keep_contacts)
             cohort = replace(cohort, gaps=gaps)
     return cohort
-
-
-def _is_matched(collection: Collection) -> bool:
-    """Whether all wanted pairs have been tried."""
-    rows = collection.rows()
-    return not rows.untried(collection.wanted_pairs(rows))
 
 
 def _reflect_subjects(
     structures: Mapping[str, Collection], mirrored: set[str], workers: Workers, to: Listener
 ) -> None:
     """Reflect all structures of a subject or none, where each was judged by itself."""
-    if not all(x.reflect == "auto" and _is_matched(x) for x in structures.values()):
+    found = {name: Snapshot(collection, collection.rows()) for name, collection in structures.items()}
+    if not all(known.plan.reflect == "auto" and known.is_matched for known in found.values()):
         return
-    reflected, against = sides_of(structures, mirrored)
-    if all(set(x.rows().reflected(x.names)) == reflected & {*x.names} for x in structures.values()):
+    reflected, against = sides_of(found, mirrored)
+    if all({*known.reflected} == reflected & {*known.names} for known in found.values()):
         return
     for collection in structures.values():
         sides = tuple(name for name in collection.names if name in reflected)
@@ -223,9 +221,9 @@ def _reflect_subjects(
         how = "reflected" if subject in reflected else "not reflected"
         why = f"{subject} is {how}, as most of its structures ask for, but {structure} asks otherwise"
         to.warn(why)
-        collection = structures[structure]
-        pair = (collection.chosen_template(collection.rows()) or "", subject)
-        with writing_ledger(collection.layout.ledger()) as ledger:  # so that the next run does not reflect it
+        pair = (found[structure].template or "", subject)
+        # the reason in the row keeps the next run from reflecting it
+        with writing_ledger(found[structure].layout.ledger()) as ledger:
             if row := ledger.rows.pairs.get(pair):
                 ledger.put(pair, replace(row, not_reflected={subject: why}))
 
@@ -309,7 +307,7 @@ class Status:
     mirror_images: dict[str, str | None]
     outliers: list[Outlier]
     agreement: Agreement
-    loop: dict[str, Any] | None  # for a ring: ``open`` legs, and errors once around it, in √area
+    loop: dict[str, Any] | None  # of a ring, its ``open`` legs and the errors once around it, in √area
     damaged: dict[str, str]  # what is wrong with files and rows that are not as they were written
     failures: dict[str, str]  # why shapes and pairs failed
 
@@ -321,36 +319,35 @@ class Status:
 
 def status_of(collection: Collection, folders: Iterable[str] = ()) -> Status:
     """Sum up a collection from all ledgers, with the damaged files of some `KEPT` folders."""
-    rows = collection.rows()
-    pairs = [rows.pair(pair) for pair in collection.wanted_pairs(rows)]
-    changed = changed_files(collection.layout, rows, folders)
+    known = Snapshot(collection, collection.rows())
+    rows, pairs = known.rows, [known.rows.pair(pair) for pair in known.wanted_pairs]
+    changed = changed_files(known.layout, rows, folders)
     damaged = {str(path.relative_to(collection.folder)): what for path, what in changed.items()}
     failures = {name: row.error for name, row in rows.shapes.items() if row.state == "failed"}
     failures |= {" and ".join(pair): row.error for pair, row in rows.pairs.items() if row.state == "failed"}
-    mirrored = mirror_images(collection, rows)
+    mirrored = known.mirror_images
     return Status(
         folder=collection.folder,
         shapes={"all": len(collection.shapes), "prepared": sum(map(rows.is_prepared, rows.shapes))},
-        template=collection.chosen_template(rows),
+        template=known.template,
         pairs={"all": len(pairs), **Counter(row.verdict for row in pairs)},
         outcomes=dict(Counter(row.ending for row in pairs if row.state == "done")),
-        reflected=rows.reflected(collection.names),
+        reflected=known.reflected,
         mirror_images={name: rows.pairs[pair].not_reflected.get(name) for name, pair in mirrored.items()},
         outliers=outliers(collection, rows),
         agreement=agreement_of(rows),
-        loop=_loop_of(collection, rows) if collection.pairs == "ring" else None,
+        loop=_loop_of(known) if collection.pairs == "ring" else None,
         damaged=damaged | dict.fromkeys(rows.damaged, "is no row of a collection, and was ignored"),
         failures=failures,
     )
 
 
-def _loop_of(collection: Collection, rows: Rows) -> dict[str, Any]:
+def _loop_of(known: Snapshot) -> dict[str, Any]:
     """Measure how far the template is from itself once around a ring, and list its open legs."""
-    legs = pairwise([*collection.names, collection.names[0]])
-    loop: dict[str, Any] = {
-        "open": [list(leg) for leg in legs if not rows.is_current(leg) or rows.is_doubtful(leg)]
-    }
-    for line in SurfaceRow.read(collection.layout.shapes_table).values():
+    rows, legs = known.rows, pairwise([*known.names, known.names[0]])
+    unsure = [list(leg) for leg in legs if not rows.is_current(leg) or rows.is_doubtful(leg)]
+    loop: dict[str, Any] = {"open": unsure}
+    for line in known.surface_rows().values():
         errors = {"loop_error": line.loop_error, "greatest_loop_error": line.greatest_loop_error}
         loop |= {name: float(error) for name, error in errors.items() if error}
     return loop

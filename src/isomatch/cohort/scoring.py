@@ -18,11 +18,12 @@ from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surfaces_written
 from isomatch.cohort.ledger import Rows, ShapeRow
-from isomatch.cohort.plan import Entry, Layout, entries_of
+from isomatch.cohort.plan import OTHERS, Entry, Layout, checked_units, common_unit, entries_of
 from isomatch.cohort.run import Reports, follow, status_of, write_results
 from isomatch.cohort.shape_statistics import ScoredShape, ShapeModel, leave_one_out, size_factors
+from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
-from isomatch.cohort.unusual_shapes import OTHERS, checked_units, common_unit, explain_unit, scales_of
+from isomatch.cohort.unusual_shapes import explain_unit
 from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
 from isomatch.io import Asset, Attribute, mesh_from, read_mesh, write_asset
 from isomatch.landmarks import Landmarks
@@ -30,7 +31,7 @@ from isomatch.settings import Config
 
 # largest distance of the template from where the model has it, over its size, in single precision
 SAME_SURFACE = 1e-4
-LAST = "scored.json"  # the file about new shapes that is written last
+LAST = "scored.json"  # name of the file about new shapes that is written last
 
 
 def add(
@@ -146,8 +147,8 @@ def added(
     """
     # it is a star around the same template, with the same settings and seed: its maps and surfaces
     # are those that the subjects would have had in the collection, if that is a star
-    rows = collection.rows()
-    template = _template_of(collection, rows)
+    old = Snapshot(collection, collection.rows())
+    template = _template_of(collection, old)
     if model is not None:
         _require_model_of(collection, template, model)
     new = [Entry(entry.name, entry.path.resolve()) for entry in entries_of(files)]
@@ -159,10 +160,10 @@ def added(
     areas = {name: area for name, area in areas.items() if name not in problems}
     given = dict(units or {})
     known = {**(earlier.units if earlier else {}), **given}
-    known |= _units_of_collection(collection, rows, template, known, areas)
+    known |= _units_of_collection(old, known, areas)
     if given.get(OTHERS, known.get(OTHERS)) != known.get(OTHERS):
         raise InputError(f"{collection.folder}: is in {known[OTHERS]}, not {given[OTHERS]}; give that unit")
-    problems |= _in_other_units(collection, rows, known, areas)
+    problems |= _in_other_units(old, known, areas)
     if problems and len(problems) == len(new):
         raise InputError(f"{collection.folder}: nothing is added; {'; '.join(problems.values())}")
     new = [entry for entry in new if entry.name not in problems]
@@ -173,17 +174,17 @@ def added(
     entries = [Entry(template, collection.paths[template]), *before, *new]
     checked_units(known, [entry.name for entry in entries])
     how: dict[str, Any] = {"template": template, "config": collection.config, "seed": collection.seed}
-    how["reflect"] = _choose_reflected(reflect, collection, rows.reflected([template]), earlier)
+    how["reflect"] = _choose_reflected(reflect, collection, old.rows.reflected([template]), earlier)
     try:
         return Collection.create(inner.folder, entries, **how, units=known), problems
     except SettingError as error:
         raise SettingError(f"{error}; to add all subjects anew, move {inner.folder} away") from None
 
 
-def _template_of(collection: Collection, rows: Rows) -> str:
-    template = collection.chosen_template(rows)
-    todo = len(rows.untried(collection.wanted_pairs(rows)))
-    untried = [name for name in collection.names if name not in rows.shapes]
+def _template_of(collection: Collection, known: Snapshot) -> str:
+    template, rows = known.template, known.rows
+    todo = len(rows.untried(known.wanted_pairs))
+    untried = [name for name in known.names if name not in rows.shapes]
     if template is None or template not in surfaces_written(collection) or todo or untried:
         why = f"{todo} pairs are not matched" if todo else "its template is not written in its own topology"
         why = f"{len(untried)} shapes are not prepared" if untried else why
@@ -241,10 +242,11 @@ def _taken_names(new: Iterable[Entry], collection: Collection, earlier: Collecti
 
 
 def _units_of_collection(
-    collection: Collection, rows: Rows, template: str, known: Mapping[str, str], areas: Mapping[str, float]
+    old: Snapshot, known: Mapping[str, str], areas: Mapping[str, float]
 ) -> dict[str, str]:
     """Return the unit of a collection, as ``"*"``, and the unit of its template; empty if unknown."""
-    common = common_unit(collection.units, rows)
+    units, rows = old.plan.units, old.rows
+    common = common_unit(units, rows)
     if common is None:
         if not known:
             return {}
@@ -253,15 +255,13 @@ def _units_of_collection(
     if common is None:
         problem = "in units that fit no unit of the collection by their sizes"
         raise InputError(f"{', '.join(known)}: {problem}; give that too, such as mm,scan7=cm")
-    return {OTHERS: common} | {name: unit for name, unit in collection.units.items() if name == template}
+    return {OTHERS: common} | {name: unit for name, unit in units.items() if name == old.template}
 
 
-def _in_other_units(
-    collection: Collection, rows: Rows, known: Mapping[str, str], areas: Mapping[str, float]
-) -> dict[str, str]:
+def _in_other_units(old: Snapshot, known: Mapping[str, str], areas: Mapping[str, float]) -> dict[str, str]:
     """Tell which new subjects have sizes that suggest other units, unless these are given."""
-    scales = scales_of(collection.units, rows)
-    sizes = [row.area**0.5 * scales.get(name, 1.0) for name, row in rows.shapes.items() if row.area]
+    shapes, scales = old.rows.shapes, old.scales
+    sizes = [row.area**0.5 * scales.get(name, 1.0) for name, row in shapes.items() if row.area]
     unknown = {name: area for name, area in areas.items() if name not in known}
     factors = {name: float(size_factors(np.array([*sizes, x**0.5]))[-1]) for name, x in unknown.items()}
     return {name: f"{name} {explain_unit(name, factor)}" for name, factor in factors.items() if factor != 1}
@@ -300,10 +300,8 @@ def project(
         Meshes in its topology, or one folder or list of them.
     output : path_like
         Folder for ``scored.csv``, ``scored.json``, and ``scored/NAME.ply``.
-    force : bool
-        Whether to replace an earlier result.
-    progress : callable, optional
-        Called with each step, and the share that is done.
+    force, progress
+        Whether an earlier result is replaced; for the progress, see `run`.
 
     Returns
     -------
@@ -394,10 +392,8 @@ def complete_file(
     output : path_like
         Surface file for the completed shape, or a folder for the structures of a subject. NAME.json
         is written beside it.
-    landmarks, noise, pose, config, seed, force
-        As the options of ``isomatch statistics complete``.
-    progress : callable, optional
-        Called with each step, and the share that is done.
+    landmarks, noise, pose, config, seed, force, progress
+        As the options of ``isomatch statistics complete``; for the progress, see `run`.
 
     Returns
     -------

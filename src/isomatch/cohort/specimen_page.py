@@ -28,8 +28,8 @@ from isomatch.visualization import (
     turn_to_target,
 )
 
-MOST_SHOWN = 10_000  # vertices of a shape
-N_STOPS = 9  # colours between which a browser interpolates
+MOST_SHOWN = 10_000  # a surface with more vertices is simplified to this number on a page
+N_STOPS = 9  # number of colours of a scale, between which a browser interpolates
 HELP = "Drag to rotate; the wheel or two fingers zoom."
 
 
@@ -39,7 +39,7 @@ class Specimen(NamedTuple):
     name: str
     mesh: Mesh
     corresponded: Mesh
-    marks: Landmarks | None = None  # in the coordinates of the mesh; errors in units of its file
+    marks: Landmarks | None = None  # coordinates as in the mesh, errors in units of its file
 
 
 def camera_like(template: Mesh, corresponded: Mesh) -> FloatArray:
@@ -55,10 +55,8 @@ def write_specimen(
     marks, is_template = specimen.marks or Landmarks([]), specimen.name == template.name
     sides = [specimen] if is_template else [specimen, template]
     colours = position_colours(template.corresponded)
-    drawn = [
-        DrawnSurface(side.mesh, camera_like(template.corresponded, side.corresponded), MOST_SHOWN)
-        for side in sides
-    ]
+    cameras = [camera_like(template.corresponded, side.corresponded) for side in sides]
+    drawn = [DrawnSurface(side.mesh, camera, MOST_SHOWN) for side, camera in zip(sides, cameras)]
     scene = {
         "shapes": [
             surface.packed(colours[cKDTree(side.corresponded.vertices).query(side.mesh.vertices)[1]])

@@ -22,19 +22,18 @@ from isomatch.cohort.map_file import require_unchanged
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import MEASURED, CorrespondedShapes, Criterion, ShapeDesign, ShapeModel
 from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
-from isomatch.cohort.study_input import Study, doubts_in_words, read_groups, read_study
+from isomatch.cohort.study_input import Study, doubts_in_words, read_study
 from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import Correspondence
 from isomatch.io import Asset, Attribute, holds_values, read_asset, read_attributes, write_asset
 from isomatch.landmarks import read_landmark_pairs
 from isomatch.surfaces import Mesh
 
-__all__ = ["read_groups", "series", "statistics"]
 Scale = Literal["keep", "remove"]
 Weights = Literal["area", "uniform"]
 Method = Literal["permutation", "parametric"]
 GROUP = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # pattern of the group in a formula
-SIZE = "size"  # name of the logarithm of the centroid size in a formula
+SIZE = "size"  # name that a formula uses for the logarithm of the centroid size
 
 
 def statistics(
@@ -71,9 +70,8 @@ def statistics(
         other tools.
     scale, weights, modes, groups, model, test, tangent, slide, wireframe, mirror, align, hide, pictures, seed, force
         As the options of ``isomatch statistics``.
-    progress, warn : callable, optional
-        Called with each step and the share that is done; and with shapes to look at first, which by
-        default are logged.
+    progress, warn
+        See `run`; warnings are about shapes to look at first.
 
     Returns
     -------
@@ -101,7 +99,8 @@ def statistics(
             notes += note
         share = shapes.area_weights if weights == "area" else None
         shapes = shape_statistics.filled(shapes, share, scale)
-        missing = _missing_shares(shapes)
+        missing_shares = (~shapes.seen).mean(axis=1).tolist()
+        missing = {name: share for name, share in zip(shapes.names, missing_shares) if share}
         if (hide or align == "structure") and (mirror is not None or not shapes.structures):
             use = "subjects of several surfaces, without --mirror"
             raise InputError(f"--hide and --align structure are for {use}")
@@ -278,12 +277,6 @@ def _numbers_of(
     return {name: getattr(whole, name) for name in ("r_squared", "p_value")} | settings
 
 
-def _missing_shares(shapes: CorrespondedShapes) -> dict[str, float]:
-    """Share of the vertices that each incomplete shape lacks."""
-    shares = (~shapes.seen).mean(axis=1).tolist()
-    return {name: share for name, share in zip(shapes.names, shares) if share}
-
-
 def _test_in_words(test: dict[str, Any]) -> str:
     settings = f"{test['n_permutations']} permutations, seed {test['seed']}"
     return f"{test['r_squared']:.1%} of the variance of shape, p = {test['p_value']:.4g} ({settings})"
@@ -292,10 +285,8 @@ def _test_in_words(test: dict[str, Any]) -> str:
 def _sentences(record: dict[str, Any]) -> list[str]:
     lines = list[str]()
     for structure in record["structures"]:
-        share, pose_share = structure["share"], structure["pose_share"]
-        line = (
-            f"{structure['structure']} has {share:.1%} of the variance; of its own {pose_share:.1%} is pose"
-        )
+        share, pose = structure["share"], structure["pose_share"]
+        line = f"{structure['structure']} has {share:.1%} of the variance; of its own {pose:.1%} is pose"
         error, mean_error = structure["hidden_error"], structure["hidden_mean_error"]
         if error is not None:
             line += f"; hidden, it is completed to {error:.4g}, the mean to {mean_error:.4g}"
@@ -341,9 +332,8 @@ def series(
         faces.
     regions, reference, force
         As the options of ``isomatch statistics time``.
-    progress, warn : callable, optional
-        Called with each step and the share that is done; and with shapes that are left out, which
-        by default are logged.
+    progress, warn
+        See `run`; warnings are about shapes that are left out.
 
     Returns
     -------

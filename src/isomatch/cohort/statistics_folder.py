@@ -38,10 +38,10 @@ from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.surfaces import Mesh
 
 VERSION = version("isomatch")
-DEVIATIONS = 2
-LINKED = ".csv", ".npz", ".h5", ".ply", ".vtp"  # files of a page that it links
+DEVIATIONS = 2  # standard deviations by which the mean is moved along each mode that is written
+LINKED = ".csv", ".npz", ".h5", ".ply", ".vtp"  # suffixes of the files that a page links
 Groups = list[str] | None  # the group of each shape
-GREY = 0.6  # of vertices without a value
+GREY = 0.6  # share of white in the colour of vertices without a value
 GEODESIC = "difference of geodesic distances, in √area"
 
 
@@ -104,17 +104,15 @@ class StatisticsFolder:
         }
         self.shapes("modes", shapes, {"mean": model.mean, **moved})
         if not len(shapes.faces):
-            ratios = model.variance_ratios
-            ends = (
-                f"mode {i} ({ratio:.1%}), {sign}2 sd" for i, ratio in enumerate(ratios, 1) for sign in "−+"
-            )
+            ratios = enumerate(model.variance_ratios, 1)
+            ends = (f"mode {i} ({ratio:.1%}), {sign}2 sd" for i, ratio in ratios for sign in "−+")
             shown = dict(zip(ends, moved.values())) or {"mean; the shapes do not differ": model.mean}
             shape_statistics.draw_landmarks(self.picture("modes"), shown, model.mean, shapes.links)
         self.table("scores.csv", name=model.names, **_by_mode(model.scores))
-        ratios = shape_statistics.compactness(model)
+        so_far = shape_statistics.compactness(model)[1:]
         if model.n_modes:
             shape_statistics.draw_scores(self.picture("scores"), model, groups)
-            shares = {"share": model.variance_ratios.tolist(), "share_so_far": ratios[1:].tolist()}
+            shares = {"share": model.variance_ratios.tolist(), "share_so_far": so_far.tolist()}
             numbers = range(1, model.n_modes + 1)
             self.table("variance.csv", mode=numbers, variance=model.variances.tolist(), **shares)
         variances = shape_statistics.measured_variances(model.aligned, shapes)
@@ -243,9 +241,8 @@ class StatisticsFolder:
                 sections[title] = tabulated([*rows[0]], (row.values() for row in rows))
         if classes:
             groups = [labels[name] for name in classified]
-            variates = {
-                f"variate_{i}": column.tolist() for i, column in enumerate(classes.variates.T, start=1)
-            }
+            numbered = enumerate(classes.variates.T.tolist(), start=1)
+            variates = {f"variate_{i}": column for i, column in numbered}
             columns = {"name": classified, "group": groups, "predicted": classes.predicted}
             self.table("classification.csv", **columns, **variates)
             across = np.column_stack([classes.variates, np.zeros(len(groups))])[:, :2]
@@ -286,11 +283,8 @@ class StatisticsFolder:
 
     def exports(self, shapes: CorrespondedShapes, model: ShapeModel) -> list[str]:
         """Write aligned meshes, files of ShapeWorks and Scalismo; return what failed, and why."""
-        aligned = model.aligned
-        inside = "aligned/" if len(shapes.faces) else ""
-        self.shapes(
-            "aligned", shapes, {inside + name: vertices for name, vertices in zip(model.names, aligned)}
-        )
+        aligned, inside = model.aligned, "aligned/" if len(shapes.faces) else ""
+        self.shapes("aligned", shapes, {inside + name: x for name, x in zip(model.names, aligned)})
         if not inside:
             return []
         inner = self.path("shapeworks/project.swproj").parent
@@ -361,11 +355,11 @@ class Results:
     """What a study has written."""
 
     folder: Path
-    files: list[str]  #: their names
+    files: list[str]  #: names of the files that were written
     record: Mapping[str, Any]  #: settings and results in plain values, as in the file that is written last
     told: list[str] = field(default_factory=list)  #: what was found, one sentence each
     model: ShapeModel | None = None  #: mean and modes of variation, of `statistics`
-    unsure: str = ""  #: of `asymmetry`: which maps from left to right are not sure, and what to do
+    unsure: str = ""  #: sentence of `asymmetry` on maps from left to right that are not sure
 
     def to_json(self) -> dict[str, Any]:
         """Return the record with where it is."""
@@ -416,15 +410,12 @@ def _figure(file: str, words: str) -> str:
 
 def _link_files(names: Iterable[str]) -> str:
     """Link tables and meshes of a folder; those in folders inside it open with a click."""
-    parts = []
-    for folder, inner in groupby(
-        sorted((name for name in names if name.endswith(LINKED)), key=dirname), dirname
-    ):
+    html, linked = "", sorted((name for name in names if name.endswith(LINKED)), key=dirname)
+    for folder, inner in groupby(linked, dirname):
         links = ", ".join(f'<a href="{quote(name)}">{escape(basename(name))}</a>' for name in inner)
-        parts.append(
-            f"<details><summary>{escape(folder)}</summary>{links}</details>" if folder else f"<p>{links}</p>"
-        )
-    return "".join(parts)
+        in_folder = f"<details><summary>{escape(folder)}</summary>{links}</details>"
+        html += in_folder if folder else f"<p>{links}</p>"
+    return html
 
 
 def listed(lines: Sequence[str]) -> str:

@@ -20,7 +20,7 @@ from isomatch.cohort.shape_statistics import CORRESPONDED, CorrespondedShapes, C
 from isomatch.io import FORMATS, meshes_among
 from isomatch.landmarks import Curve, is_of_landmarks, read_landmark_pairs, read_specimens
 
-TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
+TRUSTED = {"CONVERGED", "PARTIAL"}  # names of the outcomes of maps that are not in doubt
 Table = dict[str, dict[str, str]]  # cells of each shape by column; empty where there is no value
 
 
@@ -74,9 +74,8 @@ def read_study(
     doubts = shape_statistics.doubtful_shapes(shapes)
     notes = [noted(f"left out: {reason}") for reason in shapes.left_out]
     for folder in (source / structure for structure in shapes.structures or ("",)):
-        of_maps = _doubts(folder / "pairs.csv", shapes.names) + _tell_reflected(
-            folder / "shapes.csv", shapes.names
-        )
+        of_maps = _doubts(folder / "pairs.csv", shapes.names)
+        of_maps += _tell_reflected(folder / "shapes.csv", shapes.names)
         notes += [f"{folder.name}: {note}" if shapes.structures else note for note in of_maps]
     return Study(shapes, cells, list(doubts), notes, slid)
 
@@ -112,10 +111,8 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
     for row in read_table(pairs).records() if pairs.is_file() else ():
         for end in ("source", "target"):
             outcomes.get(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
-    doubtful = {
-        name: ", ".join(sorted(found)) for name, found in outcomes.items() if found and not found & TRUSTED
-    }
-    return [f"{name} may be matched wrongly: {doubts}" for name, doubts in doubtful.items()]
+    doubtful = [(name, found) for name, found in outcomes.items() if found and not found & TRUSTED]
+    return [f"{name} may be matched wrongly: {', '.join(sorted(found))}" for name, found in doubtful]
 
 
 def _tell_reflected(table: Path, names: tuple[str, ...]) -> list[str]:
@@ -123,12 +120,6 @@ def _tell_reflected(table: Path, names: tuple[str, ...]) -> list[str]:
     lines = read_table(table).records() if table.is_file() else []
     named = ", ".join(line["name"] for line in lines if line.get("reflected") and line.get("name") in names)
     return [f"mirror images of the surfaces in their files: {named}"] if named else []
-
-
-def read_groups(path: Path, names: Iterable[str], left_out: Sequence[str] = ()) -> dict[str, str]:
-    """Read the group of each shape from a table; shapes whose cell is empty, or NA, have none."""
-    table = read_shape_cells(path, names, left_out)
-    return {name: cells["group"] for name, cells in table.items() if cells["group"]}
 
 
 def read_shape_cells(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import fields, replace
 from functools import partial
@@ -20,6 +20,7 @@ from isomatch.cohort.collection import Collection
 from isomatch.cohort.ledger import Pair, PairAgreement, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.map_file import as_matched
 from isomatch.cohort.plan import Layout
+from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.specimen_page import template_of, text_of
 from isomatch.cohort.unusual_shapes import Outlier, outliers
 from isomatch.cohort.workers import Task, Workers, workers_of
@@ -30,10 +31,10 @@ from isomatch.visualization import html_page, write_report
 # columns of the table of pairs on the page, and how their numbers are written
 SHOWN = dict.fromkeys(("in doubt", "distortion_mean"), "{:.1%}") | {"coverage": "{:.0%}", "matched": "{:.0%}"}
 SHOWN |= {"spectral_residual": "{:.2f}", "runner_up": "{:.2f}", "seconds": "{:.1f}"}
-# where they say more than in pairs.csv
+# heads of columns that have another name in pairs.csv
 HEADS = {"runner_up": "best alternative", "distortion_mean": "distortion"}
-MAX_TURNED_SHARE = 0.01  # share of faces that are turned over, which is not worth a word
-MAX_PAIRS = 200  # pairs on the page
+MAX_TURNED_SHARE = 0.01  # the page tells the share of faces that are turned over if it is larger
+MAX_PAIRS = 200  # number of pairs on the page, at most
 MEASURES = tuple(field.name for field in fields(Quality))
 COLUMNS = (
     *("source", "target", "state", "outcome", "outcome_back"),
@@ -41,30 +42,28 @@ COLUMNS = (
     *("inconsistency", "inconsistency_before", "replaced_by", "reflected", "seconds", "memory", "error"),
     *("source_hash", "target_hash", "key"),
 )
-LOCAL = "'self' file: data:"  # whence pictures come
-ALSO_SHOWN = 3  # the worst of the pairs that are not in doubt
+LOCAL = "'self' file: data:"  # sources from which the page may load pictures
+ALSO_SHOWN = 3  # number of pairs that get a report though they are not in doubt: the worst ones
 
 
-def write_page(
-    collection: Collection, rows: Rows, template: str | None, lines: Mapping[str, SurfaceRow]
-) -> None:
-    """Write ``index.html`` with links to the files; lines tell of the surfaces written, by name."""
-    layout = collection.layout
+def write_page(known: Snapshot) -> None:
+    """Write ``index.html`` with links to the files that exist, and what ``shapes.csv`` tells of them."""
+    layout, rows, lines = known.layout, known.rows, known.surface_rows()
     pairs = worst_first(rows)
     outcomes = Counter(row.ending for _, row in pairs)
     counts = ", ".join(f"{count} {name.lower().replace('_', ' ')}" for name, count in outcomes.most_common())
     prepared = sum(map(rows.is_prepared, rows.shapes))
-    title = f"{len(collection.shapes)} shapes in {layout.folder.resolve().name}"
-    has_landmarks = any(layout.landmark_view(name).exists() for name in collection.names)
+    title = f"{len(known.names)} shapes in {layout.folder.resolve().name}"
+    has_landmarks = any(layout.landmark_view(name).exists() for name in known.names)
     body = template_of("report.html").substitute(
         title=escape(title),
         summary=escape(f"{prepared} shapes prepared. {len(pairs)} pairs: {counts or 'none yet'}."),
-        template=escape(template or "not yet chosen"),
+        template=escape(known.template or "not yet chosen"),
         landmarks=", with its landmarks" * has_landmarks,
-        first=_first(outliers(collection, rows)),
-        shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
+        first=_first(outliers(known.plan, rows)),
+        shapes="".join(_figure(known, name, lines.get(name)) for name in known.names),
         count=f"{min(len(pairs), MAX_PAIRS)} of {len(pairs)}, worst first.",
-        pairs="".join(_shown(collection, *pair) for pair in pairs[:MAX_PAIRS]),
+        pairs="".join(_shown(layout, *pair) for pair in pairs[:MAX_PAIRS]),
         columns="".join(f"<th scope=col>{HEADS.get(name, name.replace('_', ' '))}</th>" for name in SHOWN),
     )
     page = html_page(title, body, style=text_of("cohort.css"), images=LOCAL)
@@ -78,8 +77,9 @@ def _first(odd: Sequence[Outlier]) -> str:
     return f"<h2>To look at first</h2>\n<ul class=first>{items}</ul>" if odd else ""
 
 
-def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, SurfaceRow]) -> str:
-    line, row = lines.get(name, SurfaceRow(name=name)), rows.shapes.get(name, ShapeRow(state="todo"))
+def _figure(known: Snapshot, name: str, line: SurfaceRow | None) -> str:
+    """Show one shape: its picture, a link to its page, and what is wrong with it."""
+    line, row = line or SurfaceRow(name=name), known.rows.shapes.get(name, ShapeRow(state="todo"))
     problems = [record.error for record in (row, line) if record.error]
     if line.mirror_image:
         problems.append("seems to be a mirror image")
@@ -87,26 +87,25 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, S
         problems.append(f"{float(line.turned):.1%} of the faces are turned over")
     if int(line.extended or 0):
         problems.append(f"{line.extended} template vertices have no counterpart here and were interpolated")
-    layout, picture = collection.layout, collection.layout.thumbnail(name)
-    image = f'<img src="{_link(collection, picture)}" alt="" loading=lazy>' if picture.exists() else "<i></i>"
+    layout, picture = known.layout, known.layout.thumbnail(name)
+    image = f'<img src="{_link(layout, picture)}" alt="" loading=lazy>' if picture.exists() else "<i></i>"
     views = (path for path in (layout.landmark_view(name), layout.view(name)) if path.exists())
     if view := next(views, None):
-        image = f'<a href="{_link(collection, view)}" aria-label="{escape(name)} in 3D">{image}</a>'
+        image = f'<a href="{_link(layout, view)}" aria-label="{escape(name)} in 3D">{image}</a>'
     problem = f"<small>{escape('; '.join(problems))}</small>" if problems else ""
-    side = "<small class=told>reflected</small>" if rows.reflected([name]) else ""
+    side = "<small class=told>reflected</small>" if known.entry(name).reflected else ""
     return f"<figure>{image}<figcaption>{escape(name)}{side}{problem}</figcaption></figure>"
 
 
-def _shown(collection: Collection, pair: Pair, row: PairRow) -> str:
+def _shown(layout: Layout, pair: Pair, row: PairRow) -> str:
     """Show one pair: names, outcome, measures, and links to its report and maps if they exist."""
-    layout = collection.layout
     measures = {**row.there.measures, "seconds": row.seconds, "in doubt": row.there.doubtful_area}
     numbers = {name: measures.get(name) for name in SHOWN}
     texts = [SHOWN[name].format(n) if isinstance(n, int | float) else "–" for name, n in numbers.items()]
     cells = "".join(f"<td>{escape(text)}</td>" for text in texts)
     files = {"report": layout.report(pair)} if has_report(layout, pair, row) else {}
     files |= {"maps": layout.maps(pair)} if layout.maps(pair).exists() else {}
-    links = [f'<a href="{_link(collection, path)}">{word}</a>' for word, path in files.items()]
+    links = [f'<a href="{_link(layout, path)}">{word}</a>' for word, path in files.items()]
     good = row.ending in ("CONVERGED", "PARTIAL")
     words = row.ending.lower().replace("_", " ") + (f": {row.error}" if row.error else "")
     return (
@@ -115,8 +114,8 @@ def _shown(collection: Collection, pair: Pair, row: PairRow) -> str:
     )
 
 
-def _link(collection: Collection, path: Any) -> str:
-    return quote(path.relative_to(collection.layout.folder).as_posix())
+def _link(layout: Layout, path: Path) -> str:
+    return quote(path.relative_to(layout.folder).as_posix())
 
 
 def worst_first(rows: Rows) -> list[tuple[Pair, PairRow]]:
@@ -171,8 +170,11 @@ def write_reports(
     """
     if not isinstance(which, str) and which < 0:
         raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")
-    rows = collection.rows()
-    chosen = _chosen([item for item in worst_first(rows) if item[1].state == "done"], which)
+    matched = [item for item in worst_first(collection.rows()) if item[1].state == "done"]
+    if which == "doubtful":
+        doubtful = sum(row.there.outcome is not Outcome.CONVERGED for _, row in matched)
+        which = min(doubtful + ALSO_SHOWN, MAX_PAIRS)
+    chosen = matched if which == "all" else matched[: int(which)]
     due = [(pair, row) for pair, row in chosen if not has_report(collection.layout, pair, row)]
     if not due:
         return
@@ -189,14 +191,6 @@ def has_report(layout: Layout, pair: Pair, row: PairRow) -> bool:
     """Whether there is a report of the map that a pair has now."""
     path = layout.report(pair)
     return row.state == "done" and path.exists() and path.stat().st_mtime >= row.time
-
-
-def _chosen(matched: list[tuple[Pair, PairRow]], which: int | str) -> list[tuple[Pair, PairRow]]:
-    """Choose from matched pairs, worst first."""
-    if which == "doubtful":
-        doubtful = sum(row.there.outcome is not Outcome.CONVERGED for _, row in matched)
-        which = min(doubtful + ALSO_SHOWN, MAX_PAIRS)
-    return matched[: None if which == "all" else int(which)]
 
 
 def _write_report_of(collection: Collection, item: tuple[Pair, PairRow]) -> None:

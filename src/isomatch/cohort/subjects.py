@@ -23,23 +23,23 @@ from isomatch._core.texts import natural_order, write_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surfaces_written
-from isomatch.cohort.plan import Entry
+from isomatch.cohort.plan import OTHERS, Entry
 from isomatch.cohort.shape_statistics import MEASURED, STRUCTURES, CorrespondedShapes, Doubt
-from isomatch.cohort.unusual_shapes import OTHERS
+from isomatch.cohort.snapshot import Snapshot
 from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
 from isomatch.matching import Outcome
 from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected
 
 Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
-SURE_OUTCOMES = (Outcome.CONVERGED, Outcome.PARTIAL)  # outcomes of maps that tell left from right
-CONTACT_DISTANCE = 0.1  # √area of the smaller of two structures: nearer points touch the other
-MIN_CONTACT_AREA = 0.2  # share of the area of the smaller structure that must touch the other
-MIN_SHEET_AREA = 0.6  # share from which it follows the other; sheets have more, sliding joints less
-MOVEMENT_REACH = 0.1  # √area: distance beyond the contact at which points are still moved
-N_ROUNDS = 4  # further rounds hardly reduce the slip of knee cartilage
-MAX_SLIP = 0.5  # √area of a vertex: a point that still slips by more has no counterpart
-MAX_WITHOUT = 0.5  # share of touching points without counterpart, above which nothing is moved
+SURE_OUTCOMES = (Outcome.CONVERGED, Outcome.PARTIAL)  # outcomes of maps that can tell left from right
+CONTACT_DISTANCE = 0.1  # a structure touches a larger one where it is nearer than this, in its own √area
+MIN_CONTACT_AREA = 0.2  # two structures are in contact if this share of the area of the smaller one touches
+MIN_SHEET_AREA = 0.6  # touching share of area from which a structure follows the other; joints have less
+MOVEMENT_REACH = 0.1  # √area: points up to this far outside the contact are moved along with it
+N_ROUNDS = 4  # rounds in which a structure is moved; further ones hardly reduce the slip of knee cartilage
+MAX_SLIP = 0.5  # a point that still slips by more, in √(area of a vertex), has no counterpart
+MAX_WITHOUT = 0.5  # if a larger share of the touching points has no counterpart, nothing is moved
 
 
 def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
@@ -128,7 +128,7 @@ def subject_collections(
 
 
 def sides_of(
-    collections: Mapping[str, Collection], mirrored: Names[str] = ()
+    found: Mapping[str, Snapshot], mirrored: Names[str] = ()
 ) -> tuple[set[str], list[tuple[str, str]]]:
     """Decide which subjects are reflected; also list structures and subjects that disagree.
 
@@ -137,31 +137,25 @@ def sides_of(
     # The majority decides: the layout and each structure whose map is sure have a vote. A
     # structure, or a layout, that reflects no subject does not tell sides, and has no vote. Sides
     # are relative to a template, so those of a structure with another template may be opposite.
-    all_rows = {name: collection.rows() for name, collection in collections.items()}
-    templates = {
-        name: collection.chosen_template(all_rows[name]) or "" for name, collection in collections.items()
-    }
-    turned = {
-        name: set(all_rows[name].reflected(collection.names)) for name, collection in collections.items()
-    }
-    first, *others = collections
+    templates = {name: known.template or "" for name, known in found.items()}
+    turned = {name: set(known.reflected) for name, known in found.items()}
+    first, *others = found
     for structure in others:
-        names = set(collections[structure].names)
-        shared = names & set(collections[first].names)
+        names = set(found[structure].names)
+        shared = names & set(found[first].names)
         n_opposite = len((turned[structure] ^ turned[first]) & shared)
         if templates[structure] != templates[first] and 2 * n_opposite > len(shared):
             turned[structure] = names - turned[structure]
-    subjects = dict.fromkeys(name for collection in collections.values() for name in collection.names)
+    subjects = dict.fromkeys(name for known in found.values() for name in known.names)
     by_layout = set(subjects) - set(mirrored) if templates[first] in mirrored else set(mirrored)
     reflected, against = set[str](), list[tuple[str, str]]()
     for subject in subjects:
         asked = {}
-        for structure, rows in all_rows.items():
-            pair = templates[structure], subject
-            is_sure = rows.is_current(pair) and all(
-                x.outcome in SURE_OUTCOMES for x in rows.pairs[pair].sides
-            )
-            if turned[structure] and (is_sure or subject == pair[0]):
+        for structure, known in found.items():
+            pair, rows = (templates[structure], subject), known.rows
+            sides = rows.pairs[pair].sides if rows.is_current(pair) else ()
+            is_sure = bool(sides) and all(side.outcome in SURE_OUTCOMES for side in sides)
+            if turned[structure] and (is_sure or subject == templates[structure]):
                 asked[structure] = subject in turned[structure]
         votes = [*asked.values(), *([subject in by_layout] if by_layout else [])]
         is_reflected = sum(votes) * 2 >= len(votes) > 0
@@ -250,8 +244,8 @@ class Gap(NamedTuple):
 class _Contact(NamedTuple):
     other: str
     points: PrecisePoints  # points of the other structure nearest to each vertex
-    distances: FloatArray  # (n,) distances to them; from 1, they do not touch
-    area: float  # area that touches
+    distances: FloatArray  # (n,) distances to these points, below 1 where they touch
+    area: float  # area of the part that touches
 
     @classmethod
     def of(cls, mesh: Mesh, other: str, larger: Mesh) -> _Contact:
@@ -267,28 +261,25 @@ class _Contact(NamedTuple):
 
 def leaders_of(meshes: Mapping[str, Mesh]) -> dict[str, str]:
     """Find the larger structure on which each lies by 0.6 of its area, as cartilage on bone."""
-    found = _contacts_of(meshes, MIN_SHEET_AREA)
-    return {
-        name: max(contacts, key=lambda contact: contact.area).other
-        for name, contacts in found.items()
-        if contacts
-    }
+    found = [(name, contacts) for name, contacts in _contacts_of(meshes, MIN_SHEET_AREA).items() if contacts]
+    return {name: max(contacts, key=lambda contact: contact.area).other for name, contacts in found}
 
 
 def measure_contacts(
     shapes: CorrespondedShapes, of: str | None = None, *, move: bool = True
 ) -> tuple[CorrespondedShapes, list[Gap]]:
     """Measure gaps where structures touch in a subject; ``move`` points to keep them together."""
-    # That subject is ``of``, by default the first with most structures. A structure, such as
-    # cartilage, that touches a larger one by 0.6 of its area or more follows it; points beyond its
-    # edge have no counterpart: they continue it, and are not measured. A vertex was nearest to the
-    # point p of the larger structure; in each subject it moves by p − q, where q is now nearest to
-    # it, then back to its surface, four times. Movements u are smooth: they minimise
-    #     Σ w ‖u − (p − q)‖² + Σ ‖u_i − u_j‖² + μ Σ ‖u‖² with weights w that fall to 0 at twice the
-    # contact distance, and μ so that u falls off within 0.1 √area. Gaps are measured where
-    # structures touch by a fifth of the smaller one's area: the largest distances, outside and
-    # inside the larger one, of the points that touch in that subject, and the mean distance of the
-    # nearest point from the corresponding one.
+    # Contacts are those in the subject ``of``, by default the first with most structures. There, a
+    # structure, such as cartilage, that touches a larger one by 0.6 of its area or more follows it.
+    # Points beyond the edge of the larger one have no counterpart: they continue it, and are not
+    # measured. Let p be the point of the larger structure that is nearest to a vertex there. In
+    # another subject, where q is nearest to the vertex, the vertex moves by p − q, and then back to
+    # its surface, four times. Movements u are smooth: they minimise
+    #     Σ w ‖u − (p − q)‖² + Σ ‖u_i − u_j‖² + μ Σ ‖u‖²
+    # with weights w that fall to 0 at twice the contact distance, and μ so that u falls off within
+    # 0.1 √area. Gaps are measured where structures touch by a fifth of the smaller one's area. They
+    # are the largest distances of the touching points, outside and inside the larger structure, and
+    # the mean distance of q from p.
     parts = shape_statistics.slices_of(shapes.structures)
     vertices, measured = shapes.vertices.copy(), shapes.seen.copy()
     has = {name: np.asarray(measured[:, part].any(axis=1)) for name, part in parts.items()}
@@ -328,11 +319,11 @@ def measure_contacts(
 def _contacts_of(meshes: Mapping[str, Mesh], least: float) -> dict[str, list[_Contact]]:
     """Find where each structure touches a larger one by a share of its area; largest ones first."""
     ordered = sorted(meshes, key=lambda name: -meshes[name].area)
-    found = {a: [_Contact.of(meshes[a], b, meshes[b]) for b in ordered[:i]] for i, a in enumerate(ordered)}
-    return {
-        a: [contact for contact in contacts if contact.area >= least * meshes[a].area]
-        for a, contacts in found.items()
-    }
+    found = dict[str, list[_Contact]]()
+    for i, name in enumerate(ordered):
+        contacts = (_Contact.of(meshes[name], other, meshes[other]) for other in ordered[:i])
+        found[name] = [contact for contact in contacts if contact.area >= least * meshes[name].area]
+    return found
 
 
 def _smoothing(mesh: Mesh, contact: _Contact) -> Callable[[FloatArray], FloatArray]:
@@ -356,10 +347,8 @@ def _follow(
     goals, places = contact.points.interpolated(other.vertices), surface.vertices
     for _ in range(N_ROUNDS):
         places = _nearest(surface, places + smooth(goals - _nearest(other, places)))
-    left = goals - _nearest(other, places)
-    is_beyond = contact.touches & (
-        np.linalg.norm(left, axis=1) > MAX_SLIP * np.sqrt(surface.area / len(places))
-    )
+    left, longest = goals - _nearest(other, places), MAX_SLIP * np.sqrt(surface.area / len(places))
+    is_beyond = contact.touches & (np.linalg.norm(left, axis=1) > longest)
     return np.where(is_beyond[:, None], places + left, places), ~is_beyond
 
 

@@ -24,7 +24,7 @@ from isomatch._core.skipped import tell_skipped
 from isomatch._core.stage_timer import Progress, with_two_arguments
 from isomatch._core.threads import n_threads
 
-TASKS_PER_WORKER = 2  # tasks sent for each worker, so that the next one is there when one ends
+TASKS_PER_WORKER = 2  # number of tasks sent ahead for each worker, so that none waits for the next one
 COUNT_INTERVAL = 2.0  # seconds after which the workers of a cluster are counted again
 S = TypeVar("S")
 T = TypeVar("T")
@@ -218,7 +218,7 @@ def _n_threads_of(client: Any) -> Callable[[], int]:
     @lru_cache(maxsize=1)
     def count(_: float) -> int:
         try:
-            return sum(client.nthreads().values()) or 1  # 1 before the first comes
+            return sum(client.nthreads().values()) or 1  # 1 before the first worker comes
         except OSError:
             raise InputError(LOST) from None
 

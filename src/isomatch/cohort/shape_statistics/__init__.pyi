@@ -1,187 +1,84 @@
-from isomatch.cohort.shape_statistics.asymmetry import (
-    Asymmetry,
-    IndividualScores,
-    SumOfSquares,
-    align_sides,
-    asymmetry,
-    left_right_map,
-    left_right_of_pairs,
-    left_right_of_shapes,
-    paired_sides,
-    symmetry_dimensions,
-    symmetry_plane,
-)
-from isomatch.cohort.shape_statistics.charts import (
-    PictureFormat,
-    draw_embedding,
-    draw_landmarks,
-    draw_motion,
-    draw_quality,
-    draw_regression,
-    draw_scores,
-    draw_tree,
-    draw_values,
-)
-from isomatch.cohort.shape_statistics.completion import (
-    Completion,
-    Observations,
-    complete,
-    model_noise,
-    observed_landmarks,
-    observed_part,
-    observed_vertices,
-    read_observations,
-)
-from isomatch.cohort.shape_statistics.group_test import GroupTest, group_test
-from isomatch.cohort.shape_statistics.likeness import (
-    METRES,
-    Doubt,
-    classical_scaling,
-    doubtful_positions,
-    doubtful_shapes,
-    geodesic_distortions,
-    likely_units,
-    shape_tree,
-    size_factors,
-    told_factor,
-)
-from isomatch.cohort.shape_statistics.linear_model import (
-    Classification,
-    PairTest,
-    ShapeAnova,
-    ShapeDesign,
-    ShapeRegression,
-    TermTest,
-    classify,
-    shape_anova,
-    shape_regression,
-)
-from isomatch.cohort.shape_statistics.motion import (
-    face_motion,
-    motion_by_region,
-    surface_strain,
-    wall_thickness,
-)
-from isomatch.cohort.shape_statistics.procrustes import (
-    ProcrustesAlignment,
-    centroid_sizes,
-    generalised_procrustes,
-    procrustes_distances,
-)
-from isomatch.cohort.shape_statistics.shape_model import (
-    LeaveOneOut,
-    ModelCurve,
-    ScoredShape,
-    ShapeModel,
-    compactness,
-    generalisation,
-    leave_one_out,
-    specificity,
-    write_shapeworks,
-    write_statismo,
-)
-from isomatch.cohort.shape_statistics.shapes import (
-    CORRESPONDED,
-    MEASURED,
-    STRUCTURES,
-    CorrespondedShapes,
-    filled,
-    measured_variances,
-    read_shapes,
-    slices_of,
-    structure_of,
-)
-from isomatch.cohort.shape_statistics.sliding import Criterion, Slid, SlidSemilandmarks, slid_semilandmarks
-from isomatch.cohort.shape_statistics.structures import (
-    StructurePoses,
-    aligned_structures,
-    hidden_structures,
-    stacked,
-)
-
-__all__ = [
-    "CORRESPONDED",
-    "MEASURED",
-    "METRES",
-    "STRUCTURES",
-    "Asymmetry",
-    "Classification",
-    "Completion",
-    "CorrespondedShapes",
-    "Criterion",
-    "Doubt",
-    "GroupTest",
-    "IndividualScores",
-    "LeaveOneOut",
-    "ModelCurve",
-    "Observations",
-    "PairTest",
-    "PictureFormat",
-    "ProcrustesAlignment",
-    "ScoredShape",
-    "ShapeAnova",
-    "ShapeDesign",
-    "ShapeModel",
-    "ShapeRegression",
-    "Slid",
-    "SlidSemilandmarks",
-    "StructurePoses",
-    "SumOfSquares",
-    "TermTest",
-    "align_sides",
-    "aligned_structures",
-    "asymmetry",
-    "centroid_sizes",
-    "classical_scaling",
-    "classify",
-    "compactness",
-    "complete",
-    "doubtful_positions",
-    "doubtful_shapes",
-    "draw_embedding",
-    "draw_landmarks",
-    "draw_motion",
-    "draw_quality",
-    "draw_regression",
-    "draw_scores",
-    "draw_tree",
-    "draw_values",
-    "face_motion",
-    "filled",
-    "generalisation",
-    "generalised_procrustes",
-    "geodesic_distortions",
-    "group_test",
-    "hidden_structures",
-    "leave_one_out",
-    "left_right_map",
-    "left_right_of_pairs",
-    "left_right_of_shapes",
-    "likely_units",
-    "measured_variances",
-    "model_noise",
-    "motion_by_region",
-    "observed_landmarks",
-    "observed_part",
-    "observed_vertices",
-    "paired_sides",
-    "procrustes_distances",
-    "read_observations",
-    "read_shapes",
-    "shape_anova",
-    "shape_regression",
-    "shape_tree",
-    "size_factors",
-    "slices_of",
-    "slid_semilandmarks",
-    "specificity",
-    "stacked",
-    "structure_of",
-    "surface_strain",
-    "symmetry_dimensions",
-    "symmetry_plane",
-    "told_factor",
-    "wall_thickness",
-    "write_shapeworks",
-    "write_statismo",
-]
+from isomatch.cohort.shape_statistics.asymmetry import Asymmetry as Asymmetry
+from isomatch.cohort.shape_statistics.asymmetry import IndividualScores as IndividualScores
+from isomatch.cohort.shape_statistics.asymmetry import SumOfSquares as SumOfSquares
+from isomatch.cohort.shape_statistics.asymmetry import align_sides as align_sides
+from isomatch.cohort.shape_statistics.asymmetry import asymmetry as asymmetry
+from isomatch.cohort.shape_statistics.asymmetry import left_right_map as left_right_map
+from isomatch.cohort.shape_statistics.asymmetry import left_right_of_pairs as left_right_of_pairs
+from isomatch.cohort.shape_statistics.asymmetry import left_right_of_shapes as left_right_of_shapes
+from isomatch.cohort.shape_statistics.asymmetry import paired_sides as paired_sides
+from isomatch.cohort.shape_statistics.asymmetry import symmetry_dimensions as symmetry_dimensions
+from isomatch.cohort.shape_statistics.asymmetry import symmetry_plane as symmetry_plane
+from isomatch.cohort.shape_statistics.charts import PictureFormat as PictureFormat
+from isomatch.cohort.shape_statistics.charts import draw_embedding as draw_embedding
+from isomatch.cohort.shape_statistics.charts import draw_landmarks as draw_landmarks
+from isomatch.cohort.shape_statistics.charts import draw_motion as draw_motion
+from isomatch.cohort.shape_statistics.charts import draw_quality as draw_quality
+from isomatch.cohort.shape_statistics.charts import draw_regression as draw_regression
+from isomatch.cohort.shape_statistics.charts import draw_scores as draw_scores
+from isomatch.cohort.shape_statistics.charts import draw_tree as draw_tree
+from isomatch.cohort.shape_statistics.charts import draw_values as draw_values
+from isomatch.cohort.shape_statistics.completion import Completion as Completion
+from isomatch.cohort.shape_statistics.completion import Observations as Observations
+from isomatch.cohort.shape_statistics.completion import complete as complete
+from isomatch.cohort.shape_statistics.completion import model_noise as model_noise
+from isomatch.cohort.shape_statistics.completion import observed_landmarks as observed_landmarks
+from isomatch.cohort.shape_statistics.completion import observed_part as observed_part
+from isomatch.cohort.shape_statistics.completion import observed_vertices as observed_vertices
+from isomatch.cohort.shape_statistics.completion import read_observations as read_observations
+from isomatch.cohort.shape_statistics.group_test import GroupTest as GroupTest
+from isomatch.cohort.shape_statistics.group_test import group_test as group_test
+from isomatch.cohort.shape_statistics.likeness import METRES as METRES
+from isomatch.cohort.shape_statistics.likeness import Doubt as Doubt
+from isomatch.cohort.shape_statistics.likeness import classical_scaling as classical_scaling
+from isomatch.cohort.shape_statistics.likeness import doubtful_positions as doubtful_positions
+from isomatch.cohort.shape_statistics.likeness import doubtful_shapes as doubtful_shapes
+from isomatch.cohort.shape_statistics.likeness import geodesic_distortions as geodesic_distortions
+from isomatch.cohort.shape_statistics.likeness import likely_units as likely_units
+from isomatch.cohort.shape_statistics.likeness import shape_tree as shape_tree
+from isomatch.cohort.shape_statistics.likeness import size_factors as size_factors
+from isomatch.cohort.shape_statistics.likeness import told_factor as told_factor
+from isomatch.cohort.shape_statistics.linear_model import Classification as Classification
+from isomatch.cohort.shape_statistics.linear_model import PairTest as PairTest
+from isomatch.cohort.shape_statistics.linear_model import ShapeAnova as ShapeAnova
+from isomatch.cohort.shape_statistics.linear_model import ShapeDesign as ShapeDesign
+from isomatch.cohort.shape_statistics.linear_model import ShapeRegression as ShapeRegression
+from isomatch.cohort.shape_statistics.linear_model import TermTest as TermTest
+from isomatch.cohort.shape_statistics.linear_model import classify as classify
+from isomatch.cohort.shape_statistics.linear_model import shape_anova as shape_anova
+from isomatch.cohort.shape_statistics.linear_model import shape_regression as shape_regression
+from isomatch.cohort.shape_statistics.motion import face_motion as face_motion
+from isomatch.cohort.shape_statistics.motion import motion_by_region as motion_by_region
+from isomatch.cohort.shape_statistics.motion import surface_strain as surface_strain
+from isomatch.cohort.shape_statistics.motion import wall_thickness as wall_thickness
+from isomatch.cohort.shape_statistics.procrustes import ProcrustesAlignment as ProcrustesAlignment
+from isomatch.cohort.shape_statistics.procrustes import centroid_sizes as centroid_sizes
+from isomatch.cohort.shape_statistics.procrustes import generalised_procrustes as generalised_procrustes
+from isomatch.cohort.shape_statistics.procrustes import procrustes_distances as procrustes_distances
+from isomatch.cohort.shape_statistics.shape_model import LeaveOneOut as LeaveOneOut
+from isomatch.cohort.shape_statistics.shape_model import ModelCurve as ModelCurve
+from isomatch.cohort.shape_statistics.shape_model import ScoredShape as ScoredShape
+from isomatch.cohort.shape_statistics.shape_model import ShapeModel as ShapeModel
+from isomatch.cohort.shape_statistics.shape_model import compactness as compactness
+from isomatch.cohort.shape_statistics.shape_model import generalisation as generalisation
+from isomatch.cohort.shape_statistics.shape_model import leave_one_out as leave_one_out
+from isomatch.cohort.shape_statistics.shape_model import specificity as specificity
+from isomatch.cohort.shape_statistics.shape_model import write_shapeworks as write_shapeworks
+from isomatch.cohort.shape_statistics.shape_model import write_statismo as write_statismo
+from isomatch.cohort.shape_statistics.shapes import CORRESPONDED as CORRESPONDED
+from isomatch.cohort.shape_statistics.shapes import MEASURED as MEASURED
+from isomatch.cohort.shape_statistics.shapes import STRUCTURES as STRUCTURES
+from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes as CorrespondedShapes
+from isomatch.cohort.shape_statistics.shapes import filled as filled
+from isomatch.cohort.shape_statistics.shapes import measured_variances as measured_variances
+from isomatch.cohort.shape_statistics.shapes import read_shapes as read_shapes
+from isomatch.cohort.shape_statistics.shapes import slices_of as slices_of
+from isomatch.cohort.shape_statistics.shapes import structure_of as structure_of
+from isomatch.cohort.shape_statistics.sliding import Criterion as Criterion
+from isomatch.cohort.shape_statistics.sliding import Slid as Slid
+from isomatch.cohort.shape_statistics.sliding import SlidSemilandmarks as SlidSemilandmarks
+from isomatch.cohort.shape_statistics.sliding import slid_semilandmarks as slid_semilandmarks
+from isomatch.cohort.shape_statistics.structures import StructurePoses as StructurePoses
+from isomatch.cohort.shape_statistics.structures import aligned_structures as aligned_structures
+from isomatch.cohort.shape_statistics.structures import hidden_structures as hidden_structures
+from isomatch.cohort.shape_statistics.structures import stacked as stacked

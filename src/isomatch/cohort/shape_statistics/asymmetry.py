@@ -28,9 +28,9 @@ from isomatch.matching import MatchResult, Outcome, match
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, reflected
 
-MIN_VARIANCE = 1e-12  # variance of a principal component over the largest; smaller ones are rounding
-MIN_SIDE_DISTANCE = 0.02  # √area from the plane of symmetry, beyond which a point has a side
-MAX_TRIED = 5  # shapes whose left–right map is tried; if none is certain, further ones hardly are
+MIN_VARIANCE = 1e-12  # a principal component with a smaller share of the largest variance is rounding
+MIN_SIDE_DISTANCE = 0.02  # √area from the plane of symmetry; a point farther away is on one side of it
+MAX_TRIED = 5  # number of shapes whose left–right map is tried; where none is sure, further ones hardly are
 SOURCES = ("individuals", "sides", "individuals × sides", "error")
 
 
@@ -43,7 +43,7 @@ class SumOfSquares(NamedTuple):
     degrees: int
     mean_square: float
     f: float  # ratio of mean squares; nan if there is no other to compare with
-    p_value: float  # from permutations; nan if there is no test
+    p_value: float  # probability by permutations; nan if there is no test
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +52,9 @@ class Asymmetry:
 
     symmetric: FloatArray  #: (n, 3) mean of all shapes and their mirror images
     directional: FloatArray  #: (n, 3) mean of the components: the asymmetry that all shapes share
-    components: FloatArray  #: (m, n, 3)
+    components: FloatArray  #: (m, n, 3) asymmetric component of each shape
     amounts: FloatArray  #: (m,) root mean square of each component, in the units of the shapes
-    fluctuating: FloatArray  #: (m,) the same of its difference from the mean component
+    fluctuating: FloatArray  #: (m,) root mean square of its difference from the mean component
     #: individuals (symmetric variation), sides (directional asymmetry), individuals × sides
     #: (fluctuating asymmetry), and error, if individuals were measured repeatedly
     anova: tuple[SumOfSquares, ...]
@@ -63,8 +63,8 @@ class Asymmetry:
     #: individuals; nan for one
     p_value: float
     n_permutations: int  #: number of ways in which some individuals were mirrored
-    seed: int  #: draws these ways
-    individuals: tuple[IndividualScores, ...]  #: in the order of their names
+    seed: int  #: seed that draws these ways
+    individuals: tuple[IndividualScores, ...]  #: the individuals, in the order of their names
 
 
 class IndividualScores(NamedTuple):
@@ -170,8 +170,8 @@ def asymmetry(
         p_value, drawn = float(test.pvalue), len(test.null_distribution)
     p_values = np.array([np.nan, p_value, np.nan, np.nan])
     if k > 1 and m > k:
-        # The squares among individuals are Σᵢ |Σⱼ aⱼ − ā|² / rᵢ; F grows with them, as the total
-        # of both stays the same
+        # The squares among individuals are Σᵢ |Σⱼ aⱼ − ā|² / rᵢ. Their sum with the squares within
+        # individuals is fixed, so that F grows with them
         belongs = (of[:, None] == np.arange(k)) / np.sqrt(repeats)
         orders = permutations_of(m, n_permutations, seed)
         drawn_among = explained_squares(belongs, scalar_products(parts[1] - middles[1], share), orders)
@@ -264,8 +264,8 @@ def align_sides(
     aligned = generalised_procrustes(both.vertices, weights, scale).aligned
     symmetric, part = (aligned[:m] + aligned[m:]) / 2, (aligned[:m] - aligned[m:]) / 2
     for shape, component, sides in zip(symmetric, part, left_right):
-        # reflected and seen from the other side, a component a is −a: a ← (a − F P a) / 2, F = 1 −
-        # 2 n nᵀ
+        # an asymmetric component a changes its sign where it is pulled back from the other side (P)
+        # and reflected (F = 1 − 2 n nᵀ), so that the asymmetric part of any a is (a − F P a) / 2
         normal, _ = symmetry_plane(shape, sides, weights)
         opposite = sides.pull_back(component, fill=0.0)
         component -= (component + opposite - 2 * np.outer(opposite @ normal, normal)) / 2
@@ -336,13 +336,12 @@ def left_right_map(
     ``MIRROR_IMAGE``.
     """
     pairs = None if landmarks is None else np.asarray(landmarks)
-    if pairs is not None:  # both ways, each once
+    if pairs is not None:  # pairs in both orders, without repetitions
         pairs = np.unique(np.concatenate([pairs, pairs[:, ::-1]]), axis=0)
     config = config or Config()
     config = replace(config, outcome=replace(config.outcome, mirror_image=0.0))
     result = match(mesh, reflected(mesh), pairs, config=config, seed=seed, progress=progress)
-    # a vertex and its counterpart lie on either side, but a small component may be matched to
-    # itself
+    # a vertex and its counterpart lie on two sides, except where a component is matched to itself
     normal, offset = symmetry_plane(mesh.vertices, result.map, mesh.vertex_areas)
     side = mesh.vertices @ normal - offset
     opposite = result.map.pull_back(side)

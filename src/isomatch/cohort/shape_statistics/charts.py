@@ -27,16 +27,16 @@ Groups = Sequence[str] | None  # the group of each shape
 
 BLUE, GREY = "#3f90da", "#717581"  # colours of Petroff 2021
 COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
-DPI = 300  # resolution in print
-CHART_SIZE = (5.6, 4.5)  # inches of a scatter plot; all charts are as wide
-MAX_TICKS = 6  # ticks along x, so that their numbers do not overlap
-NAME_SIZE = 8  # points of the names of shapes
-WIDTH = 6.5  # inches of a picture of surfaces
+DPI = 300  # dots per inch, as for print
+CHART_SIZE = (5.6, 4.5)  # width and height of a scatter plot in inches; all charts have this width
+MAX_TICKS = 6  # number of ticks along x, at most, so that their numbers do not overlap
+NAME_SIZE = 8  # font size, in points, of the names of shapes
+WIDTH = 6.5  # width in inches of a picture of surfaces
 FILLED_SHARE = 0.9  # share of the width of a panel that the widest surface takes
-TEXT_SIZE = 9.0  # points
-BAR_HEIGHT = 0.7  # inches of a colour bar, with its numbers and its label
-MIN_KNOWN = 0.5  # known share of the value of a point, from which it is drawn
-DIVERGING, RISING = "RdBu_r", "viridis"  # colour maps of displacements, and of values from 0
+TEXT_SIZE = 9.0  # font size, in points, of titles and numbers
+BAR_HEIGHT = 0.7  # height in inches of a colour bar with its numbers and label
+MIN_KNOWN = 0.5  # a pixel is coloured if vertices with a value make up at least this share of it
+DIVERGING, RISING = "RdBu_r", "viridis"  # colour maps for values of both signs, and for values from 0
 
 
 def draw_scores(
@@ -305,7 +305,9 @@ def draw_values(
     seen = {title: _turn_camera(front, direction) for title, direction in (views or {}).items()}
     cameras = seen or {"": front, " ": front * [[-1], [1], [-1]]}
     paint = colour_scale(name, low, high)
-    density = min(_density([mesh], camera, per_row=2) for camera in cameras.values()) * np.sqrt(mesh.area)
+    used = mesh.vertices[np.unique(mesh.faces)]
+    widest = max(float(np.ptp(used @ camera[0])) for camera in cameras.values()) or 1.0
+    density = DPI * FILLED_SHARE * WIDTH / 2 / widest * np.sqrt(mesh.area)  # pixels per √area
 
     def paint_known(seen: FloatArray) -> FloatArray:
         share = np.where(seen[:, 1:] < MIN_KNOWN, np.nan, seen[:, 1:])
@@ -326,12 +328,6 @@ def _turn_camera(front: FloatArray, to: FloatArray) -> FloatArray:
     up = front[1] if abs(front[1] @ to) < 0.7 else front[2]
     right = np.cross(up, to) / np.linalg.norm(np.cross(up, to))
     return np.array([right, np.cross(to, right), to])
-
-
-def _density(meshes: Sequence[Mesh], camera: FloatArray, per_row: int) -> float:
-    """Return the pixels per unit of length with which the widest surface fills a panel."""
-    widest = max(float(np.ptp(mesh.vertices[np.unique(mesh.faces)] @ camera[0])) for mesh in meshes)
-    return DPI * FILLED_SHARE * WIDTH / per_row / (widest or 1.0)
 
 
 def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: float, label: str) -> None:

@@ -28,15 +28,15 @@ from isomatch.settings import Config
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface
 
 Pose = Literal["fitted", "given"]
-MIN_NOISE = 1e-6  # noise over the size of the mean, below which double precision does not suffice
-TOLERANCE = 1e-9  # largest movement of the shape in the last step, over its size
-MAX_STEPS = 200
-MAX_ROUNDS = 30  # of nearest points; about 10 suffice
-MAX_MOVEMENT = 1e-3  # movement in the last round of nearest points, over the size
-MAX_WIDTH = 1e-3  # width over length of points on a line, around which any turn is possible
-PATCH = 0.2  # √area: errors of nearer points are about the same; docs/statistics.md, completion
-ALONG_WEIGHT = 0.1  # weight of offsets along the surface over those across it, at nearest points
-MIN_COSINE = 0.5  # of the normals of a point and its nearest one
+MIN_NOISE = 1e-6  # least noise over the size of the mean; double precision does not suffice for less
+TOLERANCE = 1e-9  # a fit ends once the shape moves by less than this share of its size in a step
+MAX_STEPS = 200  # a fit that still moves after this number of steps fails
+MAX_ROUNDS = 30  # nearest points are renewed at most this number of times; about 10 suffice
+MAX_MOVEMENT = 1e-3  # nearest points are final once the shape moves by less than this share of its size
+MAX_WIDTH = 1e-3  # points are on a line, so that any turn around it is possible, if width over length is less
+PATCH = 0.2  # √area: points nearer than this have about the same error; docs/statistics.md, completion
+ALONG_WEIGHT = 0.1  # weight of an offset along the surface, relative to one across it, at nearest points
+MIN_COSINE = 0.5  # least cosine of the angle between the normals of a point and of its nearest point
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,15 +47,15 @@ class Completion:
     #: (n,) standard deviation of each vertex within the modes: the root of the sum of the variances
     #: of its three coordinates
     standard_deviation: FloatArray
-    residual: float  #: distance from the modes that remains, see `model_noise`
+    residual: float  #: distance from the modes that no score reduces, see `model_noise`
     scores: FloatArray  #: (k,) coordinates along the modes, in the units of the model
     score_deviations: FloatArray  #: (k,) their standard deviations
     #: root mean square distance of the given points from the shape, each weighted by one over the
     #: square of its noise; nan without points
     error: float
     scale: float  #: the motion from the model: x ↦ scale · rotation @ x + translation
-    rotation: FloatArray  #: (3, 3)
-    translation: FloatArray  #: (3,)
+    rotation: FloatArray  #: (3, 3) rotation of this motion
+    translation: FloatArray  #: (3,) translation of this motion
     n_points: int  #: number of points used
     notes: tuple[str, ...] = ()  #: what is in doubt
 
@@ -109,7 +109,7 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     if observations.surface:
         fit, observations, notes = _fit_nearest(model, observations.surface, fit, is_free=pose == "fitted")
     motion, shape = fit.motion, fit.shape(model)
-    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3)
+    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3) displacements
     if pose == "fitted":
         columns = np.concatenate([columns, _motions(shape, fit.centre, fit.size, model.size is not None)])
     offsets = observations.positions - motion.apply(observations.points.interpolated(shape))
@@ -127,10 +127,9 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
 class _Fit:
     """Scores (k,) in standard deviations, and the motion to the points."""
 
-    scores: FloatArray  # (k,)
+    scores: FloatArray  # (k,) scores in standard deviations
     motion: _Motion
-    # root of the covariance of the scores, and of small motions about the centre in units of the
-    # size
+    # root of the covariance of scores and small motions about the centre, in units of the size
     root: FloatArray
     centre: FloatArray
     size: float
@@ -273,7 +272,7 @@ class Observations:
 
     points: PrecisePoints  #: q points, on the triangles of the model
     positions: FloatArray  #: (q, 3) where they were seen
-    #: of all, or (q,): root mean square distance between the seen point and the nearest one of the
+    #: one for all, or (q,): root mean square distance between a seen point and the nearest one of the
     #: model's modes, in the units of the positions. Errors are taken as independent: points that
     #: err together need more noise
     noise: FloatArray
@@ -327,7 +326,7 @@ class SeenSurface:
     """A surface that was seen, without names for its n points; noise (n,) as for `Observations`."""
 
     mesh: Mesh
-    noise: FloatArray  # (n,)
+    noise: FloatArray  # (n,) noise of each vertex
 
     def nearest(self, shape: Mesh) -> Observations:
         """Find the points of a shape that are nearest to the vertices, and face as they do."""
@@ -367,11 +366,10 @@ def observed_vertices(
         seen &= known
     rows = np.flatnonzero(seen & (mean.vertex_areas > 0))
     points, positions = PrecisePoints.at_vertices(rows), mesh.vertices[rows]
-    noise = _noise(noise, model, points, positions)
+    shares = mean.vertex_areas[rows] / mean.area
+    alone = _noise(noise, model, points, positions) / _root_of_observations(shares)
     notes = (f"{len(rows)} of {len(mesh.vertices)} vertices have a position",)
-    return Observations(
-        points, positions, noise / _root_of_observations(mean.vertex_areas[rows] / mean.area), notes=notes
-    )
+    return Observations(points, positions, alone, notes=notes)
 
 
 def observed_landmarks(
@@ -381,16 +379,15 @@ def observed_landmarks(
 
     Their expected errors add to the noise, see `observed_vertices`.
     """
-    known, given = (
-        [n for n, is_placed in zip(x.names, x.placed) if is_placed and n] for x in (mean_landmarks, found)
-    )
+    both = mean_landmarks, found
+    known, given = ([n for n, is_placed in zip(x.names, x.placed) if is_placed and n] for x in both)
     shared = [name for name in known if name in set(given)]
     if not shared:
         of_both = f"{', '.join(given)[:80]} and {', '.join(known)[:80]}"
         raise LandmarkError(f"no landmark of the shape is named like one of the mean: {of_both}")
     if twice := [name for name in shared if known.count(name) + given.count(name) > 2]:
         raise LandmarkError(f"several landmarks are named {', '.join(twice)}; give each a name of its own")
-    row_of = [{x.names[i]: i for i in np.flatnonzero(x.placed)} for x in (mean_landmarks, found)]
+    row_of = [{x.names[i]: i for i in np.flatnonzero(x.placed)} for x in both]
     rows, rows_found = ([of[name] for name in shared] for of in row_of)
     points = nearest_on_surface(model.mesh(), mean_landmarks.positions[rows])
     positions, errors = found.positions[rows_found], np.nan_to_num(found.expected_error[rows_found])

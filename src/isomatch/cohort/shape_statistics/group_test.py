@@ -16,20 +16,19 @@ from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.linear_model import N_PERMUTATIONS
 
 TestMethod = Literal["permutation", "parametric"]
-MAX_NUMBERS = 2**22  # numbers in memory at a time
+MAX_NUMBERS = 2**22  # number of floating-point numbers that a block of permutations may take in memory
 
 
 @dataclass(frozen=True, eq=False)
 class GroupTest:
     """Difference of the means of two groups at each of n vertices."""
 
-    groups: tuple[str, str]  #: their names, in alphabetical order
-    counts: tuple[int, int]  #: numbers of shapes
+    groups: tuple[str, str]  #: names of the groups, in alphabetical order
+    counts: tuple[int, int]  #: number of shapes in each group
     difference: FloatArray  #: (n, d) mean of the second group minus mean of the first
-    t_squared: FloatArray  #: (n,) of Hotelling; ``inf`` if the groups are separated completely
+    t_squared: FloatArray  #: (n,) statistic of Hotelling; ``inf`` if the groups are separated completely
     p_values: FloatArray  #: (n,) probability of as large a T² if the groups have one distribution
-    #: (n,) least false discovery rate at which a vertex counts as different (Benjamini & Hochberg
-    #: 1995)
+    #: (n,) least false discovery rate (Benjamini & Hochberg 1995) at which a vertex differs
     q_values: FloatArray
 
     def significant(self, false_discovery_rate: float = 0.05) -> BoolArray:
@@ -92,12 +91,10 @@ def group_test(
     contrast = np.where(second, 1 / counts[1], -1 / counts[0])
     share = counts[0] * counts[1] / m
     q = np.minimum(share * (np.tensordot(contrast, white, 1) ** 2).sum(axis=1), 1.0)
-    permuted = method == "permutation"
-    p = (
-        _permute_groups(white, q, contrast, share, n_permutations, seed)
-        if permuted
-        else _parametric(q, rank, m)
-    )
+    if method == "permutation":
+        p = _permute_groups(white, q, contrast, share, n_permutations, seed)
+    else:
+        p = _parametric(q, rank, m)
     with np.errstate(divide="ignore"):
         t_squared = (m - 2) * q / np.where(q > 1 - 1e-12, 0.0, 1 - q)
     difference: FloatArray = np.tensordot(contrast, aligned, 1)

@@ -21,16 +21,16 @@ from isomatch.geodesics import distance_engine, euclidean_farthest_points
 # In seven sets of animals and people in many poses, with up to half of the shapes mirrored at
 # random, the first two find 202 of 208 mirror images, none in TOSCA victoria, whose poses differ
 # most, and no wrong ones.
-MIN_SAMPLE_AGREEMENT = 0.35  # median of all shapes; below it, poses differ too much to tell
-MIN_SHAPE_AGREEMENT = 0.15  # median of one shape with the others
-MIRROR_RATIO = 0.7  # mirror image's distance divided by the shape's distance, in samples of few shapes
-MIN_THICKNESS = 0.01  # thickness over size; a thinner shape equals its mirror image
-SAME_SHAPE = 1e-5  # distance over size; a shape in another file is nearer
-FAR_SIZES = 10.0  # distance from the middle of all centroids, in sizes, from which a shape is far
-UNLIKE_RATIO = 2.0  # distance from the others over the usual one, from which a shape is unlike them
-MIN_SHAPES = 4  # number of shapes that tell what is usual
+MIN_SAMPLE_AGREEMENT = 0.35  # median agreement of all pairs; if it is lower, poses differ too much
+MIN_SHAPE_AGREEMENT = 0.15  # median agreement of a shape with the others; if it is lower, its side is unclear
+MIRROR_RATIO = 0.7  # among few shapes, a mirror image must be nearer than the shape itself by this factor
+MIN_THICKNESS = 0.01  # a shape that is thinner, over its size, equals its mirror image
+SAME_SHAPE = 1e-5  # two shapes whose distance over their size is smaller are one shape in two files
+FAR_SIZES = 10.0  # a shape is far if its centroid is more than this number of sizes from the middle of all
+UNLIKE_RATIO = 2.0  # a shape is unlike the others if it is farther from them than usual by this factor
+MIN_SHAPES = 4  # with fewer shapes, it is not known what is usual
 Kind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]
-N_SAMPLES = 100
+N_SAMPLES = 100  # number of points between which geodesic distances are compared
 
 
 class Doubt(NamedTuple):
@@ -85,12 +85,10 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
     reflected = procrustes_distances(vertices / sizes[:, None, None], scale="remove", mirrored=True)
     factors = size_factors(sizes)
     mirrored = _find_mirrored(distances, reflected)
-    opposite = mirrored[:, None] != mirrored
+    opposite, nearer = mirrored[:, None] != mirrored, "fits the others better as its mirror image"
     reasons: dict[Kind, dict[int, str]] = {
         "units": {i: told_factor(factors[i]) for i in np.flatnonzero(factors != 1).tolist()},
-        "mirrored": {
-            i: "fits the others better as its mirror image" for i in np.flatnonzero(mirrored).tolist()
-        },
+        "mirrored": dict.fromkeys(np.flatnonzero(mirrored).tolist(), nearer),
         "far": _far(vertices.mean(axis=1), sizes, factors),
         "unlike": _unlike(np.where(opposite, reflected, distances)),
     }
@@ -148,10 +146,10 @@ def _unlike(distances: FloatArray) -> dict[int, str]:
 
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 """Units of length, in metres."""
-MIN_SIZE_RATIO = 2.0  # ratio to the median size that units may explain; they differ by 2.54 or more
-MIN_SIZE_GAP = 5.0  # ratio of two consecutive sizes that no sample of one kind has
-MAX_DEVIATIONS = 6.0  # standard deviations from the median, beyond which a value is an outlier
-MAD_TO_SD = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
+MIN_SIZE_RATIO = 2.0  # units may explain a size that differs from the median by this factor or more
+MIN_SIZE_GAP = 5.0  # the sizes of one kind of shape, in order, have no ratio of neighbours as large as this
+MAX_DEVIATIONS = 6.0  # a value farther from the median, in standard deviations, is an outlier
+MAD_TO_SD = 1.4826  # ratio of standard deviation and median absolute deviation in a normal distribution
 # units of a shape and of the others that are tried first, in this order
 USUAL_UNITS = ("mm", "m"), ("mm", "cm"), ("cm", "m"), ("mm", "in")
 

@@ -24,12 +24,12 @@ from isomatch._core.texts import natural_order
 from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.procrustes import scalar_products, shares_of
 
-N_PERMUTATIONS = 4999
-MAX_NUMBERS = 2**21  # numbers in memory at a time
-MIN_SHAPES = 3  # two shapes differ along any variable
-POWERS = (-5.0, 5.0)  # bounds of the power of a Box–Cox transformation
-MIN_SINGULAR = 1e-9  # singular value over the largest; a variable with less depends on the others
-HELD_VARIANCE = 0.95  # share of the variance in the modes of a classification
+N_PERMUTATIONS = 4999  # number of random permutations of a test, so that no p-value is below 1 / 5000
+MAX_NUMBERS = 2**21  # number of floating-point numbers that a block of permutations may take in memory
+MIN_SHAPES = 3  # a regression needs this number of shapes, as two shapes differ along any variable
+POWERS = (-5.0, 5.0)  # least and largest power of a Box–Cox transformation
+MIN_SINGULAR = 1e-9  # a variable with a smaller singular value, over the largest, depends on the others
+HELD_VARIANCE = 0.95  # shapes are classified by the first modes that hold this share of the variance
 
 Terms = tuple[tuple[str, ...], ...]
 
@@ -53,11 +53,11 @@ class PairTest(NamedTuple):
     of: str  # the factor, or the term with a slope for each group
     first: str
     second: str
-    distance: float  # of means, or of slopes for one unit of the variable, in units of the shapes
-    angle: float  # between slopes, in degrees; nan for means
+    distance: float  # distance of means, or of slopes for one unit of the variable
+    angle: float  # angle between slopes, in degrees; nan for means
     z: float
     p_value: float
-    adjusted_p: float  # for the number of pairs (Holm 1979)
+    adjusted_p: float  # p-value adjusted for the number of pairs (Holm 1979)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +65,10 @@ class ShapeDesign:
     """The variables of a formula, for m shapes."""
 
     formula: str
-    terms: Terms  #: the variables of each, single ones first
-    #: (m, q) numbers of each variable; a factor has a column of 0 and 1 for each level after the
-    #: first
+    terms: Terms  #: variables of each term, terms of one variable first
+    #: (m, q) numbers of each variable; of a factor, 0 and 1 in a column for each level but the first
     codes: Mapping[str, FloatArray]
-    levels: Mapping[str, tuple[str, ...]]  #: by factor
+    levels: Mapping[str, tuple[str, ...]]  #: names of the groups of each factor
 
     @classmethod
     def of(cls, formula: str, table: Mapping[str, Sequence[object]]) -> ShapeDesign:
@@ -161,9 +160,9 @@ class ShapeAnova:
     """Sequential analysis of variance by the terms of a model, and tests of pairs of groups."""
 
     rows: tuple[TermTest, ...]  #: the terms in their order, residuals, total
-    pairs: tuple[PairTest, ...]  #: for each factor and each term with a slope for each group
+    pairs: tuple[PairTest, ...]  #: pairs of groups of each factor, or of their slopes
     n_permutations: int
-    seed: int  #: draws the permutations
+    seed: int  #: seed that draws the permutations
 
 
 def shape_anova(
@@ -249,9 +248,9 @@ def _test_terms(products: FloatArray, design: ShapeDesign, n_permutations: int, 
     total, rows = float(np.trace(products)), list[TermTest]()
     residual = max(total - float(np.einsum("iq,ij,jq->", whole, products, whole)), 0.0)
     for i, name in enumerate(design.names, start=1):
-        # With residuals E = (I − H) Y of the terms before, and Y* = H Y + Π E: a basis U of what
-        # the term adds explains ‖Uᵀ Π E‖², and the residuals of all terms, with a basis Q, are
-        # ‖E‖² − ‖Qᵀ Π E‖²
+        # The terms before this one, with the projector H, leave the residuals E = (I − H) Y, which
+        # a permutation Π turns into the shapes H Y + Π E. There, the basis U of what this term adds
+        # explains ‖Uᵀ Π E‖², and all terms, with the basis Q, leave ‖E‖² − ‖Qᵀ Π E‖²
         left = _residual_products(products, np.hstack(parts[:i]))
         squares = explained_squares(parts[i], left, orders)
         residuals = np.maximum(np.trace(left) - explained_squares(whole, left, orders), 0.0)
@@ -323,8 +322,8 @@ def _pairs(
     slope = next((name for name in of if name not in design.levels), "")
     kept = [block for block, term in zip(blocks, design.terms) if not {*of} <= {*term}]
     left = _residual_products(products, np.hstack([*_orthonormal_parts(kept, m)]))
-    # the mean, or slope, of a group is cᵀ Y with c = X⁺ᵀ l; two with the difference d are √(dᵀ P d)
-    # apart
+    # The mean, or slope, of a group is cᵀ Y with c = X⁺ᵀ l. Two groups whose vectors c differ by d
+    # have the distance √(dᵀ P d), with the scalar products P of the shapes
     inverse = np.linalg.pinv(np.hstack([np.ones((m, 1)), *blocks]))
     levels = design.levels[factor]
     codes = np.eye(len(levels))[:, 1:]
@@ -339,7 +338,7 @@ def _pairs(
         angle = float(np.degrees(np.arccos(cosine))) if slope else np.nan
         distance = float(np.sqrt(max(float(difference @ products @ difference), 0.0)))
         found.append(PairTest(":".join(of), levels[i], levels[j], distance, angle, z, p_value, p_value))
-    # Holm: the i-th of n p-values in ascending order times n − i, none below the one before
+    # Holm multiplies the i-th of n ascending p-values, i from 0, by n − i; none may be below the last
     ascending = np.argsort([pair.p_value for pair in found], kind="stable").tolist()
     least = 0.0
     for i, row in enumerate(ascending):
@@ -355,8 +354,8 @@ class ShapeRegression:
     r_squared: float  #: share of the variance of shape that the variables describe
     p_value: float  #: probability of as large a share without any relation, from permutations
     n_permutations: int
-    seed: int  #: draws the permutations
-    mean: FloatArray  #: (n, 3)
+    seed: int  #: seed that draws the permutations
+    mean: FloatArray  #: (n, 3) mean shape
     coefficients: FloatArray  #: (q, n, 3) displacement for one unit of each variable
     #: (m, q) regression scores of Drake & Klingenberg (2008): distance of each shape from the mean
     #: in the direction of each coefficient, in the units of the shapes, to be drawn against it
@@ -426,8 +425,8 @@ class Classification(NamedTuple):
     """Canonical variates of groups, and the group that the others predict for each shape."""
 
     groups: tuple[str, ...]
-    variates: FloatArray  # (m, k) of each shape, in standard deviations within groups
-    predicted: tuple[str, ...]  # for each shape
+    variates: FloatArray  # (m, k) variates of each shape, in standard deviations within groups
+    predicted: tuple[str, ...]  # predicted group of each shape
     counts: FloatArray  # (g, g) number of shapes by group and predicted group
     n_modes: int  # number of modes used
 
@@ -472,7 +471,7 @@ def classify(scores: FloatArray, groups: Sequence[str]) -> Classification:
     n_modes = max(min(int(np.searchsorted(shares, HELD_VARIANCE)) + 1, (m - g) // 2, scores.shape[1]), 1)
     used = scores[:, :n_modes]
     model = discriminant.LinearDiscriminantAnalysis(priors=np.full(g, 1 / g))
-    with warnings.catch_warnings(action="ignore"):  # about modes in which shapes of a group are equal
+    with warnings.catch_warnings(action="ignore"):  # warnings of modes in which a group does not vary
         predicted = selection.cross_val_predict(model, used, labels, cv=selection.LeaveOneOut())
         variates = model.fit(used, labels).transform(used)
     within = variates - np.array([variates[of == i].mean(axis=0) for i in range(g)])[of]

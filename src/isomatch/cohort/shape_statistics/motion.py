@@ -13,7 +13,8 @@ from isomatch._core.texts import natural_order
 from isomatch._core.threads import parallel_map
 from isomatch.surfaces import Mesh
 
-MIN_CORNER_WEIGHT = -1e-9  # below 0, so that no ray slips through an edge
+# a ray meets a face if no weight of a corner is less: below 0, so that no edge lets it pass
+MIN_CORNER_WEIGHT = -1e-9
 
 
 def surface_strain(reference: Mesh, deformed: Mesh) -> FloatArray:
@@ -88,7 +89,8 @@ def _cast(i: int, middles: FloatArray, rows: FloatArray, levels: FloatArray) -> 
     for f in range(len(middles)):
         slope = rows[0, f, 0] * dx + rows[0, f, 1] * dy + rows[0, f, 2] * dz
         height = levels[0, f] - rows[0, f, 0] * x - rows[0, f, 1] * y - rows[0, f, 2] * z
-        # one branch, as each condition is often true, and a wrong guess costs more than all three
+        # one branch for three conditions, as each is often true, and a processor that guesses wrong
+        # loses more time than all three take
         if (slope > 0) & (height > 0) & (height < nearest * slope):
             px, py, pz = x + height / slope * dx, y + height / slope * dy, z + height / slope * dz
             b = rows[1, f, 0] * px + rows[1, f, 1] * py + rows[1, f, 2] * pz - levels[1, f]

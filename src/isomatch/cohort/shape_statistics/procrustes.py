@@ -16,20 +16,19 @@ from isomatch.correspondence import nearest_rotation
 
 Scale = Literal["keep", "remove"]
 
-TOLERANCE = 1e-11  # largest movement of a shape in the last iteration, over the size of the mean
-MAX_ITERATIONS = 1000
+TOLERANCE = 1e-11  # shapes are aligned once none moves by more than this share of the size of the mean
+MAX_ITERATIONS = 1000  # an analysis that is not done after this number of iterations fails
 
 
 @dataclass(frozen=True, eq=False)
 class ProcrustesAlignment:
     """Aligned shapes: ``scales[s] * vertices[s] @ rotations[s].T + translations[s]``."""
 
-    aligned: FloatArray  #: (m, n, d), in tangent space if that was asked for
-    rotations: FloatArray  #: (m, d, d)
-    translations: FloatArray  #: (m, d)
-    scales: FloatArray  #: (m,), all 1 if the scale is kept
-    #: root mean square distance from the centroid that every shape was given; None if the scale is
-    #: kept
+    aligned: FloatArray  #: (m, n, d) aligned shapes, in tangent space if asked for
+    rotations: FloatArray  #: (m, d, d) rotation of each shape
+    translations: FloatArray  #: (m, d) translation of each shape
+    scales: FloatArray  #: (m,) factor of each shape; 1 if the scale is kept
+    #: root mean square distance from the centroid that all shapes got; None if the scale is kept
     size: float | None
     n_iterations: int  #: number of times that all shapes were turned to their mean
 
@@ -191,9 +190,9 @@ def _nearest_rotations(products: FloatArray) -> FloatArray:
 
 def _pair_distances(products: FloatArray, mirrored: bool = False) -> FloatArray:
     """Distances of pairs, (m, m), after the best rotation, or the best reflection."""
-    # min over R of |X Rᵀ − Y|² = |X|² + |Y|² − 2 (σ₁ + σ₂ ± σ₃) with singular values σ of XᵀWY, and
-    # − where its determinant is negative, for then the best orthogonal matrix is a reflection
-    # (Kabsch 1976)
+    # The least |X Rᵀ − Y|² over rotations R is |X|² + |Y|² − 2 (σ₁ + σ₂ ± σ₃) with the singular
+    # values σ of XᵀWY (Kabsch 1976). The sign is − if the determinant of XᵀWY is negative, as the
+    # nearest orthogonal matrix is a reflection then
     values = np.linalg.svd(products, compute_uv=False)
     values[..., -1] *= np.where((np.linalg.det(products) < 0) != mirrored, -1.0, 1.0)
     squares = np.einsum("ssii->s", products)

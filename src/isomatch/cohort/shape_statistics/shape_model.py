@@ -32,9 +32,9 @@ from isomatch.io import write_mesh
 from isomatch.surfaces import Mesh
 
 Weighting = Literal["area", "uniform"]
-MIN_DEVIATION = 1e-10  # deviation along a mode over the size of the mean; smaller ones are rounding
-MAX_LEFT_OUT = 100  # shapes left out in turn; of more, a random sample
-N_SAMPLES = 1000  # Styner et al. 2003 draw 10 000; with 1000 the mean is known to about 1 %
+MIN_DEVIATION = 1e-10  # a mode with a smaller standard deviation, over the size of the mean, is rounding
+MAX_LEFT_OUT = 100  # if there are more shapes, only this number of them, drawn at random, is left out in turn
+N_SAMPLES = 1000  # random shapes drawn; Styner et al. 2003 draw 10 000, but 1000 give the mean to about 1 %
 FORMAT = ArrayFormat(
     what="a shape model",
     writer="ShapeModel.save",
@@ -69,10 +69,10 @@ class ScoredShape:
     """
 
     scores: FloatArray  #: (k,) coordinates along the modes, in the units of the shapes
-    deviations: FloatArray  #: (k,) the same in standard deviations of the modes
+    deviations: FloatArray  #: (k,) the scores in standard deviations of the modes
     aligned: FloatArray  #: (n, 3) the shape moved onto the mean
     reconstructed: FloatArray  #: (n, 3) the shape of the model with these scores
-    error: float  #: root mean square distance of the two, which the modes do not describe
+    error: float  #: root mean square distance of these two, which no mode describes
     measured: BoolArray | None = None  #: (n,) which vertices were measured; by default all
 
     @property
@@ -111,14 +111,14 @@ class ShapeModel:
     array([-1.,  0.,  1.])
     """
 
-    names: tuple[str, ...]  #: of the shapes
-    mean: FloatArray  #: (n, 3)
-    faces: IntArray  #: (f, 3); empty for landmarks
+    names: tuple[str, ...]  #: names of the shapes
+    mean: FloatArray  #: (n, 3) mean shape
+    faces: IntArray  #: (f, 3) triangles; none for landmarks
     weights: FloatArray  #: (n,) weight of each vertex in all distances; the sum is 1
     #: (k, n, 3) displacements of the vertices, orthonormal in the weighted scalar product, in
     #: decreasing order of variance; as many as describe all shapes, at most m − 1
     modes: FloatArray
-    variances: FloatArray  #: (k,) of the scores, with m − 1 degrees of freedom
+    variances: FloatArray  #: (k,) variances of the scores, with m − 1 degrees of freedom
     scores: FloatArray  #: (m, k) coordinates of the shapes along the modes
     #: root mean square distance from the centroid that every shape was given, if sizes were removed
     size: float | None = None
@@ -165,7 +165,8 @@ class ShapeModel:
             least = MIN_DEVIATION * np.sqrt(len(shapes) * (share @ about_centre**2).max())
             kept = int((values[: len(shapes) - 1] > least).sum())
             u, values = u[:, :kept], values[:kept]
-            modes = np.tensordot(u.T / values[:, None], about_mean, 1)  # also where a vertex has no weight
+            # displacements without weights, so that vertices of weight 0 have modes too
+            modes = np.tensordot(u.T / values[:, None], about_mean, 1)
         outward = share[:, None] * (about_centre**2).sum(axis=1, keepdims=True) * about_centre
         signs = np.where(np.einsum("kij,ij->k", modes, outward) < 0, -1.0, 1.0)
         modes, scores = modes * signs[:, None, None], u * values * signs
@@ -321,8 +322,8 @@ def _without_each(
     model: ShapeModel, seed: int, most: int
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield the difference of each shape from the mean of the others, their axes and variances."""
-    # computed with scores, which span the same space as the shapes, with the same distances, as the
-    # modes are orthonormal; the mirror image of a shape is left out with it
+    # scores take the place of shapes, as both have the same distances: the modes are orthonormal.
+    # The mirror image of a shape is left out with the shape
     m = len(model.names)
     chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
     individuals = np.array([name.removesuffix(MIRRORED) for name in model.names])
@@ -363,8 +364,8 @@ def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MAX_LEFT_OUT
 class LeaveOneOut:
     """How unusual each shape is to a model of the others; see `leave_one_out`."""
 
-    mahalanobis: FloatArray  #: (c,)
-    errors: FloatArray  #: (c,) in the units of the shapes
+    mahalanobis: FloatArray  #: (c,) distance from the mean, in standard deviations
+    errors: FloatArray  #: (c,) root mean square distance from the modes
 
 
 def leave_one_out(model: ShapeModel, *, seed: int = 0, most: int = MAX_LEFT_OUT) -> LeaveOneOut:
@@ -402,13 +403,12 @@ def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0)
     -----
     Davies 2002; Styner et al. 2003. O(n_samples m k) time: distances are those of the scores.
     """
-    # |x − xᵢ|² is Σ (z − b)², with scores z of a shape, 0 after the first j modes, and b of the
-    # i-th
+    # |x − xᵢ|² is Σ (z − b)² with the scores z of x, 0 after the first j modes, and b of xᵢ
     draws = generator(seed).standard_normal((n_samples, model.n_modes)) * model.deviations
     squares = np.broadcast_to((model.scores**2).sum(axis=1), (n_samples, len(model.names))).copy()
     rows = [np.sqrt(squares.min(axis=1))]
     for drawn, scores in zip(draws.T, model.scores.T):
-        squares += drawn[:, None] * (drawn[:, None] - 2 * scores)  # (z − b)² instead of b²
+        squares += drawn[:, None] * (drawn[:, None] - 2 * scores)  # adds (z − b)² − b²
         rows.append(np.sqrt(np.maximum(squares.min(axis=1), 0.0)))
     return ModelCurve.of_rows(np.array(rows).T)
 

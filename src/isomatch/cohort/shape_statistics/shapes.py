@@ -32,15 +32,15 @@ from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far_as_p
 from isomatch.landmarks import Landmarks
 from isomatch.surfaces import Mesh
 
-MIRRORED = "_mirrored"  # appended to the names of shapes that are mirror images
+MIRRORED = "_mirrored"  # ending of the names of shapes that are mirror images
 
 T = TypeVar("T")
 MEASURED = "measured"  # attribute of points: 1 where a surface was measured, 0 where it was continued
-MIN_MEASURED = 0.5  # share of the vertices that must be measured for a shape to be used
-CORRESPONDED = "corresponded"  # subfolder of a collection with its shapes in one topology
+MIN_MEASURED = 0.5  # a shape is left out if a smaller share of its vertices was measured
+CORRESPONDED = "corresponded"  # folder, inside the folder of a collection, of its shapes in one topology
 STRUCTURES = "structures.csv"  # table of the number of vertices of each structure of subjects
-TOLERANCE = 1e-6  # movement of a missing vertex in the last round, over the size of the mean
-MAX_ROUNDS = 500  # each round reduces the movement to at most the largest missing share of a shape
+TOLERANCE = 1e-6  # missing vertices are placed once none moves by more, over the size of the mean
+MAX_ROUNDS = 500  # limit of rounds; each multiplies the movement by the largest missing share, or less
 
 
 def slices_of(structures: Mapping[str, int]) -> dict[str, slice]:

@@ -22,14 +22,14 @@ from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes, filled
 from isomatch.landmarks import Curve
 from isomatch.surfaces import Mesh, nearest_on_surface, vertex_normals
 
-MAX_ROUNDS = 4
-MIN_GAIN = 0.02  # share of the energy that a round must gain for another to follow
-MAX_ITERATIONS = 30  # of conjugate gradients
-MAX_RESIDUAL = 0.01  # of conjugate gradients, over the first residual
+MAX_ROUNDS = 4  # number of times, at most, that the mean is taken and points slide
+MIN_GAIN = 0.02  # another round follows if the last one reduced the energy by at least this share
+MAX_ITERATIONS = 30  # number of iterations of conjugate gradients, at most
+MAX_RESIDUAL = 0.01  # conjugate gradients end once the residual is this share of the first one
 STEP_SHARES = 1.0, 0.5, 0.25  # shares of a step that are tried in turn
-N_NEIGHBOURS = 5  # points, with the one itself, to which a tangent plane is fitted
-AFFINE_WEIGHT = 0.01  # ratio to m times the mean distance; with 1, iterations are twice as many
-RIDGE = 1e-10  # ratio to the mean distance, so that two curves may end in one point
+N_NEIGHBOURS = 5  # number of points, including the point itself, to which a tangent plane is fitted
+AFFINE_WEIGHT = 0.01  # weight of affine functions over m × the mean kernel; 1 takes twice the iterations
+RIDGE = 1e-10  # added to the diagonal, over the mean of the kernel, so that two curves may end in one point
 
 
 class Slid(NamedTuple):
@@ -134,7 +134,7 @@ def slid_semilandmarks(
         for _ in range(most_rounds):
             onto_mean = generalised_procrustes(now, scale="remove")
             mean, bending = onto_mean.mean, BendingEnergy(onto_mean.mean)
-            # the mean at the common size, placed like each specimen: x = (y − t) R / s
+            # the mean is brought to the common size, and placed like each specimen: x = (y − t) R / s
             about = mean - mean.mean(axis=0)
             whole = mean + about * (onto_mean.size / np.sqrt((about**2).sum(axis=1).mean()) - 1)
             goal = (whole - onto_mean.translations[:, None]) @ onto_mean.rotations
@@ -189,12 +189,12 @@ class BendingEnergy:
 
     def of_each(self, shapes: FloatArray) -> FloatArray:
         """(s,) energy of the splines to each shape (s, m, d), summed over the coordinates."""
-        values = shapes.transpose(1, 0, 2).reshape(shapes.shape[1], -1)  # (m, d s)
+        values = shapes.transpose(1, 0, 2).reshape(shapes.shape[1], -1)  # (m, d s) coordinates of all shapes
         return np.asarray((values * (self @ values)).sum(axis=0).reshape(len(shapes), -1).sum(axis=1))
 
     def least(self, shapes: FloatArray, tangents: FloatArray, closeness: float | None = None) -> FloatArray:
         """Find the steps (s, m, d), in the images of projectors, that minimise the energy."""
-        values = shapes.transpose(1, 0, 2)  # (m, s, 3)
+        values = shapes.transpose(1, 0, 2)  # (m, s, d) points of all shapes
 
         def tangential(product: Callable[[FloatArray], FloatArray]) -> LinearOperator:
             def along(t: FloatArray) -> FloatArray:
@@ -232,8 +232,8 @@ class _Specimen:
         else:
             self._vertex_normals = vertex_normals(surface.vertices, surface.faces)
             self.normals = nearest_on_surface(surface, points[self._patch]).interpolated(self._vertex_normals)
-        self._tracks = []  # for each curve: points that slide, and those before and after them
-        self._lines = list[Mesh]()  # with a surface: the polyline of each curve
+        self._tracks = []  # of each curve, the points that slide, those before them, those after them
+        self._lines = list[Mesh]()  # polylines of the curves, if there is a surface
         for _, of, closed in curves:
             rows, n = np.array(of), len(of) - 1 if closed else len(of) - 2
             if placed[rows].all() and n > 0:
@@ -274,7 +274,7 @@ class _Specimen:
             rows = self._patch[left]
             near = nearest_on_surface(self._surface, self.positions[rows] + share * steps[rows])
             turned = near.interpolated(self._vertex_normals)
-            is_near = (turned * normals[left]).sum(axis=1) > 0  # else beyond an edge, or behind a wall
+            is_near = (turned * normals[left]).sum(axis=1) > 0  # false beyond an edge, or behind a wall
             after[rows[is_near]] = near.interpolated(vertices)[is_near]
             normals[left[is_near]], left = turned[is_near], left[~is_near]
         return after, normals

@@ -68,7 +68,7 @@ class StructurePoses(NamedTuple):
 
     shapes: CorrespondedShapes
     rotations: FloatArray  # (m, s, 3) rotation vectors, in radians
-    translations: FloatArray  # (m, s, 3) of centroids
+    translations: FloatArray  # (m, s, 3) translations of centroids
     shares: FloatArray  # (s,) share of the pose in the variance of each structure
 
 
