@@ -118,8 +118,7 @@ def _(result: MatchResult) -> str:
 
 @html_of.register
 def _(both: BothDirections) -> str:
-    titled = {"there: source → target": both.there, "back: target → source": both.back}
-    return _card("", *(f"<p><b>{title}</b></p>{html_of(result)}" for title, result in titled.items()))
+    return _card("", *(f"<p><b>{name}</b></p>{html_of(result)}" for name, result in both._asdict().items()))
 
 
 @html_of.register
