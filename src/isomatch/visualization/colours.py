@@ -8,10 +8,10 @@ from isomatch._core.arrays import FloatArray
 from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import principal_axes
 
-MAX_CHROMA = 0.17  # in Oklab; screens can show it in most hues
-# 0: chroma is linear in the position, and the middle is grey; 1: all colours are equally vivid
+VIVID_CHROMA = 0.17  # Chromas in Oklab are moved towards this one, which screens show in most hues.
+# With 0, chroma is linear in the position, and the middle is grey; with 1, all colours are equally vivid.
 CHROMA_EVENNESS = 0.3
-UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # linear light
+UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # red, green and blue in linear light
 
 _OKLAB_TO_LMS = np.array(
     [
@@ -54,7 +54,7 @@ def position_colours(mesh: Mesh) -> FloatArray:
     lightness = 0.72 + 0.06 * along + 0.12 * third
     chroma = np.column_stack([0.12 * across - 0.02 * along, 0.15 * along - 0.01])
     vividness = np.linalg.norm(chroma, axis=1, keepdims=True)
-    chroma *= (MAX_CHROMA / np.maximum(vividness, 1e-3)) ** CHROMA_EVENNESS
+    chroma *= (VIVID_CHROMA / np.maximum(vividness, 1e-3)) ** CHROMA_EVENNESS
     oklab = np.column_stack([lightness, chroma])
     # to linear light, clipped to the gamut of sRGB
     return np.asarray(np.clip((oklab @ _OKLAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T, 0.0, 1.0))
