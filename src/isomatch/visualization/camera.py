@@ -58,7 +58,7 @@ def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] 
         up = np.eye(3)[_up_axis(mesh) if up_axis is None else up_axis]
         _, level_axes = principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
         front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
-        narrow = level_axes[:, 1]  # column 0 is the up axis, along which the projected points have no extent
+        narrow = level_axes[:, 1]  # Column 0 is the up axis, along which the points have no extent.
         narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
         broad = np.cross(up, narrow)
     azimuth, elevation = np.radians(view or (SHEET_VIEW if is_sheet else STANDING_VIEW))

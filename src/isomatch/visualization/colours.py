@@ -56,7 +56,7 @@ def position_colours(mesh: Mesh) -> FloatArray:
     vividness = np.linalg.norm(chroma, axis=1, keepdims=True)
     chroma *= (VIVID_CHROMA / np.maximum(vividness, 1e-3)) ** CHROMA_EVENNESS
     oklab = np.column_stack([lightness, chroma])
-    # to linear light, clipped to the gamut of sRGB
+    # The colours are turned into linear light and clipped to the gamut of sRGB.
     return np.asarray(np.clip((oklab @ _OKLAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T, 0.0, 1.0))
 
 
@@ -65,7 +65,7 @@ def principal_coordinates(mesh: Mesh) -> FloatArray:
     areas = np.maximum(mesh.vertex_areas, 0.0)
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=areas)
     axes = principal_axes(mesh.vertices, areas)[1][:, ::-1]
-    # the largest component of each axis is positive
+    # The largest component of each axis is made positive.
     axes = axes * np.sign(axes[np.abs(axes).argmax(axis=0), range(3)])
     return np.column_stack([_spread_evenly(column, areas) for column in (centred @ axes).T])
 
@@ -75,7 +75,7 @@ def _spread_evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
     order = values.argsort()
     share = np.empty_like(values)
     share[order] = np.cumsum(areas[order]) / areas.sum()
-    used = values[areas > 0]  # a vertex that no face uses may be far away
+    used = values[areas > 0]  # A vertex that no face uses may be far away.
     extent = max(float(np.ptp(used)), 1e-300)
     scaled = np.clip(2.0 * (values - used.min()) / extent - 1.0, -1.0, 1.0)
     return np.asarray(0.5 * scaled + 0.5 * (2.0 * share - 1.0))

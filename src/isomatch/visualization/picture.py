@@ -76,7 +76,7 @@ def compose_picture(
         raise SettingError(f"width = {width} is not an integer of at least {MIN_WIDTH} pixels")
     above = TITLE_HEIGHT if title else 0
     below = TITLE_HEIGHT if any(panel.title for panel in panels) else 0
-    extents = np.array([panel.extent() for panel in panels])  # (panels, 2)
+    extents = np.array([panel.extent() for panel in panels])  # widths and heights, (panels, 2)
     right, least = (0, 1) if values is None else (MIN_BAR_ROOM, MIN_HEIGHT_BESIDE_BAR)
     room, scale, height = _fit_panels(extents, width - right, least)
     # A wider bar leaves less height for its label, which may then take more lines.
@@ -88,7 +88,10 @@ def compose_picture(
     picture = Picture(width, height + 2 * MARGIN + above + below, seen)
     bottom, left = below + MARGIN, MARGIN
     for panel, panel_width in zip(panels, widths.tolist()):
-        _add_image(picture, panel.pixels(panel_width, height, scale), left, bottom)
+        image = (255 * panel.pixels(panel_width, height, scale)).round().astype(np.uint8)
+        axes = picture.axes_at(left, bottom, panel_width, height)
+        axes.set_axis_off()
+        axes.imshow(image, interpolation="none", aspect="auto")
         _add_text(picture, panel.title, left + panel_width / 2, bottom / 2)
         left += panel_width + MARGIN
     _add_text(picture, title, width / 2, bottom + height + MARGIN + above / 2, size=TEXT_POINTS + 2)
@@ -103,14 +106,6 @@ def _fit_panels(extents: FloatArray, width: int, least: int) -> tuple[int, float
     tallest = MAX_HEIGHT_RATIO * room / len(extents)
     scale = float(min(room / extents[:, 0].sum(), tallest / extents[:, 1].max()))
     return room, scale, max(int(np.ceil(scale * extents[:, 1].max())), least)
-
-
-def _add_image(picture: Picture, image: FloatArray, left: int, bottom: int) -> None:
-    """Show an image (h, w, 4) in axes of its own, pixel for pixel."""
-    height, width = image.shape[:2]
-    axes = picture.axes_at(left, bottom, width, height)
-    axes.set_axis_off()
-    axes.imshow((255 * image).round().astype(np.uint8), interpolation="none", aspect="auto")
 
 
 def _add_text(picture: Picture, text: str, x: float, y: float, size: int = TEXT_POINTS) -> None:

@@ -285,8 +285,8 @@ def drawable(surface: Surface) -> Mesh:
     points, n = surface.vertices, surface.n_vertices
     k = min(N_NEIGHBOURS, n - 1)
     near = cKDTree(points).query(points, k + 1)[1][:, 1:]
-    offsets = points[near] - points[:, None]  # (n, k, 3)
-    axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))[1]  # the last two span the plane
+    offsets = points[near] - points[:, None]  # from each point to its k neighbours, (n, k, 3)
+    axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))[1]  # The last two span the plane.
     flat = np.einsum("nki,nij->nkj", offsets, axes[:, :, 1:])
     angles = np.arctan2(flat[..., 1], flat[..., 0])
     order = angles.argsort(axis=1)

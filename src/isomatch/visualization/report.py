@@ -113,6 +113,13 @@ def write_report(
         still = draw_map(source, target, result.map, titles=titles, width=WIDTH).png()
     else:
         still = Path(picture).read_bytes() if picture else b""
+    details = viewer.template("details.html").substitute(
+        against=_section("What speaks against it", table_of_quality(result, only_against=True)),
+        regions=_table_of_regions(result),
+        others=_pictures_of_others(source, target, result, shown[1:]),
+        quality=table_of_quality(result),
+        notes=notes_of(result),
+    )
     helped = result.outcome in _HELPED_BY_LANDMARKS
     page = page_of_result(
         (source, target),
@@ -125,7 +132,7 @@ def write_report(
         picture=f'<img src="{png(still)}" alt="{SEEN.format("Source", "target")}">' if still else "",
         picking=" checked" if helped else "",
         landmarks=_list(command, shown=helped or bool(len(pairs))),
-        details=_details_of(source, target, result, shown),
+        details=details,
         run=tables_of_run(result, facts or {}),
     )
     write_text(Path(path), page)
@@ -350,17 +357,6 @@ _HOW_TO_CHOOSE = (
     "alternative 1, measures it and makes it the map."
 )
 LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
-
-
-def _details_of(source: Mesh, target: Mesh, result: MatchResult, shown: Sequence[ShownMap]) -> str:
-    """Make the sections below the view: what speaks against the map, other maps, all measures, and notes."""
-    return viewer.template("details.html").substitute(
-        against=_section("What speaks against it", table_of_quality(result, only_against=True)),
-        regions=_table_of_regions(result),
-        others=_pictures_of_others(source, target, result, shown[1:]),
-        quality=table_of_quality(result),
-        notes=notes_of(result),
-    )
 
 
 def _section(title: str, content: str) -> str:

@@ -33,7 +33,7 @@ def scene_of(
     most: int = MOST_SHOWN,
 ) -> dict[str, Any]:
     """Collect the data of a report's 3D view; layers are values at the source's vertices under the first map."""
-    # Plain values for JSON; arrays are little-endian, in base 64:
+    # The values are plain, for JSON; arrays are little-endian, in base 64:
     # source, target: as `DrawnSurface.packed`, and colours (uint8 × 3, target only)
     # filed: the rotation (3 rows) that turns the source back to its orientation in the file
     # maps: for each shown source vertex images (int32, the user's index of the target vertex, −1 if unmatched), points
@@ -182,7 +182,7 @@ def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Lay
 def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:
     """Compute how much the edges at each vertex are stretched, relative to the median."""
     # The stretch at a vertex is √(Σ |φ(a) − φ(b)|² / Σ |a − b|²); we sum its edges ab whose ends have images φ.
-    images = correspondence.pull_back(target.vertices)  # nan where unmatched
+    images = correspondence.pull_back(target.vertices)  # images are nan where unmatched
     a, b = source.edges.T
     before = ((source.vertices[a] - source.vertices[b]) ** 2).sum(axis=1)
     after = ((images[a] - images[b]) ** 2).sum(axis=1)

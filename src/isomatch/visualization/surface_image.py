@@ -50,11 +50,13 @@ class SurfaceView:
         colour = self.paint(raster.interpolated(values, faces))
         colour = np.where(np.isnan(colour), UNMATCHED_GREY, colour)
         diffuse, gloss = compute_light(raster, raster.interpolated(normals @ self.camera.T, faces))
-        rows, columns = (index // OVERSAMPLING for index in np.nonzero(raster.covered))
+        rows, columns = np.nonzero(raster.covered)
+        pixel = rows // OVERSAMPLING * width + columns // OVERSAMPLING
         # Each sample adds its light to its pixel, and its share to the opacity.
-        samples = np.column_stack([colour * diffuse[:, None] + gloss[:, None], np.ones(len(rows))])
-        samples /= OVERSAMPLING**2
-        sums = [np.bincount(rows * width + columns, channel, width * height) for channel in samples.T]
+        colour *= diffuse[:, None]
+        colour += gloss[:, None]
+        channels = *colour.T, None
+        sums = [np.bincount(pixel, channel, width * height) / OVERSAMPLING**2 for channel in channels]
         red, green, blue, opacity = np.reshape(sums, (4, height, width))
         light = np.stack([red, green, blue], axis=2) / np.maximum(opacity, 1e-6)[..., None]
         return np.dstack([to_screen(light), opacity])
@@ -125,7 +127,7 @@ def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Me
     heights = [((middle - mesh.vertices[end]) * unit[end]).sum(axis=1, keepdims=True) for end in ends]
     bent = (edges.n_faces == 2) & ((unit[i] * unit[j]).sum(axis=1) > MIN_EDGE_COSINE)
     middle[bent] -= PHONG_ROUNDING / 2 * sum(h * unit[end] for h, end in zip(heights, ends))[bent]
-    new = np.empty(3 * mesh.n_faces, dtype=np.int64)  # the vertex on each side
+    new = np.empty(3 * mesh.n_faces, dtype=np.int64)  # the new vertex on each side of each face
     new[edges.sides] = mesh.n_vertices + np.repeat(np.arange(len(i)), edges.n_faces)
     (a, b, c), (ab, bc, ca) = mesh.faces.T, new.reshape(-1, 3).T
     cut = (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)
@@ -163,7 +165,7 @@ def compute_light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, Floa
 def _measure_crevices(raster: Raster) -> FloatArray:
     """Measure how far each covered pixel lies below its surroundings, 0 … 1."""
     covered, height = raster.covered, raster.depth.shape[0]
-    if not covered.any():  # a surface smaller than a pixel
+    if not covered.any():  # The surface is smaller than a pixel.
         return np.zeros(0)
     coarse = slice(None, None, CREVICE_STEP), slice(None, None, CREVICE_STEP)
     blur = CREVICE_RADIUS * height / CREVICE_STEP

@@ -110,8 +110,8 @@ class DrawnSurface:
         self, mesh: Mesh, camera: FloatArray, most: int = MOST_SHOWN, kept: IntArray | Sequence[int] = ()
     ) -> None:
         self._mesh, self._camera = mesh, camera
-        self.points = seen_from(camera, mesh)  # (n, 3)
-        self.normals = mesh.vertex_normals @ camera.T  # (n, 3)
+        self.points = seen_from(camera, mesh)  # positions of the vertices, (n, 3)
+        self.normals = mesh.vertex_normals @ camera.T  # normals at the vertices, (n, 3)
         used = used_vertices(mesh)
         self.n_used = len(used)
         shown, self.faces = _simplify(self.points, mesh.sound_faces, used, most)

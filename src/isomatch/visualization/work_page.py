@@ -9,7 +9,6 @@ from typing import Any, get_args
 
 import numpy as np
 
-from isomatch._core.arrays import IntArray
 from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.matching import DoubtfulRegion, MatchResult, Question
 from isomatch.settings import Config, Orientation
@@ -106,7 +105,11 @@ class WorkPage:
             if moved < MIN_CHANGED_SHARE:
                 since = "It is the same map as before."
         pairs = report.pairs_on(landmarks or None, self._source, self._target)
-        errors, summary = self._landmark_errors(result.map, pairs), summary_of(result)
+        offsets = (
+            result.map.pull_back(self._target.vertices)[pairs[:, 0]] - self._target.vertices[pairs[:, 1]]
+        )
+        errors = np.linalg.norm(offsets, axis=1) / np.sqrt(self._target.area)
+        summary = summary_of(result)
         asked = report.open_questions_of(self._source, self._target, result)
         return {
             "outcome": result.outcome.name,
@@ -117,7 +120,10 @@ class WorkPage:
             "since": since,
             "questions": report.list_of_questions([self._move_to_shown(question) for question in asked]),
             "regions": [self._region(region, result.map) for region in result.regions],
-            "landmarks": [{"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), errors)],
+            "landmarks": [
+                {"pair": pair, "off": -1.0 if np.isnan(off) else off}
+                for pair, off in zip(pairs.tolist(), errors.tolist())
+            ],
             "details": template("work_details.html").substitute(
                 quality=report.table_of_quality(result),
                 notes=report.notes_of(result),
@@ -146,10 +152,3 @@ class WorkPage:
             is_none = goal is None or goal == UNMATCHED
             description[kind] = None if is_none else self._drawn.shown_near("target", int(goal))
         return description
-
-    def _landmark_errors(self, shown: Correspondence, pairs: IntArray) -> list[float]:
-        """Measure the distances of landmarks from their images, in √area; −1 without an image."""
-        images = shown.pull_back(self._target.vertices)[pairs[:, 0]]
-        distances = np.linalg.norm(images - self._target.vertices[pairs[:, 1]], axis=1)
-        errors: list[float] = np.nan_to_num(distances / np.sqrt(self._target.area), nan=-1.0).tolist()
-        return errors
