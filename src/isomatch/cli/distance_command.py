@@ -28,7 +28,7 @@ from isomatch.repair import without_seams
 from isomatch.spectral import BasisMethod, Weighting
 from isomatch.surfaces import PrecisePoints
 
-COLUMNS_PER_UPDATE = 16  # distances from this many points are computed between two updates of the progress
+COLUMNS_PER_UPDATE = 16  # The progress is updated after the distances from this many points.
 WHICH_DISTANCES = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
 HOW_COMPUTED = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
 
@@ -135,7 +135,7 @@ class _Request:
         self.mesh, self.points = mesh, points  # pairs; or sources and perhaps targets
         self._corners: list[IntArray] = []
         self._weights: list[list[float]] = []
-        # pairs have shape (m, 2); sources have shape (s,), and targets (t,)
+        # Pairs have shape (m, 2), sources (s,), and targets (t,).
         self.numbers = {kind: self._numbers(kind, listed) for kind, listed in points.items()}
 
     def _numbers(self, kind: str, points: list[Any]) -> IntArray:
@@ -191,7 +191,7 @@ class _Request:
         name = "target" if "targets" in self.points else "vertex"
         header = [name, *(f"from_{point}" for point in self.points["sources"])]
         cells = ([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))
-        # quotes points in faces, which contain commas
+        # Points in faces are quoted, as they contain commas.
         return table_text([header, *cells]).splitlines()
 
 
@@ -278,7 +278,7 @@ def _write(path: Path, request: _Request, distances: FloatArray) -> None:
 _WEIGHT = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"
 _POINTS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)
-# the three weights of a point may add up to this much more or less than 1, as files round them
+# The three weights of a point may add up to this much more or less than 1, as files round them.
 WEIGHT_SUM_TOLERANCE = 0.01
 POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
 

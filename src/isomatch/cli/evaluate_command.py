@@ -18,7 +18,7 @@ from isomatch.cli.inputs import Force, OptionalOutput, Seed, split_words
 from isomatch.cli.outputs import claimed_files, say_notes
 from isomatch.cli.terminal import TALK, Talk, Tell, part, say, say_rows, say_table
 
-MEASURES = (  # field of `Verification`, format of its value, and meaning
+MEASURES = (  # Each row has a field of `Verification`, the format of its value, and its meaning.
     ("support", ".1%", "of the area has a counterpart"),
     ("descriptor_distance", ".2f", "how differently surfaces look around points and their images"),
     ("bending", ".1e", "stretch × distance from the target, in √area"),
@@ -76,7 +76,9 @@ def evaluate(
     """
     reading: dict[str, Any] = {"counts_from": counts_from, "variable": variable}
     if target is None:
-        failing_verdicts = read_verdicts(fail_on)
+        failing_verdicts = split_words(fail_on)
+        for verdict in failing_verdicts:
+            require_one_of("--fail-on", verdict, ("wrong", "doubtful"))
         maps = [map_file, *filter(None, [reference])]
         with talk.progress() as tell, claimed_files(output, force=force):
             judgement, judged = _judge(maps, (truth, source), reading, output, seed, tell)
@@ -130,14 +132,6 @@ def evaluate(
         say_notes(record["notes"])
 
     talk.result(record, summary, is_answer=True)
-
-
-def read_verdicts(names: str | None) -> list[str]:
-    """Read a list of verdicts, such as "wrong,doubtful"."""
-    verdicts = split_words(names)
-    for verdict in verdicts:
-        require_one_of("--fail-on", verdict, ("wrong", "doubtful"))
-    return verdicts
 
 
 def _judge(

@@ -276,7 +276,7 @@ def _alternative(evidence: Mapping[str, Any], other: isomatch.Correspondence) ->
 
 
 _STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red", "MIRROR_IMAGE": "bold red"}
-MAX_NOTES = 2  # a summary shows at most this many notes; the report has all
+MAX_NOTES = 2  # A summary shows at most this many notes; the report has all.
 
 
 def say_result(result: isomatch.MatchResult, details: bool = False) -> None:

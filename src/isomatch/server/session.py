@@ -21,7 +21,7 @@ Tell = Callable[[str, float], None]
 POLL_SECONDS = 0.05  # seconds between two checks whether a job has ended
 logger = logging.getLogger(__name__)
 
-Pairs = Sequence[Sequence[int]]  # (source vertex, target vertex)
+Pairs = Sequence[Sequence[int]]  # pairs (source vertex, target vertex)
 SHARE_BEFORE_DRAWING = 0.97  # A match ends, and drawing begins, at this share of the progress.
 
 

@@ -49,7 +49,7 @@ class MatchSettings(Protocol):
         """Return the settings that differ from their defaults."""
 
 
-MAX_FILE_BYTES = 2**14  # all settings together take a fifth of it
+MAX_FILE_BYTES = 2**14  # A larger file is not read; all settings together take a fifth of this.
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,9 @@ class Config(Settings, Shown):
 
     Parameters
     ----------
-    n_columns, rank : int
-        Distance columns p of each shape; rank k of the basis, and length of the descriptor.
-    n_functions : int
-        Laplace–Beltrami functions of each shape.
+    n_columns, rank, n_functions : int
+        Distance columns p of each shape; rank k of the distance basis, and length of the
+        descriptor; Laplace–Beltrami functions of each shape.
     weights : {"area", "uniform"}
         Inner product of the distance basis; the paper uses "uniform".
     engine : str, optional
@@ -177,7 +176,7 @@ class Config(Settings, Shown):
             )
         try:
             values = tomllib.loads(text.decode("utf-8"))
-        except (ValueError, RecursionError) as error:  # no text, no TOML, or nested too deeply
+        except (ValueError, RecursionError) as error:  # The file is no text or no TOML, or nested too deeply.
             raise FormatError(f"{path}: not a TOML file ({error}); correct it or write it again") from None
         try:
             return cls.from_dict(values)

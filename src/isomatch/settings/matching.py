@@ -33,11 +33,9 @@ class SearchSettings(Settings):
     assignments, eccentricity_weight : int, float
         Best assignments kept for each count and direction; weight of differences of average
         distance in their cost, relative to differences of mutual distances.
-    start_steps, flip_steps : int
-        Iterations of closest points from extremities, and after flips.
-    unchanged, compare_every : float, int
-        Share of unchanged images at which an iteration has converged; iterations between
-        comparisons of the maps.
+    start_steps, flip_steps, compare_every, unchanged : int, int, int, float
+        Iterations of closest points from extremities, and after flips; iterations between two
+        comparisons of the maps; share of unchanged images at which an iteration has converged.
     same_start, same_map : float
         Mean distance of images, in √area, below which two starts, or two converged maps, are one.
     n_hypotheses, flipped, flipped_functions : int
@@ -113,7 +111,7 @@ class SelectionSettings(Settings):
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
 
 
-_sizes = partial(setting, least=4, empty=True)  # no sizes: the stage is left out
+_sizes = partial(setting, least=4, empty=True)  # A stage without sizes is left out.
 
 
 @dataclass(frozen=True)

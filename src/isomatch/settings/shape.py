@@ -17,11 +17,9 @@ class PreparationSettings(Settings):
 
     Parameters
     ----------
-    extremity_spacing : float
-        Extremities nearer to each other than this, in √area, count as one: fingers must not
-        displace hands.
-    n_extremities : int
-        Largest number of extremities.
+    extremity_spacing, n_extremities : float, int
+        Extremities nearer to each other than this, in √area, count as one, as fingers must not
+        displace hands; largest number of extremities.
     signature_step : int
         Of a hundred energies of the wave kernel signature, every ``signature_step``-th is used.
     curvature_functions, energy_curvature_functions : tuple of int, int
@@ -61,10 +59,9 @@ class LevelSettings(Settings):
 
     Parameters
     ----------
-    matched, polished : int
-        Vertices on which shapes are matched, and on which the map is then polished.
-    fast_matched, fast_polished : int
-        The same with ``resolution="fast"``.
+    matched, polished, fast_matched, fast_polished : int
+        Vertices on which shapes are matched, and on which the map is then polished; the same with
+        ``resolution="fast"``.
     spared : float
         A mesh up to this factor larger is not decimated.
     """
