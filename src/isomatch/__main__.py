@@ -11,26 +11,26 @@ from types import FrameType
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a terminal that was closed
 
-# clears the line of a progress bar and shows the cursor, which the bar hides
+# These codes clear the line of a progress bar and show the cursor, which the bar hides.
 CLEARED = b"\r\x1b[2K\x1b[?25h"
 
 
 def program() -> None:
     """Run one command and exit with its code; a signal ends the process at once and leaves nothing unfinished."""
-    # the command runs on another thread, so that a signal is handled even while a compiled loop runs
+    # The command runs on another thread, so that a signal is handled even while a compiled loop runs.
     for name in SIGNALS:
         number = getattr(signal, name, None)
-        # a signal that is ignored, as under nohup, stays ignored
+        # A signal that is ignored, as under nohup, stays ignored.
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _end)
-    # silences the process that removes shared memory of workers after a signal
+    # The process that removes shared memory of workers after a signal is to be silent.
     sys.warnoptions.append("ignore:resource_tracker:UserWarning")
     codes: list[int] = []
     work = Thread(target=lambda: codes.append(_command()), daemon=True)
     work.start()
     while work.is_alive():
-        work.join(0.2)  # Windows handles no signal before a wait ends
-    # the work is done; a signal while the interpreter ends would change the exit code
+        work.join(0.2)  # Windows handles no signal before a wait ends.
+    # The work is done; a signal while the interpreter ends would change the exit code.
     _ignore_signals()
     sys.exit(codes.pop() if codes else 1)
 
@@ -57,7 +57,7 @@ def _end(number: int, _: FrameType | None) -> None:
         for worker in active_children():
             worker.kill()
         os.write(2, (CLEARED if os.isatty(2) else b"") + b"isomatch: interrupted\n")
-    finally:  # even after an error: other threads would go on and write abandoned files
+    finally:  # Even after an error, other threads must not go on and write abandoned files.
         os._exit(128 + number)
 
 

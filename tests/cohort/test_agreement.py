@@ -55,7 +55,7 @@ def mirrored(right):
     found = match_both(*shapes, config=replace(right.config, orientation="reverse"))
     there, back = (MapSummary.of(each, settings=True) for each in found)
     record = replace(right.maps(*WRONG).record, there=there, back=back)
-    return PairMaps(found.there.map, found.back.map, record)
+    return PairMaps(found.source_to_target.map, found.target_to_source.map, record)
 
 
 @pytest.fixture

@@ -241,7 +241,8 @@ def test_a_reflection_that_the_match_does_not_bear_out_is_not_kept(
 
     def doubtful(*given, **options):
         found = match_both(*given, **options)
-        return found._replace(back=replace(found.back, outcome=Outcome.LOW_CONFIDENCE))
+        doubted = replace(found.target_to_source, outcome=Outcome.LOW_CONFIDENCE)
+        return found._replace(target_to_source=doubted)
 
     with monkeypatch.context() as patch:
         patch.setattr(jobs_module, "match_both", doubtful)

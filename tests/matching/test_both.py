@@ -27,25 +27,26 @@ def errors_of(example, found):
 @pytest.mark.long
 def test_the_map_there_is_that_of_match(both, prepared_example):
     alone = match(*prepared_example)
-    np.testing.assert_array_equal(both.there.map.vertices, alone.map.vertices)
-    assert both.there.outcome is alone.outcome
+    np.testing.assert_array_equal(both.source_to_target.map.vertices, alone.map.vertices)
+    assert both.source_to_target.outcome is alone.outcome
 
 
 @pytest.mark.long
 def test_the_map_back_is_as_good_as_one_found_by_itself(both, example, prepared_example):
     alone = match(*prepared_example[::-1])
-    errors = [errors_of(example[::-1], found).mean() for found in (both.back, alone)]
+    errors = [errors_of(example[::-1], found).mean() for found in (both.target_to_source, alone)]
     assert errors[0] < 1.1 * errors[1]
-    assert both.back.outcome is alone.outcome is Outcome.CONVERGED
+    assert both.target_to_source.outcome is alone.outcome is Outcome.CONVERGED
 
 
 def test_the_maps_are_nearly_inverse(both, example):
-    assert cycle_errors(example[0].mesh, both.there.map, both.back.map, 200).mean() < 0.01
+    forward, backward = (result.map for result in both)
+    assert cycle_errors(example[0].mesh, forward, backward, 200).mean() < 0.01
 
 
 def test_the_result_says_what_was_done(both):
-    assert "alternatives to it, turned around" in both.back.notes[0]
-    assert "prepare" not in both.back.timings
+    assert "alternatives to it, turned around" in both.target_to_source.notes[0]
+    assert "prepare" not in both.target_to_source.timings
 
 
 @pytest.mark.long
@@ -61,10 +62,10 @@ def test_a_map_of_other_shapes_is_no_initial_map(both, prepared_example):
     source, target = (shape.surface for shape in prepared_example)
     moved = Mesh(target.vertices + 1, target.faces)
     with pytest.raises(MapError, match="another"):
-        match(source, moved, initial_map=both.there.map)
-    assert json.dumps(both.there.to_dict(), allow_nan=False)
-    unknown = replace(both.there.alternatives[0], energy=np.nan)
-    assert json.dumps(replace(both.there, alternatives=(unknown,)).to_dict(), allow_nan=False)
+        match(source, moved, initial_map=both.source_to_target.map)
+    assert json.dumps(both.source_to_target.to_dict(), allow_nan=False)
+    unknown = replace(both.source_to_target.alternatives[0], energy=np.nan)
+    assert json.dumps(replace(both.source_to_target, alternatives=(unknown,)).to_dict(), allow_nan=False)
 
 
 @pytest.mark.long

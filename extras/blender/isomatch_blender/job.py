@@ -13,7 +13,7 @@ import numpy as np
 from . import worker
 from .meshes import Refused
 
-NO_WINDOW = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # of a console, on Windows
+NO_WINDOW = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # On Windows, no console is opened.
 
 
 class Job:

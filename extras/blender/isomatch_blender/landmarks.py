@@ -8,8 +8,9 @@ import numpy as np
 
 from .meshes import Refused, members, mesh_of, write_group
 
-FAR_OFF = 0.1  # √area: a landmark farther from its surface is refused, as in landmark files
-SIZE = 0.03  # √area: of the empties that are made
+# A landmark farther from its surface, in √area, is refused, as in landmark files.
+MAX_LANDMARK_DISTANCE = 0.1
+EMPTY_SIZE = 0.03  # The empties of landmarks are made this large, in √area.
 
 
 class Mark(NamedTuple):
@@ -68,7 +69,7 @@ def require_near(obj: bpy.types.Object, surface, marks: list[Mark]) -> None:
     positions = np.array([mark.position for mark in marks])
     nearest = nearest_on_surface(surface, positions).interpolated(surface.vertices)
     away = np.linalg.norm(nearest - positions, axis=1) / np.sqrt(surface.area)
-    if far := [mark.name for mark, distance in zip(marks, away) if distance > FAR_OFF]:
+    if far := [mark.name for mark, distance in zip(marks, away) if distance > MAX_LANDMARK_DISTANCE]:
         raise Refused(
             f"landmarks of {obj.name} are not on its surface: {', '.join(far)}; move or unparent them"
         )
@@ -108,7 +109,7 @@ def place(
         elif not np.isfinite(position).all():
             nowhere.append(mark.name)
         elif mark.is_empty:
-            put_empty(obj, own.get(mark.name), mark.name, position, SIZE * np.sqrt(surface.area), error)
+            put_empty(obj, own.get(mark.name), mark.name, position, EMPTY_SIZE * np.sqrt(surface.area), error)
             placed += 1
         else:
             weights = np.zeros(len(obj.data.vertices))

@@ -11,12 +11,11 @@ from . import landmarks, meshes
 from .job import Job
 from .meshes import Refused
 
-COLOURS, ERRORS = meshes.OWN_COLOURS + "map", meshes.OWN_COLOURS + "error"
-LARGE_ERROR = 0.05  # √area, at the bright end of the ramp; the confidence there is one half
-RAMP = np.array(
-    [[0.01, 0.03, 0.09], [0.18, 0.18, 0.16], [0.85, 0.70, 0.06]]
-)  # dark blue, grey, yellow; linear light
-UNEVEN = 1.01  # ratio of an object's scales from which it is told
+COLOURS, ERRORS = meshes.SHOWING_PREFIX + "map", meshes.SHOWING_PREFIX + "error"
+LARGE_ERROR = 0.05  # The ramp is brightest at this expected error, in √area, where the confidence is ½.
+# The ramp leads from dark blue by grey to yellow, in linear light.
+RAMP = np.array([[0.01, 0.03, 0.09], [0.18, 0.18, 0.16], [0.85, 0.70, 0.06]])
+MAX_SCALE_RATIO = 1.01  # An object with a larger ratio of scales is named.
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,7 @@ def notes_of(obj: bpy.types.Object, with_modifiers: bool) -> list[str]:
     if hidden and not with_modifiers:
         notes.append(f"{obj.name} is matched without its modifiers ({', '.join(hidden)})")
     scales = np.abs(obj.matrix_world.to_scale())
-    if scales.max() > UNEVEN * scales.min():
+    if scales.max() > MAX_SCALE_RATIO * scales.min():
         notes.append(f"{obj.name} is scaled unevenly, which is not seen: apply the scale")
     return notes
 

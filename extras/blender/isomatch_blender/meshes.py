@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 GROUPS, KEYS, UVS, COLOURS, MATERIALS = "GROUPS", "KEYS", "UVS", "COLOURS", "MATERIALS"
-MOST_UVS = 8  # UV maps of a mesh, in Blender
+MAX_UV_MAPS = 8  # Blender keeps at most this many UV maps of a mesh.
 
 
 class Refused(Exception):
@@ -103,7 +103,7 @@ def asset_of(obj: bpy.types.Object, with_modifiers: bool = False, data: frozense
                     read(layer.data, "color", 4),
                 )
                 for layer in mesh.color_attributes
-                if not layer.name.startswith(OWN_COLOURS)
+                if not layer.name.startswith(SHOWING_PREFIX)
             ]
         if MATERIALS in data and obj.material_slots:
             names = {i: slot.name or "none" for i, slot in enumerate(obj.material_slots)}
@@ -112,7 +112,8 @@ def asset_of(obj: bpy.types.Object, with_modifiers: bool = False, data: frozense
         return Asset(read(rest, "co", 3), Polygons(corners, sizes), tuple(attributes))
 
 
-OWN_COLOURS = "isomatch "  # colour attributes that only show a map; they are not carried
+# Colour attributes whose names begin so only show a map, and are not carried.
+SHOWING_PREFIX = "isomatch "
 
 
 def read(collection, name: str, width: int, dtype: type = np.float32) -> np.ndarray:
@@ -204,9 +205,9 @@ def require_room(obj: bpy.types.Object, giver) -> None:
     """Raise `Refused` if a mesh would get more UV maps than Blender allows."""
     own = set(obj.data.uv_layers.keys())
     given = {a.name.removeprefix(UVS) for a in giver.attributes if a.name.startswith(UVS)}
-    if len(own | given) > MOST_UVS:
+    if len(own | given) > MAX_UV_MAPS:
         raise Refused(
-            f"{obj.name} would have {len(own | given)} UV maps, and Blender allows {MOST_UVS}; remove some first"
+            f"{obj.name} would have {len(own | given)} UV maps, and Blender allows {MAX_UV_MAPS}; remove some first"
         )
 
 
@@ -270,7 +271,7 @@ def write_colours(
     colours = np.column_stack(
         [colours[:, :3], colours[:, 3] if colours.shape[1] > 3 else np.ones(len(colours))]
     )
-    colours = np.where(np.isnan(colours), [GREY, GREY, GREY, 1.0], colours)
+    colours = np.where(np.isnan(colours), [UNMATCHED_GREY, UNMATCHED_GREY, UNMATCHED_GREY, 1.0], colours)
     old = mesh.color_attributes.get(name)
     if old and (old.domain, old.data_type) != (domain, data_type):
         mesh.color_attributes.remove(old)
@@ -279,7 +280,7 @@ def write_colours(
     layer.data.foreach_set("color", colours.astype(np.float32).ravel())
 
 
-GREY = 0.2  # of what has no image, in linear light: middle grey on the screen
+UNMATCHED_GREY = 0.2  # Vertices without an image have this linear light, a middle grey on the screen.
 
 
 def write_materials(obj: bpy.types.Object, giver: bpy.types.Object, index: np.ndarray) -> None:

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, StringProperty
 from . import matches, meshes
 from .job import Job
 
-TICK = 0.1  # seconds between two looks at the match
+POLL_SECONDS = 0.1  # seconds between two looks at the match
 TAB = "isomatch"
 
 
@@ -128,7 +128,7 @@ class ISOMATCH_OT_match(OfPair, bpy.types.Operator):
         except errors() as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.timer = context.window_manager.event_timer_add(TICK, window=context.window)
+        self.timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

@@ -6,7 +6,7 @@ import bpy
 
 from . import matches, operators
 
-LETTER = 7.5  # pixels of a letter of the interface, at scale 1
+LETTER_WIDTH = 7.5  # pixels across a letter of the interface, at scale 1
 
 
 class ISOMATCH_PT_panel(bpy.types.Panel):
@@ -91,7 +91,7 @@ def paragraph(layout, context, text: str, icon: str = "NONE") -> None:
     scale = context.preferences.system.ui_scale
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for line in textwrap.wrap(text, max(20, int(width / (LETTER * scale)) - 4)):
+    for line in textwrap.wrap(text, max(20, int(width / (LETTER_WIDTH * scale)) - 4)):
         column.label(text=line, icon=icon)
         icon = "NONE" if icon == "NONE" else "BLANK1"
 

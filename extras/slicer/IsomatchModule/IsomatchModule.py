@@ -25,10 +25,11 @@ from slicer.ScriptedLoadableModule import (
 from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
 COLOURS, ERROR, DOUBT = "isomatch map", "isomatch expected error", "isomatch doubt"  # arrays of the points
-GREY = 0.15  # of what has no image, in linear light
-TO_LPS = np.array([-1.0, -1.0, 1.0])  # from RAS, and back
-FAR_OFF = 0.1  # √area: points farther from their model are refused, as in landmark files
-TICK = 0.05  # seconds between two looks at a computation
+UNMATCHED_GREY = 0.15  # Vertices without an image have this linear light.
+RAS_TO_LPS = np.array([-1.0, -1.0, 1.0])  # These factors turn RAS coordinates into LPS, and back.
+# Points farther from their model, in √area, are refused, as in landmark files.
+MAX_LANDMARK_DISTANCE = 0.1
+POLL_SECONDS = 0.05  # seconds between two looks at a computation
 RAMP = "vtkMRMLColorTableNodeFileViridis.txt"
 CURVES = "vtkMRMLMarkupsCurveNode", "vtkMRMLMarkupsClosedCurveNode"
 
@@ -167,7 +168,7 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
 
         own = position_colours(self.checked(result, source, target)[1])
         pulled = result.map.pull_back(own)
-        for model, colours in ((source, np.where(np.isnan(pulled), GREY, pulled)), (target, own)):
+        for model, colours in ((source, np.where(np.isnan(pulled), UNMATCHED_GREY, pulled)), (target, own)):
             shown = np.rint(255 * np.clip(to_screen(colours), 0, 1)).astype(np.uint8)
             put(model, COLOURS, shown)
             display(model, COLOURS).SetScalarRangeFlag(slicer.vtkMRMLDisplayNode.UseDirectMapping)
@@ -226,7 +227,7 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
         if not len(placed):
             raise Refused(f"{markups.GetName()} has no placed points; place some on {giver.GetName()}")
         away = np.linalg.norm(nearest_on_surface(on, placed).interpolated(on.vertices) - placed, axis=1)
-        if away.max() > FAR_OFF * np.sqrt(on.area):
+        if away.max() > MAX_LANDMARK_DISTANCE * np.sqrt(on.area):
             raise Refused(
                 f"{markups.GetName()} has points {away.max():.3g} away from {giver.GetName()}; choose the markups that "
                 "were placed on it"
@@ -286,7 +287,7 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
         carried = []
         if marks is not None:
             file = Path(folder) / f"{template}_marked.mrk.json"
-            write_landmarks(file, Landmarks(marks.positions * TO_LPS, marks.names, marks.curves))
+            write_landmarks(file, Landmarks(marks.positions * RAS_TO_LPS, marks.names, marks.curves))
             collection.layout.landmarks.mkdir(exist_ok=True)
             for name, found in collected_landmarks(collection, {template: file}):
                 write_landmarks(collection.layout.landmarks / f"{name}.mrk.json", found)
@@ -386,7 +387,7 @@ class Job:
         """Wait for the result, and call a function of what is done and the share again and again meanwhile."""
         while self._thread.is_alive() and not self.cancelled:
             look(self.what, self.share)
-            time.sleep(TICK)  # lets the thread run
+            time.sleep(POLL_SECONDS)  # lets the thread run
         if self.cancelled:
             raise Cancelled
         result, error = self._outcome

@@ -18,8 +18,8 @@ from isomatch.cli.outputs import claimed_files
 from isomatch.cli.results import Inputs, ResultFolder, match_again, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part, say_rows
 
-N_COMPARED = 500  # random source vertices that are compared with the ground truth
-N_SPECIMENS, N_SPECIMEN_VERTICES = 5, 2000
+N_COMPARED = 500  # This many random source vertices are compared with the ground truth.
+N_SPECIMENS, N_SPECIMEN_VERTICES = 5, 2000  # number of heads with landmarks, and vertices of each
 
 demo = App(name="demo", default_parameter=Parameter(negative=()))
 
@@ -32,10 +32,8 @@ def keys(*, output: Output = Path(), force: Force = False, talk: Talk = TALK) ->
         output: Folder for cat.glb and lion.glb.
     """
     cat, lion = output / "cat.glb", output / "lion.glb"
-    heads = {
-        cat: datasets.animal_head("cat").rigged(),
-        lion: datasets.animal_head("lion", 3500, triangulation=1).rigged(keys=False),
-    }
+    heads = {cat: datasets.animal_head("cat").rigged()}
+    heads[lion] = datasets.animal_head("lion", 3500, triangulation=1).rigged(keys=False)
     files = {path: partial(isomatch.write_asset, asset=head) for path, head in heads.items()}
     _write(files, f"isomatch match {lion} {cat} -o {output / 'result'}", force, talk)
 
@@ -72,9 +70,8 @@ def _write(
         for path, write in files.items():
             write(path)
     names = [str(path) for path in files]
-    talk.result(
-        {"files": names}, lambda: say_rows([("wrote", ", ".join(names)), ("go on with", next_command)])
-    )
+    rows = [("wrote", ", ".join(names)), ("go on with", next_command)]
+    talk.result({"files": names}, lambda: say_rows(rows))
 
 
 @demo.default

@@ -19,8 +19,8 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import FormatError, SettingError, some
 from isomatch._core.files import write_text
 from isomatch._core.tables import read_integers
-from isomatch._core.texts import is_whole_number, read_text, table_text, text_lines
-from isomatch.cli.inputs import Force, Output, Seed, Weld, surface_of
+from isomatch._core.texts import read_text, table_text, text_lines
+from isomatch.cli.inputs import Force, OptionalOutput, Output, Seed, Weld, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_table
 from isomatch.geodesics import PATH_SUFFIXES, engine_names
@@ -28,7 +28,7 @@ from isomatch.repair import without_seams
 from isomatch.spectral import BasisMethod, Weighting
 from isomatch.surfaces import PrecisePoints
 
-COLUMNS_PER_UPDATE = 16  # distance columns between two updates of the progress
+COLUMNS_PER_UPDATE = 16  # The progress is updated after the distances from this many points.
 WHICH_DISTANCES = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
 HOW_COMPUTED = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
 
@@ -59,7 +59,7 @@ def distance(
     basis: Annotated[Path | None, Parameter(group=HOW_COMPUTED)] = None,
     path: Annotated[Path | None, Parameter(group=HOW_COMPUTED)] = None,
     weld: Weld = True,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: OptionalOutput = None,
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
@@ -92,29 +92,25 @@ def distance(
         raise SettingError("--to needs --from, the points to measure from")
     if path is not None and pairs is None and targets is None:
         raise SettingError("--path needs the ends of the paths: --pairs, or --from and --to")
-    words: dict[str, list[Any]] = {"pairs": read_point_pairs(pairs)} if pairs else {}
-    if pairs is None:
-        words["sources"] = split_point_list(sources or "", "--from")
+    if pairs is not None:
+        points: dict[str, list[Any]] = {"pairs": read_point_pairs(pairs)}
+    else:
+        points = {"sources": split_point_list(sources or "", "--from")}
     if targets is not None:
-        words["targets"] = split_point_list(targets, "--to")
+        points["targets"] = split_point_list(targets, "--to")
     with claimed_files(output, path, force=force), talk.progress() as tell:
         tell("reading", 0.0)
-        request = _Request(isomatch.read_mesh(file), words)
+        request = _Request(isomatch.read_mesh(file), points)
         answer = _measure(request, engine, basis, path, weld, part(tell, 0.1, 0.9))
         if output is not None:
             tell("writing", 0.9)
             _write(output, request, answer.distances)
         tell("done", 1.0)
-    record = {"file": str(file), "engine": answer.name, "basis": basis and str(basis), **_plain(words)}
-    record |= {"approximate": basis is not None, "notes": list(answer.notes)}
-    if answer.error is not None:
-        record["estimated_relative_error"] = answer.error
-    if path is not None:
-        record["path"] = str(path)
-    if output is None:
-        record["distances"] = answer.distances.tolist()
-    else:
-        record["output"] = str(output)
+    record: dict[str, Any] = {"file": str(file), "engine": answer.name, "basis": basis and str(basis)}
+    record |= {**points, "approximate": basis is not None, "notes": list(answer.notes)}
+    optional: dict[str, Any] = {"estimated_relative_error": answer.error, "path": path and str(path)}
+    optional |= {"output": str(output)} if output else {"distances": answer.distances.tolist()}
+    record |= {name: value for name, value in optional.items() if value is not None}
     remark = "" if answer.error is None else f", approximate: estimated relative error {answer.error:.2%}"
 
     def summary() -> None:
@@ -135,25 +131,24 @@ def distance(
 class _Request:
     """Requested points; numbers beyond the last vertex stand for points in faces."""
 
-    def __init__(self, mesh: isomatch.Mesh, words: dict[str, list[Any]]) -> None:
-        self.mesh = mesh
-        self.words = words  # as they were typed: pairs; or sources and perhaps targets
+    def __init__(self, mesh: isomatch.Mesh, points: dict[str, list[Any]]) -> None:
+        self.mesh, self.points = mesh, points  # pairs; or sources and perhaps targets
         self._corners: list[IntArray] = []
         self._weights: list[list[float]] = []
-        # (m, 2) pairs; or (s,) sources and (t,) targets, by default all vertices
-        self.numbers = {kind: self._numbers(kind, points) for kind, points in words.items()}
+        # Pairs have shape (m, 2), sources (s,), and targets (t,).
+        self.numbers = {kind: self._numbers(kind, listed) for kind, listed in points.items()}
 
-    def _numbers(self, kind: str, words: list[Any]) -> IntArray:
+    def _numbers(self, kind: str, points: list[Any]) -> IntArray:
         if kind == "pairs":
-            return self._numbers("vertices of pairs", [*chain(*words)]).reshape(-1, 2)
-        numbers = [self._number(word) if word[0] == "f" else int(word) for word in words]
+            return self._numbers("vertices of pairs", [*chain(*points)]).reshape(-1, 2)
         n = self.mesh.n_vertices
-        bad = np.array([v for v, word in zip(numbers, words) if word[0] != "f" and not 0 <= v < n])
+        bad = np.array([v for v in points if isinstance(v, int) and not 0 <= v < n])
         if len(bad):
             raise isomatch.MeshError(f"{kind} {some(bad)} are outside 0…{n - 1}, the vertices of the surface")
+        numbers = [v if isinstance(v, int) else self._number_in_face(v) for v in points]
         return np.array(numbers, dtype=np.int64)
 
-    def _number(self, word: str) -> int:
+    def _number_in_face(self, word: str) -> int:
         face, _, weights = word[1:].partition(":")
         parts = np.array(weights.split(","), dtype=np.float64)
         if int(face) >= self.mesh.n_faces:
@@ -190,13 +185,13 @@ class _Request:
 
     def lines(self, distances: FloatArray) -> list[str]:
         """Write a distance a line for pairs, or a table with a row per target, a column per source."""
-        if "pairs" in self.words:
+        if "pairs" in self.points:
             return [repr(value) for value in distances.tolist()]
-        rows = self.words.get("targets", range(distances.shape[1]))
-        name = "target" if "targets" in self.words else "vertex"
-        header = [name, *(f"from_{word}" for word in self.words["sources"])]
+        rows = self.points.get("targets", range(distances.shape[1]))
+        name = "target" if "targets" in self.points else "vertex"
+        header = [name, *(f"from_{point}" for point in self.points["sources"])]
         cells = ([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))
-        # quotes points in faces, which contain commas
+        # Points in faces are quoted, as they contain commas.
         return table_text([header, *cells]).splitlines()
 
 
@@ -266,15 +261,6 @@ def _approximate(request: _Request, file: Path) -> _Answer:
     return _Answer(name, np.maximum(np.where(first == second, 0.0, distances), 0.0), error, notes)
 
 
-def _plain(words: Any) -> Any:
-    """Convert points to plain values: vertices to numbers, points in faces to their words."""
-    if isinstance(words, dict):
-        return {kind: _plain(points) for kind, points in words.items()}
-    if isinstance(words, list | tuple):
-        return [_plain(word) for word in words]
-    return words if words.startswith("f") else int(words)
-
-
 def _write(path: Path, request: _Request, distances: FloatArray) -> None:
     if path.suffix == ".npz":
         arrays: dict[str, Any] = {"distances": distances, **request.numbers}
@@ -283,57 +269,55 @@ def _write(path: Path, request: _Request, distances: FloatArray) -> None:
         write_arrays(path, arrays)
         return
     lines = request.lines(distances)
-    if "pairs" in request.words:
-        rows = ([*pair, line] for pair, line in zip(request.words["pairs"], lines))
+    if "pairs" in request.points:
+        rows = ([*pair, line] for pair, line in zip(request.points["pairs"], lines))
         lines = table_text([["source", "target", "distance"], *rows]).splitlines()
     write_text(path, "\n".join([*lines, ""]))
 
 
 _WEIGHT = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"
-_WORD = re.compile(_POINT, re.ASCII)
-_WORDS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)
-# largest difference of the sum of three weights from 1; files round them
+_POINTS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)
+# The three weights of a point may add up to this much more or less than 1, as files round them.
 WEIGHT_SUM_TOLERANCE = 0.01
 POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
 
 
-def _split_points(line: str) -> list[str]:
-    """Split a line into points; return none if it contains anything else."""
-    if ":" in line:
-        return _WORD.findall(line) if _WORDS.fullmatch(line) else []
-    words = line.replace(",", " ").split()
-    return words if all(map(is_whole_number, words)) else []
+def _split_points(text: str) -> list[int | str]:
+    """Split a list of points into vertices and words of points in faces; return none if it contains anything else."""
+    words = re.findall(_POINT, text, re.ASCII) if _POINTS.fullmatch(text.strip()) else []
+    return [word if word[0] == "f" else int(word) for word in words]
 
 
-def split_point_list(text: str, option: str) -> list[str]:
+def split_point_list(text: str, option: str) -> list[int | str]:
     """Split a list of points that are separated by commas."""
-    if not _WORDS.fullmatch(text.strip()):
+    points = _split_points(text)
+    if not points:
         raise SettingError(
             f"{option} {text!r} is not a list of points; write 0-based indices separated by commas, such as 0,12; "
             f"each is {POINT_NOTATION}"
         )
-    return _WORD.findall(text)
+    return points
 
 
-def read_point_pairs(path: Path) -> list[tuple[str, str]]:
+def read_point_pairs(path: Path) -> list[list[int | str]]:
     """Read a pair of points from each line."""
     complaint = (
         "is not a pair; write two 0-based vertex indices, separated by a comma or blank; "
         f"each is {POINT_NOTATION}"
     )
     if ":" not in read_text(path):
-        return [(str(a), str(b)) for a, b in read_integers(path, 2, complaint).tolist()]
+        pairs: list[list[int | str]] = read_integers(path, 2, complaint).tolist()
+        return pairs
     pairs = []
     for number, line in text_lines(path):
-        words = _split_points(line)
-        if len(words) != 2:
+        pairs.append(_split_points(line))
+        if len(pairs[-1]) != 2:
             raise FormatError(f"{path}:{number}: {line[:80]!r} {complaint}")
-        pairs.append((words[0], words[1]))
     return pairs
 
 
-N_COLUMNS = 100
+N_COLUMNS = 100  # distance columns that `isomatch basis` computes by default
 
 
 def basis(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,24 +14,20 @@ from isomatch import correspondence, evaluation, visualization
 from isomatch._core.arrays import IntArray
 from isomatch._core.errors import FormatError, InputError, NotConvergedError
 from isomatch._core.settings import require_one_of
-from isomatch.cli.inputs import Force, Seed
+from isomatch.cli.inputs import Force, OptionalOutput, Seed, split_words
 from isomatch.cli.outputs import claimed_files, say_notes
 from isomatch.cli.terminal import TALK, Talk, Tell, part, say, say_rows, say_table
 
-MEASURES = (
-    ("support", "support", ".1%", "of the area has a counterpart"),
-    (
-        "descriptor distance",
-        "descriptor_distance",
-        ".2f",
-        "how differently surfaces look around points and their images",
-    ),
-    ("bending", "bending", ".1e", "stretch × distance from the target, in √area"),
-    ("bending back", "bending_back", ".1e", "the same of the target onto the source"),
-    ("cost", "cost", ".1e", "all in one; compares maps of these two shapes, lower is better"),
+MEASURES = (  # Each row has a field of `Verification`, the format of its value, and its meaning.
+    ("support", ".1%", "of the area has a counterpart"),
+    ("descriptor_distance", ".2f", "how differently surfaces look around points and their images"),
+    ("bending", ".1e", "stretch × distance from the target, in √area"),
+    ("bending_back", ".1e", "the same of the target onto the source"),
+    ("cost", ".1e", "all in one; compares maps of these two shapes, lower is better"),
 )
 VERDICT_COLOURS = {"right": "green", "doubtful": "yellow", "wrong": "red"}
-ERROR_THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.25)  # √(target area)
+# The share of the points whose error, in √(target area), is at most this is shown for each threshold.
+ERROR_THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.25)
 
 
 def evaluate(
@@ -47,7 +43,7 @@ def evaluate(
     variable: str | None = None,
     points: int | None = None,
     reference: Path | None = None,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: OptionalOutput = None,
     fail_on: str | None = None,
     seed: Seed = 0,
     force: Force = False,
@@ -78,12 +74,15 @@ def evaluate(
         output: Without a truth, a page (.html) to write, with both maps and the regions in which they differ.
         fail_on: Without a truth, verdicts that make the exit code 4: wrong, doubtful; both with a comma.
     """
+    reading: dict[str, Any] = {"counts_from": counts_from, "variable": variable}
     if target is None:
-        reading = {"counts_from": counts_from, "variable": variable}
-        maps, failing_verdicts = _Maps(map_file, reference, reading), read_verdicts(fail_on)
+        failing_verdicts = split_words(fail_on)
+        for verdict in failing_verdicts:
+            require_one_of("--fail-on", verdict, ("wrong", "doubtful"))
+        maps = [map_file, *filter(None, [reference])]
         with talk.progress() as tell, claimed_files(output, force=force):
-            judgement, judgement_record = maps.judge((truth, source), output, seed, tell)
-        talk.result(judgement_record, lambda: _say_judgement(judgement, judgement_record), is_answer=True)
+            judgement, judged = _judge(maps, (truth, source), reading, output, seed, tell)
+        talk.result(judged, lambda: _say_judgement(judgement, judged), is_answer=True)
         if judgement.verdict in failing_verdicts:
             raise NotConvergedError(str(judgement))
         return
@@ -93,13 +92,13 @@ def evaluate(
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         sizes = shapes[0].n_vertices, shapes[1].n_vertices
-        loaded = correspondence.read_map(map_file, *sizes[::-1], counts_from=counts_from, variable=variable)
+        loaded = correspondence.read_map(map_file, *sizes[::-1], **reading)
         notes = [loaded.note]
         loaded.map.check_fits(*shapes)
-        truth_points = None
+        precise = None
         if target_marks is None:
             table = evaluation.read_truth(truth, *shapes, truth_counts_from)
-            pairs, truth_points = table.rows, table.points
+            pairs, precise = table.rows, table.points
             notes.append(table.base.note)
             if truth.suffix.lower() == ".mat" and not table.base.is_likely:
                 raise FormatError(f"{truth}: can count from 0 or from 1; say which by --truth-counts-from")
@@ -108,7 +107,7 @@ def evaluate(
             _require_within(truth, pairs, sizes)
         tell("geodesic distances", 0.1)
         n_points = None if points is None else min(points, len(pairs))
-        errors = evaluation.geodesic_errors(shapes[1], loaded.map, pairs, n_points, seed, points=truth_points)
+        errors = evaluation.geodesic_errors(shapes[1], loaded.map, pairs, n_points, seed, points=precise)
         coverage = evaluation.coverage(shapes[1], loaded.map)
         tell("done", 1.0)
     bounded_errors = evaluation.counted(errors)
@@ -123,7 +122,7 @@ def evaluate(
         "p95": float(np.quantile(bounded_errors, 0.95)),
         "max": float(bounded_errors.max()),
         "auc": evaluation.area_under_curve(bounded_errors),
-        "within": dict(zip(map(str, ERROR_THRESHOLDS), map(float, shares_within))),
+        "within": dict(zip(map(str, ERROR_THRESHOLDS), shares_within.tolist())),
         "coverage": coverage,
         "notes": [note for note in notes if note],
     }
@@ -135,61 +134,49 @@ def evaluate(
     talk.result(record, summary, is_answer=True)
 
 
-def read_verdicts(names: str | None) -> list[str]:
-    """Read a list of verdicts, such as "wrong,doubtful"."""
-    verdicts = [*filter(None, map(str.strip, (names or "").split(",")))]
-    for verdict in verdicts:
-        require_one_of("--fail-on", verdict, ("wrong", "doubtful"))
-    return verdicts
-
-
-@dataclass(frozen=True)
-class _Maps:
-    """Files of the map to judge and of the reference map, if any, with the options to read them."""
-
-    given: Path
-    reference: Path | None
-    reading: dict[str, Any]
-
-    def judge(
-        self, ends: tuple[Path, Path], page: Path | None, seed: int, tell: Tell
-    ) -> tuple[isomatch.Judgement, dict[str, Any]]:
-        """Say whether the map is right, without a truth, perhaps on a page."""
-        if page and (self.reference or page.suffix.lower() != ".html"):
-            raise InputError("--output is an .html file, with isomatch's own map; leave --reference out")
-        tell("reading", 0.0)
-        shapes = isomatch.read_mesh(ends[0]), isomatch.read_mesh(ends[1])
-        sizes = shapes[1].n_vertices, shapes[0].n_vertices
-        files = filter(None, (self.given, self.reference))
-        loaded = [correspondence.read_map(path, *sizes, **self.reading) for path in files]
-        other = loaded[1].map if self.reference else None
-        judgement = isomatch.judge(*shapes, loaded[0].map, other, seed=seed, progress=part(tell, 0.1, 0.8))
-        tell("writing", 0.9)
-        if page:
-            visualization.write_judgement(page, *shapes, judgement, names=(ends[0].name, ends[1].name))
-        tell("done", 1.0)
-        return judgement, {
-            "map": str(self.given),
-            "verdict": judgement.verdict,
-            "sentence": judgement.sentence,
-            "ratio": judgement.ratio,
-            "elsewhere": judgement.elsewhere,
-            "regions": [region.to_dict() for region in judgement.regions],
-            "given": {**asdict(judgement.given), "cost": judgement.given.cost},
-            "reference": {**asdict(judgement.reference), "cost": judgement.reference.cost},
-            "page": page and str(page),
-            "notes": [file.note for file in loaded if file.note],
-        }
+def _judge(
+    maps: list[Path],
+    ends: tuple[Path, Path],
+    reading: dict[str, Any],
+    page: Path | None,
+    seed: int,
+    tell: Tell,
+) -> tuple[isomatch.Judgement, dict[str, Any]]:
+    """Say whether the first map is right, without a truth, perhaps by a second one, which is the reference."""
+    if page and (maps[1:] or page.suffix.lower() != ".html"):
+        raise InputError("--output is an .html file, with isomatch's own map; leave --reference out")
+    tell("reading", 0.0)
+    shapes = isomatch.read_mesh(ends[0]), isomatch.read_mesh(ends[1])
+    sizes = shapes[1].n_vertices, shapes[0].n_vertices
+    loaded = [correspondence.read_map(path, *sizes, **reading) for path in maps]
+    reference = loaded[1].map if maps[1:] else None
+    judgement = isomatch.judge(*shapes, loaded[0].map, reference, seed=seed, progress=part(tell, 0.1, 0.8))
+    tell("writing", 0.9)
+    if page:
+        visualization.write_judgement(page, *shapes, judgement, names=(ends[0].name, ends[1].name))
+    tell("done", 1.0)
+    return judgement, {
+        "map": str(maps[0]),
+        "verdict": judgement.verdict,
+        "sentence": judgement.sentence,
+        "ratio": judgement.ratio,
+        "elsewhere": judgement.elsewhere,
+        "regions": [region.to_dict() for region in judgement.regions],
+        "given": {**asdict(judgement.given), "cost": judgement.given.cost},
+        "reference": {**asdict(judgement.reference), "cost": judgement.reference.cost},
+        "page": page and str(page),
+        "notes": [file.note for file in loaded if file.note],
+    }
 
 
 def _say_judgement(judgement: isomatch.Judgement, record: dict[str, Any]) -> None:
     say(str(judgement), VERDICT_COLOURS[judgement.verdict])
     say_rows(("region", str(region)) for region in judgement.regions)
-    rows = [
-        (name, *(f"{getattr(fit, field):{form}}" for fit in (judgement.given, judgement.reference)), meaning)
-        for name, field, form, meaning in MEASURES
-    ]
-    say_table([("", "this map", "reference", ""), *rows])
+    rows: list[tuple[str, ...]] = [("", "this map", "reference", "")]
+    for field, form, meaning in MEASURES:
+        values = (f"{getattr(fit, field):{form}}" for fit in (judgement.given, judgement.reference))
+        rows.append((field.replace("_", " "), *values, meaning))
+    say_table(rows)
     say_notes(record["notes"])
     say_rows([("page", record["page"] or "")])
 

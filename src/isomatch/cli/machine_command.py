@@ -12,7 +12,7 @@ from isomatch._core.machine import kernels, processor, versions
 from isomatch._core.memory import GIB, memory_budget
 from isomatch._core.threads import n_threads
 from isomatch.cli.inputs import Json
-from isomatch.cli.terminal import say, say_json, say_table
+from isomatch.cli.terminal import Talk, say, say_table
 
 REQUIRED = ("numpy", "scipy", "numba", "robust_laplacian", "mapbox_earcut", "matplotlib", "rich", "cyclopts")
 OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT", "h5py")
@@ -38,10 +38,8 @@ def info(*, json: Json = False) -> None:
         "numba_cache": os.environ.get("NUMBA_CACHE_DIR") or DEFAULT_CACHES,
         "memory_budget_gib": round(memory_budget() / GIB, 1),
     }
-    if json:
-        say_json(facts)
-        return
-    say_table((name, str(value), SETTINGS.get(name, "")) for name, value in facts.items())
+    rows = [(name, str(value), SETTINGS.get(name, "")) for name, value in facts.items()]
+    Talk(json=json).result(facts, lambda: say_table(rows))
 
 
 def warm() -> None:

@@ -34,6 +34,7 @@ from isomatch.cli.inputs import (
 from isomatch.cli.outputs import claimed_files, notes_on, require_writable, say_wrapped, write_wrapped
 from isomatch.cli.results import (
     BACK_REMOVED,
+    RESULT,
     Earlier,
     Inputs,
     ResultFolder,
@@ -151,10 +152,9 @@ def match(
             "--via finds the map of one direction; match the other by a second command, without --both"
         )
     folder, ends = ResultFolder(output, report=report, both=both), (source, target)
-    options: dict[str, Any] = {**vars(search), "pin": priors.pin, "hypotheses": priors.hypotheses}
-    chosen = {name: value for name, value in options.items() if value is not None and name != "config"}
+    options: dict[str, Any] = {**vars(search), **vars(priors), "landmarks": None, "target_landmarks": None}
+    chosen = {name: x for name, x in options.items() if x is not None and hasattr(isomatch.Config, name)}
     config = replace(read_config(search.config) or isomatch.Config(), **chosen)
-    options |= {name: getattr(priors, name) for name in ("initial_map", "function", "via")}
     command = match_again(*ends, **options, output=output, seed=seed, both=both, as_mesh=as_mesh)
     with talk.progress() as tell:
         tell("reading", 0.0)
@@ -177,13 +177,12 @@ def match(
             record = folder.write(shapes, result, inputs, back=(back.map, described(back)) if back else None)
             if as_mesh is not None:
                 wrapped, errors = isomatch.wrap(result.map, *shapes), result.expected_error
-                mesh_record = write_wrapped(as_mesh, assets[0], assets[1].frame, wrapped, errors, rounded)
-                mesh_record |= {
+                record["as_mesh"] = {
+                    **write_wrapped(as_mesh, assets[0], assets[1].frame, wrapped, errors, rounded),
                     "files_beside": list(map(str, side_files)),
                     "notes": notes_on(dict(zip(ends, assets))),
                 }
-                record["as_mesh"] = mesh_record
-                write_text(folder.result, json_text(record))
+                write_text(output / RESULT, json_text(record))
         tell("done", 1.0)
 
     def summary() -> None:
@@ -234,12 +233,10 @@ def choose(folder: Path, number: int, /, *meshes: Path, details: Details = False
     inputs, landmarks = earlier.inputs, earlier.inputs.landmarks or None
     with talk.progress() as tell, earlier.folder.claimed(force=True):
         tell("reading", 0.0)
-        shapes = earlier.surfaces()
+        shapes, progress = earlier.surfaces(), part(tell, 0.05, 0.85)
         with naming_files(source=inputs.source, target=inputs.target):
-            earlier_result = earlier.result(*shapes)
-            result = matching.continue_with(
-                earlier_result, number, *shapes, landmarks, part(tell, 0.05, 0.85)
-            )
+            former = earlier.result(*shapes)
+            result = matching.continue_with(former, number, *shapes, landmarks, progress)
         tell("writing", 0.85)
         had_back = earlier.folder.has_back
         record = earlier.folder.write(shapes, result, replace(inputs, facts={"chosen": result.notes[0]}))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from os.path import commonpath, dirname, isabs, relpath
 from pathlib import Path
 from textwrap import fill
@@ -20,18 +21,18 @@ from isomatch._core.skipped import tell_skipped
 from isomatch.cli.distance_command import N_COLUMNS
 from isomatch.cli.inputs import Force, Json, Output, Quiet, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
-from isomatch.cli.terminal import in_shell, say, say_json
+from isomatch.cli.terminal import Talk, in_shell, say
 from isomatch.io import FORMATS, files_beside, meshes_among, prepare_for_writing, read_as_far_as_possible
 from isomatch.repair import Repair, without_seams
 
-NUMBER_COLUMNS = 50  # terminal columns that a table has beside the names
-# share of the vertices, below which a weld is reported; a soup of triangles keeps about a sixth
+NUMBER_COLUMNS = 50  # A table takes this many columns of the terminal beside the names.
+MIN_NAME_COLUMNS = 12  # A name takes at least this many columns of a table, even in a narrow terminal.
+# A weld that leaves a smaller share of the vertices is reported; a soup of triangles keeps about a sixth.
 MIN_SHARE_LEFT = 0.1
-MIN_NAME_COLUMNS = 12  # columns of a name in the narrowest terminal
 
 Verb = Literal["distance", "basis", "match"]
 
-# first step of each command, which refuses the meshes that the command cannot use
+# The first step of each command refuses the meshes that the command cannot use.
 _FIRST_STEPS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
     "distance": lambda mesh: isomatch.distance_engine(surface_of(mesh)),
     "basis": lambda mesh: spectral.basis_domain(without_seams(mesh)[0], n_columns=N_COLUMNS),
@@ -62,13 +63,9 @@ def check(
     paths = [path for place in (file, *more) for path in _meshes(place)]
     several = len(paths) > 1 or file.is_dir()
     records = [_examine(path, wall, in_table=several) for path in paths]
-    if json:
-        plain = [{name: value for name, value in record.items() if name != "report"} for record in records]
-        say_json(plain if several else plain[0])
-    elif several and not quiet:
-        _say_several(records)
-    elif not quiet:
-        _say_one(records[0])
+    plain = [{name: value for name, value in record.items() if name != "report"} for record in records]
+    summary = partial(_say_several, records) if several else partial(_say_one, records[0])
+    Talk(json=json, quiet=quiet).result(plain if several else plain[0], summary)
     bad = {record["file"]: reason for record in records if (reason := _reason_against(record, verb))}
     if several and bad:
         raise isomatch.MeshError(f"{len(bad)} of {len(paths)} meshes are not fit: {', '.join(bad)}")
@@ -100,7 +97,7 @@ def _examine(path: Path, wall: float, in_table: bool) -> dict[str, Any]:
     return {
         "file": str(path),
         **report.to_dict(),
-        # longest side of the box around the finite vertices, in the units of the file
+        # The size is the longest side of the box around the finite vertices, in the units of the file.
         "size": float(np.ptp(finite, axis=0).max()) if len(finite) else None,
         "notes": list(asset.notes),
         "report": str(report),
@@ -133,9 +130,8 @@ def _say_one(record: dict[str, Any]) -> None:
 def _say_several(records: list[dict[str, Any]]) -> None:
     """Print a row for each mesh, and below it a line for each defect, no wider than the terminal."""
     names = _relative_names([record["file"] for record in records])
-    name_columns = min(
-        max(map(len, (*names, "file"))), max(Console().width - NUMBER_COLUMNS, MIN_NAME_COLUMNS)
-    )
+    room = max(Console().width - NUMBER_COLUMNS, MIN_NAME_COLUMNS)
+    name_columns = min(max(map(len, (*names, "file"))), room)
     say(f"{'file':<{name_columns}}  {'vertices':>10} {'faces':>10} {'size':>9}  fit for")
     for name, record in zip(names, records):
         vertices, faces = (f"{record[key]:,}" if key in record else "–" for key in ("n_vertices", "n_faces"))
@@ -197,9 +193,8 @@ def _require_something_left(file: Path, repaired: Repair, weld: float | None) ->
     what = "points" if not after.n_vertices else "faces" if not after.n_faces else ""
     hint = f"--weld {weld:g} is in the units of the file; " if weld else ""
     if what == "points" or (what and isomatch.read_mesh(file).n_faces):
-        raise isomatch.MeshError(
-            f"{file}: no {what} would be left, so nothing is written; {hint}see isomatch check"
-        )
+        remedy = f"so nothing is written; {hint}see isomatch check"
+        raise isomatch.MeshError(f"{file}: no {what} would be left, {remedy}")
     if hint and after.n_vertices < MIN_SHARE_LEFT * n_before:
         tell_skipped(f"{file}: {after.n_vertices} of {n_before} vertices are left; {hint}see isomatch check")
 
@@ -242,14 +237,9 @@ def repair(
     """
     index = output.with_suffix(".index.npz")
     with claimed_files(output, index, force=force):
-        repaired = isomatch.repair(
-            _with_joined_parts(file, output),
-            weld=True if weld is None else weld,
-            unmerge=unmerge,
-            outer=outer,
-            opening=opening,
-            without_base=without_base,
-        )
+        how: dict[str, Any] = {"outer": outer, "opening": opening, "without_base": without_base}
+        how |= {"unmerge": unmerge, "weld": True if weld is None else weld}
+        repaired = isomatch.repair(_with_joined_parts(file, output), **how)
         asset = cast(isomatch.Asset, repaired.asset)
         _require_something_left(file, repaired, weld)
         beside = files_beside(output, asset)
@@ -257,18 +247,18 @@ def repair(
             left = [attribute.name for attribute in isomatch.write_asset(output, asset, rounded=rounded)]
         write_arrays(index, {name: getattr(repaired, name) for name in _INDICES})
     files, notes = list(map(str, (output, *beside, index))), notes_on({file: asset})
-    if json:
-        done = {"file": str(file), "changes": list(repaired.changes), "left_out": left, "notes": notes}
-        return say_json(done | {"files": files})
-    if quiet:
-        return None
-    for change in repaired.changes:
-        say(change)
-    say_left_out(left, output)
-    say_notes(notes)
-    copy = "a copy without these" if left else "an unchanged copy"
-    what = "wrote" if repaired.changes else f"nothing to repair; wrote {copy}:"
-    say(f"{what} {', '.join(files)}")
+    done = {"file": str(file), "changes": list(repaired.changes), "left_out": left, "notes": notes}
+
+    def summary() -> None:
+        for change in repaired.changes:
+            say(change)
+        say_left_out(left, output)
+        say_notes(notes)
+        copy = "a copy without these" if left else "an unchanged copy"
+        what = "wrote" if repaired.changes else f"nothing to repair; wrote {copy}:"
+        say(f"{what} {', '.join(files)}")
+
+    Talk(json=json, quiet=quiet).result(done | {"files": files}, summary)
 
 
 def _with_joined_parts(file: Path, output: Path) -> Path | isomatch.Asset:
@@ -276,6 +266,7 @@ def _with_joined_parts(file: Path, output: Path) -> Path | isomatch.Asset:
     mesh_format = FORMATS.get(output.suffix.lower())
     if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
         return file
-    named = output.with_name(output.name.lower().replace(".surf.gii", ".gii"))  # values are taken off later
+    # The values beside a .surf.gii are written later.
+    named = output.with_name(output.name.lower().replace(".surf.gii", ".gii"))
     shown, _ = prepare_for_writing(named, isomatch.read_asset(file, sound=False))
     return replace(shown.placed, parts=(), document=shown.document)

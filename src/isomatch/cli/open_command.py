@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import webbrowser
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -22,13 +21,14 @@ from isomatch._core.texts import json_text
 from isomatch.cli.inputs import (
     ConfigFile,
     Force,
+    OptionalOutput,
     Surface,
     read_config,
     read_initial_map,
     read_landmarks,
     read_surface,
 )
-from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Inputs, ResultFolder, match_again
+from isomatch.cli.results import BACK_REMOVED, RESULT, Back, Earlier, Inputs, ResultFolder, match_again
 from isomatch.cli.terminal import say
 from isomatch.server import PageServer, Pairs, Session, require_server
 
@@ -39,7 +39,7 @@ def open_page(
     other: Path | None = None,
     /,
     *,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: OptionalOutput = None,
     landmarks: Path | None = None,
     target_landmarks: Path | None = None,
     initial_map: Path | None = None,
@@ -74,8 +74,7 @@ def open_page(
         _require_result(source, [option for option, value in zip(options, values) if value is not None])
         earlier = Earlier.read(source, target, other)
         surfaces = earlier.surfaces()
-        result = earlier.result(*surfaces)
-        back = earlier.back(surfaces[0])
+        result, back = earlier.result(*surfaces), earlier.back(surfaces[0])
         keeper, force = _Files(earlier.inputs, surfaces, earlier.folder, earlier, result, back), True
         session: dict[str, Any] = {"result": result, "config": result.config, "seed": result.seed}
     else:
@@ -90,17 +89,15 @@ def open_page(
             facts = {"initial map": str(initial_map)}
         inputs = Inputs(source, target, again, [] if pairs is None else pairs.tolist(), facts, given)
         keeper = _Files(inputs, surfaces, ResultFolder(output) if output else None)
-    marks = keeper.inputs.landmarks
+    marks, given = keeper.inputs.landmarks, keeper.inputs.initial_map
     meshes = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
-    page = visualization.WorkPage(
-        *meshes, names=keeper.inputs.names, landmarks=marks, given=keeper.inputs.initial_map
-    )
-    with keeper.claimed(force):
+    page = visualization.WorkPage(*meshes, names=keeper.inputs.names, landmarks=marks, given=given)
+    with keeper.results.claimed(force) if keeper.results else nullcontext():
         server = PageServer(Session(surfaces, page, keeper, landmarks=marks, **session), port)
         say(server.address)
         say("Browsers of this machine that have this address show the page. Ctrl-C ends it.")
         if browser:
-            # a browser in a terminal returns when it is closed
+            # A browser in a terminal returns only when it is closed.
             Thread(target=webbrowser.open, args=(server.once,), daemon=True).start()
         server.run()
 
@@ -124,19 +121,13 @@ class _Files:
     inputs: Inputs
     surfaces: tuple[Surface, Surface]
     results: ResultFolder | None
-    earlier: Earlier | None = None  # the opened result
-    opened: isomatch.MatchResult | None = None
-    back: Back | None = None
+    earlier: Earlier | None = None  # the contents of the folder that was opened, if any
+    opened: isomatch.MatchResult | None = None  # the result in that folder
+    back: Back | None = None  # the map of the other direction in that folder
 
     @property
     def folder(self) -> str:
         return str(self.results.folder) if self.results else ""
-
-    @contextmanager
-    def claimed(self, force: bool) -> Iterator[None]:
-        """Claim the folder, if there is one, as long as the page is served."""
-        with self.results.claimed(force) if self.results else nullcontext():
-            yield
 
     def write(self, result: isomatch.MatchResult, landmarks: Pairs) -> str:
         if self.results is None:
@@ -156,7 +147,7 @@ class _Files:
             record = self._write(results, result, landmarks)
             names = {what: Path(path).name for what, path in record["files"].items()}
             beside = {"files": names, "meshes": list(self.inputs.names)}
-            results.result.write_text(json_text(record | beside), encoding="utf-8")
+            (results.folder / RESULT).write_text(json_text(record | beside), encoding="utf-8")
             for name in names.values():
                 zipped.write(results.folder / name, name)
         return archive.getvalue()
@@ -164,5 +155,5 @@ class _Files:
     def _write(self, results: ResultFolder, result: isomatch.MatchResult, landmarks: Pairs) -> dict[str, Any]:
         is_opened, inputs = result is self.opened, replace(self.inputs, landmarks=landmarks)
         as_mesh = self.earlier.as_mesh if self.earlier and is_opened else {}
-        more, back = {"as_mesh": as_mesh} if as_mesh else {}, self.back if is_opened else None
-        return results.write(self.surfaces, result, inputs, more=more, back=back)
+        more = {"as_mesh": as_mesh} if as_mesh else {}
+        return results.write(self.surfaces, result, inputs, more=more, back=self.back if is_opened else None)

@@ -46,11 +46,11 @@ def write_wrapped(
     asset: isomatch.Asset,
     frame: Frame | None,
     wrapped: isomatch.Wrapped,
-    expected_error: FloatArray,  # (n_source,)
+    expected_error: FloatArray,  # of each source vertex, (n_source,)
     rounded: bool = False,
 ) -> dict[str, Any]:
     """Write the asset of the source in the shape of the target, and say how good it is."""
-    # shape keys turn with the surface, normals and tangents are left out, the target's frame is kept
+    # Shape keys turn with the surface, normals and tangents are left out, and the frame is the target's.
     moved = replace(asset.moved(wrapped.mesh.vertices[asset.point_of_vertex]), frame=frame)
     if asset.of_kind("key"):
         unmoved = isomatch.Correspondence(range(len(asset.points)), len(asset.points))

@@ -18,9 +18,9 @@ from isomatch._core.skipped import telling_once
 from isomatch.cli.terminal import IncompleteError, complain, print_anything, start_clock
 
 DONE, BAD, MISUSED, INCOMPLETE, UNSURE, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit codes
-STRICT = "--strict"  # an option of all commands
+STRICT = "--strict"  # All commands have this option.
 
-COMMANDS = (  # group, module:function and example of each command; the example begins with its name
+COMMANDS = (  # Each command has a group, module:function, and an example, which begins with its name.
     ("Match", "match_command:match", "match a.ply b.ply -o result"),
     ("Match", "match_command:choose", "choose result 1"),
     ("Match", "demo_command:demo", "demo"),
@@ -53,7 +53,7 @@ app = App(
     version_flags=["--version", "-V"],
     default_parameter=Parameter(negative=()),
 )
-for name, place in COMMAND_PLACES.items():  # a command is imported when it is called
+for name, place in COMMAND_PLACES.items():  # A command is imported when it is called.
     app.command(place, name=name, group=GROUPS[name])
 app.register_install_completion_command(
     help="Complete commands and options in the shell: writes a script and adds a line to the shell's start-up file."
@@ -72,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     strict = STRICT in words
     words = [word for word in words if word != STRICT]
     if not words or words[0] not in COMMAND_PLACES:
-        # commands of other packages, such as isomatch_lab
+        # Other packages, such as isomatch_lab, add commands.
         plugins = {point.name: point.value for point in entry_points(group="isomatch.commands")}
         is_list = not words or words[0] in app.help_flags
         for name, place in {**plugins, **COMMAND_PLACES}.items() if is_list else plugins.items():
@@ -124,7 +124,7 @@ def _first_line(place: str) -> str:
     spec = find_spec(module)
     tree = parse(Path(spec.origin).read_text(encoding="utf-8")) if spec and spec.origin else Module([], [])
     functions = {node.name: node for node in tree.body if isinstance(node, FunctionDef)}
-    command = functions.get(name, functions.get("run"))  # a command with commands of its own runs that
+    command = functions.get(name, functions.get("run"))  # A command with subcommands is a function `run`.
     return ((command and get_docstring(command)) or "").partition("\n")[0]
 
 

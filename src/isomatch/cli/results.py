@@ -21,8 +21,9 @@ from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import INDENT, in_shell, say, say_rows, say_table, waited
 
-RESULT = "result.json"
-BACK = "map_back.npz"
+RESULT, BACK, PICKER = "result.json", "map_back.npz", "picker.html"
+_FILES = {"map": "map.npz", "text": "map.txt", "result": RESULT, "picture": "map.png"}
+_FILES |= {"report": "report.html", "map back": BACK}
 BACK_REMOVED = "the map back belonged to the map before and was removed"
 
 Back = tuple["isomatch.Correspondence", dict[str, Any]]
@@ -47,7 +48,7 @@ class Inputs:
     source: Path
     target: Path
     again: str  # the command that matches again
-    landmarks: Sequence[Sequence[int]] = ()
+    landmarks: Sequence[Sequence[int]] = ()  # pairs (source vertex, target vertex)
     facts: Mapping[str, object] = field(default_factory=dict)  # further rows of the table about the run
     initial_map: isomatch.Correspondence | None = None
 
@@ -74,23 +75,14 @@ class ResultFolder:
     @property
     def files(self) -> dict[str, str]:
         """Path of each file, by its kind."""
-        names = {"map": "map.npz", "text": "map.txt", "result": RESULT, "picture": "map.png"}
-        names |= {"report": "report.html"} if self.report else {}
-        names |= {"map back": BACK} if self.both else {}
-        return {what: str(self.folder / name) for what, name in names.items()}
-
-    @property
-    def result(self) -> Path:
-        """Path of ``result.json``."""
-        return self.folder / RESULT
+        wanted = {"report": self.report, "map back": self.both}
+        return {kind: str(self.folder / name) for kind, name in _FILES.items() if wanted.get(kind, True)}
 
     @property
     def alternatives(self) -> list[Path]:
         """Paths of the maps of alternatives, as many as are kept."""
-        return [
-            self.folder / f"alternative_{number}.npz"
-            for number in range(1, visualization.MOST_ALTERNATIVES + 1)
-        ]
+        numbers = range(1, visualization.MOST_ALTERNATIVES + 1)
+        return [self.folder / f"alternative_{number}.npz" for number in numbers]
 
     @property
     def has_back(self) -> bool:
@@ -101,12 +93,8 @@ class ResultFolder:
     def claimed(self, force: bool) -> Iterator[None]:
         """Create the folder and claim its files (`_core.files.claimed`); an earlier result has to be forced."""
         new = [] if force else [*map(Path, self.files.values()), *self.alternatives]
-        with made_folder(self.folder), claimed(self.result, new):
+        with made_folder(self.folder), claimed(self.folder / RESULT, new):
             yield
-
-    @property
-    def _picker(self) -> str:
-        return str(self.folder / "picker.html")
 
     def write(
         self,
@@ -120,11 +108,12 @@ class ResultFolder:
         meshes: Mapping[str, isomatch.Mesh] | None = None,
     ) -> dict[str, Any]:
         """Write all files, replace the earlier ones at the end; return what result.json has."""
-        # titles are below the shapes of the picture; failed drawings are left out and named under
-        # "undrawn"; meshes, by file name, are written beside the map
+        # The titles are below the shapes of the picture; drawings that fail are left out and named under
+        # "undrawn"; meshes are written beside the map under their names.
         drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
         this_folder = replace(self, both=back is not None)
-        alternatives_by_path = dict(zip(self.alternatives, result.alternatives))
+        maps = {path.name: other.map for path, other in zip(self.alternatives, result.alternatives)}
+        former = (*_FILES.values(), PICKER, *(path.name for path in self.alternatives))
         record: dict[str, Any] = {
             "isomatch": isomatch.__version__,
             "source": str(inputs.source),
@@ -137,14 +126,14 @@ class ResultFolder:
         }
         if back:
             record["back"] = back[1]
-        with staged(self.folder, last=RESULT) as folder:
-            files = {what: str(folder / Path(path).name) for what, path in this_folder.files.items()}
+        with staged(self.folder, last=RESULT, gone=former) as folder:
+            files = replace(this_folder, folder=folder).files
             replace(result, alternatives=()).save(files["map"])
             result.map.save(files["text"])
             for name, mesh in (meshes or {}).items():
                 isomatch.write_mesh(folder / name, mesh)
-            for path, other in alternatives_by_path.items():
-                other.map.save(folder / path.name)
+            for name, other in maps.items():
+                other.save(folder / name)
             picture, undrawn = files["picture"], list[str]()
             with _note_failure("picture", undrawn):
                 picture_titles = titles or (f"source: {inputs.names[0]}", f"target: {inputs.names[1]}")
@@ -156,29 +145,25 @@ class ResultFolder:
                     visualization.write_report(files["report"], *drawn, result, **report_options)
             if back:
                 back[0].save(files["map back"])
-            written = this_folder.files | {path.stem: str(path) for path in alternatives_by_path}
+            written = this_folder.files | {Path(name).stem: str(self.folder / name) for name in maps}
             file_names = {RESULT, *(path.name for path in folder.iterdir())}
             record["undrawn"] = undrawn
-            record["files"] = {what: path for what, path in written.items() if Path(path).name in file_names}
+            record["files"] = {kind: path for kind, path in written.items() if Path(path).name in file_names}
             write_text(folder / RESULT, json_text(record))
-        all_files = ResultFolder(self.folder, both=True).files.values()
-        for name in (*all_files, *map(str, self.alternatives), self._picker):
-            if name not in record["files"].values():
-                Path(name).unlink(missing_ok=True)
         return record
 
     def write_picker(
         self, surfaces: tuple[Surface, Surface], error: isomatch.IsomatchError, inputs: Inputs
     ) -> isomatch.IsomatchError:
         """Write a page to pick landmarks; return the error with the page's name added."""
-        undrawn: list[str] = []
+        undrawn, picker = list[str](), self.folder / PICKER
         if self.report:
             with _note_failure("page to pick landmarks", undrawn):
                 drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
-                visualization.write_landmark_picker(self._picker, *drawn, str(error), **inputs.shown())
+                visualization.write_landmark_picker(picker, *drawn, str(error), **inputs.shown())
         if undrawn or not self.report:
             return error
-        return type(error)(f"{error}. Both shapes are in {self._picker}, where you can pick landmarks")
+        return type(error)(f"{error}. Both shapes are in {picker}, where you can pick landmarks")
 
 
 @contextmanager
@@ -232,9 +217,8 @@ class Earlier:
     @classmethod
     def read(cls, folder: Path, *meshes: Path | None) -> Earlier:
         """Read ``result.json`` and check its fields; ``meshes`` are files in place of its own."""
-        path = ResultFolder(folder).result
-        text = read_bytes(path)
-        fields: dict[str, Any] = {}
+        path = folder / RESULT
+        text, fields = read_bytes(path), dict[str, Any]()
         with suppress(ValueError):
             fields = record if isinstance(record := loads(text), dict) else {}
         missing = [name for name, kind in _REQUIRED_FIELDS.items() if not isinstance(fields.get(name), kind)]
@@ -292,7 +276,7 @@ def _alternative(evidence: Mapping[str, Any], other: isomatch.Correspondence) ->
 
 
 _STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red", "MIRROR_IMAGE": "bold red"}
-MAX_NOTES = 2  # notes in a summary; the report has all
+MAX_NOTES = 2  # A summary shows at most this many notes; the report has all.
 
 
 def say_result(result: isomatch.MatchResult, details: bool = False) -> None:
@@ -337,5 +321,5 @@ def say_files(record: Mapping[str, Any]) -> None:
     sizes = f"{record['n_source']:,} → {record['n_target']:,} vertices"
     say_rows(("note", note) for note in record["undrawn"])
     say_rows([("took", f"{waited():.1f} s, of which {record['timings']['total']:.1f} s to match {sizes}")])
-    say(f"{'  open first':<{INDENT}}{first_file}")  # whole, to be copied
+    say(f"{'  open first':<{INDENT}}{first_file}")  # The line is not broken, so that it can be copied.
     say_rows([("also there", ", ".join(sorted((names - alternatives) | short_names)))])

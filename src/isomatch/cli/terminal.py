@@ -29,10 +29,10 @@ from isomatch._core.texts import json_text, without_nonfinite
 
 Tell: TypeAlias = Callable[[str, float], None]
 
-MAX_TEXT_COLUMNS = 100  # longer lines of text are hard to read
-MIN_TEXT_COLUMNS = 20  # also in a narrower terminal
-MAX_NAMED = 5  # shapes and pairs that an error names
-INDENT = 14  # columns that a label takes
+# Texts are broken to at most, and even in a narrow terminal at least, this many columns.
+MAX_TEXT_COLUMNS, MIN_TEXT_COLUMNS = 100, 20
+MAX_NAMED = 5  # An error names at most this many of the shapes and pairs that failed.
+INDENT = 14  # A label takes this many columns.
 
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
 
@@ -68,7 +68,7 @@ def complain(message: str) -> None:
     sys.stderr.write(f"isomatch: {printable(' '.join(in_shell(message).split()))}\n")
 
 
-_SHELL_WORDS = (  # pattern of a Python call or setting, and what to type in a shell instead
+_SHELL_WORDS = (  # Each row has a pattern of a Python call or setting, and what to type in a shell instead.
     (r"repair\(mesh, outer=True\)", "isomatch repair --outer"),
     (r"repair\(mesh, without_base=True\)", "isomatch repair --without-base"),
     (r"repair\(mesh, weld=(\S+)\)", r"isomatch repair --weld \1"),
@@ -125,11 +125,6 @@ def waited() -> float:
     return time.time() - _STARTED[0]
 
 
-def say_json(value: Any) -> None:
-    """Print a value as one JSON object, in ASCII, which every encoding has."""
-    sys.stdout.write(json_text(value, ascii_only=True))
-
-
 class _Clock(ProgressColumn):
     """Time since the start and, if a stage counts its steps, their rate and the time left."""
 
@@ -143,19 +138,18 @@ class _Clock(ProgressColumn):
         """Note a stage, such as "matched 3 of 8: a and b", and the share of work done."""
         counted = _COUNTED.match(stage)
         kind = counted[1] if counted else stage
-        if kind != self._kind:  # its first step began when the step before ended
+        if kind != self._kind:  # The first step of this kind began when the step before ended.
             self._kind, self._since = kind, self._last
         self._steps = [int(counted[2]), int(counted[3])] if counted else [0, 0]
         self.stage, self.share, self._last = stage, share, time.monotonic()
 
     def __str__(self) -> str:
         now = time.monotonic()
-        texts = [str(timedelta(seconds=round(now - self._begun)))]
-        done, n_steps = self._steps
+        texts, (done, n_steps) = [str(timedelta(seconds=round(now - self._begun)))], self._steps
         if done and self._last > self._since:
-            seconds = (self._last - self._since) / done  # time of one step
-            left = max((n_steps - done) * seconds - (now - self._last), 0)
-            texts += [f"{60 / seconds:.3g} a minute", f"{timedelta(seconds=round(left))} left"]
+            seconds = (self._last - self._since) / done  # mean time of one step
+            left = timedelta(seconds=round(max((n_steps - done) * seconds - (now - self._last), 0)))
+            texts += [f"{60 / seconds:.3g} a minute", f"{left} left"]
         return ", ".join(texts)
 
     def render(self, task: Task) -> Text:
@@ -164,7 +158,21 @@ class _Clock(ProgressColumn):
 
 
 _COUNTED = re.compile(r"(.+?) (\d+) of (\d+)")
-SECONDS_BETWEEN_LINES = 60.0  # between two lines of progress in a log
+SECONDS_BETWEEN_LINES = 60.0  # seconds between two lines of progress in a log
+
+
+@contextmanager
+def _bar_on(console: Console, clock: _Clock) -> Iterator[Tell]:
+    """Give a function that shows a stage in a bar."""
+    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), clock
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+
+        def show(stage: str, share: float) -> None:
+            clock.tell(stage, share)
+            bar.update(task, description=printable(stage), completed=share)
+
+        yield show
 
 
 @contextmanager
@@ -219,25 +227,14 @@ class Talk:
         elif self.verbose or self.quiet:
             with _log_on(console) if self.verbose else nullcontext():
                 yield lambda stage, share: None
-        elif console.is_terminal:
-            clock = _Clock()
-            columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), clock
-            with Progress(*columns, console=console, transient=True) as bar:
-                task = bar.add_task("starting", total=1.0)
-
-                def show(stage: str, share: float) -> None:
-                    clock.tell(stage, share)
-                    bar.update(task, description=printable(stage), completed=share)
-
-                yield show
         else:
-            with _lines_on(console, _Clock()) as tell:
+            with (_bar_on if console.is_terminal else _lines_on)(console, _Clock()) as tell:
                 yield tell
 
-    def result(self, record: dict[str, Any], summary: Callable[[], None], *, is_answer: bool = False) -> None:
+    def result(self, record: Any, summary: Callable[[], None], *, is_answer: bool = False) -> None:
         """Print plain values or a summary; ``quiet`` does not suppress an answer."""
         if self.json:
-            say_json(record)
+            sys.stdout.write(json_text(record, ascii_only=True))  # every encoding has ASCII
         elif self.json_lines:
             _say_line({"event": "result", **record})
         elif is_answer or not self.quiet:

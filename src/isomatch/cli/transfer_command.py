@@ -14,7 +14,7 @@ import isomatch
 import isomatch.landmarks as shape_landmarks
 from isomatch._core.errors import FormatError, LandmarkError, SettingError
 from isomatch._core.files import replaced
-from isomatch.cli.inputs import Force, Output, Rounded, naming_files
+from isomatch.cli.inputs import Force, Output, Rounded, naming_files, split_words
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import TALK, Talk, say
 from isomatch.io import (
@@ -92,11 +92,9 @@ def transfer(
         read_values = number_equal_names(a for path in values or () for a in read_attributes(path, giver))
         giver = giver.with_attributes(*read_values)
         assets = (assets[0], giver) if to == "source" else (giver, assets[1])
-        words = [attribute.name for attribute in read_values] or ["all"]
-        if data:
-            words = [word.strip() for word in data.split(",")]
+        words = split_words(data) or [attribute.name for attribute in read_values] or ["all"]
         n_target = len(assets[1].points)
-        # these files hold several arrays or maps; the number of source vertices selects one
+        # These files hold several arrays or maps; the number of source vertices selects one.
         n_source = len(assets[0].points) if map_file.suffix in (".mat", ".npz") else None
         correspondence = isomatch.Correspondence.load(map_file, n_target, n_source)
         tell("carrying", 0.3)
@@ -106,15 +104,14 @@ def transfer(
                 carried = Carried(baked.asset, ("texture",), 0, 0, baked.notes)
                 counts = {"n_unmatched_texels": baked.unmatched}
             else:
-                carried = isomatch.carry_attributes(
-                    correspondence, *assets, words, to=to, labels=labels, numbers_as=numbers_as
-                )
+                kinds: dict[str, Any] = {"labels": labels, "numbers_as": numbers_as}
+                carried = isomatch.carry_attributes(correspondence, *assets, words, to=to, **kinds)
                 counts = {"n_unmatched": carried.unmatched, "n_across_seams": carried.across_seams}
         tell("writing", 0.8)
         side_files = () if holds_values(output) else files_beside(output, carried.asset)
         other_files = [path for path in side_files if path != picture]
         pictures = {picture: baked.png} if picture else {}
-        if picture and len(baked.tiles) > 1:  # by their UDIM numbers
+        if picture and len(baked.tiles) > 1:  # The files of tiles have their UDIM numbers.
             pictures = {picture.with_suffix(f".{i}.png"): png_of(tile) for i, tile in baked.tiles.items()}
             other_files += [path for path in pictures if path not in other_files]
         with claimed_files(*other_files, force=force):
@@ -181,7 +178,7 @@ def _transfer_landmarks(
     with talk.progress() as tell, claimed_files(output, force=force):
         tell("reading", 0.0)
         assets = isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1])
-        correspondence = _read_map(map_file, *(len(asset.points) for asset in assets))
+        found = _read_map(map_file, *(len(asset.points) for asset in assets))
         giver, receiver = assets if to == "target" else assets[::-1]
         try:
             marks = isomatch.Landmarks.read(landmarks, giver)
@@ -190,9 +187,7 @@ def _transfer_landmarks(
             raise LandmarkError(f"{error}. They are taken as landmarks of the {side}, see --to") from None
         tell("carrying", 0.3)
         with naming_files(source=ends[0], target=ends[1]):
-            carried = isomatch.carry_landmarks(
-                correspondence, *assets, marks, to=to, curve_points=curve_points
-            )
+            carried = isomatch.carry_landmarks(found, *assets, marks, to=to, curve_points=curve_points)
         tell("writing", 0.8)
         left_out = isomatch.write_landmarks(output, carried)
         tell("done", 1.0)

@@ -311,7 +311,7 @@ class CycleJob:
             return float(np.average(distances[finite], weights=weights[finite])) if finite.any() else np.inf
 
         before = disagreement(old.there.vertices, old.back.vertices)
-        after = disagreement(rematched.there.map.vertices, rematched.back.map.vertices)
+        after = disagreement(rematched.source_to_target.map.vertices, rematched.target_to_source.map.vertices)
         middle, side = repair.middles[best], ORIENTATIONS[config.orientation]
         refused = ""
         if not after < min(before, CONTRADICTED):

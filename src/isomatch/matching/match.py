@@ -217,10 +217,10 @@ FIRST_DIRECTION_SHARE = 0.75  # share of the time: preparation and the map from 
 
 
 class BothDirections(NamedTuple):
-    """Results of `match_both`: ``there``, source → target, and ``back``, target → source."""
+    """Results of `match_both`: one for each direction."""
 
-    there: MatchResult
-    back: MatchResult
+    source_to_target: MatchResult
+    target_to_source: MatchResult
 
     def _repr_html_(self) -> str:
         return str(visualization().html_of(self))  # a named tuple has no other base
@@ -245,7 +245,7 @@ def match_both(
 
     For complete shapes without priors, the map back is not searched again: the inverse of the first map and of its
     alternatives are its hypotheses. Otherwise, or if one shape alone seems to be inside out, the map back is searched
-    like the first one. The first note of ``back`` says which was done.
+    like the first one. The first note of ``target_to_source`` says which was done.
 
     Parameters
     ----------
@@ -257,15 +257,15 @@ def match_both(
     Returns
     -------
     BothDirections
-        ``there`` is the result of `match`. Both take about 1.3 times as long as `match`; the timings of ``back`` do not
-        include the preparation.
+        ``source_to_target`` is the result of `match`. Both take about 1.3 times as long as `match`; the timings of
+        ``target_to_source`` do not include the preparation.
 
     Examples
     --------
     >>> from isomatch.datasets import example_pair
     >>> source, target = example_pair()
-    >>> there, back = match_both(source.mesh, target.mesh)
-    >>> there.map.shape == back.map.shape[::-1]
+    >>> both = match_both(source.mesh, target.mesh)
+    >>> both.source_to_target.map.shape == both.target_to_source.map.shape[::-1]
     True
     """
     report = with_two_arguments(progress) if progress else lambda stage, share: None

@@ -8,7 +8,7 @@ import secrets
 import socket
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 from isomatch._core.errors import IsomatchError, SettingError
 from isomatch._core.first_use import package
@@ -17,9 +17,8 @@ from isomatch.server.session import Session
 
 HOST = "127.0.0.1"
 EXTRA, FEATURE = "open", "isomatch open"
-REFUSED_STATUS = 400  # HTTP status of a request that fails; its body gives the reason in words
-VERTEX_LIMIT = 2**31  # all surfaces have fewer vertices
-T = TypeVar("T")
+REFUSED_STATUS = 400  # A request that fails has this HTTP status; its body gives the reason in words.
+VERTEX_LIMIT = 2**31  # A request names vertices below this number; all surfaces have fewer.
 
 
 def require_server() -> None:
@@ -34,12 +33,12 @@ def make_app(session: Session, token: str, port: int, once: str = "") -> App:
     applications, responses, routing = (package(f"starlette.{name}", EXTRA, FEATURE) for name in modules)
     text = partial(responses.Response, media_type="text/plain")
 
-    def answers(function: Callable[..., Any], **fields: Callable[[Any], Any]) -> Any:
+    def answers(function: Callable[..., Any], **kinds: type) -> Any:
         async def answer(request: Any) -> Any:
             try:
                 if request.method == "GET":
                     return responses.JSONResponse(function())
-                function(**_read_fields(await request.body(), fields))
+                function(**_read_fields(await request.body(), kinds))
                 return text("", 202)
             except IsomatchError as error:
                 return text(str(error), REFUSED_STATUS)
@@ -52,12 +51,12 @@ def make_app(session: Session, token: str, port: int, once: str = "") -> App:
     async def packed(request: Any) -> Any:
         return responses.Response(session.archive(), media_type="application/zip")
 
-    of_match = {"landmarks": _read_pairs, "only": _flag, "hold": _flag, "start": _word, "orientation": _word}
+    of_match = {"landmarks": list, "only": bool, "hold": bool, "start": str, "orientation": str}
     get = {"/": page, "/packed": packed}
     get |= {"/state": answers(session.state), "/result": answers(session.shown)}
     post = {
         "/match": answers(session.match, **of_match),
-        "/choose": answers(session.choose, number=_whole),
+        "/choose": answers(session.choose, number=int),
         "/write": answers(session.write),
         "/pack": answers(session.pack),
         "/cancel": answers(session.cancel),
@@ -103,10 +102,10 @@ class PageServer:
 def _bind(port: int) -> socket.socket:
     made = socket.socket()
     try:
-        if os.name == "posix":  # on Windows it would let others take a port in use
+        if os.name == "posix":  # On Windows, this option would let others take a port in use.
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         made.bind((HOST, port))
-        made.listen()  # a browser that asks before the server is ready then waits
+        made.listen()  # A browser that asks before the server is ready then waits.
     except (OSError, OverflowError) as error:
         made.close()
         raise SettingError(
@@ -115,34 +114,15 @@ def _bind(port: int) -> socket.socket:
     return made
 
 
-def _read_fields(body: bytes, fields: Mapping[str, Callable[[object], object]]) -> dict[str, Any]:
-    """Read the fields of a JSON object; `SettingError` if any is missing or unknown."""
+def _read_fields(body: bytes, kinds: Mapping[str, type]) -> dict[str, Any]:
+    """Read a JSON object with fields of these types; `SettingError` if any is missing, unknown or of another type."""
     try:
         values = json.loads(body)
-        if not isinstance(values, dict) or values.keys() != fields.keys():
+        if {name: type(value) for name, value in values.items()} != kinds:
             raise ValueError
-        return {name: read(values[name]) for name, read in fields.items()}
-    except (ValueError, RecursionError):
+        for first, second in values.get("landmarks", ()):
+            if {type(first), type(second)} != {int} or max(abs(first), abs(second)) >= VERTEX_LIMIT:
+                raise ValueError
+        return dict(values)
+    except (ValueError, TypeError, AttributeError, RecursionError):
         raise SettingError("the page asked for something that is not understood; load it again") from None
-
-
-def _exactly(kind: type[T]) -> Callable[[object], T]:
-    def read(value: object) -> T:
-        if type(value) is not kind:
-            raise ValueError
-        return value
-
-    return read
-
-
-_whole, _word, _flag = _exactly(int), _exactly(str), _exactly(bool)
-
-
-def _read_pairs(value: object) -> list[tuple[int, int]]:
-    pairs = []
-    for row in _exactly(list)(value):
-        first, second = map(_whole, _exactly(list)(row))
-        if max(abs(first), abs(second)) >= VERTEX_LIMIT:
-            raise ValueError
-        pairs.append((first, second))
-    return pairs

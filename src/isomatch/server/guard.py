@@ -13,12 +13,12 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 TOKEN_HEADER = b"x-isomatch-token"
-LARGEST_BODY = 2**20  # bytes; about 70 000 pairs of landmarks fit
+MAX_BODY_BYTES = 2**20  # A request with a larger body is refused; about 70 000 pairs of landmarks fit.
 # The page's address carries the token; the page's script sends the token in a header.
 PAGE = "/"
 HEADERS = (
     (b"cache-control", b"no-store"),
-    (b"referrer-policy", b"no-referrer"),  # the address carries the token
+    (b"referrer-policy", b"no-referrer"),  # No other page is told the address, which carries the token.
     (b"x-content-type-options", b"nosniff"),
     (b"content-security-policy", b"frame-ancestors 'none'"),
     (b"cross-origin-opener-policy", b"same-origin"),
@@ -94,7 +94,7 @@ async def _body(receive: Receive) -> bytes | None:
     while True:
         message = await receive()
         body += message.get("body", b"")
-        if len(body) > LARGEST_BODY:
+        if len(body) > MAX_BODY_BYTES:
             return None
         if not message.get("more_body"):
             return body

@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol
 
 from isomatch._core.errors import IsomatchError, SettingError
@@ -17,26 +18,27 @@ from isomatch.surfaces import Surface
 from isomatch.visualization import WorkPage
 
 Tell = Callable[[str, float], None]
-POLL_SECONDS = 0.05  # between two checks whether a job has ended
+POLL_SECONDS = 0.05  # seconds between two checks whether a job has ended
 logger = logging.getLogger(__name__)
 
-Pairs = Sequence[Sequence[int]]  # (source vertex, target vertex)
-SHARE_BEFORE_DRAWING = 0.97  # share of the progress at which a match ends and drawing begins
+Pairs = Sequence[Sequence[int]]  # pairs (source vertex, target vertex)
+SHARE_BEFORE_DRAWING = 0.97  # A match ends, and drawing begins, at this share of the progress.
 
 
-class Job:
-    """Runs a function on its own thread; the function reports stage and share of the work."""
+class Job(Call):
+    """Runs a function on its own thread; the function reports stage and share of the work.
+
+    If the job is abandoned, the function ends at the next point where it checks for a stop.
+    """
 
     def __init__(self, name: str, work: Callable[[Tell], Any]) -> None:
+        super().__init__()
         self.name = name
+        self.succeeded = False  # whether the function has returned, even if the job was abandoned before
         self._result: Any = None
         self._error: Exception | None = None
-        # whether the function has returned, even if the job was given up before
-        self.succeeded = False
         self._now = ("", 0.0)  # the stage, and the share of the work that is done
-        self._since = time.perf_counter()
-        self._end: float | None = None
-        self._call = Call()
+        self._since, self._end = time.perf_counter(), 0.0  # seconds; the end is 0 as long as the job runs
 
         def run() -> None:
             try:
@@ -49,15 +51,11 @@ class Job:
             finally:
                 self._end = time.perf_counter()
 
-        self._thread = self._call.thread(run)
+        self._thread = self.thread(run)
         self._thread.start()
 
     def _tell(self, stage: str, share: float) -> None:
         self._now = stage, share
-
-    def give_up(self) -> None:
-        """Let the function end at the next point where it checks for a stop."""
-        self._call.abandoned = True
 
     @property
     def is_over(self) -> bool:
@@ -70,7 +68,7 @@ class Job:
         return (self._end or time.perf_counter()) - self._since
 
     def join(self) -> None:
-        """Wait for the end of the thread; a wait in another job ends if that is given up."""
+        """Wait for the end of the thread; a wait in another job ends if that is abandoned."""
         while not self.is_over:
             stop_if_abandoned()
             self._thread.join(POLL_SECONDS)
@@ -84,9 +82,8 @@ class Job:
 
     def now(self) -> tuple[str, float]:
         """Return the stage, and the share of the work that is done."""
-        while not self._call.messages.empty():
-            message = self._call.messages.get()
-            if message is not None:
+        while not self.messages.empty():
+            if (message := self.messages.get()) is not None:
                 message()
         return self._now
 
@@ -190,29 +187,31 @@ class Session:
         hypotheses: Hypotheses = "given" if only and landmarks else "all"
         pin = (self._config.pin or 0.0) if hold and landmarks else None
         config = replace(self._config, hypotheses=hypotheses, pin=pin, start=start, orientation=orientation)
-        earlier_map = None if self._result is None else self._result.map
-
-        def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
-            source, target = self._preparation.wait()
-            tell("match", 0.0)
-            progress, pairs, seed = _scale_to_drawing(tell), landmarks or None, self._seed
-            hints: dict[str, Any] = {"landmarks": pairs, "initial_map": self._page.given}
-            result = match(source, target, **hints, config=config, seed=seed, progress=progress)
-            tell("drawing", SHARE_BEFORE_DRAWING)
-            return result, landmarks, self._page.result(result, earlier_map, landmarks)
-
-        self._begin("match", work)
+        options: dict[str, Any] = {"initial_map": self._page.given, "config": config, "seed": self._seed}
+        self._begin_result("match", partial(match, **options), landmarks, self._result)
 
     def choose(self, number: int) -> None:
         """Begin to make an alternative of the result, counted from 1, the map."""
         result, landmarks = self._matched(), self._landmarks
+        self._begin_result("choose", partial(continue_with, result, number), landmarks, None)
+
+    def _begin_result(
+        self, name: str, find: Callable[..., MatchResult], landmarks: Pairs, before: MatchResult | None
+    ) -> None:
+        """Begin to find a result and to draw it, perhaps beside the map before."""
 
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
-            source, target = self._preparation.wait()
-            chosen = continue_with(result, number, source, target, landmarks or None, _scale_to_drawing(tell))
-            return chosen, landmarks, self._page.result(chosen, None, landmarks)
+            shapes = self._preparation.wait()
+            tell(name, 0.0)
 
-        self._begin("choose", work)
+            def progress(stage: str, share: float) -> None:
+                tell(stage, SHARE_BEFORE_DRAWING * share)
+
+            result = find(*shapes, landmarks=landmarks or None, progress=progress)
+            tell("drawing", SHARE_BEFORE_DRAWING)
+            return result, landmarks, self._page.result(result, before.map if before else None, landmarks)
+
+        self._begin(name, work)
 
     def write(self) -> None:
         """Begin to write the files of the result into the folder that was named at the start."""
@@ -230,7 +229,7 @@ class Session:
         """Give up the present job and drop its result; files that it has saved remain."""
         self._settle()
         if self._job is not None:
-            self._job.give_up()
+            self._job.abandoned = True
             self._given_up.append(self._job)
             self._job = None
 
@@ -293,10 +292,6 @@ class Session:
             return prepare(self._surfaces[side], self._config, self._seed, progress=report)
 
         return parallel_map(prepare_side, (0, 1))
-
-
-def _scale_to_drawing(tell: Tell) -> Tell:
-    return lambda stage, share: tell(stage, SHARE_BEFORE_DRAWING * share)
 
 
 def _message_of(error: Exception) -> str:

@@ -49,7 +49,7 @@ class MatchSettings(Protocol):
         """Return the settings that differ from their defaults."""
 
 
-MAX_FILE_BYTES = 2**14  # all settings together take a fifth of it
+MAX_FILE_BYTES = 2**14  # A larger file is not read; all settings together take a fifth of this.
 
 
 @dataclass(frozen=True)
@@ -58,19 +58,17 @@ class Config(Settings, Shown):
 
     Parameters
     ----------
-    n_columns, rank : int
-        Number p of distance columns for each shape; rank k of the distance basis, and length of the
-        descriptor.
-    n_functions : int
-        Laplace–Beltrami functions for each shape.
+    n_columns, rank, n_functions : int
+        Distance columns p of each shape; rank k of the distance basis, and length of the
+        descriptor; Laplace–Beltrami functions of each shape.
     weights : {"area", "uniform"}
         Inner product of the distance basis; the paper uses "uniform".
     engine : str, optional
         How geodesic distances are computed, by a name of `engine_names`; by default fast marching
         on meshes, Dijkstra on point clouds and graphs.
     n_search, n_refine : int
-        Vertices of each shape on which hypotheses are tried and compared, and vertices of the
-        source on which the refinement iterates before its last, full step.
+        Vertices of each shape on which hypotheses are tried and compared; vertices of the source on
+        which the refinement iterates before its last, full step.
     hypotheses : {"all", "given"}
         Choose among automatic and given hypotheses, or only among given ones and flips of the map
         from landmarks. With "all", an automatic hypothesis wins if it fits better than the priors;
@@ -80,10 +78,9 @@ class Config(Settings, Shown):
         that the quality tells if one of them fits better. This takes as long as an automatic match.
         By default for "joint" and "smooth".
     refinement : {"none", "laplace_icp", "joint", "smooth"}
-        After the alignment of distance descriptors: nothing (the paper's plain method);
-        post-processing as in the paper; or spectral upsampling joint with signatures, positions and
-        normals. "smooth" is "joint" with more steps, for a map that is smooth and nearly one to
-        one.
+        After the alignment of distance descriptors: nothing (the paper's plain method); its
+        post-processing; or spectral upsampling joint with signatures, positions and normals.
+        "smooth" has more steps, for a map that is smooth and nearly one to one.
     orientation : {"preserve", "reverse", "any"}
         Whether the map preserves the orientation of the faces, reverses it (a mirror image), or
         does what fits better.
@@ -96,16 +93,16 @@ class Config(Settings, Shown):
         Landmarks hold: a landmark farther from its target than this, in √area, is moved there, and
         the map around it follows smoothly. 0 holds all exactly. By default they only guide the map.
     part : {"auto", "source", "target", "both", "none"}
-        Which shape is a part of the other, or whether both are parts. "auto" takes shapes with a
+        Which shape is a part of the other, or whether both are parts; "auto" takes shapes with a
         long boundary for parts. Parts need a refinement that searches further ("joint", "smooth" or
-        a custom one) and the orientation "preserve", and no descriptors.
+        a custom one), the orientation "preserve", and no descriptors.
     scale : {"auto", "same", "area", "free"}
         Units of a part and a whole: near the units of the files, exactly these, scaled to the same
         area, or free. Complete shapes are always scaled to the same area.
     resolution : {"auto", "full", "fast"}
         "auto" matches large meshes on fewer vertices, polishes the map on more and carries it to
-        all; "full" uses all vertices throughout; "fast" uses still fewer than "auto". Maps always
-        name the user's vertices.
+        all; "full" uses all vertices throughout; "fast" uses still fewer. Maps always name the
+        user's vertices.
     preparation, levels, symmetry, search, selection, refining, parts, elastic, outcome
         Fine settings of each stage.
 
@@ -125,9 +122,7 @@ class Config(Settings, Shown):
     n_search: int = setting(400, "measured: 400 as good as 600 on 17 pairs; 300 fails on 2 of 50", least=100)
     n_refine: int = setting(1000, "measured on 50 pairs: 1.63, with all vertices 1.59", least=100)
     hypotheses: Hypotheses = setting("all", "a prior can be wrong")
-    search_runners_up: bool | None = setting(
-        None, "the paper's methods search for none, and cost accordingly"
-    )
+    search_runners_up: bool | None = setting(None, "the paper's methods search for none, and cost less")
     refinement: RefinementName = setting("joint", "ablation, earlier: none 2.9, laplace_icp 2.5, joint 1.5")
     orientation: Orientation = setting("preserve", "ablation, earlier: either orientation fails on 3 of 14")
     start: Start = setting("auto", "shapes need not be aligned")
@@ -181,7 +176,7 @@ class Config(Settings, Shown):
             )
         try:
             values = tomllib.loads(text.decode("utf-8"))
-        except (ValueError, RecursionError) as error:  # no text, no TOML, or nested too deeply
+        except (ValueError, RecursionError) as error:  # The file is no text or no TOML, or nested too deeply.
             raise FormatError(f"{path}: not a TOML file ({error}); correct it or write it again") from None
         try:
             return cls.from_dict(values)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 from isomatch._core.errors import SettingError
 from isomatch._core.settings import Settings, setting
 
-COVERAGE_RADIUS = 0.05  # in √area; the spacing of the search vertices
-# Lengths, in √area, at which a shape resists stretching, from the first step of its registration to
-# the last.
+# Target vertices within this distance of an image, in √area along edges, are covered; the search
+# vertices lie as far from each other.
+COVERAGE_RADIUS = 0.05
+# A shape that is registered resists stretching at these lengths, in √area, one for each step.
 BENDING_LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)
 
 
@@ -20,28 +22,22 @@ class SearchSettings(Settings):
     Parameters
     ----------
     rank, start_columns : int
-        Descriptor columns while hypotheses are compared; leading columns that a few points
-        determine.
+        Descriptor columns that are compared, and leading columns that a few points determine.
     near_rigid : float
-        Mean distance of aligned shapes, in √area, up to which they are matched from their poses
-        too; see `poses_between`.
+        Aligned shapes up to this mean distance, in √area, are also matched by `poses_between`.
     off_diagonal, ridge : tuple of float, float
-        Penalties on mixing columns, each tried for landmarks, the first for extremities; and on
-        every entry of the alignment. See `alignments_from_points`.
+        Penalties of `alignments_from_points` on mixed columns (all are tried for landmarks, the
+        first for extremities), and on every entry.
     extremity_counts, n_candidate_extremities : tuple of int, int
-        Numbers of extremities of one shape that are assigned together, and number of candidates on
-        the other shape.
+        Numbers of extremities of one shape that are assigned together; candidates on the other.
     assignments, eccentricity_weight : int, float
-        Number of best assignments kept for each count and direction; weight of differences of
-        average distance in their cost, relative to differences of mutual distances.
-    start_steps, flip_steps : int
-        Iterations of closest points from extremities; after flips.
-    unchanged, compare_every : float, int
-        Share of unchanged images at which an iteration has converged; iterations between
-        comparisons of the maps.
+        Best assignments kept for each count and direction; weight of differences of average
+        distance in their cost, relative to differences of mutual distances.
+    start_steps, flip_steps, compare_every, unchanged : int, int, int, float
+        Iterations of closest points from extremities, and after flips; iterations between two
+        comparisons of the maps; share of unchanged images at which an iteration has converged.
     same_start, same_map : float
-        Mean distance of images, in √area, below which two starts, and two converged maps, count as
-        one.
+        Mean distance of images, in √area, below which two starts, or two converged maps, are one.
     n_hypotheses, flipped, flipped_functions : int
         Largest number of hypotheses; number of the best that are flipped, and of leading
         Laplace–Beltrami functions whose signs are flipped.
@@ -76,31 +72,26 @@ class SelectionSettings(Settings):
 
     Parameters
     ----------
-    normal_functions : int
-        Functions of the smoothed surfaces whose normals are compared.
-    curvature_exponent : float
-        Energy = descriptor residual × curvature difference to this power.
+    normal_functions, extension_functions : int
+        Functions of the smoothed surfaces whose normals are compared, and those through which a
+        hypothesis is extended to further vertices.
+    curvature_exponent, energy_exponent : float
+        Energy = descriptor residual × curvature difference to the first power; score of a refined
+        map = spectral residual × energy to the second.
     orientation_threshold : float
-        Mean cosine between normals above which a map counts as orientation-preserving.
-    mirrored_energy : float
-        A hypothesis of the orientation that is not allowed is refined, too, if its energy is below
-        this multiple of the least energy.
-    energy_limit, most_contenders : float, int
-        Hypotheses with an energy up to this multiple of the least are refined and compared again;
-        their largest number.
-    extension_functions : int
-        Functions through which a hypothesis is extended to further vertices.
+        Mean cosine between normals above which a map preserves the orientation.
+    energy_limit, mirrored_energy, most_contenders : float, float, int
+        Hypotheses with an energy up to this multiple of the least are refined and compared again,
+        up to the second if their orientation is not allowed; the largest number of them.
     spectral_residual_limit : float
         A map is given up after a stage of the refinement if its spectral residual reaches this
         multiple of the least.
     same_map, runner_up_distance : float
-        Mean distance between images, in √area, up to which two refined maps count as one, less than
-        one turned limb; and from which they are different maps, not variants of one.
-    energy_exponent : float
-        Score of a refined map = spectral residual × energy to this power.
+        Mean distance between images, in √area, up to which two refined maps are the same (it is
+        less for one turned limb), and from which they are different maps, not variants of one.
     descriptor_weight : float
-        Weight of the difference of the mean descriptor distances of two maps in the logarithm of
-        the ratio of their costs.
+        The costs of two maps are compared after a factor exp(weight × difference of their mean
+        descriptor distances).
     most_alternatives : int
         Largest number of alternatives in the result.
     """
@@ -120,6 +111,9 @@ class SelectionSettings(Settings):
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
 
 
+_sizes = partial(setting, least=4, empty=True)  # A stage without sizes is left out.
+
+
 @dataclass(frozen=True)
 class RefinementSettings(Settings):
     """Settings of the refinements.
@@ -127,40 +121,32 @@ class RefinementSettings(Settings):
     Parameters
     ----------
     sizes_without_positions, sizes_with_positions, final_sizes : tuple of int
-        Functions in the steps of the three stages of the joint refinement; positions and normals
-        take part in the last two. After each stage, maps that fit much worse than the best are
-        given up.
-    sizes_of_parts : tuple of int
-        Functions in further steps, without positions, for the map of a part.
+        Functions in the steps of the three stages of the joint refinement; the last two have
+        positions and normals. After each stage, maps that fit much worse than the best are dropped.
+    sizes_of_parts, polished_sizes : tuple of int
+        Functions in further steps, without positions, for the map of a part, and in those that
+        polish the map of a large mesh on more vertices.
     sizes_again : tuple of int
-        Functions in the steps that refine a map once more if it ties with the best, with positions
-        and normals if the earlier stages end with them; the last step is the same as theirs. The
-        map of lower score stays.
-    polished_sizes : tuple of int
-        Functions in the steps that polish the map of a large mesh, on more vertices.
+        Functions in the steps that refine once more a map that ties with the best, with positions
+        and normals if the earlier stages end with them, and with the same last step. The map of
+        lower score stays.
     position_unit : float
         Distance between positions, in √area, that counts as one unit of the spectral coordinates.
     normal_weight, function_weight : float
-        Weights of normals, and of functions known on both shapes relative to their root mean
-        square; see `match`.
-    registration_steps : int
-        Steps of the non-rigid registration that ends "joint".
-    laplace_steps_at_once : int
-        If above 0, the largest number of iterations of "laplace_icp" as in the paper: all functions
-        at once, F orthogonal.
+        Weights of normals, and of functions known on both shapes (see `match`), relative to their
+        root mean square.
+    registration_steps, laplace_steps_at_once : int
+        Steps of the non-rigid registration that ends "joint"; if above 0, the largest number of
+        iterations of "laplace_icp" as in the paper: all functions at once, F orthogonal.
     """
 
-    sizes_without_positions: tuple[int, ...] = setting(
-        (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; decisions.md, refinement steps", least=4, empty=True
+    sizes_without_positions: tuple[int, ...] = _sizes(
+        (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; decisions.md, refinement steps"
     )
-    sizes_with_positions: tuple[int, ...] = setting((50, 75, 100), "ablation", least=4, empty=True)
-    final_sizes: tuple[int, ...] = setting((125, 150), "ablation", least=4, empty=True)
-    sizes_of_parts: tuple[int, ...] = setting(
-        (70, 100, 140), "decisions.md, refinement steps", least=4, empty=True
-    )
-    sizes_again: tuple[int, ...] = setting(
-        (20, 30, 50, 80, 130), "decisions.md, second refinement", least=4, empty=True
-    )
+    sizes_with_positions: tuple[int, ...] = _sizes((50, 75, 100), "ablation")
+    final_sizes: tuple[int, ...] = _sizes((125, 150), "ablation")
+    sizes_of_parts: tuple[int, ...] = _sizes((70, 100, 140), "decisions.md, refinement steps")
+    sizes_again: tuple[int, ...] = _sizes((20, 30, 50, 80, 130), "decisions.md, second refinement")
     polished_sizes: tuple[int, ...] = setting((100, 150), "docs/performance.md, resolution", least=4)
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
     normal_weight: float = setting(0.3, "lab/benchmarks.md, sensitivity", least=0)
@@ -178,12 +164,8 @@ class RefinementSettings(Settings):
     @property
     def rounds(self) -> list[tuple[tuple[int, ...], bool]]:
         """Sizes of the rounds of the joint refinement, and whether each has positions and normals."""
-        stages = (
-            (self.sizes_without_positions, False),
-            (self.sizes_with_positions, True),
-            (self.final_sizes, True),
-        )
-        return [(sizes, has_positions) for sizes, has_positions in stages if sizes]
+        sizes = self.sizes_without_positions, self.sizes_with_positions, self.final_sizes
+        return [stage for stage in zip(sizes, (False, True, True)) if stage[0]]
 
     @property
     def last_step(self) -> tuple[tuple[int, ...], bool]:
@@ -202,7 +184,7 @@ class PartSettings(Settings):
         A map is dropped if its score reaches this multiple of the best, after the short refinement,
         which keeps two, and before settling.
     long_boundary : float
-        Length of the longest piece of the boundary, in √area, above which a shape may be a part.
+        A shape may be a part if a piece of its boundary is longer than this, in √area.
     close : bool
         Also match the shapes with their holes closed, as complete ones.
     little_missing, most_there : float
@@ -211,17 +193,17 @@ class PartSettings(Settings):
         applies if few distances are known (``little_trusted``).
     bending, n_bent_vertices : tuple of float, int
         Lengths, in √area of the whole, at which the part resists stretching when it is bent onto
-        the whole, see `register_as_rigid_as_possible`; number of its vertices while contenders are
-        compared.
+        the whole by `register_as_rigid_as_possible`; its vertices while contenders are compared.
     n_settled : int
         Number of best maps that are settled: the part is bent, its map refined from the bent part,
         and so on.
     rim, off : float
-        Distances, in √area, from the boundary of a part and from its other points, up to which a
-        vertex of the whole is matched to it. If hardly any distance on the whole is known, the
-        second one applies to both.
-    poor_doubt : float
-        Doubt above which a map is not sure; see `Quality`.
+        A vertex of the whole is matched to the boundary of a part, or to its other points, up to
+        these distances, in √area. If hardly any distance on the whole is known, the second one
+        applies to both.
+    poor_doubt, poor_via : float
+        A map is not sure if its doubt (see `Quality`) is above the first, or if it is composed and
+        its cost by `verify` is above the second.
     little_trusted, clear : float
         A map is not sure if the share of pairs of anchors with a known distance on the whole is
         below the first, unless the score of its best alternative is at least the second times its
@@ -232,10 +214,7 @@ class PartSettings(Settings):
         For two overlapping parts: number of likeliest common regions that are refined; how much
         more alike than at random the parts must look in the best region for it to be sure.
     tie : float
-        Nothing decides between the map returned and an alternative whose score is below this
-        multiple of its own.
-    poor_via : float
-        Cost of a composed map by `verify`, above which it is not sure.
+        A map is not sure if the score of an alternative is below this multiple of its own.
     """
 
     hopeless: float = setting(3.0, "lab/robustness.md, parts", least=1)
@@ -268,16 +247,14 @@ class ElasticSettings(Settings):
         A map that lets limbs stretch is sought if the spectral residual of the best map that keeps
         distances reaches this.
     n_coordinates, n_starts : int
-        Number of canonical coordinates of each shape; number of best assignments of the points of
-        either.
+        Canonical coordinates of each shape; best assignments of the points of either.
     forgiven, inside : float
         Difference of two distances, in units of the average, that costs nothing; a term of
         `IntervalCost`.
     bending, n_bent_vertices
         As in `PartSettings`, for both shapes.
     most_scaled : float
-        Factor by which a piece of the source may grow or shrink at no cost; see
-        `RigidRegistration`.
+        A piece of the source may grow or shrink by this factor at no cost (`RigidRegistration`).
     """
 
     sought: float = setting(0.54, "decisions.md, elastic outcome: when limbs are taken to stretch", least=0)
@@ -287,9 +264,7 @@ class ElasticSettings(Settings):
     n_starts: int = setting(60, "decisions.md, elastic starts", least=1)
     bending: tuple[float, ...] = setting(BENDING_LENGTHS, "decisions.md, elastic steps", least=1e-3)
     n_bent_vertices: int = setting(1000, "decisions.md, elastic steps", least=100)
-    most_scaled: float = setting(
-        2.0, "decisions.md, elastic steps: limbs of half and twice the size", least=1
-    )
+    most_scaled: float = setting(2.0, "decisions.md, elastic steps: half and twice the size", least=1)
 
 
 @dataclass(frozen=True)
@@ -299,35 +274,30 @@ class OutcomeSettings(Settings):
     Parameters
     ----------
     coverage_radius : float
-        A target vertex this near to an image along edges, in √area, is covered.
-    tie, look_tie : float
-        Nothing decides between the map returned and an alternative whose score is below this
-        multiple of its own; the second is for shapes far from isometric, whose spectral residuals
-        are nearly equal.
-    mirror_tie : float
-        The same for a map of the other side if either is allowed; the poses alone may differ as
-        much.
+        Target vertices within this distance of an image, in √area along edges, are covered.
+    tie, look_tie, mirror_tie : float
+        A map is not sure if the score of an alternative is below this multiple of its own: in
+        general; between shapes far from isometric, whose spectral residuals are nearly equal; and
+        for maps of either side if both are allowed, as poses alone may differ as much.
     mirror_image : float
         A map of the orientation that is not allowed fits clearly better if its score is below this
         multiple of the score of the map returned.
     torn, torn_apart : float
-        Largest ratio of the squared lengths of the image of an edge and of the edge that counts;
+        Largest ratio of the squared lengths of an edge's image and of the edge that counts;
         difference of both lengths, in √area, from which the map tears the edge.
     poor_spectral_residual, poor_residual, poor_stretch, poor_torn_off, poor_orientation : float
-        Values above which a map is poor; for the orientation, below which.
+        A map is poor above these values of its `Quality`, and below the last.
     poor_bending, poor_far_residual, poor_far_descriptor_distance : float
-        Values of `Quality.bending_cost`, of the residual and of the descriptor distance above which
-        a map between shapes far from isometric is poor.
+        The same for shapes far from isometric: bending cost, residual and descriptor distance.
     poor_descriptor_distance : float
-        Mean descriptor distance, see `Quality`; a map is sure only if its own is well below.
+        A map is sure only if its mean descriptor distance is well below this; see `Quality`.
     doubtful_descriptor_distance, doubtful_area : float
-        The image of a vertex is doubtful if the mean descriptor distance of its neighbourhood
-        exceeds the median of the map by the first; a region of doubtful images lowers the outcome
-        if its share of the surface reaches the second.
+        The image of a vertex is doubtful if the mean descriptor distance around it exceeds the
+        median of the map by the first; a region of doubtful images lowers the outcome if its share
+        of the surface reaches the second.
     contradiction : float
-        Distance from the images that priors ask for, in √area, from which the priors are
-        contradicted: the mean of the landmarks (for a part the median), or the median of an initial
-        map, which may be wrong in places.
+        Priors are contradicted if images lie this far, in √area, from where priors ask for them:
+        the mean of landmarks (for a part the median), or the median of an initial map.
     out_of_pose : float
         ``start="pose"`` misleads if the mean distance of the images from the nearest points in
         space reaches this, in √area.
@@ -342,10 +312,8 @@ class OutcomeSettings(Settings):
     mirror_tie: float = setting(1.5, "lab/benchmarks.md, confidence: either side", least=1)
     mirror_image: float = setting(0.6, "lopsided creatures up to 0.52; bodies from 0.67", least=0, most=1)
     torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
-    poor_spectral_residual: float = setting(
-        0.66, "set on FAUST and creatures; lab/benchmarks.md, confidence", least=0
-    )
-    poor_residual: float = setting(0.38, "set on FAUST and creatures; lab/benchmarks.md, confidence", least=0)
+    poor_spectral_residual: float = setting(0.66, "FAUST and creatures; lab/benchmarks.md", least=0)
+    poor_residual: float = setting(0.38, "FAUST and creatures; lab/benchmarks.md, confidence", least=0)
     poor_stretch: float = setting(1.2, "lab/benchmarks.md, confidence", least=1)
     poor_bending: float = setting(1.7e-3, "decisions.md, elastic outcome", least=0)
     poor_far_residual: float = setting(0.45, "decisions.md, elastic outcome", least=0)
@@ -357,7 +325,5 @@ class OutcomeSettings(Settings):
     poor_torn_off: float = setting(0.005, "half a hand; right maps have at most 0.2 %", least=0)
     poor_orientation: float = setting(0.65, "chosen, not measured", least=-1, most=1)
     contradiction: float = setting(0.1, "lab/benchmarks.md, contradicted priors", least=0)
-    out_of_pose: float = setting(
-        0.25, "docs/priors.md, the pose: up to 0.22 turned by 40°, from 0.29 by 90°", least=0
-    )
+    out_of_pose: float = setting(0.25, "docs/priors.md, the pose: 0.22 at 40°, 0.29 at 90°", least=0)
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)

@@ -17,30 +17,27 @@ class PreparationSettings(Settings):
 
     Parameters
     ----------
-    extremity_spacing : float
-        Extremities nearer to each other than this, in √area, count as one: fingers must not
-        displace hands.
-    n_extremities : int
-        Largest number of extremities.
+    extremity_spacing, n_extremities : float, int
+        Extremities nearer to each other than this, in √area, count as one, as fingers must not
+        displace hands; largest number of extremities.
     signature_step : int
-        Step between the energies of the wave kernel signature that are used, out of a hundred.
+        Of a hundred energies of the wave kernel signature, every ``signature_step``-th is used.
     curvature_functions, energy_curvature_functions : tuple of int, int
         Numbers of Laplace–Beltrami functions of the smoothed surfaces whose signed mean curvatures
         are signatures; the number for the surface whose curvature the energy compares.
     distance_unit : {"average", "user"}
-        Unit in which distances of two shapes are compared: the average distance of each, or the
-        unit of the files.
+        Distances of two shapes are compared in the average distance of each, or in the units of the
+        files.
     block_diagonal : bool
         Whether an alignment never mixes descriptor columns of different sign.
     sheet_distance : float
         Glued or merged sheets, such as limbs that touch in a scan, are separated where their
         distance along the surface is at least this, in √area; ``inf`` leaves them together.
     self_contact_concavity, most_self_contacts : float, int
-        Fused limbs are cut along loops whose mean cost, see `cut_self_contacts`, is at most the
-        first; 0 cuts none. Shapes with more handles than the second are not cut: the handles are no
-        limbs that touch.
+        Fused limbs are cut along loops whose mean cost (`cut_self_contacts`) is at most the first;
+        0 cuts none. A shape with more handles than the second is not cut: they are no limbs.
     most_components : int
-        Largest number of components of a mesh, beside the largest one, that are matched separately.
+        Components of a mesh, beside the largest one, that are matched separately, at most.
     """
 
     extremity_spacing: float = setting(0.25, "0.15: thumbs displaced heads or feet on 4 of 50 pairs", least=0)
@@ -52,9 +49,7 @@ class PreparationSettings(Settings):
     block_diagonal: bool = setting(True, "lab/paper.md, deviations: C not block-diagonal")
     sheet_distance: float = setting(0.1, "decisions.md, separated sheets", least=0)
     self_contact_concavity: float = setting(0.5, "decisions.md, self-contacts: 0.16…0.36", least=0)
-    most_self_contacts: int = setting(
-        24, "decisions.md, self-contacts: limbs make up to 9, skulls 157", least=0
-    )
+    most_self_contacts: int = setting(24, "decisions.md, self-contacts: limbs 9, skulls 157", least=0)
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)
 
 
@@ -64,10 +59,9 @@ class LevelSettings(Settings):
 
     Parameters
     ----------
-    matched, polished : int
-        Vertices on which shapes are matched, and on which the map is then polished.
-    fast_matched, fast_polished : int
-        The same with ``resolution="fast"``.
+    matched, polished, fast_matched, fast_polished : int
+        Vertices on which shapes are matched, and on which the map is then polished; the same with
+        ``resolution="fast"``.
     spared : float
         A mesh up to this factor larger is not decimated.
     """

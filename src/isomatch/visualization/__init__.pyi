@@ -2,10 +2,14 @@ from isomatch.visualization.camera import camera_of, turn_to_target
 from isomatch.visualization.colours import position_colours, to_screen
 from isomatch.visualization.measures import Measure, quality_bounds, quality_measures
 from isomatch.visualization.notebook import ResultView, html_of, show_result
-from isomatch.visualization.pair_page import MOST_ALTERNATIVES
 from isomatch.visualization.picture import ValuePanel, arranged_panels, colour_scale
 from isomatch.visualization.plots import draw_map, drawable, plot_basis, plot_surface
-from isomatch.visualization.report import write_judgement, write_landmark_picker, write_report
+from isomatch.visualization.report import (
+    MOST_ALTERNATIVES,
+    write_judgement,
+    write_landmark_picker,
+    write_report,
+)
 from isomatch.visualization.summary import HEADLINES, Summary, summary_of
 from isomatch.visualization.surface_image import surface_image
 from isomatch.visualization.viewer import DrawnSurface, html_page, html_table, scripts_of, stage_of

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import permutations, product
-
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import SettingError
@@ -13,19 +12,15 @@ from isomatch.correspondence import Correspondence, nearest_rotation
 from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
 
-STANDING_VIEW = 32.0, 14.0  # degrees from the broad side, and above the horizon
-SHEET_VIEW = 0.0, 0.0  # degrees, as above; a sheet is seen facing its broad side
-SHEET_RATIO = 0.1  # thickness over width; thinner shapes are sheets
-# length over depth; a longer shape that can stand on its end, as a person, is upright
-UPRIGHT_RATIO = 1.6
-GROUND_SHARE = 0.06  # of the height; vertices this close to the ground carry the shape
-# of the height; distance of the centroid beyond the support of a shape that still stands
-MAX_OVERHANG = 0.02
-MAX_KEPT_TURN = np.radians(
-    65.0
-)  # radians; a source turned by less is not rotated, as its pose may explain the turn
-# radians; a rotation this near to quarter turns is replaced by them
-MAX_SNAP_ANGLE = np.radians(35.0)
+STANDING_VIEW = 32.0, 14.0  # The viewer is this many degrees from the broad side, and above the horizon.
+SHEET_VIEW = 0.0, 0.0  # A sheet is seen from these degrees: it faces the viewer with its broad side.
+SHEET_RATIO = 0.1  # A shape is a sheet if its thickness is below this share of its width.
+UPRIGHT_RATIO = 1.6  # A shape this many times longer than deep, as a person, stands on its end if it can.
+GROUND_SHARE = 0.06  # Vertices up to this share of the height above the lowest one carry the shape.
+MAX_OVERHANG = 0.02  # A shape falls if its centroid is farther beyond its support, as a share of the height.
+# A source is not rotated if it is turned by less than the first angle, in radians, as its pose may
+# explain that. A rotation within the second angle of quarter turns is replaced by them.
+MAX_KEPT_TURN, MAX_SNAP_ANGLE = np.radians(65.0), np.radians(35.0)
 
 
 def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] | None = None) -> FloatArray:
@@ -63,7 +58,7 @@ def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] 
         up = np.eye(3)[_up_axis(mesh) if up_axis is None else up_axis]
         _, level_axes = principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
         front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
-        narrow = level_axes[:, 1]  # column 0 is the up axis, along which the projected points have no extent
+        narrow = level_axes[:, 1]  # Column 0 is the up axis, along which the points have no extent.
         narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
         broad = np.cross(up, narrow)
     azimuth, elevation = np.radians(view or (SHEET_VIEW if is_sheet else STANDING_VIEW))
@@ -82,9 +77,9 @@ def principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, F
 
 def _up_axis(mesh: Mesh) -> int:
     """Guess the up axis, 1 or 2."""
-    # First choice: the axis with the shape's lowest point at 0, if there is one such axis. Second:
-    # a long axis on which the shape can stand (a wolf is long, but would fall on its nose). Last:
-    # the axis on which it is more stable.
+    # We prefer the axis with the shape's lowest point at 0, if there is one such axis; then a long axis
+    # on which the shape can stand (a wolf is long, but would fall on its nose); then the axis on which
+    # it is more stable.
     used = mesh.vertices[mesh.vertex_areas > 0]
     extent = np.ptp(used, axis=0)
     on_the_floor = [axis for axis in (1, 2) if abs(used[:, axis].min()) < GROUND_SHARE * extent[axis]]
@@ -101,7 +96,7 @@ def _stability(mesh: Mesh, axis: int) -> float:
     """Distance from the centroid to the edge of the support, over the height; < 0 if it falls."""
     height = mesh.vertices[:, axis]
     used = mesh.vertex_areas > 0
-    low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)
+    low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)  # no division by zero
     ground = np.delete(mesh.vertices, axis, axis=1)
     centroid = np.average(ground, axis=0, weights=mesh.vertex_areas)
     try:
@@ -148,16 +143,12 @@ def turn_to_target(
     best = nearest_rotation(at_target.T @ (at_source * weights[:, None]))
     if not upright:
         return best
-    cosines = np.array([(np.trace(turn.T @ best) - 1) / 2 for turn in _QUARTER_TURNS])
-    # the first turn is the identity, which is preferred up to `MAX_KEPT_TURN`
-    cosines[0] += np.cos(MAX_SNAP_ANGLE) - np.cos(MAX_KEPT_TURN)
+    cosines = ((_QUARTER_TURNS * best).sum(axis=(1, 2)) - 1) / 2  # cosines of the angles to each quarter turn
+    # The identity, which alone has trace 3, is preferred up to `MAX_KEPT_TURN`.
+    is_identity = _QUARTER_TURNS.trace(axis1=1, axis2=2) == 3
+    cosines[is_identity] += np.cos(MAX_SNAP_ANGLE) - np.cos(MAX_KEPT_TURN)
     nearest = int(cosines.argmax())
     return _QUARTER_TURNS[nearest] if cosines[nearest] > np.cos(MAX_SNAP_ANGLE) else best
 
 
-_QUARTER_TURNS = [
-    turn
-    for order in permutations(range(3))
-    for signs in product((1.0, -1.0), repeat=3)
-    if np.linalg.det(turn := np.eye(3)[list(order)] * signs) > 0
-]
+_QUARTER_TURNS = np.rint(Rotation.create_group("O").as_matrix()) + 0.0  # the 24 rotations that keep a cube

@@ -8,10 +8,10 @@ from isomatch._core.arrays import FloatArray
 from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import principal_axes
 
-MAX_CHROMA = 0.17  # in Oklab; screens can show it in most hues
-# 0: chroma is linear in the position, and the middle is grey; 1: all colours are equally vivid
+VIVID_CHROMA = 0.17  # Chromas in Oklab are moved towards this one, which screens show in most hues.
+# With 0, chroma is linear in the position, and the middle is grey; with 1, all colours are equally vivid.
 CHROMA_EVENNESS = 0.3
-UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # linear light
+UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # red, green and blue in linear light
 
 _OKLAB_TO_LMS = np.array(
     [
@@ -54,9 +54,9 @@ def position_colours(mesh: Mesh) -> FloatArray:
     lightness = 0.72 + 0.06 * along + 0.12 * third
     chroma = np.column_stack([0.12 * across - 0.02 * along, 0.15 * along - 0.01])
     vividness = np.linalg.norm(chroma, axis=1, keepdims=True)
-    chroma *= (MAX_CHROMA / np.maximum(vividness, 1e-3)) ** CHROMA_EVENNESS
+    chroma *= (VIVID_CHROMA / np.maximum(vividness, 1e-3)) ** CHROMA_EVENNESS
     oklab = np.column_stack([lightness, chroma])
-    # to linear light, clipped to the gamut of sRGB
+    # The colours are turned into linear light and clipped to the gamut of sRGB.
     return np.asarray(np.clip((oklab @ _OKLAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T, 0.0, 1.0))
 
 
@@ -65,7 +65,7 @@ def principal_coordinates(mesh: Mesh) -> FloatArray:
     areas = np.maximum(mesh.vertex_areas, 0.0)
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=areas)
     axes = principal_axes(mesh.vertices, areas)[1][:, ::-1]
-    # the largest component of each axis is positive
+    # The largest component of each axis is made positive.
     axes = axes * np.sign(axes[np.abs(axes).argmax(axis=0), range(3)])
     return np.column_stack([_spread_evenly(column, areas) for column in (centred @ axes).T])
 
@@ -75,7 +75,7 @@ def _spread_evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
     order = values.argsort()
     share = np.empty_like(values)
     share[order] = np.cumsum(areas[order]) / areas.sum()
-    used = values[areas > 0]  # a vertex that no face uses may be far away
+    used = values[areas > 0]  # A vertex that no face uses may be far away.
     extent = max(float(np.ptp(used)), 1e-300)
     scaled = np.clip(2.0 * (values - used.min()) / extent - 1.0, -1.0, 1.0)
     return np.asarray(0.5 * scaled + 0.5 * (2.0 * share - 1.0))

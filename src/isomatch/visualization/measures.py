@@ -53,7 +53,7 @@ class Measure:
         return (self.most is None or number <= self.most) and (self.least is None or number >= self.least)
 
 
-_SHOWN = {  # by field of `Quality`: name, format of its value, and unit
+_SHOWN = {  # Each field of `Quality` has a name, a format of its value, and a unit.
     "spectral_residual": ("spectral residual", "{:.2f}", "0: same; 0.4: two people"),
     "runner_up": ("best alternative", "{:.2f} ×", "1 is a tie; large is clear"),
     "mirrored": ("mirror image", "{:.2f} ×", "1 is a tie; above 1.5 clear"),
@@ -108,7 +108,7 @@ _MEANINGS = {
     "relative to √area.",
 }
 MEASURES = {field: Measure(*shown, _MEANINGS[field]) for field, shown in _SHOWN.items()}
-# side of the bound of each measure, and the setting that holds it; maps of parts have other bounds
+# Each measure that has a bound names its side, and the setting that holds it; maps of parts have others.
 _BOUNDS = {
     "spectral_residual": ("most", "outcome.poor_spectral_residual"),
     "runner_up": ("least", "outcome.tie"),
@@ -134,7 +134,7 @@ def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool
     for field, number in asdict(result.quality).items():
         measure = measures.get(field, Measure(field, "{:.3g}", "", ""))
         against = not measure.holds(number)
-        if field == "orientation":  # a mirror image may be wanted; the outcome considers that
+        if field == "orientation":  # A mirror image may be wanted, which the outcome considers.
             kept = -number if result.config.orientation == "reverse" else number
             against = result.outcome.is_doubtful and not measure.holds(kept)
         if not isnan(number):

@@ -26,24 +26,16 @@ from isomatch.shapes import PreparedShape
 from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, unsound_faces
 from isomatch.visualization.measures import MEASURES, quality_measures
-from isomatch.visualization.pair_page import (
-    list_of_questions,
-    maps_of,
-    open_questions_of,
-    page_of,
-    pairs_on,
-    pairs_shown,
-    parts_of,
-)
 from isomatch.visualization.picture import SHARPNESS
 from isomatch.visualization.plots import draw_map, drawable, plot_surface, scale_for_drawing
-from isomatch.visualization.scene import layers_of, scene_of
+from isomatch.visualization.report import SIDES, page_of_result, pairs_on, shown_maps
+from isomatch.visualization.scene import layers_of
 from isomatch.visualization.summary import HEADLINES, outcome_colour, summary_of
 from isomatch.visualization.viewer import html_table, template, text_of
 
 logger = logging.getLogger(__name__)
-PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page
-_LINE = "1px solid rgba(128,128,128,.35)"  # seen on light and on dark pages
+PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page across a picture of two shapes, and of one
+_LINE = "1px solid rgba(128,128,128,.35)"  # This colour is seen on light and on dark pages.
 _CELL = f"text-align:left;vertical-align:top;padding:.2em 1.2em .2em 0;border:0;border-bottom:{_LINE};white-space:normal"
 
 
@@ -110,16 +102,15 @@ def _(result: MatchResult) -> str:
         "",
         _verdict(result.outcome, summary.headline, summary.sureness, summary.advice_in_python),
         _pair_picture(result.map),
-        _table_of_known(rows),
+        _table(rows.items()),
         _fold(f"{len(measures)} measures of quality, {finding}", table),
-        _fold("How it was found", _table_of_known(origin)),
+        _fold("How it was found", _table(origin.items())),
     )
 
 
 @html_of.register
 def _(both: BothDirections) -> str:
-    titled = {"there: source → target": both.there, "back: target → source": both.back}
-    return _card("", *(f"<p><b>{title}</b></p>{html_of(result)}" for title, result in titled.items()))
+    return _card("", *(f"<p><b>{name}</b></p>{html_of(result)}" for name, result in both._asdict().items()))
 
 
 @html_of.register
@@ -145,7 +136,7 @@ def _(shape: PreparedShape) -> str:
         "notes": "; ".join(shape.notes),
         "seconds": f"{shape.seconds:.2f}",
     }
-    return _card("PreparedShape", _alone_picture(shape.surface), _table_of_known(rows))
+    return _card("PreparedShape", _alone_picture(shape.surface), _table(rows.items()))
 
 
 @html_of.register
@@ -169,7 +160,7 @@ def _basis_card(basis: DistanceBasis | LaplaceBasis, rows: Mapping[str, object],
     size_text = f"{size / 2**20:,.1f} MiB, where the matrix of all would take {8 * n * n / 2**20:,.0f}"
     notes = "; ".join(basis.notes)
     rows = {"points": f"{n:,}", **rows, "size": size_text, **more, "notes": notes}
-    return _card(type(basis).__name__, _table_of_known(rows))
+    return _card(type(basis).__name__, _table(rows.items()))
 
 
 @html_of.register
@@ -177,19 +168,11 @@ def _(config: Config) -> str:
     default, settings = Config(), config.to_dict()
     changed = [(name, value, attrgetter(name)(default)) for name, value in config.changed().items()]
     stages = {name: settings.pop(name) for name in list(settings) if isinstance(settings[name], Mapping)}
-    every = {
-        **settings,
-        **{f"{stage}.{name}": x for stage, fields in stages.items() for name, x in fields.items()},
-    }
+    settings |= {f"{stage}.{name}": x for stage, fields in stages.items() for name, x in fields.items()}
     summary = "<p>All settings have their defaults.</p>"
     if changed:
         summary = _table(changed, ("changed", "value", "default"))
-    return _card("Config", summary, _fold("All settings", _table(every.items())))
-
-
-def _table_of_known(rows: Mapping[str, object]) -> str:
-    """Make a table of the rows with a text."""
-    return _table((name, text) for name, text in rows.items() if text != "")
+    return _card("Config", summary, _fold("All settings", _table(settings.items())))
 
 
 def _verdict(outcome: Outcome, headline: str, *texts: str) -> str:
@@ -242,10 +225,11 @@ def _card(title: str, *parts: str) -> str:
 
 
 def _table(rows: Iterable[Sequence[object]], heads: Sequence[str] = ()) -> str:
-    """Make a table with its styles in place."""
+    """Make a table with its styles in place; rows without a text are left out."""
     table = "color:inherit;border-collapse:collapse;margin:.4em 0;font-size:.95em;font-variant-numeric:tabular-nums"
     styles = {"table": table, "td": _CELL, "th": f"{_CELL};font-weight:400;opacity:.75"}
-    styled = html_table(rows, heads).replace("<tr>", '<tr style="background:none">')
+    known = [row for row in rows if row[1] != ""]
+    styled = html_table(known, heads).replace("<tr>", '<tr style="background:none">')
     return re.sub(r"<(table|td|th)\b", lambda tag: f'{tag[0]} style="{styles[tag[1]]}"', styled)
 
 
@@ -257,7 +241,7 @@ def _list_settings(settings: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} = {value!r}" for name, value in settings.items())
 
 
-SANDBOX = "allow-scripts allow-downloads"  # the page reaches neither the notebook nor anything else
+SANDBOX = "allow-scripts allow-downloads"  # The page reaches neither the notebook nor anything else.
 HOW_TO_USE_CLICKS = (
     "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
 )
@@ -317,28 +301,26 @@ def show_result(
     """Make the view of a result for a notebook, see `MatchResult.show`."""
     source, target = drawable(source), drawable(target)
     pairs = pairs_on(landmarks, source, target)
-    open_questions = open_questions_of(source, target, result)
-    scene = scene_of(
-        source,
-        target,
-        maps_of(result),
-        layers=layers_of(result),
-        landmarks=pairs_shown(pairs, open_questions),
-    )
     if notebook_shell() is None:
         logger.warning(
             "this view is for notebooks; isomatch.visualization.write_report('report.html', source, target, result) "
             "writes it as a page for a browser"
         )
-    instructions, command = (
-        (HOW_TO_USE_CLICKS, MATCH_AGAIN) if clicks_return() else (HOW_TO_SAVE_CLICKS, MATCH_SAVED)
+    instructions, command = HOW_TO_SAVE_CLICKS, MATCH_SAVED
+    if clicks_return():
+        instructions, command = HOW_TO_USE_CLICKS, MATCH_AGAIN
+    page = page_of_result(
+        (source, target),
+        SIDES,
+        result,
+        pairs,
+        shown_maps(source, target, result),
+        layers_of(result),
+        style=text_of("inline.css"),
+        work=f"<script>\n{text_of('inline.js')}</script>",
+        picking="" if result.outcome is Outcome.CONVERGED else " checked",
+        landmarks=template("inline_landmarks.html").substitute(told=instructions, command=escape(command)),
     )
-    panel = template("inline_landmarks.html").substitute(told=instructions, command=escape(command))
-    ends, names = (source, target), ("source", "target")
-    parts = {"style": text_of("inline.css"), "work": f"<script>\n{text_of('inline.js')}</script>"}
-    parts |= {"picking": "" if result.outcome is Outcome.CONVERGED else " checked", "landmarks": panel}
-    parts["details"] = list_of_questions(open_questions)
-    page = page_of(ends, names, scene, pairs, **parts, **parts_of(scene, result))
     return ResultView(page, pairs, height)
 
 

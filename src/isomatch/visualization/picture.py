@@ -26,25 +26,30 @@ from isomatch._core.cached import cached_property
 from isomatch._core.errors import DescriptorError, SettingError
 from isomatch.visualization.surface_image import SurfaceView
 
-DPI = 200
-SHARPNESS = 2  # pixels of a picture per pixel of a page, for sharp screens
-MAX_HEIGHT_RATIO = 1.15  # height of a panel over its width
-MIN_WIDTH = 200  # pixels of a picture
-MARGIN, TITLE, COLOUR_BAR = 30, 70, 175  # pixels; the smallest width of a colour bar with its label
-BAR, BAR_HEIGHT = 24, 0.7  # width in pixels; height as a share of the panel's
-# pixels; height of panels at which a bar has room for two numbers and a word of its label
+DPI = 200  # dots per inch, which turns the points of letters into pixels
+SHARPNESS = 2  # A page shows pictures with this many of their pixels for each of its own, for sharp screens.
+MAX_HEIGHT_RATIO = 1.15  # A panel is at most this many times higher than wide.
+MIN_WIDTH = 200  # A picture has at least this many pixels across.
+MARGIN, TITLE_HEIGHT = 30, 70  # pixels between panels, and pixels of height that a title takes
+MIN_BAR_ROOM = 175  # A colour bar with its label takes at least this many pixels across.
+BAR_WIDTH, BAR_HEIGHT = 24, 0.7  # width of a bar in pixels, and its height as a share of the panel's
+# Panels beside a bar have at least this height in pixels, for two numbers and a word of its label.
 MIN_HEIGHT_BESIDE_BAR = 120
-TEXT = 9  # points
+TEXT_POINTS = 9  # size of letters in points
 
 
 class Picture(Figure):
     """A matplotlib figure with a size in pixels; ``seen`` describes what it shows."""
 
     def __init__(self, width: int, height: int, seen: str = "") -> None:
-        whole = 1e-6  # pixels; keeps rounding from losing one
-        super().__init__(((width + whole) / DPI, (height + whole) / DPI), dpi=DPI, facecolor="white")
+        spare = 1e-6  # Rounding loses no pixel if each side is longer by this share of one.
+        super().__init__(((width + spare) / DPI, (height + spare) / DPI), dpi=DPI, facecolor="white")
         FigureCanvasAgg(self)
         self.seen = seen
+
+    def axes_at(self, *place: float) -> Axes:
+        """Add axes, whose place is left, bottom, width and height in pixels."""
+        return self.add_axes(tuple(np.divide(place, [self.bbox.width, self.bbox.height] * 2)))
 
     def png(self, *, transparent: bool = False) -> bytes:
         """Return the picture as a PNG file."""
@@ -69,11 +74,12 @@ def compose_picture(
     """Place panels in a row, all at the same scale, beside a bar that explains the colours of values."""
     if int(width) != width or width < MIN_WIDTH:
         raise SettingError(f"width = {width} is not an integer of at least {MIN_WIDTH} pixels")
-    above, below = (TITLE if any(texts) else 0 for texts in ([title], [panel.title for panel in panels]))
-    extents = np.array([panel.extent() for panel in panels])  # (panels, 2)
-    right, least = (0, 1) if values is None else (COLOUR_BAR, MIN_HEIGHT_BESIDE_BAR)
+    above = TITLE_HEIGHT if title else 0
+    below = TITLE_HEIGHT if any(panel.title for panel in panels) else 0
+    extents = np.array([panel.extent() for panel in panels])  # widths and heights, (panels, 2)
+    right, least = (0, 1) if values is None else (MIN_BAR_ROOM, MIN_HEIGHT_BESIDE_BAR)
     room, scale, height = _fit_panels(extents, width - right, least)
-    # a wider bar leaves less height for its label, and that may take more lines
+    # A wider bar leaves less height for its label, which may then take more lines.
     while values is not None and right < (needed := min(_bar_width(values, height), width // 2)):
         right = needed
         room, scale, height = _fit_panels(extents, width - right, least)
@@ -82,10 +88,13 @@ def compose_picture(
     picture = Picture(width, height + 2 * MARGIN + above + below, seen)
     bottom, left = below + MARGIN, MARGIN
     for panel, panel_width in zip(panels, widths.tolist()):
-        _add_image(picture, panel.pixels(panel_width, height, scale), left, bottom)
+        image = (255 * panel.pixels(panel_width, height, scale)).round().astype(np.uint8)
+        axes = picture.axes_at(left, bottom, panel_width, height)
+        axes.set_axis_off()
+        axes.imshow(image, interpolation="none", aspect="auto")
         _add_text(picture, panel.title, left + panel_width / 2, bottom / 2)
         left += panel_width + MARGIN
-    _add_text(picture, title, width / 2, bottom + height + MARGIN + above / 2, size=TEXT + 2)
+    _add_text(picture, title, width / 2, bottom + height + MARGIN + above / 2, size=TEXT_POINTS + 2)
     if values is not None:
         _add_colour_bar(picture, values, width - right, bottom, height)
     return picture
@@ -99,16 +108,7 @@ def _fit_panels(extents: FloatArray, width: int, least: int) -> tuple[int, float
     return room, scale, max(int(np.ceil(scale * extents[:, 1].max())), least)
 
 
-def _add_image(picture: Picture, image: FloatArray, left: int, bottom: int) -> None:
-    """Show an image (h, w, 4) in axes of its own, pixel for pixel."""
-    height, width = image.shape[:2]
-    size = np.array([picture.bbox.width, picture.bbox.height] * 2)
-    axes = picture.add_axes(tuple(np.array([left, bottom, width, height]) / size))
-    axes.set_axis_off()
-    axes.imshow((255 * image).round().astype(np.uint8), interpolation="none", aspect="auto")
-
-
-def _add_text(picture: Picture, text: str, x: float, y: float, size: int = TEXT) -> None:
+def _add_text(picture: Picture, text: str, x: float, y: float, size: int = TEXT_POINTS) -> None:
     """Write a text with its middle at a pixel; a dollar sign in it does not start a formula."""
     x, y = x / picture.bbox.width, y / picture.bbox.height
     picture.text(x, y, _drawable(text), ha="center", va="center", size=size, color="black", parse_math=False)
@@ -122,14 +122,13 @@ def _drawable(text: str) -> str:
 
 def _add_colour_bar(picture: Picture, values: ValuePanel, left: int, bottom: int, height: int) -> Axes:
     """Add the bar beside a panel; its label may exceed the bar by a margin at each end."""
-    size = np.array([picture.bbox.width, picture.bbox.height] * 2)
     tall = BAR_HEIGHT * height
-    axes = picture.add_axes(tuple(np.array([left, bottom + (height - tall) / 2, BAR, tall]) / size))
+    axes = picture.axes_at(left, bottom + (height - tall) / 2, BAR_WIDTH, tall)
     bar = picture.colorbar(ScalarMappable(values.scale(), values.colours), cax=axes, extend=values.beyond)
-    bar.ax.tick_params(labelsize=TEXT - 2, colors="black")
-    bar.ax.yaxis.offsetText.set_fontsize(TEXT - 2)
+    bar.ax.tick_params(labelsize=TEXT_POINTS - 2, colors="black")
+    bar.ax.yaxis.offsetText.set_fontsize(TEXT_POINTS - 2)
     lines = _break_label(_drawable(values.label), tall + 2 * MARGIN)
-    bar.set_label("\n".join(lines), size=TEXT - 2, color="black", parse_math=False)
+    bar.set_label("\n".join(lines), size=TEXT_POINTS - 2, color="black", parse_math=False)
     return bar.ax
 
 
@@ -147,16 +146,15 @@ def _break_label(label: str, length: float) -> list[str]:
         every = (wrap(label, width, break_long_words=False) for width in count(1))
         return next(lines for lines in every if len(lines) <= n_lines)
 
-    measured = Picture(MIN_WIDTH, MIN_WIDTH).text(0, 0, "", size=TEXT - 2, parse_math=False)
+    measured = Picture(MIN_WIDTH, MIN_WIDTH).text(0, 0, "", size=TEXT_POINTS - 2, parse_math=False)
 
     def longest(lines: list[str]) -> float:
         measured.set_text("\n".join(lines))
         return measured.get_window_extent().width
 
     most = max(len(label.split()), 1)
-    return next(
-        (lines for n in range(1, most) if longest(lines := break_into(n)) <= length), break_into(most)
-    )
+    choices = (break_into(n) for n in range(1, most))
+    return next((lines for lines in choices if longest(lines) <= length), break_into(most))
 
 
 def png(data: bytes) -> str:
@@ -164,11 +162,20 @@ def png(data: bytes) -> str:
     return "data:image/png;base64," + b64encode(data).decode("ascii")
 
 
-OUTLIER_SHARE = 0.01  # values beyond each end of the colour bar
-# share of the largest magnitude; values this far on both sides of 0 get a two-sided colour map
+def vertex_values(values: ArrayLike, n: int, name: str) -> FloatArray:
+    """Return n values, nan where not finite; `DescriptorError` if there is not one for each vertex."""
+    rows = numbers_of(values, name, DescriptorError)
+    if rows.shape != (n,):
+        raise DescriptorError(f"{name}: shape {rows.shape}; expected ({n},), one number for each vertex")
+    return np.where(np.isfinite(rows), rows, np.nan)
+
+
+OUTLIER_SHARE = 0.01  # This share of the values lies beyond each end of the colour bar.
+# Values have both signs, and a two-sided colour map, if they reach this share of the largest
+# magnitude on both sides of 0.
 BOTH_SIGNS_RATIO = 0.2
-ZERO_START_RATIO = 0.5  # of the highest value; positive values that begin lower are shown from 0
-ONE_SIGN_MAP, BOTH_SIGNS_MAP = "cividis", "PuOr_r"  # both safe for the colour-blind
+ZERO_START_RATIO = 0.5  # Positive values that begin below this share of the highest are shown from 0.
+ONE_SIGN_MAP, BOTH_SIGNS_MAP = "cividis", "PuOr_r"  # These colour maps are safe for the colour-blind.
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,10 +230,7 @@ class ValuePanel:
 
     def rows(self, n: int) -> FloatArray:
         """Return n values, nan where not finite; `DescriptorError` if there are not n."""
-        rows = numbers_of(self.values, "values", DescriptorError)
-        if rows.shape != (n,):
-            raise DescriptorError(f"values have shape {rows.shape}; expected ({n},), one for each vertex")
-        return np.where(np.isfinite(rows), rows, np.nan)
+        return vertex_values(self.values, n, "values")
 
     def paint(self, values: FloatArray) -> FloatArray:
         """Screen colours (m, 3) of values (m, 1); nan of nan."""

@@ -20,11 +20,11 @@ from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.surfaces import Graph, Mesh, Surface
 from isomatch.visualization.camera import camera_of, of_ordinary_size, turn_to_target
 from isomatch.visualization.colours import position_colours
-from isomatch.visualization.picture import TEXT, Picture, ValuePanel, compose_picture
+from isomatch.visualization.picture import TEXT_POINTS, Picture, ValuePanel, compose_picture
 from isomatch.visualization.surface_image import SurfaceView
 
-WIDTH = 1800
-MIN_AREA = 1e-100  # after scaling to ordinary size; squares of smaller areas vanish
+WIDTH = 1800  # pixels across a picture of a map or a basis
+MIN_AREA = 1e-100  # A mesh of a smaller area after scaling is not drawn, as the squares of its areas vanish.
 SEEN = "{} on the left, {} on the right; points of the same colour correspond."
 
 
@@ -111,12 +111,12 @@ def paint_values(
     return SurfaceView(mesh, camera, rows[:, None], lambda seen: linear_of(values.paint(seen)), title)
 
 
-CLAY = linear_of(np.array([200, 200, 196]) / 255)  # as in the report
-ALONE_WIDTH = 1000  # pixels; width of the picture of one surface
-N_SHOWN_VECTORS = 4  # vectors of a basis that are drawn on a surface
-NULL_RATIO = 1e-9  # of the largest eigenvalue; smaller eigenvalues are rounding errors
-CHART_HEIGHT_RATIO = 0.36  # height of a chart over its width
-POSITIVE, NEGATIVE = "#0072b2", "#d55e00"  # safe for the colour-blind (Okabe & Ito)
+CLAY = linear_of(np.array([200, 200, 196]) / 255)  # linear light of a surface without values
+ALONE_WIDTH = 1000  # pixels across a picture of one surface
+N_SHOWN_VECTORS = 4  # This many vectors of a basis are drawn on a surface.
+NULL_RATIO = 1e-9  # Eigenvalues below this share of the largest are rounding errors, and shown as 0.
+CHART_HEIGHT_RATIO = 0.36  # A chart is this many times as high as wide.
+POSITIVE, NEGATIVE = "#0072b2", "#d55e00"  # These colours are safe for the colour-blind (Okabe & Ito).
 
 
 def plot_surface(
@@ -238,7 +238,7 @@ def _spectrum(basis: DistanceBasis | LaplaceBasis, title: str, width: int) -> Pi
         charts[0].scatter(number[positive], size[positive], 12, POSITIVE, label="positive")
         charts[0].scatter(number[~positive], size[~positive], 12, NEGATIVE, label="negative")
         charts[0].set_yscale("log")
-        charts[0].legend(fontsize=TEXT - 1, frameon=False)
+        charts[0].legend(fontsize=TEXT_POINTS - 1, frameon=False)
         _label_axes(charts[0], "number", "size of the eigenvalue")
     else:
         charts[0].scatter(number, basis.values, 12, POSITIVE)
@@ -248,20 +248,19 @@ def _spectrum(basis: DistanceBasis | LaplaceBasis, title: str, width: int) -> Pi
         charts[1].set_yscale("log")
         _label_axes(charts[1], "vectors kept", "relative error of the distances, %")
     if title:
-        picture.suptitle(title, fontsize=TEXT + 2, parse_math=False)
+        picture.suptitle(title, fontsize=TEXT_POINTS + 2, parse_math=False)
     return picture
 
 
 def _label_axes(axes: Axes, x: str, y: str) -> None:
-    axes.set_xlabel(x, fontsize=TEXT)
-    axes.set_ylabel(y, fontsize=TEXT)
-    axes.tick_params(labelsize=TEXT - 1)
+    axes.set_xlabel(x, fontsize=TEXT_POINTS)
+    axes.set_ylabel(y, fontsize=TEXT_POINTS)
+    axes.tick_params(labelsize=TEXT_POINTS - 1)
     axes.spines[["top", "right"]].set_visible(False)
 
 
-N_NEIGHBOURS = 8  # of a point; triangles are drawn between them
-# radians, about 150°; a wider angle between two neighbours is a hole or a border
-MAX_GAP_ANGLE = 2.6
+N_NEIGHBOURS = 8  # Triangles are drawn between a point and this many neighbours.
+MAX_GAP_ANGLE = 2.6  # A wider angle between two neighbours, in radians, is a hole or a border (about 150°).
 
 
 def drawable(surface: Surface) -> Mesh:
@@ -282,12 +281,12 @@ def drawable(surface: Surface) -> Mesh:
         return surface
     if isinstance(surface, Graph):
         raise TypeError(f"{surface!r} has no positions to draw")
-    # each point with its nearest neighbours, in turn around it in the plane that fits them best
+    # The neighbours of each point are sorted around it, in the plane that fits them best.
     points, n = surface.vertices, surface.n_vertices
     k = min(N_NEIGHBOURS, n - 1)
     near = cKDTree(points).query(points, k + 1)[1][:, 1:]
-    offsets = points[near] - points[:, None]  # (n, k, 3)
-    axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))[1]  # the last two span the plane
+    offsets = points[near] - points[:, None]  # from each point to its k neighbours, (n, k, 3)
+    axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))[1]  # The last two span the plane.
     flat = np.einsum("nki,nij->nkj", offsets, axes[:, :, 1:])
     angles = np.arctan2(flat[..., 1], flat[..., 0])
     order = angles.argsort(axis=1)

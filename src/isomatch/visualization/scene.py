@@ -10,13 +10,14 @@ import numpy as np
 from matplotlib import colormaps
 from numpy.typing import ArrayLike
 
-from isomatch._core.arrays import FloatArray, IntArray, numbers_of
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import DescriptorError
 from isomatch.correspondence import Correspondence
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import camera_of, of_ordinary_size, turn_to_target
 from isomatch.visualization.colours import UNMATCHED_GREY, position_colours
+from isomatch.visualization.picture import vertex_values
 from isomatch.visualization.viewer import MOST_SHOWN, DrawnSurface, encoded, encoded_colours, encoded_normals
 
 Side = Literal["source", "target"]
@@ -32,7 +33,7 @@ def scene_of(
     most: int = MOST_SHOWN,
 ) -> dict[str, Any]:
     """Collect the data of a report's 3D view; layers are values at the source's vertices under the first map."""
-    # Plain values for JSON; arrays are little-endian, in base 64:
+    # The values are plain, for JSON; arrays are little-endian, in base 64:
     # source, target: as `DrawnSurface.packed`, and colours (uint8 × 3, target only)
     # filed: the rotation (3 rows) that turns the source back to its orientation in the file
     # maps: for each shown source vertex images (int32, the user's index of the target vertex, −1 if unmatched), points
@@ -49,9 +50,9 @@ class DrawnPair:
         self,
         source: Mesh,
         target: Mesh,
-        facing: Correspondence | None = None,  # turns the source to face like the target
+        facing: Correspondence | None = None,  # The source is turned to face like the target under this map.
         *,
-        landmarks: IntArray | None = None,  # (q, 2) pairs of vertices that simplification keeps
+        landmarks: IntArray | None = None,  # Simplification keeps the vertices of these pairs, (q, 2).
         most: int = MOST_SHOWN,
     ) -> None:
         self._source, self._target = of_ordinary_size(source), of_ordinary_size(target)
@@ -110,27 +111,24 @@ class DrawnPair:
         return self._camera @ turn.T @ self._camera.T
 
 
-# names of the report's own layers; every map has the first two
+# The report itself has layers with these names; every map has the first two.
 BUILT_IN = ("position", "stretch", "expected error", "descriptor distance", "doubt")
-N_RAMP_COLOURS = 9  # the browser interpolates between these colours of a ramp
-N_LEVELS = 254  # a stored value is a level from 0 to this
-NO_VALUE_LEVEL = 255
-# √area; the ramp extends at least to this error, at which the confidence is ½
-MIN_ERROR_RANGE = 0.05
-# standard deviations at the end of the ramp; random points differ by about 0.8
-DESCRIPTOR_RANGE = 1.0
-OUTLIER_SHARE = 0.02  # of the values; they may lie beyond an end of the ramp
+N_RAMP_COLOURS = 9  # A ramp is sent as this many colours, between which the browser interpolates.
+MAX_LEVEL, NO_VALUE_LEVEL = 254, 255  # A value is sent as a level from 0 to the first; the second is nan.
+MIN_ERROR_RANGE = 0.05  # The ramp extends at least to this error, in √area, at which the confidence is ½.
+DESCRIPTOR_RANGE = 1.0  # The ramp ends at this many standard deviations; random points differ by about 0.8.
+OUTLIER_SHARE = 0.02  # At most this share of the values lies beyond each end of the ramp.
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
     """Values at the source's vertices."""
 
-    values: FloatArray  # (n_source,), nan is drawn grey
-    low: float  # end of the ramp
-    high: float
-    meaning: str = ""
-    ratio: bool = False  # drawn on a logarithmic ramp with a neutral middle
+    values: FloatArray  # a value for each source vertex, (n_source,); nan is drawn grey
+    low: float  # value at the lower end of the ramp
+    high: float  # value at the upper end
+    meaning: str = ""  # what the legend says
+    ratio: bool = False  # whether the ramp is logarithmic, with a neutral middle
 
     def packed(self, index: IntArray) -> dict[str, Any]:
         """Plain values for JSON; ``levels`` are uint8 at the vertices of ``index``, 255 where there is no value."""
@@ -144,7 +142,7 @@ class Layer:
             "ratio": self.ratio,
             "meaning": self.meaning,
             "ramp": np.rint(255 * ramp).astype(int).tolist(),
-            "levels": encoded(np.where(np.isnan(shares), NO_VALUE_LEVEL, np.rint(N_LEVELS * shares)), "u1"),
+            "levels": encoded(np.where(np.isnan(shares), NO_VALUE_LEVEL, np.rint(MAX_LEVEL * shares)), "u1"),
         }
 
 
@@ -172,17 +170,10 @@ def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Lay
     for name, layer_values in values.items():
         if name in BUILT_IN:
             raise DescriptorError(f"every report has a layer {name!r} of its own; give yours another name")
-        rows = numbers_of(layer_values, f"layer {name!r}", DescriptorError)
-        if rows.shape != (n_source,):
-            raise DescriptorError(
-                f"layer {name!r} has shape {rows.shape}, expected one value for each of the {n_source} source vertices"
-            )
-        rows = np.where(np.isfinite(rows), rows, np.nan)
-        low, high = (
-            np.nanquantile(rows, [OUTLIER_SHARE, 1 - OUTLIER_SHARE])
-            if np.isfinite(rows).any()
-            else (0.0, 1.0)
-        )
+        rows = vertex_values(layer_values, n_source, f"layer {name!r}")
+        low, high = 0.0, 1.0
+        if np.isfinite(rows).any():
+            low, high = np.nanquantile(rows, [OUTLIER_SHARE, 1 - OUTLIER_SHARE])
         low = 0.0 if 0.0 <= low < 0.5 * high else float(low)
         layers[name] = Layer(rows, low, float(high) if high > low else low + 1.0)
     return layers
@@ -190,8 +181,8 @@ def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Lay
 
 def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:
     """Compute how much the edges at each vertex are stretched, relative to the median."""
-    # √(Σ |φ(a) − φ(b)|² / Σ |a − b|²), over the edges ab at a vertex, if both ends have images φ
-    images = correspondence.pull_back(target.vertices)  # nan where unmatched
+    # The stretch at a vertex is √(Σ |φ(a) − φ(b)|² / Σ |a − b|²); we sum its edges ab whose ends have images φ.
+    images = correspondence.pull_back(target.vertices)  # images are nan where unmatched
     a, b = source.edges.T
     before = ((source.vertices[a] - source.vertices[b]) ** 2).sum(axis=1)
     after = ((images[a] - images[b]) ** 2).sum(axis=1)

@@ -14,13 +14,12 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import of_ordinary_size
 from isomatch.visualization.measures import config_of, is_of_whole, quality_measures
 
-# lower is an expected error above 0.05 √area, see `MatchResult.confidence`
+# A confidence below this stands for an expected error above 0.05 √area, see `MatchResult.confidence`.
 LOW_CONFIDENCE_LIMIT = 0.5
-MIN_SHARE_TOLD = 0.005  # smaller shares of the vertices are not mentioned
-# share of vertices with low confidence, above which a map is called uncertain
-UNCERTAIN_SHARE = 0.1
+MIN_SHARE_TOLD = 0.005  # A summary does not mention smaller shares of the vertices.
+UNCERTAIN_SHARE = 0.1  # A map is uncertain if more than this share of the vertices has low confidence.
 
-# headline and advice for each outcome; `Outcome.advice` says more
+# Each outcome has a headline and an advice; `Outcome.advice` says more.
 _HEADLINES_AND_ADVICE = {
     Outcome.PRIORS_CONTRADICTED: (
         "The map and your priors do not agree: either may be wrong.",
@@ -110,7 +109,7 @@ def summary_of(result: MatchResult) -> Summary:
         elif not result.regions:
             parts.append("No single place stands out: it may be wrong altogether.")
     if result.outcome in (Outcome.PARTIAL, Outcome.CONVERGED):
-        # the estimate is for maps that are right as a whole
+        # The error is estimated for maps that are right as a whole.
         parts.append(_expected_error(result, far_off))
     return Summary(headline, " ".join(filter(None, parts)), _HEADLINES_AND_ADVICE[result.outcome][1])
 
@@ -157,7 +156,7 @@ def _per_cent(share: float) -> str:
     return f"{share:.1%}" if 0 < share < 0.1 else f"{share:.0%}"
 
 
-SAME_PLACE_DISTANCE = 0.05  # √area; images that are nearer to each other count as the same place
+SAME_PLACE_DISTANCE = 0.05  # Images nearer to each other than this, in √area, are at the same place.
 
 
 def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Correspondence) -> float:
@@ -171,14 +170,14 @@ def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Corr
 
 def describe_alternative(source: Mesh, target: Mesh, result: MatchResult, other: Alternative) -> str:
     """Say how much an alternative differs from the map, and whether it keeps left and right."""
-    share = share_elsewhere(source, target, result.map, other.map)
     before = "The map before this one was chosen. " if isnan(other.energy) else ""
-    return f"{before}Differs on {share:.0%} of the surface. {_sides(result, other)}".rstrip()
+    difference = describe_difference(source, target, result.map, other.map)
+    return f"{before}{difference} {_sides(result, other)}".rstrip()
 
 
-def describe_given_map(source: Mesh, target: Mesh, result: MatchResult, given: Correspondence) -> str:
-    """Say how much the given map differs from the map of a result."""
-    return f"Differs on {share_elsewhere(source, target, result.map, given):.0%} of the surface."
+def describe_difference(source: Mesh, target: Mesh, one: Correspondence, other: Correspondence) -> str:
+    """Say how much two maps differ."""
+    return f"Differs on {share_elsewhere(source, target, one, other):.0%} of the surface."
 
 
 def describe_alternatives(result: MatchResult) -> str:
@@ -211,7 +210,7 @@ def _sides(result: MatchResult, other: Alternative) -> str:
     return "Mirror image of the map: left and right are exchanged."
 
 
-# safe for the colour-blind (Okabe & Ito); the text states the outcome as well
+# The colours are safe for the colour-blind (Okabe & Ito); the text states the outcome as well.
 _COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00", Outcome.MIRROR_IMAGE: "#d55e00"}
 _UNDECIDED = "#e69f00"
 

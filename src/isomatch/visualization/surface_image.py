@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.arrays import FloatArray
 from isomatch._core.cached import cached_property
-from isomatch._core.compiled import compiled
 from isomatch.io import linear_of
 from isomatch.surfaces import Mesh, Raster, rasterise
 from isomatch.visualization.camera import camera_of, of_ordinary_size, seen_from, used_vertices
 from isomatch.visualization.colours import UNMATCHED_GREY, to_screen
 
-OVERSAMPLING = 2  # samples per pixel and axis
+OVERSAMPLING = 2  # A pixel is the mean of this many samples along each axis.
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,9 +24,9 @@ class SurfaceView:
     """A surface with values at its vertices, their colours, and a camera; coarse triangles are drawn round."""
 
     mesh: Mesh
-    camera: FloatArray  # (3, 3), see `camera_of`
-    values: FloatArray  # (n, q)
-    # function from values in pixels (m, q) to linear light (m, 3); nan is drawn grey
+    camera: FloatArray  # rotation (3, 3), see `camera_of`
+    values: FloatArray  # q values at each of the n vertices, (n, q)
+    # The function turns the values of m pixels (m, q) into linear light (m, 3); nan is drawn grey.
     paint: Callable[[FloatArray], FloatArray] = lambda colours: colours
     title: str = ""  # drawn below the surface
 
@@ -43,35 +42,24 @@ class SurfaceView:
 
     def pixels(self, width: int, height: int, scale: float) -> FloatArray:
         """Draw the image, (height, width, 4), in sRGB with opacity, at ``scale`` pixels per unit."""
-        width, height, scale = width * OVERSAMPLING, height * OVERSAMPLING, scale * OVERSAMPLING
         mesh, values, normals = self._rounded
-        points = seen_from(self.camera, mesh) * [scale, -scale, scale] + [width / 2, height / 2, 0.0]
+        middle, scale = OVERSAMPLING / 2 * np.array([width, height, 0.0]), scale * OVERSAMPLING
+        points = seen_from(self.camera, mesh) * [scale, -scale, scale] + middle
         faces = mesh.faces
-        raster = rasterise(points, faces, width, height)
+        raster = rasterise(points, faces, width * OVERSAMPLING, height * OVERSAMPLING)
         colour = self.paint(raster.interpolated(values, faces))
         colour = np.where(np.isnan(colour), UNMATCHED_GREY, colour)
         diffuse, gloss = compute_light(raster, raster.interpolated(normals @ self.camera.T, faces))
-        mean = np.zeros((height // OVERSAMPLING, width // OVERSAMPLING, 4))
-        _add_samples(raster.face, colour * diffuse[:, None] + gloss[:, None], mean)
-        opacity = mean[..., 3:]
-        return np.concatenate([to_screen(mean[..., :3] / np.maximum(opacity, 1e-6)), opacity], axis=2)
-
-
-@compiled()
-def _add_samples(face: IntArray, colour: FloatArray, mean: FloatArray) -> None:
-    """Add the samples of each pixel, with opacity."""
-    height, width = face.shape
-    share = 1.0 / OVERSAMPLING**2
-    sample = 0
-    for row in range(height):
-        for column in range(width):
-            if face[row, column] < 0:
-                continue
-            pixel = mean[row // OVERSAMPLING, column // OVERSAMPLING]
-            for channel in range(3):
-                pixel[channel] += share * colour[sample, channel]
-            pixel[3] += share
-            sample += 1
+        rows, columns = np.nonzero(raster.covered)
+        pixel = rows // OVERSAMPLING * width + columns // OVERSAMPLING
+        # Each sample adds its light to its pixel, and its share to the opacity.
+        colour *= diffuse[:, None]
+        colour += gloss[:, None]
+        channels = *colour.T, None
+        sums = [np.bincount(pixel, channel, width * height) / OVERSAMPLING**2 for channel in channels]
+        red, green, blue, opacity = np.reshape(sums, (4, height, width))
+        light = np.stack([red, green, blue], axis=2) / np.maximum(opacity, 1e-6)[..., None]
+        return np.dstack([to_screen(light), opacity])
 
 
 def surface_image(
@@ -110,11 +98,11 @@ def surface_image(
     return view.pixels(width, height, resolution)
 
 
-MAX_FACES = 50_000  # after rounding, which makes four faces of one
-PHONG_ROUNDING = 0.75  # strength; Boubekeur & Alexa, Phong Tessellation, 2008
-MIN_LENGTH = 1e-300
-# cosine of the angle between the normals at the ends of an edge; edges below it stay sharp.
-# With 0.5, thin limbs get lumps.
+MAX_FACES = 50_000  # A mesh is rounded, which makes four faces of one, as long as it has no more after that.
+PHONG_ROUNDING = 0.75  # The strength of rounding; Boubekeur & Alexa, Phong Tessellation, 2008.
+MIN_LENGTH = 1e-300  # Normals are divided by at least this length, so that none is divided by zero.
+# An edge stays sharp if the cosine of the angle between the normals at its ends is below this. With
+# 0.5, thin limbs get lumps.
 MIN_EDGE_COSINE = 0.0
 
 
@@ -139,7 +127,7 @@ def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Me
     heights = [((middle - mesh.vertices[end]) * unit[end]).sum(axis=1, keepdims=True) for end in ends]
     bent = (edges.n_faces == 2) & ((unit[i] * unit[j]).sum(axis=1) > MIN_EDGE_COSINE)
     middle[bent] -= PHONG_ROUNDING / 2 * sum(h * unit[end] for h, end in zip(heights, ends))[bent]
-    new = np.empty(3 * mesh.n_faces, dtype=np.int64)  # the vertex on each side
+    new = np.empty(3 * mesh.n_faces, dtype=np.int64)  # the new vertex on each side of each face
     new[edges.sides] = mesh.n_vertices + np.repeat(np.arange(len(i)), edges.n_faces)
     (a, b, c), (ab, bc, ca) = mesh.faces.T, new.reshape(-1, 3).T
     cut = (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)
@@ -148,15 +136,16 @@ def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Me
     return Mesh(vertices, faces), np.concatenate([columns, (columns[i] + columns[j]) / 2])
 
 
-KEY_LIGHT = np.array([-0.45, 0.65, 0.62])  # right, up, towards the viewer
+# Directions towards the lights and the viewer have the coordinates right, up, towards the viewer.
+KEY_LIGHT = np.array([-0.45, 0.65, 0.62])
 FILL_LIGHT = np.array([0.75, 0.05, 0.45])
 TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])
-AMBIENT, KEY, FILL = 0.30, 0.62, 0.16
-GLOSS, GLOSS_EXPONENT = 0.10, 30.0
-CREVICE_RADIUS = 0.025  # of the image height; a depth is compared with surroundings of this radius
-CREVICE_DEPTH = 0.06  # of the image height; depth below the surroundings at which a crevice is darkest
-CREVICE_DARKNESS = 0.55
-CREVICE_STEP = 6  # the surroundings are computed on every sixth pixel
+AMBIENT, KEY, FILL = 0.30, 0.62, 0.16  # shares of the surface's colour that each light adds at most
+GLOSS, GLOSS_EXPONENT = 0.10, 30.0  # white that a highlight adds at most, and how narrow a highlight is
+CREVICE_RADIUS = 0.025  # A depth is compared with surroundings of this share of the image height.
+CREVICE_DEPTH = 0.06  # A crevice this share of the image height below its surroundings is darkest.
+CREVICE_DARKNESS = 0.55  # The darkest crevice loses this share of its diffuse light.
+CREVICE_STEP = 6  # The surroundings are computed on every sixth pixel of each row and column.
 
 
 def compute_light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -165,37 +154,18 @@ def compute_light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, Floa
     # Crevices are darkened by the difference between the depth and the blurred depth (Luft, Colditz & Deussen, Image
     # enhancement by unsharp masking the depth buffer, SIGGRAPH 2006). Normals that point away are reversed.
     key, fill = (direction / np.linalg.norm(direction) for direction in (KEY_LIGHT, FILL_LIGHT))
-    halfway = key + TOWARDS_VIEWER
-    diffuse, gloss = np.empty((2, len(normals)))
-    _add_reflections(normals, key, fill, halfway / np.linalg.norm(halfway), diffuse, gloss)
+    halfway = (key + TOWARDS_VIEWER) / np.linalg.norm(key + TOWARDS_VIEWER)
+    lengths = np.copysign(np.maximum(np.linalg.norm(normals, axis=1), 1e-12), normals[:, 2])
+    from_key, from_fill, from_halfway = np.array([key, fill, halfway]) @ (normals.T / lengths)
+    diffuse = AMBIENT + KEY * (0.5 + 0.5 * from_key) ** 1.5 + FILL * (0.5 + 0.5 * from_fill) ** 1.5
+    gloss = GLOSS * np.maximum(from_halfway, 0.0) ** GLOSS_EXPONENT
     return diffuse * (1.0 - CREVICE_DARKNESS * _measure_crevices(raster)), gloss
-
-
-@compiled()
-def _add_reflections(
-    normals: FloatArray,
-    key: FloatArray,
-    fill: FloatArray,
-    halfway: FloatArray,
-    diffuse: FloatArray,
-    gloss: FloatArray,
-) -> None:
-    for i in range(len(normals)):
-        x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
-        length = max(np.sqrt(x * x + y * y + z * z), 1e-12)
-        if z < 0.0:
-            length = -length
-        x, y, z = x / length, y / length, z / length
-        from_key = 0.5 + 0.5 * (x * key[0] + y * key[1] + z * key[2])
-        from_fill = 0.5 + 0.5 * (x * fill[0] + y * fill[1] + z * fill[2])
-        diffuse[i] = AMBIENT + KEY * from_key**1.5 + FILL * from_fill**1.5
-        gloss[i] = GLOSS * max(x * halfway[0] + y * halfway[1] + z * halfway[2], 0.0) ** GLOSS_EXPONENT
 
 
 def _measure_crevices(raster: Raster) -> FloatArray:
     """Measure how far each covered pixel lies below its surroundings, 0 … 1."""
     covered, height = raster.covered, raster.depth.shape[0]
-    if not covered.any():  # a surface smaller than a pixel
+    if not covered.any():  # The surface is smaller than a pixel.
         return np.zeros(0)
     coarse = slice(None, None, CREVICE_STEP), slice(None, None, CREVICE_STEP)
     blur = CREVICE_RADIUS * height / CREVICE_STEP

@@ -28,8 +28,8 @@ from isomatch.visualization.surface_image import (
     KEY_LIGHT,
 )
 
-MOST_SHOWN = 30_000  # vertices of one shape; the browser numbers them with 16 bits
-CELL_GROWTH = 1.15  # factor of the grid cells from one attempt at simplification to the next
+MOST_SHOWN = 30_000  # A page shows at most this many vertices of a shape; it numbers them with 16 bits.
+CELL_GROWTH = 1.15  # Each attempt at simplification has grid cells this many times wider than the last.
 
 
 def text_of(name: str) -> str:
@@ -75,7 +75,7 @@ def scripts_of(scene: Mapping[str, Any], *scripts: str) -> str:
     """Make the data and the scripts of a 3D view, whose texts use ``viewer`` and ``unpack`` of ``viewer.js``."""
     lights: dict[str, ArrayLike] = {"key": KEY_LIGHT, "fill": FILL_LIGHT, "ambient": AMBIENT}
     lights |= {"key_strength": KEY, "fill_strength": FILL, "gloss": GLOSS, "sharpness": GLOSS_EXPONENT}
-    # the lights of the still pictures
+    # The page has the lights of the still pictures.
     shaders = template("shaders.html").substitute(
         {name: ", ".join(map(str, np.atleast_1d(light))) for name, light in lights.items()}
     )
@@ -110,8 +110,8 @@ class DrawnSurface:
         self, mesh: Mesh, camera: FloatArray, most: int = MOST_SHOWN, kept: IntArray | Sequence[int] = ()
     ) -> None:
         self._mesh, self._camera = mesh, camera
-        self.points = seen_from(camera, mesh)  # (n, 3)
-        self.normals = mesh.vertex_normals @ camera.T  # (n, 3)
+        self.points = seen_from(camera, mesh)  # positions of the vertices, (n, 3)
+        self.normals = mesh.vertex_normals @ camera.T  # normals at the vertices, (n, 3)
         used = used_vertices(mesh)
         self.n_used = len(used)
         shown, self.faces = _simplify(self.points, mesh.sound_faces, used, most)
@@ -156,7 +156,7 @@ def _simplify(points: FloatArray, faces: IntArray, used: IntArray, most: int) ->
     # Each cell of a cubic grid keeps the vertex nearest to its middle; corners of faces move to
     # their cell's vertex.
     shown, cell = used, np.arange(len(used))
-    size = most**-0.5  # side of a cell; the surface has unit area
+    size = most**-0.5  # The first cells are this wide, as the surface has unit area.
     while len(shown) > most:
         inside, cells = np.modf((points[used] - points[used].min(axis=0)) / size)
         middle_first = ((inside - 0.5) ** 2).sum(axis=1).argsort(kind="stable")

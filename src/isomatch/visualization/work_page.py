@@ -2,44 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from typing import Any, get_args
 
 import numpy as np
 
-from isomatch._core.arrays import IntArray
 from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.matching import DoubtfulRegion, MatchResult, Question
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
-from isomatch.visualization.pair_page import (
-    GIVEN,
-    MOST_ALTERNATIVES,
-    list_of_questions,
-    maps_of,
-    notes_of,
-    open_questions_of,
-    page_of,
-    pairs_on,
-    paragraphs,
-    simplified,
-    table_of_quality,
-    tables_of_run,
-)
-from isomatch.visualization.scene import DrawnPair, layers_of
-from isomatch.visualization.summary import (
-    describe_alternative,
-    describe_given_map,
-    outcome_colour,
-    share_elsewhere,
-    summary_of,
-)
+from isomatch.visualization import report
+from isomatch.visualization.scene import DrawnPair, Layer, layers_of
+from isomatch.visualization.summary import outcome_colour, share_elsewhere, summary_of
 from isomatch.visualization.viewer import template, text_of
 
-MIN_SHARE_TOLD = 0.001  # of the surface; less is called the same map
-MAP_BEFORE = "before"
+MIN_CHANGED_SHARE = 0.001  # A map that differs on less of the surface is called the same.
+MAP_BEFORE = "before"  # name of the map that the present one replaced
 
 
 class WorkPage:
@@ -50,25 +30,23 @@ class WorkPage:
         source: Mesh,
         target: Mesh,
         *,
-        names: tuple[str, str] = ("source", "target"),
+        names: tuple[str, str] = report.SIDES,
         landmarks: Sequence[Sequence[int]] = (),
         given: Correspondence | None = None,
     ) -> None:
         self._source, self._target, self._names, self.given = source, target, names, given
-        self._pairs = pairs_on(landmarks or None, source, target)
+        self._pairs = report.pairs_on(landmarks or None, source, target)
         self._drawn = DrawnPair(source, target, landmarks=self._pairs)
 
     def html(self, folder: str, config: Config) -> str:
         """Make the page before any match, for the folder where results are saved, if any, and settings to begin with."""
         scene = {**self._drawn.shapes(), "maps": []}
+        chosen = {name: " selected" * (name == config.orientation) for name in get_args(Orientation)}
         panel = template("work.html").substitute(
             only=" checked" * (config.hypotheses == "given"),
             hold=" checked" * (config.pin is not None),
             pose=" checked" * (config.start == "pose"),
-            orientations="".join(
-                f"<option{' selected' * (x == config.orientation)}>{x}</option>"
-                for x in get_args(Orientation)
-            ),
+            orientations="".join(f"<option{is_chosen}>{name}</option>" for name, is_chosen in chosen.items()),
             unwritable="" if folder else " hidden",
             keeps=escape(
                 f"Save writes into the folder {folder}; Download gives the same files."
@@ -76,7 +54,7 @@ class WorkPage:
                 else "Start isomatch open with -o DIR to save into a folder."
             ),
         )
-        return page_of(
+        return report.page_of(
             (self._source, self._target),
             self._names,
             scene,
@@ -88,24 +66,23 @@ class WorkPage:
             colour="var(--edge)",
             headline=escape(f"{self._names[0]} → {self._names[1]}"),
             advice="",
-            remarks=paragraphs(simplified(scene)),
+            remarks=report.paragraphs(report.simplified(scene)),
             picking=" checked",
             landmarks=panel,
         )
 
     def before_match(self) -> dict[str, Any]:
         """Return what `result` returns, for the given map before there is a result."""
-        maps = {GIVEN: self.given} if self.given else {}
+        shown = [report.ShownMap(report.GIVEN, self.given)] if self.given else []
         return {
             "outcome": "",
-            "headline": f"This is {GIVEN}.",
+            "headline": f"This is {report.GIVEN}.",
             "advice": "Press Match: isomatch starts from it, finds a map of its own and shows both.",
             "colour": "var(--edge)",
             **dict.fromkeys(("sure", "since", "questions", "details"), ""),
             "regions": [],
             "landmarks": [],
-            "runners_up": [{"name": name, "origin": "", "about": ""} for name in maps],
-            "scene": self._drawn.maps(maps, {}),
+            **self._maps(shown, {}),
         }
 
     def result(
@@ -119,18 +96,21 @@ class WorkPage:
         ``runners_up`` describes each map that is drawn. ``landmarks`` have the distance of each
         from its image, through space, in √area of the target. ``details`` are HTML.
         """
-        maps = maps_of(result, self.given) | ({MAP_BEFORE: before} if before else {})
-        others = result.alternatives[:MOST_ALTERNATIVES]
-        moved = 0.0 if before is None else share_elsewhere(self._source, self._target, result.map, before)
-        since = f"Against the map before, {moved:.1%} of the source has another image."
-        if moved < MIN_SHARE_TOLD:
-            since = "" if before is None else "It is the same map as before."
-        shapes = self._source, self._target
-        about = [(result.origin, ""), *((x.origin, describe_alternative(*shapes, result, x)) for x in others)]
-        about += [("", describe_given_map(*shapes, result, self.given))] if self.given else []
-        about += [("", f"The map that this one replaced. Differs on {moved:.0%} of the surface.")]
-        pairs = pairs_on(landmarks or None, self._source, self._target)
-        errors, summary = self._landmark_errors(result.map, pairs), summary_of(result)
+        shown, since = report.shown_maps(self._source, self._target, result, self.given), ""
+        if before is not None:
+            moved = share_elsewhere(self._source, self._target, result.map, before)
+            about = f"The map that this one replaced. Differs on {moved:.0%} of the surface."
+            shown.append(report.ShownMap(MAP_BEFORE, before, "", about))
+            since = f"Against the map before, {moved:.1%} of the source has another image."
+            if moved < MIN_CHANGED_SHARE:
+                since = "It is the same map as before."
+        pairs = report.pairs_on(landmarks or None, self._source, self._target)
+        offsets = (
+            result.map.pull_back(self._target.vertices)[pairs[:, 0]] - self._target.vertices[pairs[:, 1]]
+        )
+        errors = np.linalg.norm(offsets, axis=1) / np.sqrt(self._target.area)
+        summary = summary_of(result)
+        asked = report.open_questions_of(self._source, self._target, result)
         return {
             "outcome": result.outcome.name,
             "headline": summary.headline,
@@ -138,26 +118,30 @@ class WorkPage:
             "colour": outcome_colour(result.outcome),
             "sure": summary.sureness,
             "since": since,
-            "questions": list_of_questions(
-                [self._move_to_shown(q) for q in open_questions_of(self._source, self._target, result)]
-            ),
+            "questions": report.list_of_questions([self._move_to_shown(question) for question in asked]),
             "regions": [self._region(region, result.map) for region in result.regions],
-            "runners_up": [
-                dict(zip(("name", "origin", "about"), (name, *row))) for name, row in zip(maps, about)
+            "landmarks": [
+                {"pair": pair, "off": -1.0 if np.isnan(off) else off}
+                for pair, off in zip(pairs.tolist(), errors.tolist())
             ],
-            "landmarks": [{"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), errors)],
             "details": template("work_details.html").substitute(
-                quality=table_of_quality(result), notes=notes_of(result), run=tables_of_run(result, {})
+                quality=report.table_of_quality(result),
+                notes=report.notes_of(result),
+                run=report.tables_of_run(result, {}),
             ),
-            "scene": self._drawn.maps(maps, layers_of(result)),
+            **self._maps(shown, layers_of(result)),
         }
+
+    def _maps(self, shown: Sequence[report.ShownMap], layers: Mapping[str, Layer]) -> dict[str, Any]:
+        """Describe the maps that are drawn, and return the data to draw them."""
+        described = [{"name": name, "origin": origin, "about": about} for name, _, origin, about in shown]
+        drawn = self._drawn.maps({name: correspondence for name, correspondence, *_ in shown}, layers)
+        return {"runners_up": described, "scene": drawn}
 
     def _move_to_shown(self, question: Question) -> Question:
         """Move a question to vertices that are shown."""
-        places = (self._drawn.shown_near("target", place) for place in question.places)
-        return replace(
-            question, vertex=self._drawn.shown_near("source", question.vertex), places=tuple(places)
-        )
+        places = tuple(self._drawn.shown_near("target", place) for place in question.places)
+        return replace(question, vertex=self._drawn.shown_near("source", question.vertex), places=places)
 
     def _region(self, region: DoubtfulRegion, shown: Correspondence) -> dict[str, Any]:
         """Describe a region: its share, its most doubtful vertex, both images, and the reason."""
@@ -168,11 +152,3 @@ class WorkPage:
             is_none = goal is None or goal == UNMATCHED
             description[kind] = None if is_none else self._drawn.shown_near("target", int(goal))
         return description
-
-    def _landmark_errors(self, shown: Correspondence, pairs: IntArray) -> list[float]:
-        """Measure the distances of landmarks from their images, in √area; −1 without an image."""
-        images = shown.pull_back(self._target.vertices)[pairs[:, 0]]
-        distances = np.linalg.norm(images - self._target.vertices[pairs[:, 1]], axis=1) / np.sqrt(
-            self._target.area
-        )
-        return [-1.0 if np.isnan(far) else float(far) for far in distances]

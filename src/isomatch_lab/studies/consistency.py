@@ -141,7 +141,7 @@ def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> Pai
     results = match_both(source, target, initial_map=image, config=config)
     forward, backward = (MapSummary.of(result, settings=True) for result in results)
     record = replace(right.record, there=forward, back=backward, more={"kind": kind})
-    maps = PairMaps(results.there.map, results.back.map, record)
+    maps = PairMaps(results.source_to_target.map, results.target_to_source.map, record)
     file.parent.mkdir(exist_ok=True)
     maps.save(file)
     return maps

@@ -232,7 +232,7 @@ def _match_by_relation(at: Folders, variant: str) -> Any:
 def _match_both_and_wrap(at: Folders, variant: str) -> Any:
     source, target = PAIRS[variant](at)
     both = isomatch.match_both(source, target)
-    return both, Attempt(isomatch.wrap, both.there.map, source, target)
+    return both, Attempt(isomatch.wrap, both.source_to_target.map, source, target)
 
 
 @call()
