@@ -8,7 +8,9 @@ import numpy as np
 from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 
-from isomatch import Mesh
+from isomatch import Correspondence, Mesh
+from isomatch.surfaces import nearest_on_surface
+from zoo.made import moved, together
 
 
 def planar_delaunay(n: int, seed: int = 0) -> Mesh:
@@ -105,8 +107,14 @@ def box(*sizes: int) -> Mesh:
 def two_spheres(level: int, second_radius: float) -> Mesh:
     """A unit sphere and, well apart, a second one: two components."""
     one = icosphere(level)
-    vertices = np.vstack([one.vertices, second_radius * one.vertices + [5, 0, 0]])
-    return Mesh(vertices, np.vstack([one.faces, one.faces + one.n_vertices]))
+    return together(one, moved(one, [5, 0, 0], second_radius))
+
+
+def map_to_nearest(points: np.ndarray, target: Mesh) -> Correspondence:
+    """The precise map from points to the nearest points of a surface in the same place."""
+    images = nearest_on_surface(target, points)
+    nearest = images.corners[np.arange(len(points)), images.barycentric.argmax(axis=1)]
+    return Correspondence(nearest, target.n_vertices, *images)
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,8 @@ def test_basis_and_canonical_form_are_written(file, tmp_path, capsys):
     assert main([*arguments, "--single", "--canonical", str(form), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     basis = isomatch.DistanceBasis.load(out)
-    assert (said["rank"], said["columns"], said["method"], said["engine"]) == (
-        20,
-        40,
-        "nystrom",
-        "fast_marching",
-    )
+    told = said["rank"], said["columns"], said["method"], said["engine"]
+    assert told == (20, 40, "nystrom", "fast_marching")
     assert said["estimated_relative_error"] == pytest.approx(basis.error_estimate())
     assert basis.vectors.dtype == np.float32
     mesh, embedded = isomatch.read_mesh(file), isomatch.read_mesh(form)
@@ -40,16 +36,8 @@ def test_tolerance_is_met_and_reported(file, tmp_path, capsys):
     out = tmp_path / "basis.npz"
     assert main(["basis", str(file), "-o", str(out), "--tolerance", "0.03"]) == 0
     said = capsys.readouterr().out
-    for word in (
-        "rank",
-        "method",
-        "predicted",
-        "engine",
-        "fast_marching",
-        "seconds",
-        "estimated relative error",
-    ):
-        assert word in said
+    words = "rank", "method", "predicted", "engine", "fast_marching", "seconds", "estimated relative error"
+    assert all(word in said for word in words)
     assert isomatch.DistanceBasis.load(out).error_estimate() <= 0.03
 
 

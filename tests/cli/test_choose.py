@@ -8,22 +8,18 @@ import numpy as np
 import pytest
 
 import isomatch
+from command_line import write_pair
 from isomatch.cli import main
 from isomatch.cli.results import Earlier
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import Alternative
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
-QUICK = "n_columns = 40\nrank = 20\nn_functions = 60\nn_search = 150\nn_refine = 200\n"
 
 
 @pytest.fixture(scope="module")
 def shapes(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("shapes")
-    for name, creature in zip(("source", "target"), example_pair()):
-        isomatch.write_mesh(folder / f"{name}.ply", creature.mesh)
-    (folder / "quick.toml").write_text(QUICK)
-    return folder
+    return write_pair(tmp_path_factory.mktemp("shapes"))
 
 
 def matched_with_alternatives(shapes, folder, *more):
@@ -192,17 +188,8 @@ def test_what_cannot_be_chosen_is_refused_and_nothing_changes(result, tmp_path, 
 def test_a_match_that_finds_no_map_leaves_a_picker(shapes, tmp_path, capsys):
     (tmp_path / "two.txt").write_text("1, 2\n3, 4\n")
     ends = [str(shapes / "source.ply"), str(shapes / "target.ply")]
-    argv = [
-        "match",
-        *ends,
-        "-o",
-        str(tmp_path / "out"),
-        "--config",
-        str(shapes / "quick.toml"),
-        "--start",
-        "pose",
-    ]
-    assert main([*argv, "--landmarks", str(tmp_path / "two.txt")]) == 1
+    argv = ["match", *ends, "-o", str(tmp_path / "out"), "--config", str(shapes / "quick.toml")]
+    assert main([*argv, "--start", "pose", "--landmarks", str(tmp_path / "two.txt")]) == 1
     said = capsys.readouterr().err
     assert "2 landmarks do not fix an alignment" in said
     assert f"Both shapes are in {tmp_path / 'out' / 'picker.html'}" in said

@@ -14,30 +14,21 @@ import pytest
 from threadpoolctl import threadpool_info
 
 import isomatch
+from command_line import one_line, write_pair
 from isomatch.cli import main
 from isomatch.cli.terminal import complain, json_text, start_clock, waited
 from isomatch.datasets import example_pair, ground_truth
 from shapes import flat_grid, icosphere
+from zoo.made import moved, together
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
-QUICK = """
-n_columns = 40
-rank = 20
-n_functions = 60
-n_search = 150
-n_refine = 200
-"""
 RESULT_FILES = ("map.npz", "map.txt", "result.json", "map.png", "report.html")
 
 
 @pytest.fixture(scope="module")
 def shapes(tmp_path_factory):
     """Folder with both shapes as files and settings that make a match quick."""
-    folder = tmp_path_factory.mktemp("shapes")
-    for name, creature in zip(("source", "target"), example_pair()):
-        isomatch.write_mesh(folder / f"{name}.ply", creature.mesh)
-    (folder / "quick.toml").write_text(QUICK)
-    return folder
+    return write_pair(tmp_path_factory.mktemp("shapes"))
 
 
 @pytest.fixture(scope="module")
@@ -53,15 +44,6 @@ def matched(shapes, tmp_path_factory):
 def run_match(shapes, out, *more, config=None):
     ends = [str(shapes / "source.ply"), str(shapes / "target.ply")]
     return main(["match", *ends, "-o", str(out), "--config", str(config or shapes / "quick.toml"), *more])
-
-
-def one_line(capsys):
-    """Standard error, after seeing that it is one line that starts with the program's name."""
-    said = capsys.readouterr().err
-    assert said.startswith("isomatch: ")
-    assert said.count("\n") == 1
-    assert said.endswith("\n")
-    return said
 
 
 def test_match_writes_all_files_in_agreement(matched):
@@ -345,9 +327,7 @@ def test_json_says_where_the_time_went(shapes, tmp_path, capsys):
 
 def test_repair_keeps_the_outermost_surface(tmp_path, capsys):
     sphere = icosphere(3)
-    nested = np.concatenate([sphere.vertices, sphere.vertices / 2])
-    faces = np.concatenate([sphere.faces, sphere.faces + sphere.n_vertices])
-    isomatch.write_mesh(tmp_path / "nested.ply", isomatch.Mesh(nested, faces))
+    isomatch.write_mesh(tmp_path / "nested.ply", together(sphere, moved(sphere, scale=0.5)))
     argv = ["repair", str(tmp_path / "nested.ply"), "-o", str(tmp_path / "outer.ply"), "--outer"]
     assert main(argv) == 0
     assert "removed 1280 faces of chambers, 20.0% of the area" in capsys.readouterr().out
@@ -438,15 +418,7 @@ def test_demo_is_accurate_and_writes_again(tmp_path, capsys):
     assert main(["demo", "-o", str(tmp_path)]) == 0
     assert "in truth    0." in capsys.readouterr().out
     names = sorted(path.name for path in tmp_path.iterdir() if "alternative" not in path.name)
-    assert names == [
-        "map.npz",
-        "map.png",
-        "map.txt",
-        "report.html",
-        "result.json",
-        "running.ply",
-        "standing.ply",
-    ]
+    assert names == sorted([*RESULT_FILES, "running.ply", "standing.ply"])
     assert json.loads((tmp_path / "result.json").read_text())["mean_error_over_sqrt_target_area"] < 0.015
     assert main(["choose", str(tmp_path), "1"]) == 0
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import isomatch
+from command_line import one_line
 from isomatch.cli import main
 from isomatch.geodesics import distance_engine, engine_names
 from shapes import icosphere, two_spheres
@@ -23,13 +24,6 @@ def pairs(tmp_path):
     path = tmp_path / "pairs.txt"
     path.write_text("# source target\n0, 5\n3 7  # near\n0 100\n")
     return path, np.array([[0, 5], [3, 7], [0, 100]])
-
-
-def complaint(capsys):
-    said = capsys.readouterr().err
-    assert said.startswith("isomatch: ")
-    assert said.count("\n") == 1
-    return said
 
 
 def test_one_distance_per_line(sphere, pairs, capsys):
@@ -72,7 +66,7 @@ def test_an_existing_file_is_kept_unless_forced(sphere, tmp_path, capsys):
     out.write_text("precious")
     command = ["distance", str(sphere[0]), "--from", "4", "-o", str(out)]
     assert main(command) == 1
-    assert "already exists" in complaint(capsys)
+    assert "already exists" in one_line(capsys)
     assert out.read_text() == "precious"
     assert main([*command, "--force"]) == 0
     assert out.read_text().startswith("vertex,from_4\n")
@@ -120,7 +114,7 @@ def test_distances_from_a_basis(sphere, pairs, tmp_path, capsys):
     assert record["estimated_relative_error"] == pytest.approx(basis.error_estimate())
     isomatch.write_mesh(tmp_path / "other.off", icosphere(1))
     assert main(["distance", str(tmp_path / "other.off"), "--from", "0", *command[2:]]) == 1
-    assert "a basis of 162 points, but the surface has 42 vertices" in complaint(capsys)
+    assert "a basis of 162 points, but the surface has 42 vertices" in one_line(capsys)
 
 
 @pytest.mark.parametrize(
@@ -143,7 +137,7 @@ def test_distances_from_a_basis(sphere, pairs, tmp_path, capsys):
 )
 def test_bad_usage_is_reported_in_one_line(more, code, words, sphere, capsys):
     assert main(["distance", str(sphere[0]), *more]) == code
-    assert words in complaint(capsys)
+    assert words in one_line(capsys)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +150,7 @@ def test_bad_usage_is_reported_in_one_line(more, code, words, sphere, capsys):
 def test_bad_pairs(text, words, sphere, tmp_path, capsys):
     (tmp_path / "pairs.txt").write_text(text)
     assert main(["distance", str(sphere[0]), "--pairs", str(tmp_path / "pairs.txt")]) == 1
-    assert words in complaint(capsys)
+    assert words in one_line(capsys)
 
 
 def test_help_lists_the_engines(capsys):

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 import isomatch
+from command_line import QUICKEST
 from isomatch.cli import main
 from isomatch.cli.inputs import read_functions
 from isomatch.io import Asset, Attribute
 from shapes import box
 
 pytestmark = pytest.mark.usefixtures("small_pictures")
-QUICK = "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
 
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "quick.toml").write_text(QUICK)
+    (tmp_path / "quick.toml").write_text(QUICKEST)
     brick = box(4, 8, 12)
     corner = np.exp(-((np.linalg.norm(brick.vertices - brick.vertices.max(axis=0), axis=1) / 3) ** 2))
     named = [

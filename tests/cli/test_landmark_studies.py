@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from command_line import one_line
 from isomatch import Landmarks
 from isomatch.cli import main
 from isomatch.cohort import shape_statistics
@@ -55,10 +56,7 @@ def marks(tmp_path):
 def refused(argv, capsys):
     """What a command complains of, which is one line."""
     assert main([str(each) for each in argv]) == 1
-    said = capsys.readouterr().err
-    assert said.startswith("isomatch: ")
-    assert said.count("\n") == 1
-    return said
+    return one_line(capsys)
 
 
 def test_a_model_of_several_terms(marks, tmp_path, capsys):

@@ -13,22 +13,18 @@ from matplotlib.image import imread
 from scipy.io import savemat
 
 import isomatch
+from command_line import QUICKEST, write_pair
 from isomatch.cli import Talk, app, main, program, terminal
 from isomatch.datasets import example_pair, ground_truth
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
-QUICK = "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
 
 
 @pytest.fixture(scope="module")
 def shapes(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("shapes")
-    for name, made in zip("ab", example_pair()):
-        isomatch.write_mesh(folder / f"{name}.ply", made.mesh)
-    truth = ground_truth(*example_pair()).vertices
-    np.savetxt(folder / "truth.txt", truth, fmt="%d")
-    (folder / "quick.toml").write_text(QUICK)
+    folder = write_pair(tmp_path_factory.mktemp("shapes"), "ab", QUICKEST)
+    np.savetxt(folder / "truth.txt", ground_truth(*example_pair()).vertices, fmt="%d")
     return folder
 
 
@@ -306,9 +302,7 @@ def test_a_terminal_shows_stage_share_and_time(shapes, tmp_path):
     terminal, end = pty.openpty()
     argv = [
         sys.executable,
-        "-m",
-        "isomatch",
-        *["match", "a.ply", "b.ply", "--config", "quick.toml", "-o"],
+        *["-m", "isomatch", "match", "a.ply", "b.ply", "--config", "quick.toml", "-o"],
         str(tmp_path / "o"),
     ]
     with subprocess.Popen(argv, cwd=shapes, stdout=subprocess.DEVNULL, stderr=end):

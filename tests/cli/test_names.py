@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import isomatch
+from command_line import QUICKEST, write_pair
 from isomatch.cli import main
-from isomatch.datasets import example_pair
 from isomatch.visualization import draw_map
 from isomatch_lab.evaluation import (
     METHODS,
@@ -34,7 +34,6 @@ NAMES = {
     "colour": "\x1b[31mred",
     "markup": "[bold]x:cat:\\",
 }
-QUICK = "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
 each_name = pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 
 
@@ -87,9 +86,7 @@ def test_a_complaint_is_one_printable_line(name, capsys):
 def test_match_writes_everything(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ends = [f"{NAMES['not UTF-8']}.ply", f"{NAMES['emoji']}{NAMES['newline']}{NAMES['formula']}.ply"]
-    for end, creature in zip(ends, example_pair()):
-        isomatch.write_mesh(end, creature.mesh)
-    (tmp_path / "quick.toml").write_text(QUICK)
+    write_pair(tmp_path, [end.removesuffix(".ply") for end in ends], QUICKEST)
     out = NAMES["not UTF-8"]
     code, said = printed(["match", *ends, "-o", out, "--config", "quick.toml"])
     assert code == 0

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import isomatch
+from command_line import QUICKEST
 from isomatch import server
 from isomatch.cli import main
 from isomatch.matching import match
@@ -140,10 +141,7 @@ def test_a_result_is_written_and_packed_as_match_writes_it(shapes, served):
 
 def matched_quickly(shapes, options):
     """Write a result into ``out``."""
-    quick = (
-        "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
-    )
-    (shapes / "quick.toml").write_text(quick)
+    (shapes / "quick.toml").write_text(QUICKEST)
     assert main(f"match a.ply b.ply -o out --config quick.toml --quiet {options}".split()) == 0
 
 

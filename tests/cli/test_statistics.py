@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import isomatch
+from command_line import one_line
 from corresponded import ellipsoids, moved, random_shapes
 from isomatch.cli import main
 from isomatch.cohort.shape_statistics import ShapeModel, leave_one_out, read_shapes
@@ -22,13 +23,6 @@ def write(folder, shapes):
     for i, name in enumerate(shapes.names):
         isomatch.write_mesh(folder / f"{name}.ply", shapes.mesh(i))
     return folder
-
-
-def complaint(capsys):
-    said = capsys.readouterr().err
-    assert said.startswith("isomatch: ")
-    assert said.count("\n") == 1
-    return said
 
 
 @pytest.fixture
@@ -73,7 +67,7 @@ def test_everything(folder, tmp_path, capsys):
     )
 
     assert main(argv) == 1
-    assert "already exists" in complaint(capsys)
+    assert "already exists" in one_line(capsys)
     assert main(["statistics", str(folder), "-o", str(out), "--modes", "1", "--force", "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["shares"] == model.variance_ratios.tolist()
@@ -114,7 +108,7 @@ def test_new_shapes_in_an_old_model(tmp_path, capsys):
     assert {*record["files"], "scored.json"} == here == {"scored.json", "scored.csv", *record["files"]}
     assert (tmp_path / "model.npz").read_bytes() == before
     assert main([*argv, "-o", str(out)]) == 1
-    assert "already exists" in complaint(capsys)
+    assert "already exists" in one_line(capsys)
     assert main([*argv[:3], str(new), "-o", str(out), "--force", "--json"]) == 0  # a whole folder
     assert [line["name"] for line in json.loads(capsys.readouterr().out)["shapes"]] == [
         f"s{i:03d}" for i in range(10)
@@ -133,9 +127,9 @@ def test_shapes_that_the_model_does_not_describe(tmp_path, capsys):
         ("none.ply", "none.ply: no such file"),
     ):
         assert main([*argv, str(tmp_path / file)]) == 1
-        assert words in complaint(capsys)
+        assert words in one_line(capsys)
     assert main(argv) == 1
-    assert "no shapes" in complaint(capsys)
+    assert "no shapes" in one_line(capsys)
     assert not (tmp_path / "out").exists()
 
 
@@ -173,9 +167,9 @@ def test_mirror_images_and_doubtful_maps(tmp_path, capsys):
 def test_bad_input(folder, tmp_path, capsys):
     out = ["-o", str(tmp_path / "out")]
     assert main(["statistics", str(tmp_path / "none"), *out]) == 1
-    assert "no such folder" in complaint(capsys)
+    assert "no such folder" in one_line(capsys)
     assert main(["statistics", str(folder), *out, "--modes", "-1"]) == 1
-    assert "--modes -1" in complaint(capsys)
+    assert "--modes -1" in one_line(capsys)
     groups = tmp_path / "groups.csv"
     for text, message in (
         ("s000,a,b", "groups.csv:1: 's000,a,b' is not a shape and its group"),
@@ -184,7 +178,7 @@ def test_bad_input(folder, tmp_path, capsys):
     ):
         groups.write_text(text)
         assert main(["statistics", str(folder), *out, "--groups", str(groups)]) == 1
-        assert message in complaint(capsys)
+        assert message in one_line(capsys)
     assert not (tmp_path / "out" / "statistics.json").exists()
     assert main(["statistics", str(folder), *out, "--scale", "double"]) == 2
 
@@ -349,8 +343,8 @@ def test_a_shape_is_completed_from_landmarks(model, tmp_path, capsys):
     out = str(tmp_path / "whole.ply")
     argv = ["statistics", "complete", str(path), str(found), "-o", out, "--force", "--noise", "0.001"]
     assert main(argv) == 1
-    assert "give the landmarks of the mean too" in complaint(capsys)
+    assert "give the landmarks of the mean too" in one_line(capsys)
     assert main([*argv, "--landmarks", str(mean)]) == 0
     np.testing.assert_allclose(isomatch.read_mesh(out).vertices, truth, atol=0.02)
     assert main([*argv[:3], str(mean), *argv[4:], "--landmarks", str(mean)]) == 1
-    assert "a vertex says nothing without its surface" in complaint(capsys)
+    assert "a vertex says nothing without its surface" in one_line(capsys)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from command_line import QUICK
 from corresponded import wrapped_as
 from isomatch import Asset, Correspondence, FormatError, Mesh, match, read_asset, read_mesh, write_asset
 from isomatch.cli import main
@@ -97,33 +98,21 @@ def test_a_map_of_other_files_is_refused(folder, capsys):
 
 
 @pytest.mark.long
-def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, capsys):
+def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, monkeypatch, capsys):
     for name, creature in zip(("source.off", "target.ply"), example_pair()):
         frame = Frame(words=("unit: mm",)) if name == "target.ply" else None
         write_asset(tmp_path / name, replace(Asset.of_mesh(creature.mesh), frame=frame))
     source = tmp_path / "source.off"
     source.write_text(source.read_text().removeprefix("OFF"))
-    quick = "n_columns = 40\nrank = 20\nn_functions = 60\nn_search = 150\nn_refine = 200\n"
-    (tmp_path / "quick.toml").write_text(quick)
-    words = [
-        "match",
-        *(str(tmp_path / name) for name in ("source.off", "target.ply")),
-        "-o",
-        str(tmp_path / "out"),
-    ]
-    options = [
-        "--config",
-        str(tmp_path / "quick.toml"),
-        "--as-mesh",
-        str(tmp_path / "shared.ply"),
-        "--no-report",
-    ]
-    assert main([*words, *options, "--json"]) == 0
+    (tmp_path / "quick.toml").write_text(QUICK)
+    monkeypatch.chdir(tmp_path)
+    options = "--config quick.toml --as-mesh shared.ply --no-report --json"
+    assert main(f"match source.off target.ply -o out {options}".split()) == 0
     record = json.loads(capsys.readouterr().out)["as_mesh"]
     assert record["turned"] < 0.01
     assert 1.0 <= record["stretch"] < 3.0
     assert record["distance"] < 0.01
-    assert record["notes"] == [f"{source}: the word OFF is missing in the first line"]
+    assert record["notes"] == ["source.off: the word OFF is missing in the first line"]
     np.testing.assert_array_equal(read_mesh(tmp_path / "shared.ply").faces, read_mesh(source).faces)
     assert read_asset(tmp_path / "shared.ply").frame.words == ("unit: mm",)
 

@@ -39,15 +39,6 @@ def test_recovers_a_planted_rotation(seed):
     assert alignment_residual(source, target, found) < 1e-9
 
 
-def test_real_never_mixes_with_imaginary():
-    """Even where the points ask for it."""
-    target = random_cloud(signature=np.array([1, -1.0]))
-    source = SignedPoints(target.coordinates[:, ::-1], target.signs)
-    found = signed_procrustes(source, target)
-    assert found[0, 1] == found[1, 0] == 0
-    np.testing.assert_allclose(np.abs(np.diag(found)), 1)
-
-
 def test_distances_are_kept():
     """X C has the same bilinear form as X: that is what orthogonal within signs means."""
     target, source = random_cloud(seed=1), random_cloud(seed=2)
@@ -119,12 +110,6 @@ def test_icp_finds_a_planted_permutation_from_a_rough_map(planted):
     np.testing.assert_array_equal(found.target_row, truth)
     np.testing.assert_allclose(found.rotation, planted_rotation(SIGNS, 5), atol=1e-9)
     assert found.residual < 1e-9
-
-
-def test_icp_stays_at_the_solution(planted):
-    target, source, truth = planted
-    found = iterative_closest_points(source, target, truth[None], 30)[0]
-    np.testing.assert_array_equal(found.target_row, truth)
 
 
 def test_icp_never_fits_worse_after_more_steps(planted):

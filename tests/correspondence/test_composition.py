@@ -55,7 +55,6 @@ def test_composition_keeps_precise_images(squares):
 def test_composition_within_one_triangle_needs_no_surface():
     inside = Correspondence([0], 3, [[0, 1, 2]], [[0.5, 0.25, 0.25]])
     corners = np.array([[0.6, 0.2, 0.2], [0.1, 0.8, 0.1], [0.0, 0.0, 1.0]])
-    further = Correspondence([4, 5, 6], 7, [[4, 5, 6], [4, 5, 6], [6, 5, 4]], corners[:, [0, 1, 2]])
     further = Correspondence([4, 5, 4], 7, [[4, 5, 6], [4, 5, 6], [6, 5, 4]], corners)
     found = inside.then(further)
     np.testing.assert_allclose(

@@ -48,15 +48,6 @@ def test_landmarks_solve_the_penalised_least_squares():
         np.testing.assert_allclose(found[h], expected, atol=1e-9)
 
 
-def test_real_never_mixes_with_imaginary():
-    target, source = cloud(2), cloud(3)
-    points = np.arange(10)[None]
-    found = alignments_from_points(source, target, points, points)[0]
-    mixed = np.not_equal.outer(target.signs[:20], source.signs[:20])
-    assert mixed.any()
-    assert not found[mixed].any()
-
-
 def test_signs_of_columns_are_recovered_from_five_points():
     """The whole use of landmarks: eigenvectors come with either sign."""
     target = cloud(4)

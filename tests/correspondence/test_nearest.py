@@ -15,11 +15,33 @@ def brute_force(candidates, queries):
     return ((candidates[None] - queries[:, None]) ** 2).sum(axis=2).argmin(axis=1)
 
 
-@pytest.mark.parametrize(("n", "m", "d"), [(1, 1, 1), (7, 3, 2), (200, 600, 50), (300, 300, 223)])
-def test_same_as_brute_force(n, m, d):
+def scattered(n, m, d, offset=0.0):
+    """Candidates (n, d) and queries (m, d); if they are far from 0, each query is beside a candidate."""
     rng = np.random.default_rng(n)
-    candidates, queries = rng.normal(size=(n, d)), rng.normal(size=(m, d))
-    np.testing.assert_array_equal(nearest_rows(candidates, queries), brute_force(candidates, queries))
+    candidates, queries = rng.normal(size=(n, d)) + offset, rng.normal(size=(m, d))
+    return candidates, candidates[rng.integers(n, size=m)] + 0.1 * queries if offset else queries
+
+
+def two_tight_clusters():
+    """No common shift helps here: within a cluster, single precision sees all candidates as equal."""
+    rng = np.random.default_rng(2)
+    where = np.where(np.arange(600) % 2, 1000.0, -1000.0)[:, None]
+    candidates = where + 1e-3 * rng.normal(size=(600, 8))
+    return candidates, candidates + 1e-5 * rng.normal(size=(600, 8))
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        *(scattered(*sizes) for sizes in [(1, 1, 1), (3, 0, 2), (7, 3, 2), (200, 600, 50), (300, 300, 223)]),
+        *(scattered(500, 300, 20, offset) for offset in (1e3, 1e6, -1e8)),
+        two_tight_clusters(),
+    ],
+    ids=lambda points: str([each.shape for each in points]),
+)
+def test_same_as_brute_force(points):
+    """A common shift does not cost the digits that single precision has."""
+    np.testing.assert_array_equal(nearest_rows(*points), brute_force(*points))
 
 
 @given(st.data(), st.integers(1, 9), st.integers(1, 4))
@@ -38,24 +60,6 @@ def test_of_repeated_candidates_the_first():
     np.testing.assert_array_equal(nearest_rows(candidates, rows), np.arange(40))
 
 
-@pytest.mark.parametrize("offset", [1e3, 1e6, -1e8])
-def test_large_common_offset(offset):
-    """A common shift must not cost the digits that single precision has."""
-    rng = np.random.default_rng(1)
-    candidates = rng.normal(size=(500, 20)) + offset
-    queries = candidates[rng.integers(500, size=300)] + 0.1 * rng.normal(size=(300, 20))
-    np.testing.assert_array_equal(nearest_rows(candidates, queries), brute_force(candidates, queries))
-
-
-def test_two_tight_clusters_far_apart():
-    """No common shift helps here: within a cluster, single precision sees all candidates as equal."""
-    rng = np.random.default_rng(2)
-    where = np.where(np.arange(600) % 2, 1000.0, -1000.0)[:, None]
-    candidates = where + 1e-3 * rng.normal(size=(600, 8))
-    queries = candidates + 1e-5 * rng.normal(size=(600, 8))
-    np.testing.assert_array_equal(nearest_rows(candidates, queries), brute_force(candidates, queries))
-
-
 def test_blocks_and_threads_change_nothing(monkeypatch):
     rng = np.random.default_rng(3)
     candidates, queries = rng.normal(size=(300, 30)), rng.normal(size=(2000, 30))
@@ -65,10 +69,6 @@ def test_blocks_and_threads_change_nothing(monkeypatch):
         whole.append(nearest_rows(candidates, queries))
     np.testing.assert_array_equal(*whole)
     np.testing.assert_array_equal(whole[0][700:701], nearest_rows(candidates, queries[700:701]))
-
-
-def test_no_queries():
-    assert nearest_rows(np.ones((3, 2)), np.zeros((0, 2))).shape == (0,)
 
 
 @pytest.mark.parametrize("dimension", [2, 40])

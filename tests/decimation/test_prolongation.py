@@ -8,7 +8,9 @@ import pytest
 from data import tosca
 from isomatch import Mesh, MeshError, PrecisePoints
 from isomatch.decimation import Prolongation, decimate
-from shapes import cylinder, flat_grid, icosphere, planar_delaunay
+from shapes import cylinder, flat_grid, icosphere, inside_out, planar_delaunay
+from zoo import torus
+from zoo.made import moved, together
 
 
 def positions(points: PrecisePoints, vertices: np.ndarray) -> np.ndarray:
@@ -107,10 +109,7 @@ def test_folded_sheets_exchange_no_points(n):
 
 def test_parallel_sheets_exchange_no_points():
     sheet = flat_grid(40, 40)
-    mesh = Mesh(
-        np.concatenate([sheet.vertices, sheet.vertices + np.array([0, 0, 0.3])]),
-        np.concatenate([sheet.faces, sheet.faces[:, ::-1] + 1600]),
-    )
+    mesh = together(sheet, moved(inside_out(sheet), (0, 0, 0.3)))
     coarse = decimate(mesh, 300)
     transfer = Prolongation(mesh, coarse)
     sheet_of = np.arange(3200) >= 1600
@@ -124,15 +123,7 @@ def test_parallel_sheets_exchange_no_points():
 @pytest.mark.parametrize("n", [300, 1000])
 def test_the_two_sides_of_a_thin_wall_exchange_no_points(n):
     """A round wall, closed along its rims; the coarse mesh is as far from its side as the other side is."""
-    i, j = np.divmod(np.arange(120 * 60), 60)
-    t, s = 2 * np.pi * i / 120, 2 * np.pi * j / 60
-    radius = 1 + 0.005 * np.cos(s)
-    a, b = i * 60 + j, (i + 1) % 120 * 60 + j
-    c, d = (corner - j + (j + 1) % 60 for corner in (b, a))
-    mesh = Mesh(
-        np.column_stack([radius * np.cos(t), radius * np.sin(t), 0.4 * np.sin(s)]),
-        np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]),
-    )
+    mesh = moved(torus(120, 60, 1.0, 0.005), scale=[1, 1, 80])
     coarse = decimate(mesh, n)
     x, y, z = np.swapaxes(coarse.mesh.vertices[Prolongation(mesh, coarse).on_coarse.corners], 0, 1)
     facing = np.einsum("ij,ij->i", np.cross(y - x, z - x), mesh.vertex_normals)

@@ -2,12 +2,10 @@
 
 import pytest
 
-import isomatch
+from command_line import QUICKEST, write_pair
 from isomatch.datasets import example_pair
 
 collect_ignore = ["like_windows"]  # changes the process that imports it
-
-QUICK = "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
 
 
 @pytest.fixture(scope="session")
@@ -16,11 +14,8 @@ def pair():
 
 
 @pytest.fixture(scope="session")
-def match_argv(pair, tmp_path_factory):
+def match_argv(tmp_path_factory):
     """Function from an output folder to the arguments of a quick match."""
-    folder = tmp_path_factory.mktemp("shapes")
-    for name, mesh in zip(("source.ply", "target.ply"), pair):
-        isomatch.write_mesh(folder / name, mesh)
-    (folder / "quick.toml").write_text(QUICK)
+    folder = write_pair(tmp_path_factory.mktemp("shapes"), settings=QUICKEST)
     ends = [str(folder / "source.ply"), str(folder / "target.ply")]
     return lambda out: ["match", *ends, "-o", str(out), "--config", str(folder / "quick.toml")]

@@ -2,11 +2,10 @@
 
 import io
 import json
-from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mutations import fuzzed, mutated
 from scipy.io import savemat
@@ -88,12 +87,17 @@ FILES = {
     "cat0.mat": (matlab(False), lambda path: tosca(path.parent)["cat0"]),
     "cat1.mat": (matlab(True), lambda path: tosca(path.parent)["cat1"]),
     FILE: (rows(), lambda path: [identity_of(row) for row in read_rows(path.parent)]),
+    "values.csv": (b"vertex,part,depth\n0,1,0.5\n1,NA,2.5\n3,2,7\n", read_attributes),
+    "groups.csv": (b'"name";"group"\n"a";"m"\n"b";NA\n', lambda path: read_shape_cells(path, "ab")),
+    "list.csv": (b"\xef\xbb\xbfname;path\r\n007;a.ply\r\n", entries_of),
+    "subjects.csv": (b"subject,structure,file\ns1,bone,a.ply\ns2,bone,b.ply\n", structures_of),
+    "cloud.xyz": (b"//X Y Z R G B\n0,5 1 2 3 4 5\n1,5 1 2 3 4 5\n", read_asset),
+    "marks.csv": (b'"","name","x","y","z"\n"1","a",0,0,0\n"2","b",NA,NA,NA\n', Landmarks.read),
+    "marks.fcsv": (FIDUCIALS, Landmarks.read),
 }
 
 
-OURS = [
-    name for name in FILES if not name.endswith(".mat")
-]  # scipy's reader crashes on some damaged MATLAB files
+OURS = [name for name in FILES if not name.endswith(".mat")]  # scipy's reader crashes on some damaged files
 
 
 @pytest.fixture(scope="module")
@@ -154,30 +158,6 @@ def test_settings_of_any_type(data):
         Config.from_dict({name: value})
     except IsomatchError:
         return
-
-
-DOOR = {
-    "values.csv": (b"vertex,part,depth\n0,1,0.5\n1,NA,2.5\n3,2,7\n", read_attributes),
-    "groups.csv": (b'"name";"group"\n"a";"m"\n"b";NA\n', lambda path: read_shape_cells(path, "ab")),
-    "list.csv": (b"\xef\xbb\xbfname;path\r\n007;a.ply\r\n", entries_of),
-    "subjects.csv": (b"subject,structure,file\ns1,bone,a.ply\ns2,bone,b.ply\n", structures_of),
-    "cloud.xyz": (b"//X Y Z R G B\n0,5 1 2 3 4 5\n1,5 1 2 3 4 5\n", read_asset),
-    "marks.csv": (b'"","name","x","y","z"\n"1","a",0,0,0\n"2","b",NA,NA,NA\n', Landmarks.read),
-    "marks.fcsv": (FIDUCIALS, Landmarks.read),
-}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", DOOR)
-@settings(fuzzed, max_examples=300)
-@given(data=st.data())
-def test_two_thousand_tables_clouds_and_marks(folder, name, data):
-    """Only a named error may come of a changed one."""
-    seed, read = DOOR[name]
-    path = folder / name
-    path.write_bytes(data.draw(mutated(seed) | st.binary(max_size=80)))
-    with suppress(IsomatchError):
-        read(path)
 
 
 @pytest.mark.parametrize(

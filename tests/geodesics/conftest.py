@@ -6,6 +6,7 @@ import pytest
 from isomatch import Mesh, MissingDependencyError
 from isomatch.geodesics import distance_engine, engine_names
 from shapes import flat_grid, icosphere
+from zoo.made import together
 
 
 @pytest.fixture(params=engine_names(Mesh))
@@ -23,5 +24,4 @@ def book():
     """Three square pages of 5 × 5 vertices that meet at the spine, x = 0 of each; and the page in the plane."""
     page = flat_grid(5, 5)
     turns = [np.array([[c, s, 0], [0, 0, 1], [s, -c, 0]]) for c, s in ((1, 0), (0, 1), (-1, 0))]
-    points = np.concatenate([page.vertices @ turn for turn in turns])
-    return Mesh(points, np.concatenate([page.faces + 25 * k for k in range(3)])), page
+    return together(*(page.moved(page.vertices @ turn) for turn in turns)), page

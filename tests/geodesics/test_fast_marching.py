@@ -8,6 +8,7 @@ from isomatch import Mesh, geodesic_distances
 from isomatch.geodesics import distance_engine, pair_distances
 from isomatch_lab.procedural import creature
 from shapes import cylinder, cylinder_distances, flat_grid, icosphere, planar_delaunay
+from zoo.made import moved, together
 
 
 def euclidean(mesh, sources):
@@ -131,8 +132,7 @@ def test_pairs_have_the_distances_of_whole_columns(unit):
     """Near and far pairs, some in both directions and some twice, one with itself, one that no path joins."""
     sphere = icosphere(3)
     n = sphere.n_vertices
-    vertices = np.concatenate([sphere.vertices, sphere.vertices + 5.0])
-    mesh = Mesh(unit * vertices, np.concatenate([sphere.faces, sphere.faces + n]))
+    mesh = moved(together(sphere, moved(sphere, 5)), scale=unit)
     rng = np.random.default_rng(0)
     near = sphere.edges[rng.integers(len(sphere.edges), size=30)]
     far = rng.integers(n, size=(30, 2))

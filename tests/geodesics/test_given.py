@@ -5,7 +5,7 @@ import pytest
 
 from isomatch import MeshError, geodesic_distances
 from isomatch.geodesics import distance_engine, farthest_point_sampling
-from isomatch.geodesics.given import GivenFunction, GivenMatrix
+from isomatch.geodesics.given import GivenFunction
 from shapes import icosphere
 
 
@@ -20,11 +20,7 @@ def test_a_matrix_gives_its_rows(matrix):
     assert (engine.name, engine.n_points) == ("matrix", len(matrix))
     given = engine.distances_from([5, 2])
     np.testing.assert_allclose(given, (matrix[[5, 2]] + matrix[:, [5, 2]].T) / 2)
-
-
-def test_a_matrix_becomes_exactly_symmetric(matrix):
-    everything = np.arange(len(matrix))
-    columns = GivenMatrix(matrix).distances_from(everything)
+    columns = engine.distances_from(np.arange(len(matrix)))
     assert np.array_equal(columns, columns.T)
 
 
@@ -67,19 +63,6 @@ def test_a_function_gives_its_columns(matrix):
     engine = distance_engine(lambda sources: matrix[sources])
     assert (engine.name, engine.n_points) == ("function", len(matrix))
     assert np.array_equal(engine.distances_from([3, 1]), matrix[[3, 1]])
-
-
-def test_a_function_of_known_size_is_not_called_in_advance(matrix):
-    asked = []
-
-    def columns(sources):
-        asked.extend(sources)
-        return matrix[sources]
-
-    engine = GivenFunction(columns, len(matrix))
-    assert asked == []
-    engine.distances_from([4])
-    assert asked == [4]
 
 
 def test_sampling_calls_a_function_once_for_each_column(matrix):

@@ -55,7 +55,3 @@ def test_nothing_is_missing_from_a_closed_surface():
     lower, upper = bounds(sphere, np.array([3]))
     assert np.array_equal(lower, upper)
     assert np.isinf(MissingRegion.of(sphere, distance_engine(sphere), 10).to_boundary).all()
-
-
-def test_the_boundary_of_a_square():
-    assert len(flat_grid(4, 5).boundary_edges) == 14

@@ -158,22 +158,12 @@ def test_on_spheres_paths_come_near_great_circles():
     assert errors[2] < 0.4 * errors[1]
 
 
-def round_torus(around, across, large=2.0, small=0.5):
-    i, j = np.divmod(np.arange(around * across), across)
-    u, v = 2 * np.pi * i / around, 2 * np.pi * j / across
-    ring = large + small * np.cos(v)
-    points = np.column_stack([ring * np.cos(u), ring * np.sin(u), small * np.sin(v)])
-    a, b = i * across + j, (i + 1) % around * across + j
-    c, d = (i + 1) % around * across + (j + 1) % across, i * across + (j + 1) % across
-    return Mesh(points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
-
-
 def test_on_a_torus_along_its_inner_circle_and_its_meridians():
     """Both are geodesics; along the inner circle, the shortest one, and half around a meridian."""
     errors = []
     for fine in (1, 2, 4):
         around, across = 24 * fine, 12 * fine
-        mesh = round_torus(around, across)
+        mesh = torus(around, across, 2.0, 0.5)
         inner = across // 2  # innermost vertex of the ring of vertex 0
         along = geodesic_path(mesh, inner, inner + 6 * fine * across)  # a quarter of the inner circle
         meridian = geodesic_path(mesh, 0, inner)

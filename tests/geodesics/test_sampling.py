@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.distance import cdist
 
 from isomatch import Mesh, MeshError, SettingError, geodesic_distances
 from isomatch.geodesics import (
@@ -26,12 +25,9 @@ def sampling(mesh):
     return farthest_point_sampling(distance_engine(mesh), P, start=17)
 
 
-def test_samples_begin_with_the_start_and_are_distinct(sampling):
+def test_samples_are_distinct_and_columns_are_the_distances_from_them(mesh, sampling):
     assert sampling.vertices[0] == 17
     assert len(np.unique(sampling.vertices)) == P
-
-
-def test_columns_are_the_distances_from_the_samples(mesh, sampling):
     assert np.array_equal(sampling.columns, geodesic_distances(mesh, sampling.vertices))
 
 
@@ -102,19 +98,6 @@ def by_definition(points, n_samples, start):
 def test_euclidean_farthest_points_by_definition(dimension):
     points = np.random.default_rng(dimension).normal(size=(300, dimension))
     assert euclidean_farthest_points(points, 40, 8).tolist() == by_definition(points, 40, 8)
-
-
-def test_euclidean_farthest_points_by_the_sampling_with_an_engine():
-    points = np.random.default_rng(0).random((200, 3))
-    engine = distance_engine(cdist(points, points))
-    expected = farthest_point_sampling(engine, 50, start=3).vertices
-    assert np.array_equal(euclidean_farthest_points(points, 50, 3), expected)
-
-
-def test_every_prefix_of_euclidean_farthest_points_is_a_sampling():
-    points = icosphere(3).vertices
-    whole = euclidean_farthest_points(points, 100, 0)
-    assert np.array_equal(euclidean_farthest_points(points, 30, 0), whole[:30])
 
 
 def test_coincident_points_are_chosen_last_and_once():

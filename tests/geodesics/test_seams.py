@@ -20,8 +20,8 @@ from isomatch.geodesics import (
 )
 from isomatch.geodesics.given import WeldedEngine
 from isomatch.repair import without_seams
-from shapes import flat_grid, icosphere
-from zoo.made import block, boxes, soup
+from shapes import flat_grid, icosphere, inside_out
+from zoo.made import block, boxes, moved, soup, together
 
 NOTE = "onto an earlier vertex at the same position"
 
@@ -175,7 +175,7 @@ def test_a_file_of_a_basis_keeps_the_note(tmp_path):
 def test_sheets_that_touch_at_a_point_are_joined_there(name):
     """Two squares with a corner at one position: every way between them goes through it, in the exact engine too."""
     page = flat_grid(5, 5)
-    two = Mesh(np.concatenate([page.vertices, -page.vertices]), np.concatenate([page.faces, page.faces + 25]))
+    two = together(page, moved(page, scale=-1))
     through = geodesic_distances(two, [12], name)[0]
     corner = geodesic_distances(page, [0, 12], name)
     if name != "heat":  # which is smooth at the corner
@@ -186,8 +186,7 @@ def test_sheets_that_touch_at_a_point_are_joined_there(name):
 
 def test_sheets_that_coincide_are_one(name):
     page = flat_grid(6, 6)
-    leaf = Mesh(np.concatenate([page.vertices] * 2), np.concatenate([page.faces, page.faces[:, ::-1] + 36]))
-    found = geodesic_distances(leaf, [0, 40], name)
+    found = geodesic_distances(together(page, inside_out(page)), [0, 40], name)
     expected = geodesic_distances(page, [0, 4], name)
     np.testing.assert_allclose(found, np.tile(expected, 2), rtol=1e-9)
 
@@ -220,10 +219,7 @@ def test_points_in_faces_that_welding_collapses(name):
 def test_faces_that_share_an_edge_with_others_keep_engines_at_work(name):
     """Two cubes side by side, each with its own corners: the wall between them has edges of three faces."""
     cube = boxes(block(2, 2, 2))
-    two = Mesh(
-        np.concatenate([cube.vertices, cube.vertices + np.array([2, 0, 0])]),
-        np.concatenate([cube.faces, cube.faces + cube.n_vertices]),
-    )
+    two = together(cube, moved(cube, [2, 0, 0]))
     i = int(np.linalg.norm(two.vertices - [0, 1, 2], axis=1).argmin())
     j = int(np.linalg.norm(two.vertices - [4, 1, 2], axis=1).argmin())
     assert geodesic_distances(two, [i], name)[0, j] == pytest.approx(4.0, rel=0.2 if name == "heat" else 1e-6)

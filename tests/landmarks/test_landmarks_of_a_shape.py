@@ -22,6 +22,7 @@ from isomatch.io import Frame
 from isomatch.landmarks import Curve, draw_curve, equally_spaced, join_places, write_specimens
 from isomatch.surfaces import nearest_on_surface
 from shapes import box, flat_grid, icosphere
+from zoo.made import moved, together
 
 SPHERE = icosphere(3)
 SQUARE = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
@@ -198,8 +199,7 @@ def test_nearest_point_of_all_triangles():
 
 def test_one_large_triangle_takes_no_memory():
     grid = flat_grid(50, 50)
-    below = [[-500, -500, -9], [500, -500, -9], [0, 900, -9]]
-    larger = Mesh(np.vstack([grid.vertices, below]), np.vstack([grid.faces, [[2500, 2501, 2502]]]))
+    larger = together(grid, Mesh([[-500, -500, -9], [500, -500, -9], [0, 900, -9]], [[0, 1, 2]]))
     queries = np.add(grid.vertices[:200], [0, 0, 0.1])
     peaks = []
     for mesh in (grid, grid, larger):
@@ -257,10 +257,7 @@ def test_a_curve_on_points():
 
 def test_a_curve_that_leaves_the_surface():
     near = flat_grid(4, 4)
-    two = Mesh(
-        np.vstack([near.vertices, np.add(near.vertices, [20, 0, 0])]),
-        np.vstack([near.faces, near.faces + 16]),
-    )
+    two = together(near, moved(near, [20, 0, 0]))
     with pytest.raises(LandmarkError, match="suture"):
         draw_curve(two, np.array([[0.0, 0, 0], [1, 1, 0], [21, 0, 0]]), closed=False, name="suture")
     with pytest.raises(LandmarkError, match="two points"):

@@ -15,6 +15,7 @@ from isomatch.matching.components import Carrier
 from isomatch.shapes import components_of
 from isomatch_lab.procedural import creature
 from shapes import box, disguised, flat_grid, icosphere, two_spheres
+from zoo.made import together
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 BALL = icosphere(2)
@@ -22,12 +23,6 @@ HAT = icosphere(3).submesh(icosphere(3).vertices[:, 2] > -0.1)[0]
 EYE = 0.022  # radius
 EYES = {"left": (-0.08, 0.8, 1.01), "right": (0.08, 0.8, 1.01)}  # in the rest pose
 HEAD = (0.0, 0.85, 1.04)
-
-
-def together(*meshes):
-    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts)]
-    return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
 
 
 def moved_with(made, points):

@@ -11,15 +11,9 @@ from isomatch_lab.damage import holes
 from isomatch_lab.procedural import creature
 from isomatch_lab.procedural.organs import organ, organ_truth
 from shapes import icosphere
+from zoo.made import moved, together
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
-
-
-@pytest.fixture(scope="module")
-def bodies():
-    """Two poses of an animal, and the true image of each vertex."""
-    source, target = (creature(1500, pose=i, triangulation=i) for i in (1, 2))
-    return source.mesh, target.mesh, ground_truth(source, target).vertices
 
 
 @pytest.fixture(scope="module")
@@ -40,15 +34,20 @@ def stretch_around(source, target, found, rows):
     return (mapped / lengths).max()
 
 
+def held(shapes, pairs, **settings):
+    """Match with landmarks that are held; they are exact."""
+    found = match(*shapes, landmarks=pairs, config=Config(pin=0, **settings))
+    assert (found.map.vertices[pairs[:, 0]] == pairs[:, 1]).all()
+    return found
+
+
 @pytest.mark.long
 def test_held_landmarks_are_exact_and_the_map_follows(hearts):
     source, target, truth, pairs = hearts
     led = match(source, target, landmarks=pairs)
-    held = match(source, target, landmarks=pairs, config=Config(pin=0))
-    rows = pairs[:, 0]
-    assert (held.map.vertices[rows] == pairs[:, 1]).all()
-    np.testing.assert_allclose((held.map @ target.vertices)[rows], target.vertices[pairs[:, 1]])
-    assert held.quality.landmark_error == 0 < led.quality.landmark_error
+    bent, rows = held((source, target), pairs), pairs[:, 0]
+    np.testing.assert_allclose((bent.map @ target.vertices)[rows], target.vertices[pairs[:, 1]])
+    assert bent.quality.landmark_error == 0 < led.quality.landmark_error
 
     def error(found):
         return np.linalg.norm(found @ target.vertices - target.vertices[truth], axis=1).mean()
@@ -56,9 +55,9 @@ def test_held_landmarks_are_exact_and_the_map_follows(hearts):
     overwritten = led.map.vertices.copy()
     overwritten[rows] = pairs[:, 1]
     overwritten = type(led.map)(overwritten, target.n_vertices)
-    assert error(held.map) < 0.95 * error(led.map), "what is near a landmark gains too"
+    assert error(bent.map) < 0.95 * error(led.map), "what is near a landmark gains too"
     assert (
-        stretch_around(source, target, held.map, rows) < 2 < stretch_around(source, target, overwritten, rows)
+        stretch_around(source, target, bent.map, rows) < 2 < stretch_around(source, target, overwritten, rows)
     )
 
 
@@ -67,8 +66,8 @@ def test_far_from_the_landmarks_nothing_changes(bodies):
     source, target, truth = bodies
     rows = np.linalg.norm(source.vertices - source.vertices[0], axis=1).argsort()[:400:100]
     pairs = np.column_stack([rows, truth[rows]])
-    led, held = (match(source, target, landmarks=pairs, config=Config(pin=pin)).map for pin in (None, 0))
-    changed = (led.barycentric != held.barycentric).any(axis=1)
+    led = match(source, target, landmarks=pairs).map
+    changed = (led.barycentric != held((source, target), pairs).map.barycentric).any(axis=1)
     assert changed[rows].any()
     distance = np.linalg.norm(source.vertices[changed] - source.vertices[0], axis=1)
     assert distance.max() < 0.7 * np.sqrt(source.area)
@@ -84,12 +83,12 @@ def test_within_the_tolerance_nothing_moves(hearts):
     loose = match(source, target, landmarks=pairs, config=Config(pin=float(off.max() + 1e-6)))
     np.testing.assert_array_equal(loose.map.barycentric, led.map.barycentric)
     tolerance = float(np.sort(off)[2:4].mean())
-    held = match(source, target, landmarks=pairs, config=Config(pin=tolerance))
-    images = (held.map @ target.vertices)[pairs[:, 0]]
+    bent = match(source, target, landmarks=pairs, config=Config(pin=tolerance))
+    images = (bent.map @ target.vertices)[pairs[:, 0]]
     now = np.linalg.norm(images - target.vertices[pairs[:, 1]], axis=1) / np.sqrt(target.area)
     assert (now[off > tolerance] < 1e-12).all()
     assert (now < tolerance).all()
-    assert any("5 landmarks are held, 2 of them by bending" in note for note in held.notes)
+    assert any("5 landmarks are held, 2 of them by bending" in note for note in bent.notes)
 
 
 @pytest.mark.long
@@ -120,12 +119,10 @@ def test_landmarks_are_held_at_every_resolution(larger, resolution):
     source, target = larger
     rows = np.arange(100, 3300, 640)
     pairs = np.column_stack([rows, ground_truth(source, target).vertices[rows]])
-    config = Config(resolution=resolution, pin=0)
-    held = match(source.mesh, target.mesh, landmarks=pairs, config=config)
-    assert (held.map.vertices[rows] == pairs[:, 1]).all()
-    assert held.outcome is Outcome.CONVERGED
-    assert stretch_around(source.mesh, target.mesh, held.map, rows) < 3
-    assert held.timings["hard landmarks"] > 0
+    found = held((source.mesh, target.mesh), pairs, resolution=resolution)
+    assert found.outcome is Outcome.CONVERGED
+    assert stretch_around(source.mesh, target.mesh, found.map, rows) < 3
+    assert found.timings["hard landmarks"] > 0
 
 
 @pytest.mark.long
@@ -140,43 +137,31 @@ def test_landmarks_of_parts_are_held(bodies, part):
     rows = np.flatnonzero(known >= 0)[100::500]
     rows = rows[np.unique(known[rows], return_index=True)[1]]
     pairs = np.column_stack([rows, known[rows]])
-    held = match(*shapes, landmarks=pairs, config=Config(pin=0))
-    assert (held.map.vertices[rows] == known[rows]).all()
-    assert held.outcome is Outcome.PARTIAL
+    assert held(shapes, pairs).outcome is Outcome.PARTIAL
 
 
 @pytest.mark.long
 def test_landmarks_of_components_are_held(bodies):
     source, target, truth = bodies
-    ball = icosphere(2)
-
-    def with_ball(mesh):
-        vertices = np.vstack([mesh.vertices, 0.1 * ball.vertices + [0, 0, 2]])
-        return Mesh(vertices, np.vstack([mesh.faces, ball.faces + mesh.n_vertices]))
-
+    ball = moved(icosphere(2), [0, 0, 2], 0.1)
     rows = np.arange(50, 1400, 300)
     one = [source.n_vertices + 5, target.n_vertices + 5]
     crossed = [source.n_vertices + 7, truth[7]]
     pairs = np.vstack([np.column_stack([rows, truth[rows]]), one, crossed])
-    held = match(with_ball(source), with_ball(target), landmarks=pairs, config=Config(pin=0))
-    assert (held.map.vertices[pairs[:, 0]] == pairs[:, 1]).all()
-    assert any(f"source vertices {crossed[0]} lie on nothing" in note for note in held.notes)
+    found = held((together(source, ball), together(target, ball)), pairs)
+    assert any(f"source vertices {crossed[0]} lie on nothing" in note for note in found.notes)
 
 
 @pytest.mark.long
 def test_a_landmark_that_holds_alone_is_matched(bodies):
     source, target, truth = bodies
     alone = source.n_vertices
-    triangle = source.vertices[:3] + np.array([0, 0, 5])
-    with_triangle = Mesh(
-        np.vstack([source.vertices, triangle]), np.vstack([source.faces, alone + np.arange(3)])
-    )
+    with_triangle = together(source, Mesh(source.vertices[:3] + np.array([0, 0, 5]), [[0, 1, 2]]))
     rows = np.arange(50, 1400, 300)
     free = np.setdiff1d(np.arange(target.n_vertices), truth[rows])[0]
     pairs = np.vstack([np.column_stack([rows, truth[rows]]), [alone, free]])
-    held = match(with_triangle, target, landmarks=pairs, config=Config(pin=0))
-    assert held.map.vertices[alone] == free
-    assert held.quality.matched == held.map.matched.mean()
+    found = held((with_triangle, target), pairs)
+    assert found.quality.matched == found.map.matched.mean()
 
 
 def points_of(mesh):
@@ -192,9 +177,7 @@ def edges_of(mesh):
 def test_landmarks_of_points_and_graphs_are_held(bodies, made):
     source, target, truth = bodies
     rows = np.arange(50, 1400, 300)
-    pairs = np.column_stack([rows, truth[rows]])
-    found = match(made(source), made(target), landmarks=pairs, config=Config(pin=0))
-    assert (found.map.vertices[rows] == truth[rows]).all()
+    held((made(source), made(target)), np.column_stack([rows, truth[rows]]))
 
 
 @pytest.mark.long
@@ -203,12 +186,10 @@ def test_landmarks_that_contradict_the_map_are_named(bodies):
     rows = prepare(source).column_vertices[:6]
     pairs = np.column_stack([rows, truth[rows]])
     pairs[:2, 1] = pairs[[1, 0], 1]
-    held = match(source, target, landmarks=pairs, config=Config(pin=0))
-    led = match(source, target, landmarks=pairs)
-    assert (led.outcome, held.outcome) == (Outcome.PRIORS_CONTRADICTED, Outcome.LOW_CONFIDENCE)
-    assert held.quality.landmark_error == 0
-    assert (held.map.vertices[rows] == pairs[:, 1]).all()
-    (note,) = [note for note in held.notes if "before it was bent contradicts" in note]
+    bent, led = held((source, target), pairs), match(source, target, landmarks=pairs)
+    assert (led.outcome, bent.outcome) == (Outcome.PRIORS_CONTRADICTED, Outcome.LOW_CONFIDENCE)
+    assert bent.quality.landmark_error == 0
+    (note,) = [note for note in bent.notes if "before it was bent contradicts" in note]
     assert all(f"{i} → {j}" in note for i, j in pairs[:2])
 
 

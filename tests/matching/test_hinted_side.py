@@ -11,10 +11,10 @@ from isomatch_lab.damage import holes
 from isomatch_lab.procedural import creature
 from isomatch_lab.procedural.organs import organ, organ_truth
 from shapes import icosphere
+from zoo.made import moved, together
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 SIDES = "direct", "other"
-OTHER_SIDE = [pytest.param("direct", marks=pytest.mark.long), "other"]
 
 
 def error(target, image, truth):
@@ -41,14 +41,26 @@ def animals():
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("prior", ["map", "sparse map", "map of components", "landmarks"])
 @pytest.mark.parametrize("side", SIDES)
-def test_a_given_map_wins_a_tie(kidneys, side):
-    source, target, truth = kidneys
-    found = match(source, target, initial_map=truth[side])
-    assert error(target, found.map.vertices, truth[side]) < 0.05
-    assert found.origin == "initial map"
-    assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
-    assert found.quality.runner_up >= 1
+def test_a_prior_wins_a_tie(kidneys, side, prior):
+    source, target, truth = *kidneys[:2], kidneys[2][side]
+    step = 200 if prior == "sparse map" else 1
+    given = {"initial_map": np.where(np.arange(source.n_vertices) % step == 0, truth, -1)}
+    if prior == "landmarks":
+        rows = prepare(source).column_vertices[:4]
+        given = {"landmarks": np.column_stack([rows, truth[rows]])}
+    if prior == "map of components":
+        ball = moved(icosphere(2), [0, 0, 1.5], 0.1)
+        source, target = together(source, ball), together(target, ball)
+        given["initial_map"] = truth = np.concatenate([truth, np.full(ball.n_vertices, -1)])
+    found = match(source, target, **given)
+    assert error(target, found.map.vertices, truth) < 0.05
+    if prior in ("map", "map of components"):
+        assert found.origin == "initial map"
+    if prior == "map":
+        assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
+        assert found.quality.runner_up >= 1
 
 
 @pytest.mark.long
@@ -59,24 +71,6 @@ def test_a_given_map_may_mirror_also_at_a_coarser_level(animals, side):
     assert error(target, found.map.vertices, truth[side]) < 0.03
     assert found.origin == "initial map"
     assert found.outcome is (Outcome.CONVERGED if side == "direct" else Outcome.SYMMETRY_AMBIGUOUS)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("side", OTHER_SIDE)
-def test_a_given_map_of_a_few_vertices_wins_a_tie(kidneys, side):
-    source, target, truth = kidneys
-    few = np.full(source.n_vertices, -1)
-    few[::200] = truth[side][::200]
-    assert error(target, match(source, target, initial_map=few).map.vertices, truth[side]) < 0.05
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("side", OTHER_SIDE)
-def test_landmarks_win_a_tie(kidneys, side):
-    source, target, truth = kidneys
-    rows = prepare(source).column_vertices[:4]
-    found = match(source, target, landmarks=np.column_stack([rows, truth[side][rows]]))
-    assert error(target, found.map.vertices, truth[side]) < 0.05
 
 
 @pytest.mark.long
@@ -92,23 +86,6 @@ def test_a_given_map_of_a_part_wins_a_tie(kidneys, part_of, side):
     assert error(shapes[1], found.map.vertices, known) < 0.06
     assert found.origin == "initial map"
     assert found.outcome is not Outcome.PRIORS_CONTRADICTED
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("side", OTHER_SIDE)
-def test_a_given_map_of_components_wins_a_tie(kidneys, side):
-    source, target, truth = kidneys
-    ball = icosphere(2)
-
-    def with_ball(mesh):
-        vertices = np.vstack([mesh.vertices, 0.1 * ball.vertices + [0, 0, 1.5]])
-        return Mesh(vertices, np.vstack([mesh.faces, ball.faces + mesh.n_vertices]))
-
-    shapes = with_ball(source), with_ball(target)
-    known = np.concatenate([truth[side], np.full(ball.n_vertices, -1)])
-    found = match(*shapes, initial_map=known)
-    assert error(shapes[1], found.map.vertices, known) < 0.05
-    assert found.origin == "initial map"
 
 
 @pytest.mark.long

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from isomatch import Mesh, Outcome, Verification, match
+from isomatch import Outcome, Verification, match
 from isomatch.correspondence import SurfaceIndex, VertexCells
 from isomatch.matching.bending import BentShape, Surroundings
 from isomatch_lab.procedural.implicit import Skin
 from isomatch_lab.procedural.tessellation import tessellate
-from shapes import disguised
+from shapes import disguised, flat_grid
+from zoo.made import moved
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 N_VERTICES = 5000
@@ -114,23 +115,16 @@ def bent(rest, vertices):
     return BentShape(rest, moved, Surroundings(moved, index))
 
 
-def strip(n_long=40, n_wide=12, side=0.05):
-    x, y = (grid.ravel() * side for grid in np.meshgrid(np.arange(n_long), np.arange(n_wide), indexing="ij"))
-    corner = np.add.outer(np.arange(n_long - 1) * n_wide, np.arange(n_wide - 1)).ravel()
-    a, b, c, d = corner, corner + n_wide, corner + n_wide + 1, corner + 1
-    return Mesh(np.column_stack([x, y, np.zeros(len(x))]), np.concatenate([np.c_[a, b, c], np.c_[a, c, d]]))
-
-
 def test_a_motion_turns_nothing():
-    rest = strip()
-    moved = rest.vertices @ Rotation.from_rotvec([0.3, 1.0, -2.0]).as_matrix().T + [1, 2, 3]
-    assert bent(rest, moved).turning < 1e-6
+    rest = moved(flat_grid(12, 40), scale=0.05)
+    turned = rest.vertices @ Rotation.from_rotvec([0.3, 1.0, -2.0]).as_matrix().T + [1, 2, 3]
+    assert bent(rest, turned).turning < 1e-6
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.0])
 def test_a_rolled_strip_turns_by_its_curvature(radius):
     """Along the strip rotations differ by length / radius, across it not at all."""
-    rest = strip()
+    rest = moved(flat_grid(12, 40), scale=0.05)
     x, y, _ = rest.vertices.T
     rolled = np.column_stack([radius * np.sin(x / radius), y, radius * (1 - np.cos(x / radius))])
     i, j = rest.edges.T

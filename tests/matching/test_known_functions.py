@@ -4,14 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
-from isomatch import Mesh, match, match_both, prepare
+from isomatch import match, match_both, prepare
 from isomatch._core.errors import DescriptorError
 from isomatch.matching import prepare_pair
 from isomatch.matching.priors import known_functions
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
 from shapes import box, disguised
+from zoo import specimen
+from zoo.made import cut_along, moved, together
 
 
 @pytest.fixture(scope="module")
@@ -77,17 +80,12 @@ def test_values_are_compared_as_they_are_on_both(brick):
 def test_unknown_values_come_from_the_nearest_vertex_of_the_surface(brick):
     """Across a seam of repeated vertices too; a component without any has the mean."""
     n = brick.n_vertices
-    seam = np.flatnonzero(brick.vertices[:, 0] == brick.vertices[:, 0].max())
-    twin = np.arange(n)
-    twin[seam] = n + np.arange(len(seam))
     beyond = brick.vertices[brick.faces].mean(axis=1)[:, 0] > brick.vertices[:, 0].max() - 1e-9
-    corners = [[99, 99, 99], [99, 99, 100], [99, 100, 99], [100, 99, 99]]
-    tetrahedron = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]) + n + len(seam)
-    vertices = np.concatenate([brick.vertices, brick.vertices[seam], corners])
-    faces = np.concatenate([np.where(beyond[:, None], twin[brick.faces], brick.faces), tetrahedron])
-    values = np.full(len(vertices), np.nan)
+    opened = cut_along(brick, beyond)
+    seam = cKDTree(brick.vertices).query(opened.vertices[n:])[1]
+    shape = prepare(together(opened, moved(specimen("tetrahedron").mesh, 99)))
+    values = np.full(shape.surface.n_vertices, np.nan)
     values[:n] = np.random.default_rng(0).normal(size=n)
-    shape = prepare(Mesh(vertices, faces))
     known = known_functions(shape, shape, (values, values), shape.config).source[:, 0]
     np.testing.assert_array_equal(known[n : n + len(seam)], known[seam])
     np.testing.assert_array_equal(known[-4:], 0)

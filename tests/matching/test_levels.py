@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from isomatch import (
     Config,
@@ -26,8 +27,9 @@ from isomatch.shapes import capped_shape, components_of
 from isomatch.shapes.body import body_of
 from isomatch_lab.damage import cut, weld
 from isomatch_lab.procedural import creature
-from isomatch_lab.procedural.organs import organ, organ_truth
+from isomatch_lab.procedural.organs import organ
 from shapes import box, disguised, icosphere
+from zoo.made import cut_along, moved, together, with_vertices
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 LEVELS = {"matched": 1000, "polished": 1800, "fast_matched": 800, "fast_polished": 1000}
@@ -35,11 +37,6 @@ COARSE = Config.from_dict({"levels": LEVELS})
 FULL = Config.from_dict({"levels": LEVELS, "resolution": "full"})
 FAST = Config.from_dict({"levels": LEVELS, "resolution": "fast"})
 TINY = Config.from_dict({"levels": {"matched": 200, "polished": 400}})
-
-
-def later(*values):
-    """A parameter whose test takes part in `make test-long` only."""
-    return pytest.param(*values, marks=pytest.mark.long)
 
 
 @pytest.fixture(scope="module")
@@ -158,12 +155,6 @@ def test_samples_stay_on_their_sheet_where_sheets_were_glued():
     np.testing.assert_array_equal(shape.refining.coarse.owner[samples], shape.sample_vertices)
 
 
-def test_what_was_lifted_is_restricted_to_itself(shapes):
-    for shape in (shapes[0], shapes[0].polishable):
-        values = np.random.default_rng(0).normal(size=(shape.body.n_vertices, 2))
-        np.testing.assert_array_equal(shape.restrict(shape.lift(values)), values)
-
-
 @pytest.mark.long
 def test_the_map_of_two_poses(made, truth, shapes, found, found_in_full):
     """The levels are a quarter and a half finer than in practice; the full resolution is hardly better."""
@@ -200,7 +191,7 @@ def test_without_polishing_none_is_told(made, truth, shapes):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("resolution", ["auto", later("fast"), later("full")])
+@pytest.mark.parametrize("resolution", ["auto", "fast", "full"])
 def test_a_shape_finds_its_copy(made, resolution):
     config = Config.from_dict({"levels": LEVELS, "resolution": resolution})
     mesh = made[0].mesh
@@ -248,7 +239,7 @@ def test_small_shapes_are_matched_in_full(made, found_in_full):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("large", ["source", later("target")])
+@pytest.mark.parametrize("large", ["source", "target"])
 def test_only_one_shape_is_large(made, truth, large, found_in_full):
     small = creature(1500, triangulation=5, pose=1 if large == "target" else 2)
     both = (small, made[1]) if large == "target" else (made[0], small)
@@ -310,15 +301,21 @@ def test_landmarks_of_the_mirror_image_are_obeyed():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("step", [1, later(37)])
-def test_an_initial_map_is_obeyed(made, truth, shapes, step):
-    known = np.full(len(truth), -1)
-    known[::step] = truth[::step]
-    given = Config.from_dict({"levels": LEVELS, "hypotheses": "given"})
-    led = match(*shapes, initial_map=known, config=given)
-    assert led.origin == "initial map"
-    assert led.quality.initial_map_error < 1.5 / np.sqrt(1000), "as it can be known on a thousand vertices"
-    assert_valid(led, made[0].mesh, made[1].mesh)
+@pytest.mark.parametrize("kind", ["initial map", "sparse initial map", "descriptors"])
+def test_what_is_known_is_obeyed(made, truth, shapes, kind):
+    of_target = np.sin(made[1].rest @ np.random.default_rng(0).normal(size=(3, 12)))
+    step = 37 if kind.startswith("sparse") else 1
+    known = np.where(np.arange(len(truth)) % step == 0, truth, -1)
+    priors = {"initial_map": known}
+    if kind == "descriptors":
+        priors = {"initial_descriptors": (of_target[truth], of_target)}
+    led = match(*shapes, **priors, config=Config.from_dict({"levels": LEVELS, "hypotheses": "given"}))
+    assert kind.endswith(led.origin)
+    if kind != "descriptors":
+        assert led.quality.initial_map_error < 1.5 / np.sqrt(1000), (
+            "as it can be known on a thousand vertices"
+        )
+        assert_valid(led, made[0].mesh, made[1].mesh)
     assert mean_error(led, truth, made[1].mesh) < 0.015
 
 
@@ -337,15 +334,6 @@ def test_of_an_initial_map_the_nearest_vertices_count(truth, shapes):
     source, image = priors.initial_pairs.T
     np.testing.assert_array_equal(np.sort(source), np.arange(1000))
     np.testing.assert_array_equal(image, shapes[1].body_vertex[truth[shapes[0].user_vertex[source]]])
-
-
-@pytest.mark.long
-def test_descriptors_are_obeyed(made, truth, shapes):
-    of_target = np.sin(made[1].rest @ np.random.default_rng(0).normal(size=(3, 12)))
-    given = Config.from_dict({"levels": LEVELS, "hypotheses": "given"})
-    led = match(*shapes, initial_descriptors=(of_target[truth], of_target), config=given)
-    assert led.origin == "descriptors"
-    assert mean_error(led, truth, made[1].mesh) < 0.015
 
 
 def test_priors_outside_the_shapes_are_refused(made, shapes):
@@ -377,23 +365,13 @@ def test_pickled_without_the_shapes(found):
     assert again.to_dict() == found.to_dict()
 
 
-def together(*meshes):
-    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts)]
-    return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
-
-
 @pytest.mark.long
 def test_what_is_off_the_body_has_no_image(made, truth):
     """Debris, vertices in no face, and a component without a partner."""
     source, target = (animal.mesh for animal in made)
     ball, crumb = icosphere(3), icosphere(0)
-    pieces = (
-        Mesh(0.1 * ball.vertices + 5, ball.faces),
-        Mesh(0.001 * crumb.vertices - 5, crumb.faces),
-        Mesh([[9.0, 9, 9]], np.zeros((0, 3), dtype=int)),
-    )
-    rich = together(*pieces, source)
+    pieces = together(moved(ball, 5, 0.1), with_vertices(moved(crumb, -5, 0.001), [[9, 9, 9]]))
+    rich = together(pieces, source)
     extra = rich.n_vertices - source.n_vertices
     partial = match(rich, target, config=COARSE)
     assert_valid(partial, rich, target, off=np.arange(extra))
@@ -409,7 +387,7 @@ def test_components_are_decimated_each(made, truth):
     for animal in made:
         near = np.argsort(animal.rest[:, 2])[-30:]  # above the head
         place = animal.mesh.vertices[near].mean(axis=0) + np.array([0, 0, 0.15])
-        pairs.append(together(animal.mesh, Mesh(0.08 * ball.vertices + place, ball.faces)))
+        pairs.append(together(animal.mesh, moved(ball, place, 0.08)))
     n, m = (animal.mesh.n_vertices for animal in made)
     found = match(*pairs, config=COARSE)
     assert_valid(found, *pairs)
@@ -420,24 +398,19 @@ def test_components_are_decimated_each(made, truth):
     assert any("2562 vertices" in note for note in found.notes)
 
 
-def opened_along_seams(mesh, seed=0):
-    """The same triangles with some vertices duplicated, as files with texture seams have them; twin of each."""
+def of_upper_half(mesh):
     height = mesh.vertices[mesh.faces].mean(axis=1)[:, 1]
-    upper = height > np.median(height)
-    seam = np.intersect1d(mesh.faces[upper], mesh.faces[~upper])
-    number = np.arange(mesh.n_vertices)
-    number[seam] = mesh.n_vertices + np.arange(len(seam))
-    faces = np.where(upper[:, None], number[mesh.faces], mesh.faces)
-    return Mesh(np.vstack([mesh.vertices, mesh.vertices[seam]]), faces), seam
+    return height > np.median(height)
 
 
 @pytest.mark.long
 def test_seams_of_duplicate_vertices(made, truth, found):
     """A map of the welded bodies, in the vertices of the files."""
-    (source, seam), (target, _) = (opened_along_seams(animal.mesh) for animal in made)
+    source, target = (cut_along(animal.mesh, of_upper_half(animal.mesh)) for animal in made)
     seamed = match(source, target, config=COARSE)
     assert_valid(seamed, source, target)
     n = made[0].mesh.n_vertices
+    seam = cKDTree(source.vertices[:n]).query(source.vertices[n:])[1]
     np.testing.assert_array_equal(seamed.map.vertices[n:], seamed.map.vertices[seam])
     offset = seamed.map.pull_back(target.vertices)[:n] - found.map.pull_back(made[1].mesh.vertices)
     assert np.median(np.linalg.norm(offset, axis=1)) < 0.5 * made[1].mesh.edge_lengths.mean()
@@ -486,7 +459,7 @@ def test_with_holes_closed_the_body_is_as_coarse(opened):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", ["points", later("graph")])
+@pytest.mark.parametrize("kind", ["points", "graph"])
 def test_a_large_mesh_and_its_own_points(made, shapes, kind):
     mesh, shape = made[1].mesh, shapes[1]
     copy = disguised(mesh, 4)
@@ -512,23 +485,6 @@ def test_settings_of_both_shapes_must_agree(shapes, made):
         match(*shapes, config=Config())
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"resolution": "half"}, "resolution = 'half' is not one of 'auto', 'full', 'fast'"),
-        ({"levels": {"matched": 100}}, "matched = 100 is not an integer of at least 200"),
-        ({"levels": {"spared": 0.5}}, "spared = 0.5 is not a number of at least 1"),
-        ({"refining": {"polished_sizes": []}}, "polished_sizes is empty"),
-        ({"levels": {"polished": 3000}}, "polished = 3000 is below matched = 5000"),
-        ({"levels": {"fast_polished": 2000}}, "fast_polished = 2000 is below fast_matched = 2500"),
-        ({"levels": {"size": 3000}}, "unknown setting size"),
-    ],
-)
-def test_settings_that_make_no_sense(values, message):
-    with pytest.raises(SettingError, match=message):
-        Config.from_dict(values)
-
-
 def bar(folded):
     """A tapered bar, 80 long and 6 thick, straight or folded in the middle until its halves nearly touch.
 
@@ -549,7 +505,7 @@ def bar(folded):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("folded", ["source", later("target")])
+@pytest.mark.parametrize("folded", ["source", "target"])
 def test_neighbouring_sheets_do_not_exchange_images(folded):
     """Neither when maps are carried from a coarse mesh that is folded, nor to it."""
     source, along = bar(folded == "source")
@@ -575,15 +531,6 @@ def test_symmetric_shapes_are_still_ambiguous(sides):
     either = match(*(animal.mesh for animal in both), config=config)
     assert either.outcome is Outcome.SYMMETRY_AMBIGUOUS
     assert_valid(either, *(animal.mesh for animal in both))
-
-
-@pytest.mark.long
-def test_a_shape_without_limbs():
-    both = [organ("kidney", 2500, pose=i) for i in (1, 2)]
-    source, target = (animal.mesh for animal in both)
-    over = match(source, target, config=COARSE)
-    assert_valid(over, source, target)
-    assert mean_error(over, organ_truth(*both).vertices, target) < 0.04
 
 
 @pytest.mark.long

@@ -197,16 +197,6 @@ def test_a_body_without_a_foot_is_a_part_but_not_one_with_small_holes(bodies):
 
 
 @pytest.mark.long
-def test_a_given_map_of_a_part_stays_one(bodies, prepared):
-    part = holes(bodies[0], 0.15, seed=4)
-    truth = bodies[2][part.original]
-    found = match(part.mesh, prepared, initial_map=truth, config=Config(hypotheses="given"))
-    assert found.outcome is Outcome.PARTIAL
-    assert found.origin == "initial map"
-    assert mean_error(prepared, found.map.vertices, truth) < 0.05
-
-
-@pytest.mark.long
 def test_a_whole_is_mapped_to_a_part_and_the_rest_is_unmatched(bodies):
     source, target, truth = bodies
     part = cut(target, 0.3, seed=2)
@@ -249,17 +239,6 @@ def test_a_shape_is_a_part_of_itself():
     assert (
         np.linalg.norm(found.map @ shape.vertices - shape.vertices, axis=1).max() < shape.edge_lengths.mean()
     )
-
-
-@pytest.mark.long
-def test_landmarks_lead_a_part(bodies, prepared):
-    part = cut(bodies[0], 0.3, seed=4)
-    vertices = prepare(part.mesh).column_vertices[:5]
-    pairs = np.column_stack([vertices, bodies[2][part.original[vertices]]])
-    found = match(part.mesh, prepared, landmarks=pairs)
-    assert found.outcome is Outcome.PARTIAL
-    assert found.quality.landmark_error < 0.06
-    assert found.origin == "landmarks"
 
 
 @pytest.mark.long

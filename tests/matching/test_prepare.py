@@ -6,8 +6,9 @@ import pytest
 from isomatch import Config, Mesh, MeshError, distance_engine, geodesic_distances, prepare
 from isomatch.descriptors import mean_curvature
 from isomatch_lab.procedural import creature
-from shapes import box, disguised, icosphere, two_spheres
-from zoo import grid, torus
+from shapes import box, disguised, icosphere, inside_out, two_spheres
+from zoo import torus
+from zoo.made import moved, soup, together, with_vertices
 
 
 @pytest.fixture(scope="module")
@@ -15,30 +16,21 @@ def shape(prepared_example):
     return prepared_example[0]
 
 
-def test_body_is_centred_and_of_unit_area(example, shape):
-    areas = shape.body.vertex_areas
+def test_body_of_a_sound_mesh_is_all_of_it_centred_and_of_unit_area(example, shape):
+    areas, n = shape.body.vertex_areas, example[0].mesh.n_vertices
+    np.testing.assert_array_equal(shape.body_vertex, np.arange(n))
+    np.testing.assert_array_equal(shape.user_vertex, np.arange(n))
+    assert (shape.left_out, shape.notes) == (pytest.approx(0, abs=1e-12), ())
     assert shape.body.area == pytest.approx(1)
     np.testing.assert_allclose(areas @ shape.body.vertices, 0, atol=1e-12)
     assert shape.scale == pytest.approx(example[0].mesh.area ** 0.5)
 
 
-def test_sound_mesh_is_all_body(example, shape):
-    n = example[0].mesh.n_vertices
-    np.testing.assert_array_equal(shape.body_vertex, np.arange(n))
-    np.testing.assert_array_equal(shape.user_vertex, np.arange(n))
-    assert shape.left_out == pytest.approx(0, abs=1e-12)
-    assert shape.notes == ()
-
-
-def test_sizes_are_those_of_the_settings(shape):
+def test_sizes_are_those_of_the_settings_and_columns_distances_from_the_samples(shape):
     n = shape.body.n_vertices
-    assert shape.columns.shape == (100, n)
-    assert shape.distances.vectors.shape == (n, 50)
+    assert (shape.columns.shape, shape.distances.vectors.shape) == ((100, n), (n, 50))
     assert shape.laplace.vectors.shape == (n, 150)
     assert len(np.unique(shape.sample_vertices)) == len(shape.sample_vertices) == 1000
-
-
-def test_columns_are_distances_from_the_samples(shape):
     assert (shape.columns[np.arange(100), shape.column_vertices] == 0).all()
     again = shape.distances.row(shape.column_vertices[:10])
     assert np.abs(again - shape.columns[:10]).mean() < 0.01 * shape.columns.mean()
@@ -66,6 +58,8 @@ def test_signatures_and_curvature_are_standardised(shape):
     areas = shape.laplace.weights
     np.testing.assert_allclose(areas @ shape.signatures, 0, atol=1e-9)
     assert shape.signatures.shape == (shape.body.n_vertices, 23)
+    assert np.average(shape.curvature, weights=areas) == pytest.approx(0.0, abs=1e-9)
+    assert np.average(shape.curvature**2, weights=areas) == pytest.approx(1.0)
 
 
 def test_curvature_of_a_sphere_is_one_over_its_radius():
@@ -75,27 +69,20 @@ def test_curvature_of_a_sphere_is_one_over_its_radius():
     np.testing.assert_allclose(curvature, (4 * np.pi) ** 0.5, rtol=0.02)
 
 
-def test_curvature_is_standardised_over_the_surface(shape):
-    areas = shape.body.vertex_areas
-    assert np.average(shape.curvature, weights=areas) == pytest.approx(0.0, abs=1e-9)
-    assert np.average(shape.curvature**2, weights=areas) == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 1e4])
 def test_moved_and_scaled_shape_is_prepared_alike(example, shape, scale):
     other = disguised(example[0].mesh, seed=9, scale=scale)
-    moved = prepare(other.mesh)
-    np.testing.assert_array_equal(moved.column_vertices, other.new_vertex[shape.column_vertices])
-    np.testing.assert_array_equal(moved.extremities, other.new_vertex[shape.extremities])
-    np.testing.assert_array_equal(moved.sample_vertices, other.new_vertex[shape.sample_vertices])
-    np.testing.assert_allclose(moved.columns[:, other.new_vertex], shape.columns, atol=1e-5)
-    np.testing.assert_allclose(moved.signatures[other.new_vertex], shape.signatures, atol=5e-3)
-    np.testing.assert_allclose(moved.average_distance[other.new_vertex], shape.average_distance, atol=1e-5)
+    again, new = prepare(other.mesh), other.new_vertex
+    for name in ("column_vertices", "extremities", "sample_vertices"):
+        np.testing.assert_array_equal(getattr(again, name), new[getattr(shape, name)])
+    np.testing.assert_allclose(again.columns[:, new], shape.columns, atol=1e-5)
+    np.testing.assert_allclose(again.signatures[new], shape.signatures, atol=5e-3)
+    np.testing.assert_allclose(again.average_distance[new], shape.average_distance, atol=1e-5)
 
 
 def test_inside_out_mesh_is_wound_outward(example, shape):
     mesh = example[0].mesh
-    turned = prepare(Mesh(mesh.vertices, mesh.faces[:, ::-1]))
+    turned = prepare(inside_out(mesh))
     assert turned.body.volume == pytest.approx(shape.body.volume)
     assert any("rewound" in note for note in turned.notes), "and the user is told"
 
@@ -103,11 +90,11 @@ def test_inside_out_mesh_is_wound_outward(example, shape):
 def test_duplicated_seam_is_welded():
     """An animal whose every triangle has vertices of its own, as STL files have: one shape, not a thousand."""
     mesh = creature(1500).mesh
-    soup = Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size).reshape(-1, 3))
-    shape = prepare(soup)
+    split = soup(mesh)
+    shape = prepare(split)
     assert shape.body.n_vertices == mesh.n_vertices
     assert (shape.body_vertex >= 0).all()
-    offset = soup.vertices - shape.scale * shape.body.vertices[shape.body_vertex]
+    offset = split.vertices - shape.scale * shape.body.vertices[shape.body_vertex]
     np.testing.assert_allclose(offset - offset[0], 0, atol=1e-9)
 
 
@@ -124,10 +111,9 @@ def test_smaller_component_is_left_out_and_noted():
 
 def test_vertices_of_debris_and_without_faces_are_not_counted_as_left_out():
     body, speck = icosphere(3), Mesh(np.eye(3), [[0, 1, 2]])
-    specks = np.vstack([0.01 * speck.vertices + [2 + i, 0, 0] for i in range(100)])
-    faces = np.vstack([body.faces, body.n_vertices + np.arange(300).reshape(-1, 3)])
+    specks = [moved(speck, [2 + i, 0, 0], 0.01) for i in range(100)]
     alone = np.random.default_rng(0).normal(size=(200, 3)) * 9
-    shape = prepare(Mesh(np.vstack([body.vertices, specks, alone]), faces), Config(n_functions=50))
+    shape = prepare(with_vertices(together(body, *specks), alone), Config(n_functions=50))
     assert (shape.body_vertex >= 0).sum() == body.n_vertices
     assert shape.left_out < 0.001
 
@@ -147,12 +133,6 @@ def test_over_and_over_the_same(example, shape):
     again = prepare(example[0].mesh)
     np.testing.assert_array_equal(again.distances.vectors, shape.distances.vectors)
     np.testing.assert_array_equal(again.laplace.vectors, shape.laplace.vectors)
-
-
-def test_open_sheet_is_prepared():
-    shape = prepare(grid(15, 20))
-    assert shape.body.n_vertices == 300
-    assert np.isfinite(shape.signatures).all()
 
 
 def test_values_are_lifted_to_the_users_vertices_and_back(example, shape):

@@ -62,20 +62,40 @@ def test_what_is_broken_is_named(change, message):
         check_refinement(Changed(change))
 
 
-def test_randomness_without_a_seed_is_named():
-    random = np.random.default_rng()
-    with pytest.raises(SettingError, match="repeatable"):
-        check_refinement(Changed(lambda problem, image: random.permutation(image)))
+class ByThreads(Changed):
+    def __call__(self, problem, fit):
+        image = super().__call__(problem, fit)
+        return image if os.environ["ISOMATCH_NUM_THREADS"] == "1" else image[::-1]
 
 
-def test_what_depends_on_the_threads_is_named():
-    class ByThreads(Changed):
-        def __call__(self, problem, fit):
-            image = super().__call__(problem, fit)
-            return image if os.environ["ISOMATCH_NUM_THREADS"] == "1" else image[::-1]
+class Exchanged(Changed):
+    def everywhere(self, problem, fit, coordinates):
+        source, target = coordinates()
+        return Embedding(source, target[::-1])
 
-    with pytest.raises(SettingError, match="repeatable"):
-        check_refinement(ByThreads(unchanged))
+
+class Short(Changed):
+    def everywhere(self, problem, fit, coordinates):
+        source, target = coordinates()
+        return Embedding(source[:-1], target)
+
+
+RANDOM = np.random.default_rng()
+
+
+@pytest.mark.parametrize(
+    ("refinement", "message"),
+    [
+        (Changed(lambda problem, image: RANDOM.permutation(image)), "repeatable"),
+        (ByThreads(unchanged), "repeatable"),
+        (Exchanged(unchanged), "everywhere"),
+        (Short(unchanged), "coordinates"),
+    ],
+    ids=["random", "by threads", "exchanged everywhere", "too few coordinates"],
+)
+def test_what_is_not_repeatable_or_wrong_everywhere_is_named(refinement, message):
+    with pytest.raises(SettingError, match=message):
+        check_refinement(refinement)
 
 
 @pytest.mark.long
@@ -86,23 +106,3 @@ def test_the_number_of_threads_is_as_before(monkeypatch):
     monkeypatch.delenv("ISOMATCH_NUM_THREADS")
     check_refinement(Changed(unchanged))
     assert "ISOMATCH_NUM_THREADS" not in os.environ
-
-
-def test_the_map_everywhere_is_checked_too():
-    class Exchanged(Changed):
-        def everywhere(self, problem, fit, coordinates):
-            source, target = coordinates()
-            return Embedding(source, target[::-1])
-
-    with pytest.raises(SettingError, match="everywhere"):
-        check_refinement(Exchanged(unchanged))
-
-
-def test_coordinates_of_all_vertices_are_asked_for():
-    class Short(Changed):
-        def everywhere(self, problem, fit, coordinates):
-            source, target = coordinates()
-            return Embedding(source[:-1], target)
-
-    with pytest.raises(SettingError, match="coordinates"):
-        check_refinement(Short(unchanged))

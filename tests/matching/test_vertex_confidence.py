@@ -15,6 +15,7 @@ from isomatch.matching.assessment.confidence import doubt_of
 from isomatch_lab.baselines import BASELINES
 from isomatch_lab.damage import cut
 from shapes import icosphere
+from zoo.made import moved, together
 
 
 @pytest.fixture(scope="module")
@@ -128,13 +129,8 @@ def test_of_a_part_the_error_is_known_where_it_is_matched(example, prepared_exam
 @pytest.mark.long
 def test_of_points_and_components(example, prepared_example):
     source, target = (made.mesh for made in example)
-    ball = icosphere(3)
     with_balls = [
-        Mesh(
-            np.vstack([mesh.vertices, ball.vertices * 0.1 + mesh.vertices.max(axis=0)]),
-            np.vstack([mesh.faces, ball.faces + mesh.n_vertices]),
-        )
-        for mesh in (source, target)
+        together(mesh, moved(icosphere(3), mesh.vertices.max(axis=0), 0.1)) for mesh in (source, target)
     ]
     for found in (match(*with_balls), match(PointCloud(source.vertices), prepared_example[1])):
         assert_known_where_matched(found)

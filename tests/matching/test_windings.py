@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from isomatch import Mesh, Outcome, match, prepare
+from isomatch import Outcome, match, prepare
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
 from isomatch.matching import match_both
 from isomatch.shapes import turned_over
 from shapes import icosphere, inside_out, upper_share
+from zoo.made import moved, together
 
 NOTE = "seems to be inside out; of both windings of its faces, the map verifies better with them"
 
@@ -77,12 +78,7 @@ def test_turned_over_twice_is_the_same(part):
 
 @pytest.mark.long
 def test_a_further_component_does_not_make_the_body_a_stranger(part, whole):
-    ball = icosphere(3)
-    far = ball.vertices * 0.2 * np.ptp(part.vertices) / 2 + 3 * part.vertices.max(axis=0)
-    several = [
-        Mesh(np.concatenate([mesh.vertices, far]), np.concatenate([mesh.faces, ball.faces + mesh.n_vertices]))
-        for mesh in (inside_out(part), whole.surface)
-    ]
-    found = match(*several)
+    far = moved(icosphere(3), 3 * part.vertices.max(axis=0), 0.1 * np.ptp(part.vertices))
+    found = match(together(inside_out(part), far), together(whole.surface, far))
     assert any(f"{NOTE} turned over" in note for note in found.notes)
     assert not any("has no partner" in note for note in found.notes)

@@ -8,7 +8,8 @@ from isomatch.repair import close_holes
 from isomatch.repair.caps import boundary_loops
 from isomatch_lab.damage import cut, holes
 from isomatch_lab.procedural import creature
-from shapes import icosphere
+from shapes import flat_grid, icosphere
+from zoo.made import without_faces
 
 
 @pytest.fixture(scope="module")
@@ -50,12 +51,6 @@ def test_the_mesh_comes_first_and_every_hole_is_closed(damage):
 
 def test_holes_that_touch_get_a_cap_each():
     # a strip of squares around two holes that meet in vertex 4
-    x, y = np.meshgrid(np.arange(5.0), np.arange(5.0))
-    vertices = np.column_stack([x.ravel(), y.ravel(), np.zeros(25)])
-    squares = [(i, j) for i in range(4) for j in range(4) if (i, j) not in {(1, 1), (2, 2)}]
-    faces = []
-    for i, j in squares:
-        a, b, c, d = 5 * j + i, 5 * j + i + 1, 5 * j + i + 6, 5 * j + i + 5
-        faces += [[a, b, c], [a, c, d]]
-    loops = boundary_loops(Mesh(vertices, faces))
+    mesh = without_faces(flat_grid(5, 5), [10, 11, 20, 21])
+    loops = boundary_loops(mesh)
     assert sorted(len(loop) for loop in loops) == [4, 4, 16]

@@ -64,27 +64,6 @@ def test_relabelling_changes_no_count(specimen):
 
 
 @pytest.mark.parametrize(
-    ("name", "field", "where"),
-    [
-        ("nan", "non_finite_vertices", [0]),
-        ("wild", "out_of_range_faces", [12, 13]),
-        ("repeated_index", "repeated_index_faces", [12]),
-        ("duplicate", "duplicate_faces", [4]),
-        ("flat_face", "zero_area_faces", [0]),
-        ("needle", "sliver_faces", [0]),
-        ("unused_vertex", "unused_vertices", [12]),
-        ("seam", "coincident_vertices", [12, 13, 14]),
-        ("book", "non_manifold_edges", [[0, 1]]),
-        ("touching_tetrahedra", "non_manifold_vertices", [0]),
-        ("rewound_face", "inconsistent_edges", [[0, 1], [0, 2], [1, 2]]),
-        ("inward", "inward_components", [0]),
-    ],
-)
-def test_where_the_defect_is(name, field, where):
-    assert getattr(check(specimen(name).mesh), field).tolist() == where
-
-
-@pytest.mark.parametrize(
     ("name", "sentence"),
     [
         ("nan", "vertices with NaN or infinite coordinates (0): no distance is defined there; repair"),

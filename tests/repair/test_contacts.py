@@ -8,7 +8,7 @@ from isomatch.repair import count_handles, cut_self_contacts
 from shapes import box, cylinder, disguised, icosphere, two_spheres
 from touching import basket, body, cup, double_ring, pelvis, ring, without
 from zoo import torus
-from zoo.made import block, boxes, moved, together
+from zoo.made import block, boxes, moved, together, with_vertices
 
 SMOOTH = {"ring": ring, "bumps": lambda: ring(7), "double ring": double_ring, "pelvis": pelvis, "cup": cup}
 FRAME = boxes([cell for cell in block(9, 5, 2) if cell[:2] not in ((2, 2), (6, 2))])  # two square holes
@@ -27,6 +27,18 @@ def fused():
 @pytest.fixture(scope="module")
 def twice_fused():
     return body("on thigh", "on thigh").mesh
+
+
+@pytest.fixture(scope="module")
+def hand_cut(fused):
+    """The fused hand cut off."""
+    return cut_self_contacts(fused, 1)
+
+
+@pytest.fixture(scope="module")
+def first_cut(twice_fused):
+    """One of two fused hands cut off."""
+    return cut_self_contacts(twice_fused, 1)
 
 
 @pytest.fixture(scope="module", params=SMOOTH)
@@ -67,15 +79,12 @@ def place(mesh, cut_path):
         (without(without(icosphere(3), [0, 0, 1], 0.4), [0, 0, -1], 0.4), 0),
         (two_spheres(1, 0.5), 0),
         (Mesh(icosphere(1).vertices[::-1], 41 - icosphere(1).faces), 0),  # inward
+        (together(torus(24, 12), moved(FRAME, [20, 0, 0])), 3),
+        (with_vertices(icosphere(1), [[9, 9, 9]]), 0),
     ],
-    ids=["sphere", "box", "torus", "double torus", "open", "open torus", "two holes", "two", "inward"],
 )
 def test_handles_are_the_genus(mesh, genus):
     assert count_handles(mesh) == genus
-
-
-def test_handles_of_two_components_add_up():
-    assert count_handles(together(torus(24, 12), moved(FRAME, [20, 0, 0]))) == 3
 
 
 @pytest.mark.parametrize(("mesh", "genus"), [(icosphere(2), 0), (torus(24, 12), 1)])
@@ -87,11 +96,6 @@ def test_a_fin_makes_no_handle(mesh, genus):
     assert count_handles(fin) == genus
 
 
-def test_a_vertex_without_faces_makes_no_handle():
-    ball = icosphere(1)
-    assert count_handles(Mesh(np.vstack([ball.vertices, [[9, 9, 9]]]), ball.faces)) == 0
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_neither_names_nor_places_make_handles(fused, seed):
@@ -100,55 +104,42 @@ def test_neither_names_nor_places_make_handles(fused, seed):
 
 
 @pytest.mark.long
-def test_a_fused_hand_comes_off_its_thigh(fused):
+def test_a_fused_hand_comes_off_its_thigh(fused, hand_cut):
     assert count_handles(fused) == 1
-    cut = cut_self_contacts(fused, 1)
-    assert_laws(fused, cut)
-    assert len(cut.cut_paths) == 1
-    assert np.linalg.norm(place(fused, cut.cut_paths[0]) - HANDS["right"]) < 0.06
-    assert np.linalg.norm(fused.vertices[cut.cut_paths[0]] - HANDS["right"], axis=1).max() < 0.2
-    assert count_handles(cut.mesh) == 0
-    report = check(cut.mesh)
+    assert_laws(fused, hand_cut)
+    assert len(hand_cut.cut_paths) == 1
+    assert np.linalg.norm(place(fused, hand_cut.cut_paths[0]) - HANDS["right"]) < 0.06
+    assert np.linalg.norm(fused.vertices[hand_cut.cut_paths[0]] - HANDS["right"], axis=1).max() < 0.2
+    assert count_handles(hand_cut.mesh) == 0
+    report = check(hand_cut.mesh)
     assert len(report.boundary_lengths) == 2  # both rims are open
     assert not report.fatal
-    assert repr(cut) == f"Cut({cut.mesh!r}, 1 cut paths)"
+    assert repr(hand_cut) == f"Cut({hand_cut.mesh!r}, 1 cut paths)"
 
 
-@pytest.mark.long
-def test_both_hands_come_off(twice_fused):
+def test_no_more_are_cut_than_asked_for_or_fused(twice_fused, first_cut):
     assert count_handles(twice_fused) == 2
-    cut = cut_self_contacts(twice_fused, 2)
-    assert_laws(twice_fused, cut)
-    assert count_handles(cut.mesh) == 0
-    places = sorted(
-        (place(twice_fused, cut_path) for cut_path in cut.cut_paths), key=lambda position: position[0]
-    )
+    assert cut_self_contacts(twice_fused, 0).cut_paths == ()
+    assert_laws(twice_fused, first_cut)
+    assert len(first_cut.cut_paths) == count_handles(first_cut.mesh) == 1
+
+
+def test_both_hands_come_off_at_once_as_one_after_the_other(twice_fused, first_cut):
+    second = cut_self_contacts(first_cut.mesh, 1)
+    at_once = cut_self_contacts(twice_fused, 9)
+    assert_laws(twice_fused, at_once)
+    assert count_handles(second.mesh) == count_handles(at_once.mesh) == 0
+    steps = first_cut.cut_paths[0], first_cut.vertex_index[second.cut_paths[0]]
+    for step, cut_path in zip(steps, at_once.cut_paths, strict=True):
+        assert np.linalg.norm(place(twice_fused, step) - place(twice_fused, cut_path)) < 0.02
+    places = sorted((place(twice_fused, path) for path in at_once.cut_paths), key=lambda place: place[0])
     np.testing.assert_allclose(places, [HANDS["left"], HANDS["right"]], atol=0.06)
 
 
-def test_no_more_are_cut_than_asked_for(twice_fused):
-    assert cut_self_contacts(twice_fused, 0).cut_paths == ()
-    cut = cut_self_contacts(twice_fused, 1)
-    assert_laws(twice_fused, cut)
-    assert len(cut.cut_paths) == count_handles(cut.mesh) == 1
-    assert len(cut_self_contacts(twice_fused, 9).cut_paths) == 2
-
-
-def test_one_cut_after_the_other_is_the_same(twice_fused):
-    first = cut_self_contacts(twice_fused, 1)
-    second = cut_self_contacts(first.mesh, 1)
-    at_once = cut_self_contacts(twice_fused, 2)
-    for step, cut_path in zip(
-        [first.cut_paths[0], first.vertex_index[second.cut_paths[0]]], at_once.cut_paths
-    ):
-        assert np.linalg.norm(place(twice_fused, step) - place(twice_fused, cut_path)) < 0.02
-    assert count_handles(second.mesh) == 0
-
-
 @pytest.mark.parametrize(("gap", "pieces"), [(0.02, 2), (0.06, 3), (0.1, 3)])
-def test_a_self_contact_next_to_a_hole(fused, gap, pieces):
+def test_a_self_contact_next_to_a_hole(fused, hand_cut, gap, pieces):
     """The rim of the hole is about so far from the cut path; the nearest one touches it."""
-    cut_path = fused.vertices[cut_self_contacts(fused, 1).cut_paths[0]]
+    cut_path = fused.vertices[hand_cut.cut_paths[0]]
     away = np.linalg.norm(fused.vertices[:, None] - cut_path, axis=2).min(axis=1)
     pierced = without(fused, fused.vertices[np.argmin(abs(away - gap - 0.05))], 0.05)
     assert len(check(pierced).boundary_lengths) == 1
@@ -160,8 +151,8 @@ def test_a_self_contact_next_to_a_hole(fused, gap, pieces):
     assert len(check(cut.mesh).boundary_lengths) == pieces
 
 
-def test_the_surface_alone_tells_where_the_cut_paths_are(fused):
-    cut_path = cut_self_contacts(fused, 1).cut_paths[0]
+def test_the_surface_alone_tells_where_the_cut_paths_are(fused, hand_cut):
+    cut_path = hand_cut.cut_paths[0]
     other = disguised(fused, 1)
     found = cut_self_contacts(other.mesh, 1)
     assert_laws(other.mesh, found)
@@ -170,9 +161,9 @@ def test_the_surface_alone_tells_where_the_cut_paths_are(fused):
 
 
 @pytest.mark.parametrize("scale", [1000.0, 0.001])
-def test_units_do_not_matter(fused, scale):
+def test_units_do_not_matter(fused, hand_cut, scale):
     scaled = cut_self_contacts(Mesh(scale * fused.vertices, fused.faces), 1)
-    for cut_path, other in zip(scaled.cut_paths, cut_self_contacts(fused, 1).cut_paths, strict=True):
+    for cut_path, other in zip(scaled.cut_paths, hand_cut.cut_paths, strict=True):
         assert set(cut_path) == set(other)
 
 

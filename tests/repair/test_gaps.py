@@ -9,7 +9,7 @@ from isomatch.io import Polygons
 from isomatch.repair import find_outliers
 from isomatch_lab.procedural import creature
 from shapes import icosphere, inside_out
-from zoo.made import together
+from zoo.made import moved, sheet, soup, together
 
 STRIP = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0.5, 0], [2, 0, 0], [2, 0.5, 0], [2, 1, 0]]
 """Two triangles on the left meet four on the right, two of them with a corner on the middle of that edge."""
@@ -50,16 +50,16 @@ def test_a_t_junction_of_quads_keeps_texture_coordinates(share):
 @pytest.mark.parametrize(("digits", "scale"), [(2, 1.0), (3, 1.0), (1, 1000.0)])
 def test_triangles_with_few_digits_are_welded_within_the_distance_proposed(digits, scale):
     body = creature(1500).mesh
-    points = scale * body.vertices[body.faces].reshape(-1, 3)
-    noise = 0.6 * 10.0**-digits * np.random.default_rng(0).random(points.shape)
-    soup = Mesh(np.round(points + 0.5 * noise, digits + 1), np.arange(len(points)).reshape(-1, 3))
-    report = check(soup)
+    split = soup(moved(body, scale=scale))
+    noise = 0.6 * 10.0**-digits * np.random.default_rng(0).random(split.vertices.shape)
+    split = split.moved(np.round(split.vertices + 0.5 * noise, digits + 1))
+    report = check(split)
     assert report.n_components > 100
     assert any(f"weld={report.weld_tolerance:.2g}" in warning for warning in report.warnings)
-    mended = repair(soup, weld=report.weld_tolerance)
+    mended = repair(split, weld=report.weld_tolerance)
     assert check(mended.mesh).n_components == 1
     assert mended.mesh.n_vertices == pytest.approx(body.n_vertices, rel=0.01)
-    np.testing.assert_array_equal(mended.mesh.vertices, soup.vertices[mended.vertex_index])
+    np.testing.assert_array_equal(mended.mesh.vertices, split.vertices[mended.vertex_index])
 
 
 def test_sound_meshes_have_no_such_gaps():
@@ -72,11 +72,10 @@ def test_sound_meshes_have_no_such_gaps():
 @pytest.mark.long
 def test_a_match_names_the_command_that_welds():
     body = creature(1500).mesh
-    points = body.vertices[body.faces].reshape(-1, 3)
-    soup = points + 1e-4 * np.random.default_rng(0).random(points.shape)
-    whole = np.vstack([soup, body.vertices + np.array([9.0, 0, 0])])
-    faces = np.vstack([np.arange(len(points)).reshape(-1, 3), body.faces + len(points)])
-    assert any("isomatch repair --weld" in note for note in prepare(Mesh(whole, faces)).notes)
+    split = soup(body)
+    split = split.moved(split.vertices + 1e-4 * np.random.default_rng(0).random(split.vertices.shape))
+    whole = together(split, moved(body, [9.0, 0, 0]))
+    assert any("isomatch repair --weld" in note for note in prepare(whole).notes)
 
 
 @pytest.mark.parametrize("weld", [-1.0, np.nan, "yes"])
@@ -120,10 +119,7 @@ def on_a_plate(height=0.02):
     body = body.moved(body.vertices - [0, 0, body.vertices[:, 2].min() + height])
     above = body.submesh(body.vertices[:, 2] > 0)[0]
     lowest, highest = body.vertices[:, :2].min(axis=0) - 0.2, body.vertices[:, :2].max(axis=0) + 0.2
-    x, y = np.meshgrid(*(np.linspace(a, b, 40) for a, b in zip(lowest, highest)))
-    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(1600)])
-    cell = (np.arange(39)[:, None] * 40 + np.arange(39)).ravel()
-    plate = Mesh(points, np.concatenate([[[i, i + 1, i + 41], [i, i + 41, i + 40]] for i in cell]))
+    plate = moved(sheet(40, 40), [*lowest, 0], [*(highest - lowest), 1])
     return together(plate, above), above
 
 

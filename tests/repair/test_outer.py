@@ -39,17 +39,12 @@ SINGLE = {
 @pytest.mark.parametrize("name", SINGLE)
 def test_a_shape_without_an_inside_stays_as_it_is(name):
     mesh = SINGLE[name]()
-    plain, outer = repair(mesh), repair(mesh, outer=True)
+    report, plain, outer = check(mesh), repair(mesh), repair(mesh, outer=True)
+    assert report.double_walled < 0.25
+    assert not any("double-walled" in sentence for sentence in report.warnings)
     assert outer.changes == plain.changes
     assert np.array_equal(outer.mesh.vertices, plain.mesh.vertices)
     assert np.array_equal(outer.mesh.faces, plain.mesh.faces)
-
-
-@pytest.mark.parametrize("name", SINGLE)
-def test_a_shape_with_one_wall_is_not_called_double_walled(name):
-    report = check(SINGLE[name]())
-    assert report.double_walled < 0.25
-    assert not any("double-walled" in sentence for sentence in report.warnings)
 
 
 @pytest.mark.parametrize("kind", ["capsule", "tube"])
@@ -66,15 +61,11 @@ def test_shells_are_called_double_walled(kind):
 
 def test_two_sheets_with_air_between_them_are_no_wall():
     """Of a hollow ball the wall counts, and not the narrow space around a ball in a larger one."""
-    inside, outside = ball(1.0, inward=True), ball(1.05)
-    assert double_walled_share(together(inside, outside)) > 0.95
+    shell = together(ball(1.0, inward=True), ball(1.05))
+    assert double_walled_share(shell) > 0.95
+    assert check(shell).double_walled > 0.95, "though the inner surface looks inward by right"
     gap = together(ball(1.0), ball(1.05, inward=True))
     assert double_walled_share(gap) == 0
-
-
-def test_the_wall_of_a_closed_shell_is_told_by_check():
-    """Its inner surface looks inward by right, though as a shape of its own it would be turned over."""
-    assert check(together(ball(1.0, inward=True), ball(1.05))).double_walled > 0.95
 
 
 def test_thickness_and_winding_that_cannot_be_used_are_named():

@@ -235,12 +235,11 @@ def test_elements_of_ply_files_that_number_points(tmp_path):
 def skinned(tmp_path):
     """A textured, skinned cylinder, split along a seam, with a morph target and a face of no area, below a moved node."""
     around, up = 8, 4
-    u, v = (grid.ravel() for grid in np.meshgrid(np.arange(around + 1) / around, np.arange(up) / (up - 1)))
+    flat = flat_grid(up, around + 1)
+    u, v = flat.vertices[:, 0] / around, flat.vertices[:, 1] / (up - 1)
     angle = 2 * np.pi * (u % 1)
     points = np.column_stack([np.cos(angle), np.sin(angle), 2 * v])
-    corner = np.arange((around + 1) * (up - 1)).reshape(up - 1, -1)[:, :-1].ravel()
-    quads = np.stack([corner, corner + 1, corner + around + 2, corner + around + 1], axis=1)
-    faces = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]], [[3, 3, 4]]])
+    faces = np.vstack([flat.faces, [[3, 3, 4]]])
     asset = Asset.of_mesh(
         Mesh(points, faces),
         (

@@ -1,11 +1,7 @@
 """A saved distance basis: versions of its file, and contents that are checked before they are used."""
 
-import contextlib
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from isomatch import DistanceBasis, FormatError, MissingFileError
 from isomatch.geodesics import Sampling
@@ -76,17 +72,3 @@ def test_contents_are_checked_before_they_are_used(tmp_path, change, message):
 def test_a_missing_file(tmp_path):
     with pytest.raises(MissingFileError, match="nowhere"):
         DistanceBasis.load(tmp_path / "nowhere.npz")
-
-
-@pytest.mark.long
-@given(st.data())
-@settings(max_examples=300, deadline=None)
-def test_a_damaged_file_gives_a_basis_or_a_named_error(tmp_path_factory, data):
-    path = tmp_path_factory.mktemp("damaged") / "basis.npz"
-    BASIS.save(path)
-    content = bytearray(path.read_bytes())
-    start = data.draw(st.integers(0, len(content)))
-    content[start : start + data.draw(st.integers(0, 6))] = data.draw(st.binary(max_size=4))
-    path.write_bytes(content)
-    with contextlib.suppress(FormatError):
-        assert DistanceBasis.load(path).rank == 2

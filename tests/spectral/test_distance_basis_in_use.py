@@ -7,7 +7,6 @@ from isomatch import (
     DistanceBasis,
     FormatError,
     MeshError,
-    MissingFileError,
     NotConvergedError,
     SettingError,
     distance_basis,
@@ -144,11 +143,6 @@ def test_files_that_hold_no_basis(content, tmp_path):
         path.write_bytes(content)
     with pytest.raises(FormatError, match="distance"):
         DistanceBasis.load(path)
-
-
-def test_a_file_that_does_not_exist(tmp_path):
-    with pytest.raises(MissingFileError, match="folder"):
-        DistanceBasis.load(tmp_path / "basis.npz")
 
 
 def test_a_matrix_of_distances_has_no_laplacian(all_distances):

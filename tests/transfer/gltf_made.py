@@ -6,9 +6,8 @@ import numpy as np
 from PIL import Image
 
 from isomatch import Correspondence, bake_texture, read_asset
-from isomatch.correspondence import nearest_points
 from isomatch.io.formats._gltf_data import GltfData, pack
-from shapes import flat_grid
+from shapes import flat_grid, map_to_nearest
 
 RED, BLUE, WHITE, GREY = (255, 0, 0), (0, 0, 255), (255, 255, 255), (128, 128, 128)
 
@@ -23,10 +22,7 @@ def picture(columns=(RED, BLUE), kind="PNG", size=32):
 
 def onto(receiver, giver):
     """Precise map of a square to another one."""
-    x, y = receiver.mesh.vertices, giver.mesh.vertices
-    nearest = np.linalg.norm(x[:, None] - y, axis=2).argmin(axis=1)
-    images = nearest_points(y, x, giver.mesh.faces, nearest)
-    return Correspondence(images.corners[:, 0], len(y), *images)
+    return map_to_nearest(receiver.mesh.vertices, giver.mesh)
 
 
 class Square:

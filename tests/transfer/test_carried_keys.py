@@ -7,6 +7,7 @@ from data import real_file, tosca
 from isomatch import Asset, Attribute, Correspondence, Mesh, carry_attributes, match
 from isomatch.datasets import animal_head, closest_points
 from isomatch.decimation import decimate
+from zoo.made import moved, together
 
 TURN = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # as a rotation moves columns
 SPREAD = (
@@ -151,10 +152,7 @@ def test_a_hole_moves_with_its_rim(cat, lion, with_hole):
 def test_parts_without_a_counterpart_rest(cat, lion):
     """Such as teeth that the giver lacks; the head itself moves as without them."""
     images, n = truth(lion, cat), lion.mesh.n_vertices
-    teeth = Mesh(
-        np.concatenate([lion.mesh.vertices, 0.1 * lion.mesh.vertices]),
-        np.concatenate([lion.mesh.faces, lion.mesh.faces + n]),
-    )
+    teeth = together(lion.mesh, moved(lion.mesh, scale=0.1))
     both = Correspondence(np.append(images.vertices, np.full(n, -1)), 3000)
     alone = Correspondence(images.vertices, 3000)
     found = carried(both, teeth, cat.mesh, cat.keys)["jaw_open"]

@@ -15,31 +15,18 @@ from isomatch import (
     match,
 )
 from isomatch.datasets import example_pair
-from isomatch.io import Polygons
 from isomatch.landmarks import Curve
 from isomatch.surfaces import nearest_on_surface
-from shapes import cylinder, flat_grid, icosphere, planar_delaunay
+from shapes import cylinder, disguised, flat_grid, icosphere, map_to_nearest, planar_delaunay
+from zoo.made import soup
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 
 
-def disguised(mesh, seed=0):
+def relabelled(mesh):
     """The mesh with its vertices and faces in another order, and the map onto it."""
-    rng = np.random.default_rng(seed)
-    order = rng.permutation(mesh.n_vertices)
-    place = np.argsort(order)
-    faces = np.array(
-        [np.roll(face, turn) for face, turn in zip(place[mesh.faces], rng.integers(3, size=mesh.n_faces))]
-    )
-    other = Mesh(mesh.vertices[order], rng.permutation(faces))
-    return other, Correspondence(place, mesh.n_vertices)
-
-
-def onto(source, target):
-    """The map to the nearest points of a surface in the same place."""
-    points = nearest_on_surface(target, source.vertices)
-    first = points.corners[np.arange(source.n_vertices), points.barycentric.argmax(axis=1)]
-    return Correspondence(first, target.n_vertices, *points)
+    other = disguised(mesh, rotate=False)
+    return other.mesh, Correspondence(other.new_vertex, mesh.n_vertices)
 
 
 @pytest.fixture
@@ -51,7 +38,7 @@ def marks():
 @pytest.mark.parametrize("to", ["target", "source"])
 def test_the_identity_in_another_order_is_exact(to):
     sphere = icosphere(3)
-    other, found = disguised(sphere)
+    other, found = relabelled(sphere)
     rng = np.random.default_rng(1)
     points = nearest_on_surface(sphere, rng.normal(size=(50, 3))).interpolated(sphere.vertices)
     carried = carry_landmarks(found, sphere, other, Landmarks(points), to=to)
@@ -64,7 +51,7 @@ def test_another_triangulation_of_a_plane_is_exact(marks, to):
     source, target = planar_delaunay(400, seed=1), planar_delaunay(500, seed=2)
     square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
     source, target = (with_corners(mesh, square) for mesh in (source, target))
-    carried = carry_landmarks(onto(source, target), source, target, marks, to=to)
+    carried = carry_landmarks(map_to_nearest(source.vertices, target), source, target, marks, to=to)
     np.testing.assert_allclose(carried.positions, marks.positions, atol=1e-9)
     assert carried.names == marks.names
 
@@ -79,7 +66,7 @@ def with_corners(mesh, corners):
 def test_the_direction_is_that_of_the_map():
     """A stretch by two: the other way round would halve it."""
     source = flat_grid(5, 5)
-    target, found = disguised(source.moved(2 * source.vertices + [7, 0, 0]))
+    target, found = relabelled(source.moved(2 * source.vertices + [7, 0, 0]))
     carried = carry_landmarks(found, source, target, Landmarks([[1.25, 0.5, 0]], ["a"]))
     np.testing.assert_allclose(carried.positions, [[9.5, 1.0, 0]], atol=1e-12)
     back = carry_landmarks(found, source, target, carried, to="source")
@@ -162,10 +149,7 @@ def test_a_closed_curve_around_a_tube():
 def test_seams_of_a_file_are_closed():
     """Points that a texture seam doubles: landmarks beside the seam go on as if it were not there."""
     sphere = icosphere(2)
-    cut = Asset(
-        sphere.vertices[sphere.faces.ravel()],
-        Polygons.of_triangles(np.arange(sphere.faces.size).reshape(-1, 3)),
-    )
+    cut = Asset.of_mesh(soup(sphere))
     found = Correspondence(np.arange(len(cut.points)), len(cut.points))
     rng = np.random.default_rng(4)
     points = nearest_on_surface(sphere, rng.normal(size=(20, 3))).interpolated(sphere.vertices)

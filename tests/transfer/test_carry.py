@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from isomatch import Asset, Correspondence, Mesh, carry_attributes, write_asset
 from isomatch._core.errors import DescriptorError, MapError, MeshError, SettingError
 from isomatch.io import Attribute, Polygons
-from shapes import cylinder, flat_grid, icosphere
+from shapes import cylinder, flat_grid, icosphere, map_to_nearest
 
 
 def asset_of(mesh, *attributes):
@@ -16,15 +16,6 @@ def asset_of(mesh, *attributes):
 
 def identity(n):
     return Correspondence(np.arange(n), n)
-
-
-def nearest(source, target):
-    """Precise map between surfaces that coincide: the nearest point of the target."""
-    from isomatch.correspondence import nearest_points
-
-    apart = np.linalg.norm(source.vertices[:, None] - target.vertices, axis=2)
-    points = nearest_points(target.vertices, source.vertices, target.faces, apart.argmin(axis=1))
-    return Correspondence(points.corners[:, 0], target.n_vertices, *points)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +68,9 @@ def test_linear_functions_are_interpolated_exactly():
     fine, coarse = flat_grid(9, 9), flat_grid(5, 5)
     coarse = Mesh(2 * coarse.vertices, coarse.faces)
     height = Attribute("height", "point", "scalar", coarse.vertices @ [2.0, -1.0, 0.0])
-    carried = carry_attributes(nearest(fine, coarse), asset_of(fine), asset_of(coarse, height))
+    carried = carry_attributes(
+        map_to_nearest(fine.vertices, coarse), asset_of(fine), asset_of(coarse, height)
+    )
     np.testing.assert_allclose(
         carried.asset.attribute("height").values, fine.vertices @ [2.0, -1.0, 0.0], atol=1e-12
     )
@@ -140,7 +133,7 @@ def test_no_face_is_smeared_across_a_seam_of_one_island():
         (mesh.vertices @ turn.T) * [1, 1, giver_mesh.vertices[:, 2].max() / mesh.vertices[:, 2].max()]
     )
     giver = asset_of(giver_mesh, Attribute("uv", "corner", "uv", unrolled(giver_mesh)))
-    carried = carry_attributes(nearest(mesh, giver_mesh), asset_of(mesh), giver)
+    carried = carry_attributes(map_to_nearest(mesh.vertices, giver_mesh), asset_of(mesh), giver)
     uv = carried.asset.attribute("uv")
     assert uv.domain == "corner"
     assert carried.across_seams > 0

@@ -70,13 +70,20 @@ def above(nodes):
     return {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
 
 
+def with_weights_of(giver, receiver, folder):
+    """Carry weights between the files of two squares; what was carried, and what is read again."""
+    giver, receiver = (
+        read_asset(square.write(folder / f"{i}.glb")) for i, square in enumerate((giver, receiver))
+    )
+    carried = carry_attributes(onto(receiver, giver), receiver, giver, "weights")
+    write_asset(folder / "out.glb", carried.asset)
+    return carried, read_asset(folder / "out.glb")
+
+
 @pytest.mark.parametrize("make", RECEIVERS)
 def test_one_skin_with_the_joints_of_the_giver(make, tmp_path):
     giver = read_asset(rigged().write(tmp_path / "giver.glb"))
-    receiver = read_asset(make().write(tmp_path / "receiver.glb"))
-    carried = carry_attributes(onto(receiver, giver), receiver, giver, "weights")
-    write_asset(tmp_path / "out.glb", carried.asset)
-    found = read_asset(tmp_path / "out.glb")
+    _, found = with_weights_of(rigged(), make(), tmp_path)
     nodes = found.document.json["nodes"]
     [skin] = found.document.json["skins"]
     assert [nodes[joint]["name"] for joint in skin["joints"]] == list(NAMES)
@@ -138,11 +145,7 @@ def test_what_hangs_on_a_former_joint_stays_there(tmp_path):
 
 @pytest.mark.parametrize("names", [("Bone", "Bone", "Bone"), ("Bone", "Bone_1", "Bone")])
 def test_joints_of_one_name_stay_different(names, tmp_path):
-    giver = read_asset(rigged(names).write(tmp_path / "giver.glb"))
-    receiver = read_asset(rigged(names, n=9).write(tmp_path / "receiver.glb"))
-    carried = carry_attributes(onto(receiver, giver), receiver, giver, "weights")
-    write_asset(tmp_path / "out.glb", carried.asset)
-    found = read_asset(tmp_path / "out.glb")
+    _, found = with_weights_of(rigged(names), rigged(names, n=9), tmp_path)
     [skin] = found.document.json["skins"]
     assert [found.document.json["nodes"][joint]["name"] for joint in skin["joints"]] == list(names)
     assert np.allclose(found.attribute("weights").dense_weights, shares(found.points), atol=1e-6)
@@ -159,11 +162,7 @@ def test_two_skins_of_the_giver_become_one(tmp_path):
     square.json["meshes"] = [{"primitives": [half]} for half in halves]
     square.json["nodes"][0]["skin"] = 0
     square.json["scenes"][0]["nodes"].append(square.gltf.append("nodes", {"mesh": 1, "skin": 1}))
-    giver = read_asset(square.write(tmp_path / "giver.glb"))
-    receiver = read_asset(same_names().write(tmp_path / "receiver.glb"))
-    carried = carry_attributes(onto(receiver, giver), receiver, giver, "weights")
-    write_asset(tmp_path / "out.glb", carried.asset)
-    found = read_asset(tmp_path / "out.glb")
+    _, found = with_weights_of(square, same_names(), tmp_path)
     [skin] = found.document.json["skins"]
     assert [found.document.json["nodes"][joint]["name"] for joint in skin["joints"]] == [*NAMES, *NAMES]
     dense = found.attribute("weights").dense_weights
@@ -192,9 +191,7 @@ def test_animations_of_joints_that_are_gone_are_told(tmp_path):
         for node, path in ((1, "rotation"), (0, "rotation"))
     ]
     square.json["animations"] = [{"samplers": [{"input": times, "output": turns}], "channels": channels}]
-    receiver = read_asset(square.write(tmp_path / "receiver.glb"))
-    giver = read_asset(rigged().write(tmp_path / "giver.glb"))
-    carried = carry_attributes(onto(receiver, giver), receiver, giver, "weights")
+    carried, _ = with_weights_of(rigged(), square, tmp_path)
     assert carried.notes == ("animations of joints and shape keys that the receiver had before are left out",)
     [animation] = carried.asset.document.json["animations"]
     [channel] = animation["channels"]

@@ -46,19 +46,8 @@ def test_landmarks_go_from_one_space_to_the_other(tmp_path, marks, of_marks, to,
     turn = TURN if of_marks == "LPS" else 1
     write_landmarks(tmp_path / marks, Landmarks(TIPS * turn, NAMES, axes=of_marks))
     out = tmp_path / "out.mrk.json"
-    words = [
-        "transfer",
-        identity(tmp_path),
-        source,
-        target,
-        "--landmarks",
-        tmp_path / marks,
-        "-o",
-        out,
-        "--to",
-        to,
-    ]
-    assert main(list(map(str, words))) == 0
+    words = ["transfer", identity(tmp_path), source, target, "--landmarks", tmp_path / marks, "-o", out]
+    assert main([*map(str, words), "--to", to]) == 0
     (markup,) = json.loads(out.read_text())["markups"]
     axes = "LPS" if to == "target" else "RAS"
     assert markup["coordinateSystem"] == axes

@@ -6,10 +6,10 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from isomatch import Asset, Correspondence, bake_texture, carry_attributes, read_asset, read_mesh, write_asset
+from isomatch import Asset, bake_texture, carry_attributes, read_asset, read_mesh, write_asset
 from isomatch._core.errors import DescriptorError
 from isomatch.io import Attribute, Polygons, with_texture
-from shapes import flat_grid
+from shapes import flat_grid, map_to_nearest
 
 
 def halves(size=64):
@@ -58,19 +58,9 @@ def receiver(tmp_path):
     return read_asset(tmp_path / "receiver.glb")
 
 
-def onto(receiver, giver):
-    """Precise map between the squares."""
-    from isomatch.correspondence import nearest_points
-
-    x = receiver.points
-    apart = np.linalg.norm(x[:, None] - giver.mesh.vertices, axis=2)
-    points = nearest_points(giver.mesh.vertices, x, giver.mesh.faces, apart.argmin(axis=1))
-    return Correspondence(points.corners[:, 0], giver.mesh.n_vertices, *points)
-
-
 def test_another_library_opens_what_was_carried(giver, receiver, tmp_path):
     trimesh = pytest.importorskip("trimesh", reason="needs the extra io")
-    carried = carry_attributes(onto(receiver, giver), receiver, giver)
+    carried = carry_attributes(map_to_nearest(receiver.points, giver.mesh), receiver, giver)
     assert write_asset(tmp_path / "out.glb", carried.asset) == ()
     scene = trimesh.load(tmp_path / "out.glb")
     (mesh,) = scene.geometry.values()
@@ -85,7 +75,7 @@ def test_another_library_opens_what_was_carried(giver, receiver, tmp_path):
 
 def test_joints_go_along_and_leave_the_surface_where_it_is(giver, receiver, tmp_path):
     giver.document.json["nodes"][-1]["translation"] = [3.0, 1.0, 0.0]
-    carried = carry_attributes(onto(receiver, giver), receiver, giver, "weights")
+    carried = carry_attributes(map_to_nearest(receiver.points, giver.mesh), receiver, giver, "weights")
     write_asset(tmp_path / "out.glb", carried.asset)
     found = read_asset(tmp_path / "out.glb")
     assert list(found.attribute("weights").names.values()) == ["root", "tip"]
@@ -108,7 +98,9 @@ def test_joints_go_along_and_leave_the_surface_where_it_is(giver, receiver, tmp_
 def test_quads_of_another_format_take_textures_and_joints(giver, tmp_path):
     quads = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]
     receiver = Asset(quads, Polygons([0, 1, 2, 3], [4]))
-    carried = carry_attributes(onto(receiver, giver), receiver, giver, ["uv", "weights"])
+    carried = carry_attributes(
+        map_to_nearest(receiver.points, giver.mesh), receiver, giver, ["uv", "weights"]
+    )
     assert carried.asset.polygons is receiver.polygons
     write_asset(tmp_path / "out.glb", carried.asset)
     found = read_asset(tmp_path / "out.glb").document.json
@@ -129,7 +121,9 @@ def test_a_baked_texture_shows_what_the_other_shows(giver, receiver, by):
             (Attribute("color", "point", "colour", reds),),
         )
     own = Attribute("uv", "point", "uv", receiver.points[:, :2] / [4, 4])
-    baked = bake_texture(onto(receiver, giver), receiver.with_attributes(own), giver, 32)
+    baked = bake_texture(
+        map_to_nearest(receiver.points, giver.mesh), receiver.with_attributes(own), giver, 32
+    )
     assert baked.unmatched == 0
     assert baked.picture.shape == (32, 32, 4)
     assert (baked.picture[:, :7, :3] == [255, 0, 0]).all()
@@ -139,7 +133,7 @@ def test_a_baked_texture_shows_what_the_other_shows(giver, receiver, by):
 
 def test_what_cannot_be_baked_is_refused(giver, receiver):
     bare = Asset(giver.mesh.vertices, Polygons.of_triangles(giver.mesh.faces))
-    found = onto(receiver, giver)
+    found = map_to_nearest(receiver.points, giver.mesh)
     with pytest.raises(DescriptorError, match="texture coordinates"):
         bake_texture(found, receiver, giver)
     own = Attribute("uv", "point", "uv", receiver.points[:, :2] / 4)

@@ -11,6 +11,7 @@ from isomatch._core.errors import MapError
 from isomatch.correspondence.template_bending import turned_faces
 from shapes import disguised, flat_grid, icosphere
 from thin_walls import shell
+from zoo.made import moved, soup, together
 
 
 def error(points, truth, target):
@@ -18,15 +19,10 @@ def error(points, truth, target):
     return np.linalg.norm(points - truth, axis=1).mean() / np.sqrt(target.area)
 
 
-def test_a_map_of_nothing_cannot_be_wrapped():
-    mesh = icosphere(1)
-    with pytest.raises(MapError, match="no vertex"):
-        wrap(Correspondence(np.full(42, -1), 42), mesh, mesh)
-
-
-def test_a_map_of_other_surfaces_is_refused():
-    with pytest.raises(MapError, match="target"):
-        wrap(Correspondence(np.zeros(42, int), 5), icosphere(1), icosphere(1))
+@pytest.mark.parametrize(("image", "n_target", "message"), [(-1, 42, "no vertex"), (0, 5, "target")])
+def test_maps_of_nothing_and_of_other_surfaces_are_refused(image, n_target, message):
+    with pytest.raises(MapError, match=message):
+        wrap(Correspondence(np.full(42, image), n_target), icosphere(1), icosphere(1))
 
 
 def test_the_identity_gives_the_target():
@@ -139,11 +135,10 @@ def test_a_boundary_comes_to_lie_on_the_boundary():
 
 def test_vertices_at_a_seam_stay_together():
     whole = flat_grid(5, 5)
-    corners, faces = whole.faces.ravel(), np.arange(whole.faces.size).reshape(-1, 3)
-    soup = Mesh(whole.vertices[corners], faces)
+    corners = whole.faces.ravel()
     image = np.arange(25).reshape(5, 5).copy()
     image[2, 2] = 18  # folds the faces around
-    wrapped = wrap(Correspondence(image.ravel()[corners], 25), soup, whole)
+    wrapped = wrap(Correspondence(image.ravel()[corners], 25), soup(whole), whole)
     assert wrapped.quality.turned == 0.0
     for corner in range(25):
         at = wrapped.mesh.vertices[corners == corner]
@@ -153,8 +148,7 @@ def test_vertices_at_a_seam_stay_together():
 def test_what_has_no_image_continues_what_has():
     """Inside a flat grid it is the linear extension; another component goes along."""
     grid, ball = flat_grid(7, 7), icosphere(0)
-    ball = ball.moved(0.2 * ball.vertices + [3.0, 3.0, 1.0])
-    source = Mesh(np.vstack([grid.vertices, ball.vertices]), np.vstack([grid.faces, ball.faces + 49]))
+    source = together(grid, moved(ball, [3, 3, 1], 0.2))
     image = np.arange(61)
     inside = (grid.vertices[:, :2] > 1.5).all(axis=1) & (grid.vertices[:, :2] < 4.5).all(axis=1)
     image[:49][inside] = -1

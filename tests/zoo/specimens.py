@@ -57,13 +57,14 @@ def grid(rows: int, columns: int) -> Mesh:
     return Mesh(np.column_stack([x, y, 0.1 * x * y]), faces)
 
 
-def torus(n: int = 8, m: int = 6) -> Mesh:
-    """A closed torus of ``n × m`` vertices, faces outward, enclosing a positive volume."""
+def torus(n: int = 8, m: int = 6, large: float = 3.0, small: float = 1.0) -> Mesh:
+    """A closed torus of ``n × m`` vertices and two radii, faces outward, enclosing a positive volume."""
     i, j = np.divmod(np.arange(n * m), m)
     u, v = 2 * np.pi * i / n, 2 * np.pi * j / m
     a, b = i * m + j, (i + 1) % n * m + j
     c, d = i * m + (j + 1) % m, (i + 1) % n * m + (j + 1) % m
-    vertices = np.column_stack([(3 + np.cos(v)) * np.cos(u), (3 + np.cos(v)) * np.sin(u), np.sin(v)])
+    ring = large + small * np.cos(v)
+    vertices = np.column_stack([ring * np.cos(u), ring * np.sin(u), small * np.sin(v)])
     return Mesh(vertices, np.vstack([np.column_stack([a, b, c]), np.column_stack([b, d, c])]))
 
 

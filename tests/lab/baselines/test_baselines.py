@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from poses import error, landmarks_of
 
 from isomatch import (
     Config,
@@ -17,7 +18,6 @@ from isomatch import (
     Outcome,
     PointCloud,
     SettingError,
-    geodesic_distances,
     match,
     prepare,
 )
@@ -43,6 +43,7 @@ from isomatch_lab.baselines import (
 from isomatch_lab.procedural import creature
 from later import some_later
 from shapes import disguised
+from zoo.made import together
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 REGISTERED = {each.function: each for each in BASELINES.values() if each.preparation is not None}
@@ -54,13 +55,6 @@ CONFIG = {method: each.config for method, each in REGISTERED.items()} | {  # sma
 }
 ALL = list(REGISTERED)
 BY_AREA = [method for method, each in REGISTERED.items() if each.preparation.weights == "area"]
-
-
-def error(image, truth, target):
-    """Mean distance on the target between images and truths / √(target area), at some vertices."""
-    rows = np.arange(0, len(truth), 20)
-    columns = geodesic_distances(target, truth[rows])
-    return columns[np.arange(len(rows)), image[rows]].mean() / np.sqrt(target.area)
 
 
 @pytest.fixture(scope="module")
@@ -77,11 +71,6 @@ def copies(animal):
         tuple(prepare(m, config) for m in (animal, other.mesh)) for config in (Config(), as_published)
     ]
     return *by_weights, other.new_vertex
-
-
-def landmarks_of(shape, truth):
-    vertices = shape.user_vertex[shape.column_vertices[:5]]
-    return np.column_stack([vertices, truth[vertices]])
 
 
 @pytest.mark.parametrize("method", ALL)
@@ -227,10 +216,7 @@ def test_points_have_no_orientation(animal, method):
 
 @pytest.mark.long
 def test_vertices_off_the_body_are_unmatched(animal):
-    speck = animal.vertices.max(axis=0) + 0.01 * np.eye(3)
-    mesh = Mesh(
-        np.vstack([animal.vertices, speck]), np.vstack([animal.faces, animal.n_vertices + np.arange(3)])
-    )
+    mesh = together(animal, Mesh(animal.vertices.max(axis=0) + 0.01 * np.eye(3), [[0, 1, 2]]))
     truth = np.append(np.arange(animal.n_vertices), [-1, -1, -1])
     found = zoomout(mesh, animal, initial_map=truth, config=CONFIG[zoomout])
     assert (found.map.vertices[-3:] == -1).all()

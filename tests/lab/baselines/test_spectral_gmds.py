@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from poses import landmarks_of
 
 from isomatch import geodesic_distances, prepare
 from isomatch.datasets import ground_truth
@@ -34,11 +35,6 @@ def copies(poses):
 def task_of(source, target, **priors):
     given = {"landmarks": None, "initial_map": None, "initial_descriptors": None} | priors
     return Task.of(source, target, **given, seed=0)
-
-
-def landmarks_of(shape, truth):
-    vertices = shape.user_vertex[shape.column_vertices[:5]]
-    return np.column_stack([vertices, truth[vertices]])
 
 
 def test_distances_are_those_of_the_whole_matrix():

@@ -26,8 +26,9 @@ from isomatch_lab.damage import (
 )
 from isomatch_lab.sets import BenchmarkPair, relabelled
 from later import some_later
-from shapes import flat_grid, icosphere, planar_delaunay, two_spheres
+from shapes import flat_grid, icosphere, inside_out, planar_delaunay, two_spheres
 from zoo import zoo
+from zoo.made import moved, together
 
 BODY = example_pair()[0].mesh
 BALL = icosphere(4)
@@ -136,8 +137,7 @@ def test_a_camera_sees_half_a_ball_and_six_see_all_of_it():
 
 def test_what_is_behind_something_else_is_not_seen():
     sheet = flat_grid(9, 9)
-    patch = Mesh(sheet.vertices * 0.35 + [2.6, 2.6, -0.2], sheet.faces)
-    both = Mesh(np.vstack([sheet.vertices, patch.vertices]), np.vstack([sheet.faces, patch.faces + 81]))
+    both = together(sheet, moved(sheet, [2.6, 2.6, -0.2], 0.35))
     sides = set()
     for seed in range(1500):
         height = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()[
@@ -165,10 +165,7 @@ def test_noise_is_gaussian_of_the_amplitude_asked_for():
 
 def test_welding_joins_what_is_near_in_space_and_far_along_the_surface():
     ball = icosphere(3)
-    pair = Mesh(
-        np.vstack([ball.vertices, ball.vertices * [-1, 1, 1] + [2.05, 0, 0]]),
-        np.vstack([ball.faces, ball.faces[:, ::-1] + ball.n_vertices]),
-    )
+    pair = together(ball, inside_out(moved(ball, [2.05, 0, 0], [-1, 1, 1])))
     unit = np.sqrt(pair.area)
     damaged = weld(pair, 0.06 / unit)
     n_merged = pair.n_vertices - damaged.mesh.n_vertices

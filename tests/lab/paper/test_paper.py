@@ -10,6 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from command_line import one_line
 from isomatch import IsomatchError, distance_basis, geodesic_distances
 from isomatch.cli import main
 from isomatch.datasets import example_pair
@@ -259,13 +260,6 @@ def test_regions_are_transferred_and_neighbours_differ(made):
     border = owner[:, 0] != owner[:, 1]
     apart = np.linalg.norm(colours[owner[border, 0]] - colours[owner[border, 1]], axis=1)
     assert apart.min() > 0.2
-
-
-def one_line(capsys):
-    said = capsys.readouterr().err
-    assert said.startswith("isomatch: ")
-    assert said.count("\n") == 1
-    return said
 
 
 @pytest.mark.long

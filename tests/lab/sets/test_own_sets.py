@@ -255,32 +255,21 @@ def test_shapes_that_are_missing(tmp_path, folder, image):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("file", "text", "message"),
     [
-        ("a\n", "'a' is no pair; write source and target"),
-        ("a b\na b\n", "pairs.txt:2: a and b are listed twice"),
-        ("# nothing\n", "lists no pairs"),
+        ("pairs.txt", "a\n", "'a' is no pair; write source and target"),
+        ("pairs.txt", "a b\na b\n", "pairs.txt:2: a and b are listed twice"),
+        ("pairs.txt", "# nothing\n", "lists no pairs"),
+        ("set.toml", "truth = 3", "truth = 3 is no value"),
+        ("set.toml", 'truth = "magic"', "'magic' is not known; say which in set.toml: truth = \"vertices\""),
+        ("set.toml", "colour = 1", "unknown setting 'colour'; known are truth"),
+        ("set.toml", "counts_from = 2", "counts_from = 2 is no value"),
+        ("set.toml", "counts_from", "not TOML"),
+        ("set.toml", 'shapes = ["nowhere"]', "there is no folder .*nowhere of shapes"),
     ],
 )
-def test_lists_that_cannot_be_read(folder, text, message):
-    (folder / "pairs.txt").write_text(text)
-    with pytest.raises(FormatError, match=message):
-        own_set(folder)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("truth = 3", "truth = 3 is no value"),
-        ('truth = "magic"', "truth = 'magic' is not known; say which in set.toml: truth = \"vertices\""),
-        ("colour = 1", "unknown setting 'colour'; known are truth"),
-        ("counts_from = 2", "counts_from = 2 is no value"),
-        ("counts_from", "not TOML"),
-        ('shapes = ["nowhere"]', "there is no folder .*nowhere of shapes"),
-    ],
-)
-def test_settings_that_make_no_sense(folder, text, message):
-    (folder / "set.toml").write_text(text)
+def test_lists_and_settings_that_cannot_be_used(folder, file, text, message):
+    (folder / file).write_text(text)
     with pytest.raises(FormatError, match=message):
         own_set(folder)
 
@@ -380,11 +369,6 @@ def test_a_mask_after_a_map_is_left_out(tmp_path, image):
     """As in PARTIALSMAL."""
     np.savetxt(tmp_path / "a_b.map", [*image, *np.ones(N)], fmt="%d")
     assert read_truth(tmp_path / "a_b.map", A, B).rows[:, 1].tolist() == image.tolist()
-
-
-def test_a_set_without_a_name():
-    with pytest.raises(SettingError, match="benchmark"):
-        benchmark_set("horses")
 
 
 @pytest.mark.long
