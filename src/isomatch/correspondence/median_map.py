@@ -15,8 +15,8 @@ from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import PrecisePoints
 
 MAX_STEPS = 1000
-# Movement in the last step, relative to the extent of the points; the second is far below the
-# errors of maps.
+# The iteration ends once no point moves by more than this fraction of the extent of all points. The
+# second fraction is used for maps, whose errors are far larger.
 EXACT_STEP = 1e-12
 PRECISE_STEP = 1e-6
 
@@ -67,7 +67,7 @@ def median_map(
     rows = np.flatnonzero(2 * (starts >= 0).sum(axis=1) >= len(maps))
     median = geometric_median(images[:, rows], PRECISE_STEP)
     if len(maps) == 2 and errors is not None and np.min(errors) > 0:
-        weight = 1 / (1 + (errors[0] / errors[1]) ** 2)  # of the first map
+        weight = 1 / (1 + (errors[0] / errors[1]) ** 2)  # the weight of the first map
         mean = weight * images[0, rows] + (1 - weight) * images[1, rows]
         median = np.where(np.isnan(mean), median, mean)
     groups = VertexGroups.of(np.arange(mesh.n_vertices), mesh.n_vertices)
