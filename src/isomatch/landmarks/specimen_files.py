@@ -16,9 +16,10 @@ from isomatch._core.tables import NO_NUMBER, Row, Table, parse_table, read_table
 from isomatch._core.texts import read_text
 from isomatch.landmarks.landmark_files import NO_PLACE, MarkedPoint, marked_points
 
-SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")  # columns of long tables
+# Titles of the columns with the names of specimens and of landmarks.
+SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")
 LANDMARK_TITLES = ("landmark", "point", "label", "name")
-SUFFIXES_OF_MANY = ".tps", ".nts", ".dta", ".txt", ".csv", ".tsv"  # files of any number of specimens
+SUFFIXES_OF_MANY = ".tps", ".nts", ".dta", ".txt", ".csv", ".tsv"  # of files of one or more specimens
 
 
 class Specimen(NamedTuple):

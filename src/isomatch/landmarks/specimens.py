@@ -21,11 +21,12 @@ from isomatch.landmarks.landmark_files import MarkedPoint
 from isomatch.landmarks.landmarks import Curve, Landmarks, landmarks_of
 from isomatch.landmarks.specimen_files import SUFFIXES_OF_MANY, Specimen, landmark_numbers, specimens_in
 
-# Largest distance of points at one place, in centroid sizes / √m, in all specimens.
-SAME_PLACE_SIZES = 1e-4
-SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # files of one specimen
+# Points are at one place if they are no farther apart than this in all specimens, as a fraction of the
+# root mean square distance of the points of a specimen from their mean.
+SAME_PLACE_RATIO = 1e-4
+SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # of files of one specimen
 SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"
-FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # for a whole folder, beside files of single specimens
+FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # files that hold all specimens of a folder
 KINDS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
 
 
@@ -167,7 +168,7 @@ def read_landmark_pairs(path: Path, names: Sequence[str]) -> list[tuple[int, int
     for row in table.filled:
         cells = [cell for cell in row.cells if cell]
         if row is table.filled[0] and len(cells) == 2 and not {*cells} & {*number}:
-            continue  # a header
+            continue  # the row is a header
         if len(cells) != 2 or not {*cells} <= {*number}:
             remedy = f"write two of their names, or numbers from 1 to {len(names)}"
             table.refuse(row, f"is no pair of landmarks; {remedy}")
@@ -241,7 +242,7 @@ def _same_place(marks: Landmarks) -> float:
     known = marks.positions[marks.placed]
     if not len(known):
         return 0.0
-    return SAME_PLACE_SIZES * float(np.sqrt(((known - known.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    return SAME_PLACE_RATIO * float(np.sqrt(((known - known.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 def _split(rows: list[int], closed: bool, ends: Container[int]) -> Iterator[tuple[list[int], bool]]:
