@@ -82,9 +82,9 @@ def example_pair() -> tuple[Creature, Creature]:
 class Truth:
     """True image of each of n source vertices on the target."""
 
-    vertices: IntArray  # (n,) nearest target vertex
-    faces: IntArray  # (n,) target face that contains the closest point
-    barycentric: FloatArray  # (n, 3) weights of the three corners of that face
+    vertices: IntArray  # the nearest target vertex, (n,)
+    faces: IntArray  # the target face that contains the closest point, (n,)
+    barycentric: FloatArray  # the weights of the three corners of that face, (n, 3)
 
     def points(self, target: Mesh) -> FloatArray:
         """Compute the precise images, (n, 3), on the target mesh in any pose."""
@@ -123,4 +123,4 @@ def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
     corner = first_corner[np.searchsorted(used, corners[at_vertex, 0])]
     faces[at_vertex], barycentric[at_vertex] = corner // 3, np.eye(3)[corner % 3]
     nearest: IntArray = KDTree(mesh.vertices).query(points)[1].astype(np.int64)
-    return Truth(nearest, faces, np.maximum(barycentric, 0.0))  # −1e-17 by rounding
+    return Truth(nearest, faces, np.maximum(barycentric, 0.0))  # rounding makes some weights negative
