@@ -293,8 +293,7 @@ def _grow_region(
     dearest, refused, min_distance, width = bounds
     one, total = np.float32(1), np.zeros(unary.shape[1], np.float32)
     variants, gains = np.full((width, len(region)), -1), np.full(width, NO_GAIN)
-    for point in range(len(region)):
-        variants[0, point] = region[point]
+    variants[0] = region
     gains[0] = one - unary[order[0], region[order[0]]]
     next_gains, parents, images = np.empty_like(gains), np.empty(width, np.int64), np.empty(width, np.int64)
     for point in order[1:]:
@@ -317,19 +316,14 @@ def _grow_region(
                 if gain <= next_gains[place]:
                     continue
                 while place > 0 and next_gains[place - 1] < gain:
-                    above = place - 1
-                    next_gains[place], parents[place], images[place] = (
-                        next_gains[above],
-                        parents[above],
-                        images[above],
-                    )
-                    place = above
+                    next_gains[place] = next_gains[place - 1]
+                    parents[place], images[place] = parents[place - 1], images[place - 1]
+                    place -= 1
                 next_gains[place], parents[place], images[place] = gain, i, k
         variants = variants[parents]
         for i in range(width):
             gains[i], variants[i, point] = next_gains[i], images[i]
-    for point in range(len(region)):
-        region[point] = variants[0, point]
+    region[:] = variants[0]
     return float(gains[0])
 
 

@@ -30,20 +30,9 @@ def median_map(
     fewer than half of the maps have an image. One wrong map in three moves an image little. O(n m)
     time for each of some tens of steps.
 
-    Parameters
-    ----------
-    maps : sequence of Correspondence
-        Source → target, such as compositions over several other shapes.
-    target : Mesh, or what `mesh_from` takes
-        Target of the maps.
-    errors : sequence of float, optional
-        Expected error of each map. For two maps, any point between both images is a median: the
-        result is then their mean, weighted by 1 / error².
-
-    Raises
-    ------
-    MapError
-        If there are none, or they are maps of other surfaces.
+    For two maps, any point between both images is a median; given the expected error of each, the
+    result is their mean, weighted by 1 / error². `MapError` if there are no maps, or they are maps of
+    other surfaces.
 
     Examples
     --------

@@ -57,23 +57,18 @@ def geodesic_errors(
 
     Parameters
     ----------
-    target : Mesh
-    correspondence : Correspondence
-        Map source → target; its vertices are judged.
+    target, correspondence : Mesh, Correspondence
+        The vertices of the map source → target are judged.
     truth : (q, 2) array of int
         Rows (source vertex, target vertex).
-    n_points : int, optional
-        Number of rows to judge, drawn without replacement; all by default.
-    seed : int
-        Seed of the draw.
+    n_points, seed : int, optional
+        Number of rows to judge, drawn without replacement, and seed of the draw; all by default.
     engine : DistanceEngine, optional
         Distances on the target; by default by fast marching.
     points : PrecisePoints, optional
-        The q true images, if they are known as points in triangles; they replace the target
-        vertices of ``truth``.
+        The q true images in triangles, if known; they replace the target vertices of ``truth``.
     unit : float, optional
-        Length that divides distances instead of √(target area), such as √area of the whole if the
-        target is a part.
+        Length that divides distances instead, such as √area of the whole if the target is a part.
 
     Returns
     -------

@@ -35,19 +35,12 @@ class Truth(NamedTuple):
 
 
 def read_truth(path: Path, source: Mesh, target: Mesh, counts_from: int | None = None) -> Truth:
-    """Read the truth between two shapes.
+    """Read the truth between two shapes from a text, ``.npy``, ``.mat``, or what `Correspondence.load` reads.
 
-    Parameters
-    ----------
-    path : Path
-        Text, ``.npy``, ``.mat``, or anything that `isomatch.Correspondence.load` reads. One column:
-        the target vertex of each source vertex, −1 if it has no counterpart. Two columns: source
-        and target vertices that correspond. Four columns: for each source vertex a triangle of the
-        target and its three barycentric weights.
-    source, target : Mesh
-    counts_from : {0, 1}, optional
-        What vertices and triangles count from; if from 1, 0 also means no counterpart. By default,
-        see `isomatch.correspondence.index_base`.
+    One column: the target vertex of each source vertex, −1 if it has no counterpart. Two columns:
+    source and target vertices that correspond. Four columns: for each source vertex a triangle of the
+    target and its three barycentric weights. If vertices and triangles count from 1, 0 also means no
+    counterpart; by default, `index_base` finds what they count from.
     """
     table = _table(path, source.n_vertices)
     if table is None:
