@@ -18,26 +18,14 @@ from isomatch.surfaces import Mesh, nearest_on_surface
 class Creature:
     """A posed animal with its rest shape.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The posed surface, n vertices: closed, manifold, oriented outward, connected, of genus 0.
-    rest : (n, 3) array
-        Position of each vertex on the rest surface, which all creatures of one kind, style and
-        symmetry share.
-    kind : str
-        Body plan.
-    style : int
-        Seed of the proportions.
-    symmetric : bool
-        Whether the rest surface is its own mirror image under x → −x.
+    All creatures of one kind, style and symmetry share the rest surface.
     """
 
-    mesh: Mesh
-    rest: FloatArray
-    kind: str
-    style: int
-    symmetric: bool
+    mesh: Mesh  # the posed surface, n vertices: closed, manifold, oriented outward, of genus 0
+    rest: FloatArray  # the position of each vertex on the rest surface, (n, 3)
+    kind: str  # the body plan
+    style: int  # the seed of the proportions
+    symmetric: bool  # whether the rest surface is its own mirror image under x → −x
 
     @cached_property
     def rest_mesh(self) -> Mesh:

@@ -58,26 +58,16 @@ LANDMARKS = {
     },
 }
 DARK, LIGHT = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)  # red, green, blue of the stripes
-N_TEXELS, STRIPES = (
-    512,
-    26.0,
-)  # width of the picture, and phase of the stripes, in radians per unit of direction
+N_TEXELS = 512  # width of the picture of the stripes
+STRIPES = 26.0  # phase of the stripes, in radians per unit of direction
 
 
 @dataclass(frozen=True, eq=False)
 class AnimalHead:
-    """The head of an animal.
+    """The head of an animal."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed, of genus 0, with n vertices; y points up and z forward.
-    directions : (n, 3) array
-        Unit vectors: where each vertex lies on the sphere that all heads share.
-    """
-
-    mesh: Mesh
-    directions: FloatArray
+    mesh: Mesh  # closed, of genus 0, with n vertices; y points up and z forward
+    directions: FloatArray  # unit vectors (n, 3): where each vertex lies on the sphere that all heads share
 
     @property
     def keys(self) -> dict[str, FloatArray]:
@@ -137,21 +127,8 @@ def animal_head(
 ) -> AnimalHead:
     """Make the head of an animal, about two units wide; numpy and scipy suffice.
 
-    Parameters
-    ----------
-    species : {"cat", "lion"}
-        The mean proportions.
-    n_vertices : int
-        Number of vertices, at most 12,000.
-    individual : int
-        Seed of the proportions; 0 is the mean of the species.
-    triangulation : int
-        Seed of the triangles.
-
-    Raises
-    ------
-    SettingError
-        If there is no such species.
+    It has at most 12,000 vertices. ``individual`` is the seed of the proportions, where 0 is the mean of
+    the species, and ``triangulation`` the seed of the triangles. `SettingError` for an unknown species.
 
     Examples
     --------

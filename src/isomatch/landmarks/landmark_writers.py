@@ -188,8 +188,7 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
     Returns
     -------
     list of str
-        Names that geomorph takes for commands of TPS, such as SCALE5: it reads other coordinates,
-        or none.
+        Names that geomorph takes for commands of TPS, such as SCALE5: it reads wrong coordinates.
 
     Raises
     ------

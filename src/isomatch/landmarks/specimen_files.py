@@ -84,15 +84,10 @@ def _tps(text: str, path: Path) -> Iterator[Specimen]:
             blocks.append([])
         if blocks and line.strip():
             blocks[-1].append((number, line.strip()))
-    values = [
-        {
-            key.strip().upper(): value.strip()
-            for _, line in block
-            for key, eq, value in [line.partition("=")]
-            if eq
-        }
-        for block in blocks
-    ]
+    values = list[dict[str, str]]()
+    for block in blocks:
+        parts = (line.partition("=") for _, line in block)
+        values.append({key.strip().upper(): value.strip() for key, eq, value in parts if eq})
     ids = [keys.get("ID", "") for keys in values]
     images = [re.sub(r"\.\w{3,4}$", "", re.split(r"[\\/]", keys.get("IMAGE", ""))[-1]) for keys in values]
     names = ids if len(set(ids)) == len(ids) or len(set(images)) < len(ids) else images

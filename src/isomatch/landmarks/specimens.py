@@ -47,16 +47,13 @@ def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
     -------
     dict of str to Landmarks
         Positions are (m, 2) or (m, 3), nan if a landmark has no place; in TPS they are in the units
-        of its scale. Every place is given once: curves share the landmarks at which they begin, end
-        or meet, see `join_places`.
+        of its scale. Every place is given once, see `join_places`.
 
     Raises
     ------
-    FormatError
-        If a file cannot be read.
-    LandmarkError
-        If specimens do not have the same landmarks, some are in the plane and some in space, or two
-        have one name.
+    FormatError, LandmarkError
+        If a file cannot be read, specimens do not have the same landmarks, some are in the plane and
+        some in space, or two have one name.
 
     Examples
     --------
@@ -192,13 +189,11 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     single = {*range(m)} - {row for curve in first.curves for row in curve.rows} - {*first.patch}
     landmarks, patch = {*head[sorted(single)].tolist()}, {*head[first.patch].tolist()}
     on_any = {row for rows in on_curves for row in rows}
-    rank = {
-        row: 0 if row in landmarks else 1 if row in on_any else 2 if row in patch else 0
-        for row in head.tolist()
-    }
-    inner = {
-        row for rows, curve in zip(on_curves, first.curves) for row in (rows if curve.closed else rows[1:-1])
-    }
+    rank = dict.fromkeys(head.tolist(), 0)  # landmarks come first, then points of curves, then the patch
+    rank |= dict.fromkeys(patch, 2) | dict.fromkeys(on_any, 1) | dict.fromkeys(landmarks, 0)
+    inner = set[int]()
+    for rows, curve in zip(on_curves, first.curves):
+        inner.update(rows if curve.closed else rows[1:-1])
     order = sorted(rank)
     ranks = [rank[row] for row in order if row in inner or row not in on_any]  # an end may be a landmark
     order = order if ranks == sorted(ranks) else sorted(rank, key=lambda row: (rank[row], row))

@@ -387,7 +387,7 @@ class MeshReport:
 
 
 def _where(defects: IntArray) -> str:
-    """Write at most five vertices, faces or edges, and how many there are."""
+    """Write at most five vertices, faces or edges, and how many there are if there are more."""
     if defects.ndim == 1:
         return some(defects)
     head = ", ".join(f"{i}–{j}" for i, j in defects[:5].tolist())

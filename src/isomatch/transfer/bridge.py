@@ -140,10 +140,9 @@ class Bridge:
         """Ratio of sizes, receiver to giver: a median over matched faces; 1 if about equal."""
         faces = self.receiver.mesh.faces
         faces = faces[self.map.matched[faces].all(axis=1)]
-        receiver_lengths, giver_lengths = (
-            np.linalg.norm(x[faces] - x[np.roll(faces, 1, axis=1)], axis=2).sum(axis=1)
-            for x in (self.receiver.mesh.vertices, self.image_positions)
-        )
+        both = self.receiver.mesh.vertices[faces], self.image_positions[faces]
+        sides = (np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2) for x in both)
+        receiver_lengths, giver_lengths = (lengths.sum(axis=1) for lengths in sides)
         ratios = receiver_lengths[giver_lengths > 0] / giver_lengths[giver_lengths > 0]
         ratio = float(np.median(ratios)) if len(ratios) else 1.0
         return 1.0 if 1 / SAME_SIZE_RATIO < ratio < SAME_SIZE_RATIO else ratio
