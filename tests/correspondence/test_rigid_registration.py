@@ -13,7 +13,6 @@ from isomatch.correspondence import (
     VertexCells,
     nearest_rotation,
     nearest_with_normals,
-    register_as_rigid_as_possible,
     rigid_energy,
 )
 from isomatch.correspondence.rigid_energy import RigidEnergy
@@ -38,7 +37,7 @@ def piece(whole):
 
 
 def registered(source, whole, positions, lengths=LENGTHS):
-    return register_as_rigid_as_possible(source, whole.mesh_body, whole.index, positions, lengths)
+    return RigidRegistration(source)(whole.mesh_body, whole.index, positions, lengths)
 
 
 def turned(points, seed=0):
@@ -162,7 +161,7 @@ def test_held_vertices_turn_a_sphere_that_nothing_else_would():
     held = np.arange(6)
 
     def distances(held):
-        found = register_as_rigid_as_possible(sphere, sphere, index, off, [1.0] * 6, held=held)
+        found = RigidRegistration(sphere)(sphere, index, off, [1.0] * 6, held=held)
         return np.linalg.norm(found - sphere.vertices, axis=1)
 
     free, led = distances(None), distances((held, sphere.vertices[held]))

@@ -94,6 +94,20 @@ def test_keys_of_a_face_on_other_faces(species, individual, cat):
     require_as_good(truth(other, cat), other.mesh, cat.mesh, keys_of(cat), ["nose", "blink"])
 
 
+def test_steps_turn_no_more_faces_than_on_the_giver(cat, lion):
+    """Where a few faces move, and their neighbours rest, chance decides on one face; so many keys are counted."""
+    images, keys, random = truth(lion, cat), {}, np.random.default_rng(0)
+    edge = cat.mesh.edge_lengths.mean()
+    for vertex in random.choice(3000, 60, replace=False):
+        near = lengths(cat.mesh.vertices - cat.mesh.vertices[vertex]) < 1.5 * edge
+        move = cat.mesh.vertex_normals[vertex] + 0.9 * random.normal(size=3)
+        keys[f"{vertex}"] = near[:, None] * (1.4 * edge * move / np.linalg.norm(move))
+    found = carried(images, lion.mesh, cat.mesh, keys)
+    before = np.mean([turned(cat.mesh, moves) for moves in keys.values()])
+    assert before > MORE_TURNED  # steps of more than an edge turn faces of the giver
+    assert np.mean([turned(lion.mesh, moves) for moves in found.values()]) <= before
+
+
 @pytest.mark.parametrize("size", [1.0, 1e-3, 40.0])
 def test_one_vector_becomes_one_vector(size, cat):
     """On a copy that is turned, enlarged and triangulated otherwise."""

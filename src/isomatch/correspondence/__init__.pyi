@@ -9,7 +9,7 @@ from isomatch.correspondence.alignment import (
     nearest_under_rotation,
     signed_procrustes,
 )
-from isomatch.correspondence.correspondence import Correspondence, MapFile, read_map
+from isomatch.correspondence.correspondence import Correspondence, read_map
 from isomatch.correspondence.functional_maps import (
     Embedding,
     FunctionalMap,
@@ -41,7 +41,6 @@ from isomatch.correspondence.poses import Pose, carry_along, nearest_rotation, p
 from isomatch.correspondence.registration import (
     RigidRegistration,
     nearest_with_normals,
-    register_as_rigid_as_possible,
     register_nonrigid,
     with_normals,
 )
@@ -61,7 +60,6 @@ __all__ = [
     "IndexBase",
     "IntervalCost",
     "Intervals",
-    "MapFile",
     "Pose",
     "PrecisePoints",
     "RigidRegistration",
@@ -96,7 +94,6 @@ __all__ = [
     "pin_first",
     "poses_between",
     "read_map",
-    "register_as_rigid_as_possible",
     "register_nonrigid",
     "signed_procrustes",
     "spectral_embedding",

@@ -9,8 +9,7 @@ import numpy as np
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest import nearest_of_few, nearest_rows
 
-# Singular values that are smaller, relative to the largest, are rounding and leave the rotation
-# undetermined.
+# A singular value below this fraction of the largest one is rounding and leaves the rotation undetermined.
 MIN_SINGULAR_RATIO = 1e-9
 
 
@@ -20,14 +19,11 @@ class SignedPoints:
 
     Examples
     --------
-    In one real and one imaginary column, a vector may have a negative square, or square 0 without
-    being 0.
+    In one real and one imaginary column, a vector that is not 0 may have the square 0 or −1.
 
-    >>> x = SignedPoints(np.array([[2.0, 1.0], [1.0, 1.0], [0.0, 1.0]]), np.array([1.0, -1.0]))
-    >>> x.coordinates @ x.signed().T
-    array([[ 3.,  1., -1.],
-           [ 1.,  0., -1.],
-           [-1., -1., -1.]])
+    >>> x = SignedPoints(np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([1.0, -1.0]))
+    >>> np.diag(x.coordinates @ x.signed().T)
+    array([ 0., -1.])
     """
 
     coordinates: FloatArray
@@ -62,7 +58,7 @@ def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
     # Tᵀ S = U Σ Vᵀ the trace is tr((Uᵀ C V)ᵀ Σ) ≤ tr Σ, which C = U Vᵀ attains. This C keeps the
     # inner products of each sign, and so all, (T C) diag(s) (T C)ᵀ = T diag(s) Tᵀ. Directions
     # without a singular value are in no cloud; any C would do, and they are dropped.
-    cross = target.coordinates.swapaxes(-1, -2) @ source.coordinates  # (..., k_t, m) (..., m, k_s)
+    cross = target.coordinates.swapaxes(-1, -2) @ source.coordinates  # (..., k_t, m) @ (..., m, k_s)
     rotation = np.zeros_like(cross)
     for sign in (1.0, -1.0):
         block = (..., *np.ix_(target.signs == sign, source.signs == sign))
@@ -78,10 +74,9 @@ def alignment_residual(source: SignedPoints, target: SignedPoints, rotation: Flo
 
     Examples
     --------
-    >>> source = SignedPoints(np.array([[0.0], [3.0]]), np.ones(1))
-    >>> target = SignedPoints(np.array([[0.0], [-4.0]]), np.ones(1))
-    >>> round(alignment_residual(source, target, np.array([[-1.0]])), 4)
-    0.7071
+    >>> three, minus_four = (SignedPoints(np.array([[x]]), np.ones(1)) for x in (3.0, -4.0))
+    >>> alignment_residual(three, minus_four, np.array([[-1.0]]))
+    1.0
     """
     difference = target.coordinates @ rotation - source.coordinates
     return float(np.sqrt((difference**2).sum(axis=1).mean()))
@@ -97,7 +92,7 @@ class Alignment:
     array([1, 0])
     """
 
-    target_row: IntArray  # (m_source,) row of the target cloud for each row of the source cloud
+    target_row: IntArray  # the row of the target cloud for each row of the source cloud, (m_source,)
     rotation: FloatArray
     residual: float
 
@@ -107,21 +102,9 @@ def iterative_closest_points(
 ) -> list[Alignment]:
     """Alternate the best rotation and the nearest neighbours, from several first maps at once.
 
-    Parameters
-    ----------
-    source, target : SignedPoints
-        m_s and m_t points.
-    starts : (h, m_s) array of int
-        First maps: target row of each source row.
-    max_iterations : int
-        Largest number of iterations.
-    unchanged : float
-        A map with at least this share of unchanged images has converged.
-
-    Returns
-    -------
-    list of Alignment
-        One for each first map. O(m_t m_s k) for each iteration and first map.
+    The first maps, (h, m_s), give a target row for each source row. A map with at least the share
+    ``unchanged`` of unchanged images has converged. Returns an alignment for each first map.
+    O(m_t m_s k) for each iteration and first map.
 
     Examples
     --------
@@ -178,18 +161,13 @@ def alignments_from_points(
 
     Examples
     --------
-    The second columns differ in sign. Two points show it; one at the origin of that column leaves
-    it to the penalty.
+    The second columns differ in sign, as two points show.
 
     >>> cloud = SignedPoints(np.array([[1.0, 2.0], [-1.0, 1.0], [3.0, 0.0]]), np.ones(2))
     >>> mirrored = SignedPoints(cloud.coordinates * [1.0, -1.0], cloud.signs)
-    >>> rows = np.array([[0, 1], [2, 2]])
-    >>> alignments_from_points(cloud, mirrored, rows, rows).round(1) + 0.0
-    array([[[ 1.,  0.],
-            [ 0., -1.]],
-    <BLANKLINE>
-           [[ 1.,  0.],
-            [ 0.,  0.]]])
+    >>> alignments_from_points(cloud, mirrored, np.array([[0, 1]]), np.array([[0, 1]])).round(1)[0] + 0.0
+    array([[ 1.,  0.],
+           [ 0., -1.]])
     """
     # Shamai & Kimmel 2017, initialisation from feature points: C with target[:, :k] C ≈ source[:,
     # :k]. With Y and X the rows of the points, each column c_j of C solves by itself
@@ -205,8 +183,7 @@ def alignments_from_points(
     offset = np.subtract.outer(np.arange(k), np.arange(k))
     penalty = s * (off_diagonal * offset**2 + ridge)  # (i, j)
     gram, right = y.swapaxes(1, 2) @ y, y.swapaxes(1, 2) @ x  # (h, k, k)
-    # for every column j: (gram restricted to allowed rows and columns, identity elsewhere) c =
-    # right_j
+    # The system of column j has the Gram matrix of the allowed rows i only; elsewhere it is diagonal.
     mask = allowed.T[:, :, None] & allowed.T[:, None, :]  # (j, i, i')
     systems = np.where(mask, gram[:, None], 0.0) + np.eye(k) * penalty.T[:, None, :]
     columns = np.linalg.solve(systems, (right * allowed).swapaxes(1, 2)[..., None])[..., 0]  # (h, j, i)
@@ -230,8 +207,7 @@ def alignment_from_functions(
 
     Examples
     --------
-    Indicators of the vertices, which correspond, show that the second column of the target has the
-    other sign.
+    Indicators of corresponding vertices show that the second columns differ in sign.
 
     >>> cloud = SignedPoints(np.array([[1.0, 2.0], [-1.0, 1.0], [3.0, 0.0]]), np.ones(2))
     >>> mirrored = SignedPoints(cloud.coordinates * [1.0, -1.0], cloud.signs)

@@ -109,7 +109,7 @@ class Correspondence(Shown):
         Parameters
         ----------
         source, target : Mesh, PointCloud, or what `surface_from` takes, optional
-            The surfaces; by default the surfaces of the map, as long as a variable holds them.
+            The surfaces; by default those of `surfaces`.
         values : (n_source,) array_like of float, optional
             Numbers, such as an expected error, that colour another picture of the source; ``nan``
             is grey.
@@ -119,10 +119,9 @@ class Correspondence(Shown):
 
         Raises
         ------
-        MapError
-            If the surfaces are others, or are not given and no longer held.
-        DescriptorError, MeshError, SettingError
-            If the values do not fit, a surface has no area, or there is no such colour map.
+        MapError, DescriptorError, MeshError, SettingError
+            If the surfaces are others or no longer held, the values do not fit, a surface has no
+            area, or there is no such colour map.
         """
         draw, surfaces = visualization(), self.surfaces(source, target)
         label, colour_map = options.pop("label", ""), options.pop("colour_map", None)
@@ -131,23 +130,18 @@ class Correspondence(Shown):
         return figure
 
     def surfaces(self, source: SurfaceLike = None, target: SurfaceLike = None) -> tuple[Surface, Surface]:
-        """Return the surfaces of the map: those given, or its own as long as a variable holds them.
-
-        Raises
-        ------
-        MapError
-            If they are others, or are not given and no longer held.
-        """
+        """Return the surfaces given, or the map's own; `MapError` for others, or if no variable holds its own."""
         self.check_fits(source, target)
-        hashes, surfaces = (self.source_hash, self.target_hash), []
-        for name, surface, own_hash in zip(("source", "target"), (source, target), hashes):
-            surface = surface_in_use(own_hash) if surface is None else surface_from(surface)
-            if not isinstance(surface, Surface):
+
+        def held(name: str, surface: SurfaceLike, own_hash: str) -> Surface:
+            found = surface_in_use(own_hash) if surface is None else surface_from(surface)
+            if not isinstance(found, Surface):
                 raise MapError(
                     f"the {name} of this map is no longer held by any variable; give source and target"
                 )
-            surfaces.append(surface)
-        return surfaces[0], surfaces[1]
+            return found
+
+        return held("source", source, self.source_hash), held("target", target, self.target_hash)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -260,10 +254,8 @@ class Correspondence(Shown):
 
         Raises
         ------
-        MapError
-            If a basis has fewer functions, or a surface is not one of this map.
-        MeshError
-            If a surface has no basis, see `laplace_basis`.
+        MapError, MeshError
+            If a basis has fewer functions, or a surface is not one of this map or has no basis.
         """
         bases = []
         for name, basis, n in (("source", source, self.shape[0]), ("target", target, self.shape[1])):
@@ -417,12 +409,8 @@ class Correspondence(Shown):
         """Write everything to an ``.npz`` file, or the vertices alone to a text file (any other suffix).
 
         Line i of the text, counted from 0 and without the header, is the target vertex of source
-        vertex i. An existing file is replaced only by a complete one.
-
-        Raises
-        ------
-        UnwritableFileError
-            If the file cannot be written.
+        vertex i. An existing file is replaced only by a complete one; `UnwritableFileError` if the
+        file cannot be written.
         """
         write_map(Path(path), vars(self))
 
@@ -470,11 +458,6 @@ class Correspondence(Shown):
         variable : str, optional
             Name of the array, if a file has several of the same length.
 
-        Returns
-        -------
-        Correspondence
-            The map source → target.
-
         Raises
         ------
         FormatError
@@ -490,19 +473,13 @@ class Correspondence(Shown):
 
 
 class MapFile(NamedTuple):
-    """A map read from a file, and how its indices were understood, see `IndexBase`.
-
-    Examples
-    --------
-    >>> MapFile(Correspondence([1, 0], 2), counts_from=0, is_certain=True, note="").map
-    Correspondence(source 2 → target 2)
-    """
+    """A map read from a file, and how its indices were understood, see `IndexBase`."""
 
     map: Correspondence
     counts_from: int
     is_certain: bool
+    is_likely: bool
     note: str
-    is_likely: bool = True
 
 
 def read_map(
@@ -538,6 +515,6 @@ def read_map(
                 f"{path}: can count from 0 or from 1, with indices {indices.min()}…{indices.max()}; say which by "
                 "counts_from (--counts-from), or save it as a text that counts from 0"
             )
-        return MapFile(Correspondence(**parts), **base._asdict())
+        return MapFile(Correspondence(**parts), *base)
     except MapError as error:
         raise FormatError(f"{path}: {error}") from None

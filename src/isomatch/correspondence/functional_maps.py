@@ -64,7 +64,8 @@ def spectral_embedding(
 def fit_functional_map(source_functions: FloatArray, target_functions: FloatArray) -> FloatArray:
     """Fit F (k_s, k_t) to functions at q corresponding points by min ‖Φ_source F − Φ_target‖.
 
-    If there are several, it is the smallest one. O(q k²), in double precision.
+    If there are several, it is the smallest one. To weight a point, multiply its row on both sides
+    by the root of the weight. O(q k²), in double precision.
 
     Examples
     --------
@@ -72,13 +73,6 @@ def fit_functional_map(source_functions: FloatArray, target_functions: FloatArra
     >>> fit_functional_map(functions, functions[::-1]).round(6) + 0.0
     array([[ 1.,  0.],
            [ 0., -1.]])
-
-    Weighted points count as if they were repeated: multiply the rows of both sides by the square
-    root of the weight.
-
-    >>> root = np.sqrt([[1.0], [2.0], [1.0]])
-    >>> fit_functional_map(root * functions[:, :1], root * np.array([[2.0], [0.0], [2.0]]))
-    array([[1.]])
     """
     source, target = source_functions.astype(np.float64), target_functions.astype(np.float64)
     return np.asarray(np.linalg.lstsq(source, target, rcond=None)[0])
@@ -126,12 +120,11 @@ class SampledBasis:
 
     Examples
     --------
-    A line is fitted to values at two of five vertices.
+    The coefficients of a line through values at two of five vertices:
 
     >>> basis = SampledBasis(np.column_stack([np.ones(5), np.arange(5.0)]), vertices=np.array([1, 3]))
-    >>> coefficients = basis.fit(np.array([[30.0], [50.0]]), k=2)
-    >>> (basis.functions @ coefficients).ravel().round(6).tolist()
-    [20.0, 30.0, 40.0, 50.0, 60.0]
+    >>> basis.fit(np.array([[30.0], [50.0]]), k=2).ravel().round(6)
+    array([20., 10.])
     """
 
     functions: FloatArray
@@ -143,17 +136,16 @@ class SampledBasis:
         return self.functions[self.vertices].astype(np.float64)
 
     @cached_property
-    def _triangular(self) -> tuple[FloatArray, FloatArray]:
-        """Q and R⁻¹."""
+    def _factors(self) -> tuple[FloatArray, FloatArray]:
+        """Q and R⁻¹ of the functions at the samples, Φ = Q R."""
         q, r = np.linalg.qr(self.at_samples)
         return q, solve_triangular(r, np.eye(len(r)), check_finite=False)
 
     def fit(self, values: FloatArray, k: int) -> FloatArray:
         """Least-squares coefficients (k, q) of values (m, q) in the first k functions."""
-        # Φ = Q R, c = R⁻¹ Qᵀ v. One QR decomposition serves every k: its leading columns decompose
-        # the leading functions, and the leading block of R⁻¹ is the inverse of the leading block of
-        # the triangular R.
-        q, inverse = self._triangular
+        # c = R⁻¹ Qᵀ v. One QR decomposition serves every k: its leading columns decompose the leading
+        # functions, and the leading block of R⁻¹ inverts the leading block of the triangular R.
+        q, inverse = self._factors
         return np.asarray(inverse[:k, :k] @ (q[:, :k].T @ values))
 
 
@@ -163,18 +155,12 @@ class SpectralPair:
 
     Examples
     --------
-    A cycle of eight vertices is turned by two vertices. The images of three vertices determine the
-    map of all.
+    A cycle of eight vertices is turned by two: images of three vertices determine the map of all.
 
     >>> angle = np.arange(8) * np.pi / 4
     >>> fourier = np.column_stack([np.ones(8), np.cos(angle), np.sin(angle)])
     >>> pair = SpectralPair(SampledBasis(fourier, vertices=np.array([0, 3, 5])), fourier)
-    >>> turned = pair.functional_map(np.array([2, 5, 7]), k=3)
-    >>> turned.round(6) + 0.0
-    array([[ 1.,  0.,  0.],
-           [ 0.,  0.,  1.],
-           [ 0., -1.,  0.]])
-    >>> source, target = pair.embedding(turned)
+    >>> source, target = pair.embedding(pair.functional_map(np.array([2, 5, 7]), k=3))
     >>> nearest_rows(target, source)
     array([2, 3, 4, 5, 6, 7, 0, 1])
     """

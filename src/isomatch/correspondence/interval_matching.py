@@ -12,10 +12,11 @@ from isomatch._core.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_rows
 
-Terms: TypeAlias = tuple[Any, ...]  # for compiled loops, see `IntervalCost.terms`
-FORBIDDEN_COST = 50.0  # more than any assignment costs
-NO_GAIN = np.float32(-1e9)  # gain of a free place in a beam
-FAST_MATH = {"nnan", "nsz", "reassoc", "contract", "arcp"}  # no number is nan, and last bits do not matter
+Terms: TypeAlias = tuple[Any, ...]  # what compiled loops need of a cost, see `IntervalCost.terms`
+FORBIDDEN_COST = 50.0  # cost that rules out an assignment; sums of allowed costs are lower
+NO_GAIN = np.float32(-1e9)  # gain that marks a free place in the list of best variants; true gains are higher
+# Flags of compiled loops: no number in them is nan, and the last bits of results do not matter.
+FAST_MATH = {"nnan", "nsz", "reassoc", "contract", "arcp"}
 
 # If a part of a surface is missing, the distance of two points on the whole lies in an interval [l,
 # u]: u is the distance along the part, and l allows paths through the missing region
@@ -66,8 +67,7 @@ class IntervalCost:
 
     Examples
     --------
-    A distance in the interval [1, 2] costs nothing; outside the cost grows with the violation, up
-    to ``most``.
+    Outside the interval [1, 2], the cost grows with the violation, up to ``most``.
 
     >>> cost = IntervalCost(tolerance=0.0, inside=0.0, most=3.0, soft=0.0)
     >>> cost(np.array([1.5, 3.0, 100.0]), lower=np.ones(3), upper=np.full(3, 2.0))
@@ -136,8 +136,7 @@ def assign_points(
 
     Examples
     --------
-    Candidates lie on a line at 0, 1, 3, 7. Three points whose distances are known exactly fit in
-    one place.
+    Three points with known distances fit in one place among candidates at 0, 1, 3 and 7 on a line.
 
     >>> places = np.array([0.0, 1.0, 3.0, 7.0])
     >>> line, known = np.abs(places[:, None] - places), np.array([[0.0, 4.0, 2.0], [4.0, 0.0, 6.0], [2.0, 6.0, 0.0]])
@@ -162,7 +161,7 @@ def assign_points(
         _costs_of(terms, np.full(len(images), point), images, candidates, added)
         added += total[:, None] + unary[point]
         costs = added.ravel()  # (h c,): child = parent c + candidate
-        n_children = min(len(costs), 12 * width)  # more than are kept, because variants of one are dropped
+        n_children = min(len(costs), 12 * width)  # many more than are kept, because most are variants of one
         best = np.sort(np.argpartition(costs, n_children - 1)[:n_children])
         best = best[np.argsort(costs[best], kind="stable")]  # least cost first, ties by number
         parent, last = np.divmod(best, c)
@@ -254,8 +253,7 @@ def grow_regions(
 
     Examples
     --------
-    Candidates lie on a line at 0, 1, 3, 7. The last of three points is at a distance of 50, far
-    from everything.
+    Candidates lie on a line at 0, 1, 3, 7. The last of three points is far from everything.
 
     >>> places = np.array([0.0, 1.0, 3.0, 7.0])
     >>> line, known = np.abs(places[:, None] - places), np.array([[0.0, 4, 50], [4, 0, 50], [50, 50, 0]])
@@ -267,13 +265,9 @@ def grow_regions(
     regions[np.arange(len(seeds)), seeds[:, 0]] = seeds[:, 1]
     # nearest points first, beginning with the seed itself
     order = np.argsort(np.where(np.eye(len(unary)), -1.0, points.upper), axis=1, kind="stable")[seeds[:, 0]]
-    points, candidates, single_unary = (
-        points.single,
-        candidates.single,
-        np.ascontiguousarray(unary, np.float32),
-    )
-    # near points have more weight: their distances are known better, and their agreement locates a
-    # point better
+    points, candidates = points.single, candidates.single
+    single_unary = np.ascontiguousarray(unary, np.float32)
+    # Near points have more weight: their distances are known better, and locate a point better.
     terms = cost.terms(points, 1 / (np.float32(near) + points.upper))
     bounds = *map(np.float32, (dearest, refused, min_distance)), width
 
@@ -299,8 +293,7 @@ def _grow_region(
     dearest, refused, min_distance, width = bounds
     one, total = np.float32(1), np.zeros(unary.shape[1], np.float32)
     variants, gains = np.full((width, len(region)), -1), np.full(width, NO_GAIN)
-    for point in range(len(region)):
-        variants[0, point] = region[point]
+    variants[0] = region
     gains[0] = one - unary[order[0], region[order[0]]]
     next_gains, parents, images = np.empty_like(gains), np.empty(width, np.int64), np.empty(width, np.int64)
     for point in order[1:]:
@@ -323,19 +316,14 @@ def _grow_region(
                 if gain <= next_gains[place]:
                     continue
                 while place > 0 and next_gains[place - 1] < gain:
-                    above = place - 1
-                    next_gains[place], parents[place], images[place] = (
-                        next_gains[above],
-                        parents[above],
-                        images[above],
-                    )
-                    place = above
+                    next_gains[place] = next_gains[place - 1]
+                    parents[place], images[place] = parents[place - 1], images[place - 1]
+                    place -= 1
                 next_gains[place], parents[place], images[place] = gain, i, k
         variants = variants[parents]
         for i in range(width):
             gains[i], variants[i, point] = next_gains[i], images[i]
-    for point in range(len(region)):
-        region[point] = variants[0, point]
+    region[:] = variants[0]
     return float(gains[0])
 
 
@@ -350,8 +338,8 @@ def trilaterate(
 
     Examples
     --------
-    Anchors are at both ends of a line of five candidates. The first point is known exactly. Two
-    candidates fit the second; the one nearer to its upper bounds costs less.
+    Anchors are at both ends of a line of five candidates. The first point is known exactly; of two
+    candidates that fit the second, the one nearer to its upper bounds costs less.
 
     >>> ends = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 0.0]])
     >>> points = Intervals(np.array([[1.0, 0.0], [3.0, 2.0]]), np.array([[1.0, 2.0], [3.0, 3.0]]))

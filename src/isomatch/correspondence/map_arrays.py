@@ -16,8 +16,9 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.surfaces import Mesh, PrecisePoints, Surface
 
 UNMATCHED = -1
-_FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}  # by the kind of an array's type
-MAX_STRETCH_RATIO = 4.0  # an edge that a map stretches more, relative to the median edge, is torn
+# The default value of unmatched vertices, by the kind of the type of an array.
+_FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}
+MAX_STRETCH_RATIO = 4.0  # A map tears an edge that it stretches by more than this many times the median.
 
 
 def check_map(
@@ -111,9 +112,8 @@ def push_forward_rows(
     with np.errstate(invalid="ignore", divide="ignore"):
         pushed: FloatArray = (transposed @ np.where(matched[:, None], weighted, 0.0)) / total[:, None]
     if target_areas is not None:
-        pushed[transposed @ np.ones(n_source) == 0] = (
-            0.0  # vertices without an image, even if they have no area
-        )
+        has_no_image = transposed @ np.ones(n_source) == 0
+        pushed[has_no_image] = 0.0  # also where a vertex has no area
     return pushed.reshape(n_target, *rows.shape[1:])
 
 
@@ -140,10 +140,10 @@ def _fill_rows(labels: AnyArray, unmatched: BoolArray, fill: object) -> AnyArray
 
 
 def compose_arrays(
-    vertices: IntArray,  # (n,) middle vertex of each source vertex
-    points: PrecisePoints,  # the same, precisely
-    image: IntArray,  # (m,) target vertex of each middle vertex
-    images: PrecisePoints,  # the same, precisely
+    vertices: IntArray,  # middle vertex (n,) of each source vertex
+    points: PrecisePoints,  # the same as precise points
+    image: IntArray,  # target vertex (m,) of each middle vertex
+    images: PrecisePoints,  # the same as precise points
     middle: Mesh | None,
     target: Mesh | None,
 ) -> tuple[IntArray, PrecisePoints]:
@@ -192,7 +192,7 @@ def _compose_on_surface(
     """Interpolate images of corners of m points in space, and take the nearest points of the target."""
     # Corners that the map tears from the first one are left out. The second result tells which of
     # the m points have more than one corner left.
-    positions, _, _ = normalised(target.vertices)
+    positions = normalised(target.vertices)[0]
     places = images.interpolated(positions)
     corners, surfaces = points.corners, (normalised(middle.vertices)[0], places)
     before, after = (np.linalg.norm(x[corners] - x[corners[:, :1]], axis=2) for x in surfaces)

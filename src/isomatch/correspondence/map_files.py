@@ -61,9 +61,9 @@ _HEADER = re.compile(
     r"# (?P<n_source>[0-9]{1,18}) source vertices, (?P<n_target>[0-9]{1,18}) target vertices"
     r"(?:.*\n#.*\n# source hash (?P<source_hash>\w+), target hash (?P<target_hash>\w+))?"
 )
-MAX_HEADER_BYTES = 1000  # of a text
+MAX_HEADER_BYTES = 1000  # bytes of a text in which its header is sought
 _LINES = "write one 0-based target vertex on each line, -1 where unmatched"
-_MAX_LISTED_ARRAYS = 8  # in a message
+_MAX_LISTED_ARRAYS = 8  # arrays of a file that a message lists
 
 
 def write_map(path: Path, parts: dict[str, Any]) -> None:
@@ -91,17 +91,17 @@ def map_parts(
     variable: str | None = None,
 ) -> tuple[dict[str, Any], IndexBase]:
     """Read the parts of a map, by name, and its first index; arguments as in `Correspondence.load`."""
-    suffix = path.suffix.lower()
-    is_ours, n_stored = False, None
+    suffix, is_ours = path.suffix.lower(), False
     if suffix == ".mat":
         arrays = read_mat(path, "a map", "one array of target vertices")
         parts: dict[str, Any] = {"vertices": choose_vector(path, arrays, n_source, variable)}
     elif suffix == ".npy":
         parts = {"vertices": choose_vector(path, {"the array": read_array(path)}, n_source)}
     elif suffix == ".npz":
-        is_ours, n_stored, parts = _read_arrays(path, n_source, n_target, variable)
+        is_ours, parts = _read_arrays(path, n_source, n_target, variable)
     else:
-        is_ours, n_stored, parts = _read_text(path)
+        is_ours, parts = _read_text(path)
+    n_stored = int(parts["n_target"]) if "n_target" in parts else None
     if n_stored is not None and n_target not in (None, n_stored):
         raise FormatError(
             f"{path}: is a map onto a target of {n_stored} vertices, not {n_target}; give the map of these two shapes"
@@ -121,8 +121,8 @@ def map_parts(
 
 def _read_arrays(
     path: Path, n_source: int | None, n_target: int | None, variable: str | None
-) -> tuple[bool, int | None, dict[str, Any]]:
-    """Whether isomatch wrote an ``.npz`` file, its number of target vertices, if any, and its arrays."""
+) -> tuple[bool, dict[str, Any]]:
+    """Return whether isomatch wrote an ``.npz`` file, and the parts of its map."""
 
     def refuse(problem: str) -> NoReturn:
         raise FormatError(f"{path}: not a map ({problem}); expected a file written by {FORMAT.writer}")
@@ -130,22 +130,20 @@ def _read_arrays(
     with Archive.opened(path, refuse) as file:
         names = file.names
         is_of_pair = {"record", *(f"{side}_vertices" for side in SIDES)} <= set(names)
-        # files of isomatch have a direction or a version
-        if not {"direction", "format_version"} & set(names):
+        if not {"direction", "format_version"} & set(names):  # a file of isomatch has one of them
             if not names:
                 refuse("it has no array 'vertices'")
-            return False, None, {"vertices": choose_vector(path, file.read_all(names), n_source, variable)}
+            return False, {"vertices": choose_vector(path, file.read_all(names), n_source, variable)}
     if variable is not None:
         raise FormatError(
             f"{path}: isomatch wrote it, and its map is not {variable!r}; leave out the variable"
         )
     if is_of_pair:
-        return _of_pair(path, n_source, n_target)
+        return True, _read_side(path, n_source, n_target)
     arrays = FORMAT.read(path)
     if arrays.pop("direction", DIRECTION) != DIRECTION:
         raise FormatError(f"{path}: does not map {DIRECTION}; exchange the shapes, or give another map")
-    n_target = arrays.pop("n_target", None)
-    return True, None if n_target is None else int(n_target), arrays
+    return True, arrays
 
 
 def pair_parts(arrays: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -162,35 +160,37 @@ def pair_parts(arrays: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any
     ('b', 1)
     """
     record = json.loads(arrays["record"])
-    hashes, maps = [record["source_hash"], record["target_hash"]], []
-    for side, other, ends in zip(SIDES, SIDES[::-1], (hashes, hashes[::-1])):
+
+    def parts_of(side: str, other: str, source: str, target: str) -> dict[str, Any]:
         weights = arrays[f"{side}_barycentric"].astype(np.float64)
-        parts = {name: arrays[f"{side}_{name}"] for name in ("vertices", "faces")}
-        parts |= {"barycentric": weights / weights.sum(axis=1, keepdims=True)}
-        maps.append(parts | dict(zip(("source_hash", "target_hash"), ends)))
-        maps[-1]["n_target"] = len(arrays[f"{other}_vertices"])
-    return maps[0], maps[1]
+        return {
+            "vertices": arrays[f"{side}_vertices"],
+            "faces": arrays[f"{side}_faces"],
+            "barycentric": weights / weights.sum(axis=1, keepdims=True),
+            "source_hash": record[f"{source}_hash"],
+            "target_hash": record[f"{target}_hash"],
+            "n_target": len(arrays[f"{other}_vertices"]),
+        }
+
+    return parts_of(*SIDES, "source", "target"), parts_of(*SIDES[::-1], "target", "source")
 
 
-def _of_pair(path: Path, n_source: int | None, n_target: int | None) -> tuple[bool, int, dict[str, Any]]:
-    """Take the map of a pair that fits the numbers of vertices, the one from source to target if both fit."""
+def _read_side(path: Path, n_source: int | None, n_target: int | None) -> dict[str, Any]:
+    """Read the map of a pair that fits the numbers of vertices, the one from source to target if both fit."""
     try:
         maps = pair_parts(PAIR_FORMAT.read(path))
     except (ValueError, KeyError, TypeError) as error:
         if isinstance(error, FormatError):
             raise
         raise FormatError(f"{path}: not the maps of a pair ({error}); match it again") from None
-    fitting = (
-        parts
-        for parts in maps
-        if n_source in (None, len(parts["vertices"])) and n_target in (None, parts["n_target"])
-    )
-    parts = next(fitting, maps[0])
-    return True, parts.pop("n_target"), parts
+    for parts in maps:
+        if n_source in (None, len(parts["vertices"])) and n_target in (None, parts["n_target"]):
+            return parts
+    return maps[0]
 
 
-def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:
-    """Read a text: whether isomatch wrote it, its number of target vertices, if any, and the parts."""
+def _read_text(path: Path) -> tuple[bool, dict[str, Any]]:
+    """Return whether isomatch wrote a text, and the parts of its map."""
     with open_file(path) as file:
         header = _HEADER.match(file.read(MAX_HEADER_BYTES).decode("utf-8-sig", errors="replace"))
     if header:
@@ -204,8 +204,10 @@ def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:
         )
     if not (header or len(image)):
         raise FormatError(f"{path}: no target vertices; {_LINES}")
-    hashes = {name: header[name] or "" for name in ("source_hash", "target_hash")} if header else {}
-    return header is not None, int(header["n_target"]) if header else None, {"vertices": image, **hashes}
+    if not header:
+        return False, {"vertices": image}
+    hashes = {name: header[name] or "" for name in ("source_hash", "target_hash")}
+    return True, {"vertices": image, "n_target": int(header["n_target"]), **hashes}
 
 
 class IndexBase(NamedTuple):
@@ -281,12 +283,7 @@ def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target
       from 0, for certain.
     - There are 0 and no −1: likely from 0; but not if 0 occurs several times, more often than any
       other index, as if it meant unmatched.
-    - Otherwise from 0, which is not likely.
-
-    Raises
-    ------
-    FormatError
-        If there are both 0 and ``n``.
+    - Otherwise from 0, which is not likely. `FormatError` if there are both 0 and ``n``.
 
     Examples
     --------
@@ -310,12 +307,8 @@ def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target
         note = f"{path.name}: counts from 1, as its largest index, {largest}, is the number of {what}"
         return IndexBase(1, note=note)
     if least > 0:
-        note = (
-            ""
-            if n is None
-            else f"{path.name}: indices are read as 0-based; neither 0 nor {n} is among them, which would settle it"
-        )
-        return IndexBase(0, False, False, note)
+        note = f"{path.name}: indices are read as 0-based; neither 0 nor {n} is among them, which would settle it"
+        return IndexBase(0, False, False, "" if n is None else note)
     _, times = np.unique(matched, return_counts=True)
     if len(matched) < len(indices) or len(matched) == len(times) == largest + 1:
         return IndexBase(0)

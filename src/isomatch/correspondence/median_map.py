@@ -15,8 +15,8 @@ from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import PrecisePoints
 
 MAX_STEPS = 1000
-# Movement in the last step, relative to the extent of the points; the second is far below the
-# errors of maps.
+# The iteration ends once no point moves by more than this fraction of the extent of all points. The
+# second fraction is used for maps, whose errors are far larger.
 EXACT_STEP = 1e-12
 PRECISE_STEP = 1e-6
 
@@ -30,20 +30,9 @@ def median_map(
     fewer than half of the maps have an image. One wrong map in three moves an image little. O(n m)
     time for each of some tens of steps.
 
-    Parameters
-    ----------
-    maps : sequence of Correspondence
-        Source → target, such as compositions over several other shapes.
-    target : Mesh, or what `mesh_from` takes
-        Target of the maps.
-    errors : sequence of float, optional
-        Expected error of each map. For two maps, any point between both images is a median: the
-        result is then their mean, weighted by 1 / error².
-
-    Raises
-    ------
-    MapError
-        If there are none, or they are maps of other surfaces.
+    For two maps, any point between both images is a median; given the expected error of each, the
+    result is their mean, weighted by 1 / error². `MapError` if there are no maps, or they are maps of
+    other surfaces.
 
     Examples
     --------
@@ -67,7 +56,7 @@ def median_map(
     rows = np.flatnonzero(2 * (starts >= 0).sum(axis=1) >= len(maps))
     median = geometric_median(images[:, rows], PRECISE_STEP)
     if len(maps) == 2 and errors is not None and np.min(errors) > 0:
-        weight = 1 / (1 + (errors[0] / errors[1]) ** 2)  # of the first map
+        weight = 1 / (1 + (errors[0] / errors[1]) ** 2)  # the weight of the first map
         mean = weight * images[0, rows] + (1 - weight) * images[1, rows]
         median = np.where(np.isnan(mean), median, mean)
     groups = VertexGroups.of(np.arange(mesh.n_vertices), mesh.n_vertices)

@@ -13,13 +13,15 @@ from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_map
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
-MIN_SQUARED_DISTANCE = np.float32(1e-30)  # instead of 0 in denominators
-QUERIES_OF_FEW = 1024  # queries at once among few candidates
-# Queries and points of one task; fixed, so that results do not depend on the number of threads.
+MIN_SQUARED_DISTANCE = np.float32(1e-30)  # A smaller squared distance counts as this in a denominator.
+QUERIES_PER_PRODUCT = 1024  # Queries whose distances `nearest_of_few` computes by one matrix product.
+# Queries and points of one parallel task; fixed, so that results do not depend on the number of threads.
 QUERIES_PER_TASK = 512
 POINTS_PER_TASK = 2048
-ROUNDING_RATIO = 1e-5  # error of sums of products in single precision, relative to the squared norms
-TIE_RATIO = 1e-6  # scores that differ by less, relative to the largest squared norm, are compared in float64
+# Largest rounding error of a sum of products in single precision, as a fraction of the squared norms.
+ROUNDING_RATIO = 1e-5
+# Scores that differ by less than this fraction of the largest squared norm are compared in double precision.
+TIE_RATIO = 1e-6
 
 
 def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
@@ -64,8 +66,8 @@ def nearest_of_few(candidates: FloatArray, queries: FloatArray) -> IntArray:
     """
     table, norms = single(candidates).T, single(0.5 * np.einsum("ij,ij->i", candidates, candidates))
     nearest = []
-    for first in range(0, len(queries), QUERIES_OF_FEW):
-        scores = single(queries[first : first + QUERIES_OF_FEW]) @ table
+    for first in range(0, len(queries), QUERIES_PER_PRODUCT):
+        scores = single(queries[first : first + QUERIES_PER_PRODUCT]) @ table
         scores -= norms
         nearest.append(scores.argmax(axis=1))
     return _concatenate(nearest)
@@ -190,7 +192,7 @@ def _open_cells(
         best[i] = winner
 
 
-@compiled(inline="always")  # with the flags of the loop that calls it
+@compiled(inline="always")  # compiled with the flags of the loop that calls it
 def squared_distance(x: AnyArray, j: int, y: AnyArray, i: int) -> Any:
     """Squared distance of row j of x from row i of y, in their precision."""
     total = x.dtype.type(0)
@@ -215,8 +217,7 @@ def nearest_points(
 
     Examples
     --------
-    The first query lies above the triangle, the nearest point of the second is in the middle of an
-    edge.
+    The first query lies above the triangle; the nearest point of the second is the middle of an edge.
 
     >>> triangle = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     >>> queries = np.array([[0.25, 0.25, 3.0], [0.5, -2.0, 0.0]])

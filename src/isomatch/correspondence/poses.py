@@ -13,12 +13,14 @@ from scipy.spatial.distance import cdist
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.threads import parallel_map
 
-MATRICES_PER_TASK = 10_000
-MAX_REFINED_POSES = 4  # nearest first: a solid may lie on its axes in as many ways
-MAX_STEPS = 30
-FALLOFF_EXPONENT = 4.0  # of weights that fall with distance; chosen: sums over a surface converge from 2 on
-MIN_DISTANCE_RATIO = 1e-6  # smaller distances, relative to the largest, count as this
-MIN_PROGRESS_RATIO = 0.999  # a pose has converged if its distance exceeds this multiple of the one before
+MATRICES_PER_TASK = 10_000  # matrices that one thread decomposes at once
+MAX_REFINED_POSES = 4  # how many poses are refined: a solid can lie on its own axes in four ways
+MAX_REFINEMENT_STEPS = 30  # closest-point steps of a pose
+# `carry_along` weights a surface point by 1 / distance to this power. Sums of weights over a surface
+# converge for exponents above 2.
+FALLOFF_EXPONENT = 4.0
+MIN_DISTANCE_RATIO = 1e-6  # A distance below this fraction of the largest one counts as this fraction.
+MIN_PROGRESS_RATIO = 0.999  # A pose has converged once a step leaves more than this fraction of its distance.
 
 
 def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray:
@@ -50,24 +52,12 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
 def carry_along(
     points: FloatArray, before: FloatArray, after: FloatArray, *, scale: float = 1.0, mirrored: bool = False
 ) -> FloatArray:
-    """Carry points of space along with a map, each by the rigid motion of the nearest surface points.
+    """Carry points of space (n, 3) along with a map, each by the rigid motion of the nearest surface points.
 
-    Parameters
-    ----------
-    points : (n, 3) ndarray
-        Points beside a surface.
-    before, after : (m, 3) ndarrays
-        Points of the surface, and their images, m ≥ 4.
-    scale : float
-        Factor by which lengths change.
-    mirrored : bool
-        Whether the map mirrors.
-
-    Returns
-    -------
-    (n, 3) ndarray
-        Images of the points: p → ȳ + s R (p − x̄) by moving least squares (Schaefer, McPhail,
-        Warren 2006), with the weights 1 / distance⁴. O(n m).
+    ``before`` and ``after`` are points of the surface and their images, (m, 3) with m ≥ 4. Lengths
+    change by the factor ``scale``, and a ``mirrored`` map mirrors. Returns the images p → ȳ + s R (p
+    − x̄), (n, 3), by moving least squares (Schaefer, McPhail, Warren 2006), with the weights
+    1 / distance⁴. O(n m).
 
     Examples
     --------
@@ -75,8 +65,8 @@ def carry_along(
     >>> carry_along(np.array([[2, 0, 0.0]]), corners, corners @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]).round(9) + 0
     array([[0., 2., 0.]])
     """
-    # with weighted means x̄, ȳ: R = arg min Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|², by the SVD of Σ_j
-    # w_j x_j y_jᵀ − x̄ ȳᵀ
+    # With the weighted means x̄ and ȳ, the rotation R minimises Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|²;
+    # it is the one nearest to Σ_j w_j x_j y_jᵀ − x̄ ȳᵀ.
     distances = cdist(points, before)
     weights = np.maximum(distances, MIN_DISTANCE_RATIO * distances.max()) ** -FALLOFF_EXPONENT
     weights /= weights.sum(axis=1, keepdims=True)
@@ -107,22 +97,15 @@ class Pose:
 def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False) -> list[Pose]:
     """Find at most four similarities that bring one surface near another, nearest first.
 
-    Parameters
-    ----------
-    source, target : (n_source, 6) and (n_target, 6) arrays of float
-        Evenly spread points, and their normals times a unit, as from `with_normals`. Distances are
-        in this space.
-    mirrored : bool
-        Whether to find mirror images instead of rotations.
+    Both are evenly spread points and their normals times a unit, (n, 6), as from `with_normals`;
+    distances are in this space. ``mirrored`` asks for mirror images instead of rotations.
 
     Examples
     --------
     >>> points = np.random.default_rng(0).normal(size=(200, 3)) * [3.0, 2.0, 1.0]
     >>> normals = points / np.linalg.norm(points, axis=1, keepdims=True)
-    >>> turn = nearest_rotation(np.random.default_rng(1).normal(size=(3, 3)))
-    >>> target = np.hstack([2.0 * points @ turn + 5.0, normals @ turn])
-    >>> pose = poses_between(np.hstack([points, normals]), target)[0]
-    >>> bool(np.allclose(pose.rotation, turn)), round(pose.scale, 6), pose.shift.round(6).tolist()
+    >>> pose = poses_between(np.hstack([points, normals]), np.hstack([2.0 * points + 5.0, normals]))[0]
+    >>> bool(np.allclose(pose.rotation, np.eye(3))), round(pose.scale, 6), pose.shift.round(6).tolist()
     (True, 2.0, [5.0, 5.0, 5.0])
     """
     # The principal axes of the source are laid on the axes of the target in all 24 ways, because
@@ -141,7 +124,7 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
 def _refine_pose(source: FloatArray, tree: cKDTree, nearest: IntArray, mirrored: bool) -> Pose:
     """Alternate the best similarity and closest points until they converge."""
     least = np.inf
-    for _ in range(MAX_STEPS):
+    for _ in range(MAX_REFINEMENT_STEPS):
         similarity = _best_similarity(source, tree.data[nearest], mirrored)
         moved = _move(source, *similarity)
         distances, nearest = tree.query(moved)
@@ -160,21 +143,16 @@ Similarity: TypeAlias = tuple[FloatArray, float, FloatArray]
 
 
 def _align_axes(source: FloatArray, target: FloatArray, mirrored: bool) -> list[Similarity]:
-    """Similarities that lay the principal axes of some points on the axes of others, in all 24 ways."""
-    centre, size, axes = _principal_axes(source)
-    target_centre, target_size, target_axes = _principal_axes(target)
+    """Lay the principal axes of some points on the axes of others, in all 24 ways."""
+    (squares, axes), (target_squares, target_axes) = (np.linalg.eigh(np.cov(x.T)) for x in (source, target))
+    size, target_size = (float(np.sqrt(variances.sum())) for variances in (squares, target_squares))
+    centre, target_centre = source.mean(axis=0), target.mean(axis=0)
     scale, similarities = target_size / size, list[Similarity]()
     for order, signs in product(permutations(range(3)), product([1.0, -1.0], repeat=3)):
         turn = axes @ (np.eye(3)[list(order)] * signs) @ target_axes.T
         if (np.linalg.det(turn) < 0) == mirrored:
             similarities.append((turn, scale, target_centre - scale * centre @ turn))
     return similarities
-
-
-def _principal_axes(points: FloatArray) -> tuple[FloatArray, float, FloatArray]:
-    """Centre, root mean square distance from it, and principal axes as columns."""
-    squares, axes = np.linalg.eigh(np.cov(points.T))
-    return points.mean(axis=0), float(np.sqrt(squares.sum())), axes
 
 
 def _best_similarity(source: FloatArray, target: FloatArray, mirrored: bool) -> Similarity:

@@ -17,68 +17,10 @@ from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints
 
-NORMAL_UNIT = 0.1  # length of normals beside positions, for surfaces of area 1
-ROTATION_FITS = 2  # between two searches for nearest points
-RIDGE_PER_EQUATION = 1e-6  # above the rounding of normal equations in single precision
-
-
-def register_as_rigid_as_possible(
-    source: Mesh,
-    target: Mesh,
-    index: SurfaceIndex,
-    positions: FloatArray,
-    lengths: Iterable[float],
-    normal_unit: float = NORMAL_UNIT,
-    held: tuple[IntArray, FloatArray] | None = None,
-) -> FloatArray:
-    """Bend the source onto the target, so that its lengths change as little as possible.
-
-    If a map crowds or spreads its images, as near a boundary, the bent surface keeps its own
-    spacing.
-
-    Parameters
-    ----------
-    source, target : Mesh
-        The surfaces, in the same units.
-    index : SurfaceIndex
-        Index of the target.
-    positions : (n_source, 3) array of float
-        Images of the source's vertices under a map.
-    lengths : iterable of float
-        Length of each step at which the source resists stretching. Decreasing lengths first move
-        large pieces, then small ones.
-    normal_unit : float
-        As for `nearest_with_normals`.
-    held : (l,) array of int and (l, 3) array of float, optional
-        Vertices of the source and the points that attract them, each as strongly as a disc whose
-        radius is the length.
-
-    Returns
-    -------
-    (n_source, 3) array of float
-        The source's vertices, on the target or near it.
-
-    Raises
-    ------
-    SettingError
-        If a length is not above 0.
-
-    Examples
-    --------
-    An octahedron is bent onto a copy turned by 0.3 rad, from positions that are a tenth smaller.
-
-    >>> from isomatch.correspondence import VertexCells
-    >>> corners = np.concatenate([np.eye(3), -np.eye(3)])
-    >>> faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
-    >>> c, s = np.cos(0.3), np.sin(0.3)
-    >>> source = Mesh(corners, faces)
-    >>> target = Mesh(corners @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), faces)
-    >>> index = SurfaceIndex(target.faces, VertexCells.of(np.array([0]), np.zeros(6, dtype=int)))
-    >>> bent = register_as_rigid_as_possible(source, target, index, 0.9 * target.vertices, lengths=[10.0, 10.0])
-    >>> bool(np.allclose(bent, target.vertices, atol=1e-2))
-    True
-    """
-    return RigidRegistration(source)(target, index, positions, lengths, 1.0, normal_unit, held)
+NORMAL_UNIT = 0.1  # length of the normals that stand beside positions, for surfaces of area 1
+ROTATION_FITS = 2  # how often rotations and positions are fitted between two searches for nearest points
+# The ridge of normal equations, for each of their rows: larger than their rounding in single precision.
+RIDGE_PER_EQUATION = 1e-6
 
 
 class RigidRegistration:
@@ -89,13 +31,14 @@ class RigidRegistration:
 
     Examples
     --------
-    A surface registered with itself stays as it is.
+    An octahedron is bent onto itself from positions that are a tenth smaller.
 
     >>> from isomatch.correspondence import VertexCells
-    >>> wedge = Mesh([[0, 0, 0], [3, 0, 0], [0, 2, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    >>> index = SurfaceIndex(wedge.faces, VertexCells.of(np.array([0]), np.zeros(4, dtype=int)))
-    >>> still = RigidRegistration(wedge)(wedge, index, wedge.vertices, lengths=[1.0, 0.5])
-    >>> bool(np.allclose(still, wedge.vertices))
+    >>> faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
+    >>> octahedron = Mesh(np.concatenate([np.eye(3), -np.eye(3)]), faces)
+    >>> index = SurfaceIndex(octahedron.faces, VertexCells.of(np.array([0]), np.zeros(6, dtype=int)))
+    >>> bent = RigidRegistration(octahedron)(octahedron, index, 0.9 * octahedron.vertices, lengths=[10.0, 10.0])
+    >>> bool(np.allclose(bent, octahedron.vertices, atol=1e-2))
     True
     """
 
@@ -130,15 +73,18 @@ class RigidRegistration:
         held: tuple[IntArray, FloatArray] | None = None,
         most_scaled: float = 1.0,
     ) -> FloatArray:
-        """Bend the source, ``scale`` times as large, onto the target; see `register_as_rigid_as_possible`.
+        """Bend the source, ``scale`` times as large, onto the target, with as little change of lengths as possible.
+
+        If a map crowds or spreads its images, as near a boundary, the bent surface keeps its own
+        spacing. ``positions`` are the images (n_source, 3) under a map, in the units of both surfaces,
+        and ``index`` is the index of the target. In a step of length ℓ, the source resists stretching
+        over lengths up to ℓ: decreasing lengths first move large pieces, then small ones. ``held`` are
+        vertices (l,) of the source and points (l, 3) that attract them, each as strongly as a disc of
+        radius ℓ. Returns the source's vertices (n_source, 3), on the target or near it.
 
         Pieces may grow or shrink by the factor ``most_scaled`` at no cost: 1 keeps lengths, and
         more makes the registration as similar as possible, for shapes whose limbs differ in size.
-
-        Raises
-        ------
-        SettingError
-            If a length is not above 0, or ``most_scaled`` is below 1.
+        `SettingError` if a length is not above 0, or ``most_scaled`` is below 1.
         """
         # With points x_i, areas a_i, weights w of the tufted intrinsic Delaunay triangulation and
         # rotations R_i, each step lowers
@@ -176,13 +122,11 @@ def nearest_with_normals(
     """Find the point of a surface nearest to each vertex of a mesh, in space and in normals times a unit.
 
     It minimises ‖x − y‖² + unit² ‖n(x) − n(y)‖². Normals distinguish sheets that lie close
-    together, such as both sides of a thin part. The default of the unit is for surfaces of area
-    about 1.
+    together, such as both sides of a thin part. The default unit is for surfaces of area about 1.
 
     Examples
     --------
-    Two sheets 0.02 apart face up and down. The query between them faces up, and is a little nearer
-    to the lower sheet, which faces down.
+    The query between two sheets faces up and is nearer to the lower one, which faces down.
 
     >>> from isomatch.correspondence import VertexCells
     >>> corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -218,25 +162,13 @@ def register_nonrigid(
 ) -> Embedding:
     """Move the source, in the space of an embedding, smoothly onto the fixed target.
 
-    Parameters
-    ----------
-    embedding : Embedding
-        Coordinates (n_s, d) and (n_t, d).
-    source, target : SurfaceIndex
-        The surfaces.
-    displacements : SampledBasis
-        Functions (n_s, K) of the source that a displacement may combine, and the source's samples.
-    target_vertices : (m_t,) array of int
-        The target's samples.
-    steps : int
-        Number of steps, O(m √n d + n K d) each.
+    A displacement combines the functions (n_s, K) of ``displacements``, whose vertices are the
+    source's samples; ``target_vertices`` (m_t,) are the target's. A step is O(m √n d + n K d).
 
     Examples
     --------
-    A square is moved onto a copy shifted by 0.1. Displacements are constant, so that one step
-    suffices.
+    A square is moved onto a copy shifted by 0.1. Displacements are constant: one step suffices.
 
-    >>> import numpy as np
     >>> from isomatch.correspondence import VertexCells
     >>> square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     >>> index = SurfaceIndex(np.zeros((0, 3), dtype=int), VertexCells.of(np.array([0]), np.zeros(4, dtype=int)))
@@ -257,8 +189,8 @@ def register_nonrigid(
     for _ in range(steps):
         searches = (target, fixed, moved[source_vertices]), (source, moved, fixed[target_vertices])
         forth, back = parallel_map(lambda search: search[0].points(*search[1:]), searches)
-        # forth: u(s) = nearest point − s at samples of the source; back: u(nearest point) = t −
-        # nearest point
+        # At samples s of the source, u(s) is the nearest point minus s; at the points of the source
+        # nearest to samples t of the target, u is t minus that point.
         design = np.vstack([at_samples, back.interpolated(functions)])
         from_source = forth.interpolated(fixed) - embedding.source[source_vertices]
         to_target = fixed[target_vertices] - back.interpolated(embedding.source)

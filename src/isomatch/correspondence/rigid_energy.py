@@ -13,13 +13,14 @@ from isomatch.correspondence.poses import nearest_rotation
 from isomatch.spectral import stiffness_and_masses
 from isomatch.surfaces import Mesh
 
-MAX_TURNS = 20  # corrections of a rotation
-MIN_TURN_ANGLE = 1e-4  # rad; a smaller correction is the last
+MAX_TURNS = 20  # corrections of one rotation
+MIN_TURN_ANGLE = 1e-4  # radians; a correction by a smaller angle is the last one
 MIN_DENOMINATOR = 1e-30
-EDGE_FACTOR = 2 / 3  # gives edges of equilateral triangles the cotangent weights
-MAX_RESIDUAL_RATIO = 1e-2  # of conjugate gradients
-MAX_ITERATIONS = 100
-MAX_EDGE_WEIGHT = 20.0  # limits the shortest edges of slivers
+EDGE_FACTOR = 2 / 3  # factor that gives the edges of equilateral triangles their cotangent weights
+MAX_EDGE_WEIGHT = 20.0  # largest weight of an edge, which bounds the shortest edges of slivers
+# Conjugate gradients end once the residual is below this fraction of the first one.
+MAX_RESIDUAL_RATIO = 1e-2
+MAX_ITERATIONS = 100  # largest number of iterations of conjugate gradients
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +36,11 @@ class RigidEnergy:
     # each edge counts from both ends,
     #   ∂E/∂y_i = 2 Σ_j w_ij (e'_ij − ½ (R_i + R_j) e_ij),
     # vanishes for all i if L y = p with the *pulls* p_i = Σ_j w_ij ½ (R_i + R_j) e_ij.
-    stiffness: csc_array  # (n, n) L: −w_ij off the diagonal, rows sum to 0
-    areas: FloatArray  # (n,) vertex areas in squared units of the surface
-    start: IntArray  # (n + 1,) the neighbours of vertex i are neighbours[start[i]:start[i + 1]]
-    neighbours: IntArray  # (e,)
-    weights: FloatArray  # (e,) w_ij
+    stiffness: csc_array  # the matrix L (n, n): −w_ij off the diagonal, rows sum to 0
+    areas: FloatArray  # the areas (n,) of the vertices in squared units of the surface
+    start: IntArray  # vertex i has the neighbours neighbours[start[i]:start[i + 1]], (n + 1,)
+    neighbours: IntArray  # the vertex j at the end of each edge from a vertex i, (e,)
+    weights: FloatArray  # the weight w_ij of each of these edges, (e,)
 
     @classmethod
     def of_surface(cls, mesh: Mesh) -> RigidEnergy:
@@ -73,7 +74,7 @@ class RigidEnergy:
         self, before: FloatArray, moved: FloatArray, turn: FloatArray | None, most_scaled: float = 1.0
     ) -> tuple[FloatArray, FloatArray]:
         """Compute the pulls (n, 3), and the best rotations (n, 3, 3), sought near ``turn`` if given."""
-        # edges around a vertex may grow or shrink by the factor most_scaled at no cost
+        # The edges around a vertex may grow or shrink by the factor most_scaled at no cost.
         covariances, pulls = np.zeros((len(self.areas), 3, 3)), np.zeros(before.shape)
         _covariances(before, moved, self.start, self.neighbours, self.weights, covariances)
         if turn is None:
@@ -84,7 +85,10 @@ class RigidEnergy:
             # As similar as possible: R_i becomes s_i R_i, where Σ_j w_ij |e'_ij − s R_i e_ij|² is
             # least at s_i = tr(R_i Σ_i) / Σ_j w_ij |e_ij|², between 1 / most_scaled and
             # most_scaled.
-            scales = self._scales(before, rotations, covariances)
+            owner = np.repeat(np.arange(len(before)), np.diff(self.start))
+            squares = self.weights * ((before[owner] - before[self.neighbours]) ** 2).sum(axis=1)
+            squares = np.maximum(np.bincount(owner, squares, len(before)), MIN_DENOMINATOR)
+            scales = np.einsum("nij,nji->n", rotations, covariances) / squares
             scaled = rotations * np.clip(scales, 1.0 / most_scaled, most_scaled)[:, None, None]
         _sum_pulls(before, scaled, self.start, self.neighbours, self.weights, pulls)
         return pulls, rotations
@@ -105,13 +109,6 @@ class RigidEnergy:
         # and the denominator 2 x · L x.
         return float((moved * pulls).sum() / max((before * (self.stiffness @ before)).sum(), MIN_DENOMINATOR))
 
-    def _scales(self, before: FloatArray, turn: FloatArray, covariances: FloatArray) -> FloatArray:
-        """Return the best scale (n,) of the edges around each vertex, given their rotations."""
-        owner = np.repeat(np.arange(len(before)), np.diff(self.start))
-        squares = self.weights * ((before[owner] - before[self.neighbours]) ** 2).sum(axis=1)
-        squares = np.bincount(owner, squares, len(before))
-        return np.asarray(np.einsum("nij,nji->n", turn, covariances) / np.maximum(squares, MIN_DENOMINATOR))
-
 
 @compiled()
 def _conjugate_gradients(
@@ -124,8 +121,8 @@ def _conjugate_gradients(
 ) -> None:
     """Improve y for three right-hand sides at once, preconditioned by the diagonal of the matrix."""
     # Hestenes & Stiefel 1952 with the preconditioner M = diag(A): with r = b − A y and z = M⁻¹ r,
-    # directions s ← z + (r·z / r'·z') s, steps y ← y + (r·z / s·A s) s, until r·z has fallen by
-    # PRECISION² of each column
+    # directions s ← z + (r·z / r'·z') s, steps y ← y + (r·z / s·A s) s, until r·z of each column is
+    # below MAX_RESIDUAL_RATIO² of the first one.
     n = len(y)
     total, residual, step, product = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     first, before, now, along, share = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -19,38 +18,42 @@ from isomatch.decimation import Prolongation, decimate
 from isomatch.surfaces import Mesh, PrecisePoints
 
 N_COARSE = 3000  # vertices of the coarse template, which is bent to the images of the map
-# Lengths, in √area of the target, at which the template resists stretching: the coarse one,
-# attracted by the images of the map, and then the full one, attracted by the nearest points.
+# Lengths, in √area of the target, up to which the template resists stretching: first of the coarse
+# template, which the images of the map attract, then of the full one, which nearest points attract.
 MAP_LENGTHS = (0.1, 0.07, 0.05, 0.035)
 NEAREST_LENGTHS = (0.025, 0.017, 0.012)
-MIN_LENGTH_EDGES = 1.5  # a length is at least this many median edges, so that edges resist noise
-NORMAL_UNIT = 0.03  # in √area; from 0.1 on, the two sides of thin walls are confused
-MIN_FACING_COSINE = 0.3  # between the normals of a vertex and of the point that attracts it
-BOUNDARY_REACH = 0.025  # in √area: a nearer boundary attracts; vertices farther from it are beyond the target
-BOUNDARY_PULL = 4.0  # strength of a point of the boundary, relative to other points
-REST_PULL = 0.02  # strength that holds a vertex in its place, relative to its point
-RELEASED_RINGS = 2  # rings of vertices around inverted faces that no point attracts
-MAX_ROUNDS, ROUNDS_PER_FIT = 60, 10  # rounds that repair inverted faces; rounds between two fits of rotations
-INVERTED_WEIGHT = 30.0  # of an inverted face, relative to the other faces at its corners
-MAX_WEIGHT_ON_EDGE = 1e-6  # a point of a triangle with a smaller barycentric coordinate lies on an edge
+MIN_LENGTH_EDGES = 1.5  # A length is at least this many median edges, so that edges resist noise.
+# Length, in √area, of the normals that stand beside positions; from 0.1 on, the two sides of thin
+# walls are confused.
+NORMAL_UNIT = 0.03
+# A point attracts a vertex if the cosine between their normals is larger than this.
+MIN_FACING_COSINE = 0.3
+# The boundary attracts the boundary vertices of the template that are nearer to it than this, in
+# √area. A vertex over an opening that is farther from its point than this is beyond the target.
+BOUNDARY_REACH = 0.025
+BOUNDARY_PULL = 4.0  # strength with which a point of the boundary attracts; other points have 1
+REST_PULL = 0.02  # strength with which a vertex is held at its place
+RELEASED_RINGS = 2  # No point attracts vertices in this many rings around inverted faces.
+MAX_ROUNDS, ROUNDS_PER_FIT = 60, 10  # rounds that repair inverted faces, and between two fits of rotations
+INVERTED_WEIGHT = 30.0  # weight of an inverted face; the other faces at its corners have 1
+# A point of a triangle is on one of its edges if a barycentric coordinate is smaller than this.
+MAX_WEIGHT_ON_EDGE = 1e-6
 
 
 class BentTemplate(NamedTuple):
     """The vertices of a template on a target."""
 
-    positions: FloatArray  # (n, 3) in the units of the target
-    beyond: (
-        BoolArray  # (n,) vertices without a counterpart on the target: without an image, or over an opening
-    )
-    turned: BoolArray  # (m,) faces of the template that remain inverted, as in `turned_faces`
+    positions: FloatArray  # positions (n, 3) in the units of the target
+    beyond: BoolArray  # which vertices (n,) have no counterpart: they have no image, or lie over an opening
+    turned: BoolArray  # which faces (m,) of the template remain inverted, as in `turned_faces`
 
 
 def bend_template(
-    template: Mesh,  # every vertex belongs to a face
+    template: Mesh,  # a mesh whose vertices all belong to faces
     target: Mesh,
-    images: FloatArray,  # (n, 3) of the template's vertices; a guess if they are not trusted
-    trusted: BoolArray,  # (n,) whether an image attracts the coarse template
-    matched: BoolArray,  # (n,) whether nearest points attract a vertex afterwards
+    images: FloatArray,  # the images (n, 3) of the template's vertices; guesses where they are not trusted
+    trusted: BoolArray,  # whether each image (n,) attracts the coarse template
+    matched: BoolArray,  # whether nearest points attract each vertex (n,) afterwards
 ) -> BentTemplate:
     """Bend a template onto a target as rigidly as possible, starting from the images of its vertices."""
     # In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step
@@ -72,13 +75,13 @@ def bend_template(
     rest = template.moved((template.vertices - template.vertices.mean(axis=0)) / np.sqrt(template.area))
     coarse = _CoarseTemplate(rest, images, trusted)
     if is_mirrored(coarse.mesh, coarse.moved):
-        coarse = coarse.mirror_image()
+        coarse.mirror()
     bending, moved = coarse.bend()
     rest = bending.rest
     near = coarse.nearest(onto, rest.moved(moved))
     beyond = np.zeros(len(moved), dtype=bool)
     for length in NEAREST_LENGTHS:
-        (positions, pull, beyond), near = onto.points(rest.moved(moved), near)
+        positions, pull, beyond, near = onto.points(rest.moved(moved), near)
         moved = bending.step(moved, positions, pull * (matched & ~bending.released(moved)), length)
     moved, turned = repair_inverted(rest, moved, bending.scale)
     return BentTemplate(moved * unit + centre, ~matched | beyond, turned)
@@ -150,13 +153,9 @@ class _CoarseTemplate:
 
         self.mesh, self.moved = mesh.moved(means(rest.vertices)), means(images)
 
-    def mirror_image(self) -> _CoarseTemplate:
-        """Return the same with the mirror image of the template."""
-        mirrored = copy(self)
-        mirrored.rest, mirrored.mesh = (
-            m.moved(m.vertices * [-1.0, 1.0, 1.0]) for m in (self.rest, self.mesh)
-        )
-        return mirrored
+    def mirror(self) -> None:
+        """Replace the template by its mirror image."""
+        self.rest, self.mesh = (m.moved(m.vertices * [-1.0, 1.0, 1.0]) for m in (self.rest, self.mesh))
 
     def bend(self) -> tuple[_Bending, FloatArray]:
         """Bend it to its images; return a bending of the template itself, and its vertices (n, 3)."""
@@ -180,14 +179,6 @@ class _CoarseTemplate:
         offsets = onto.coordinates[near] - onto.queries(bent)[:, None]
         best = np.einsum("nkd,nkd->nk", offsets, offsets).argmin(axis=1)
         return np.asarray(near[np.arange(len(near)), best])
-
-
-class _Points(NamedTuple):
-    """The points of a target that attract the vertices of a template."""
-
-    positions: FloatArray  # (n, 3)
-    pull: FloatArray  # (n,) strength
-    beyond: BoolArray  # (n,) whether a vertex is beyond the target
 
 
 class _Target:
@@ -214,8 +205,12 @@ class _Target:
         _, nearest, self._side = min(searches, key=lambda search: float(search[0].mean()))
         return np.asarray(nearest, dtype=np.int64)
 
-    def points(self, bent: Mesh, near: IntArray) -> tuple[_Points, IntArray]:
-        """Find the points that attract vertices of a bent template, and the vertices (n,) near these."""
+    def points(self, bent: Mesh, near: IntArray) -> tuple[FloatArray, FloatArray, BoolArray, IntArray]:
+        """Find the points that attract vertices of a bent template, starting from vertices (n,) near them.
+
+        Return the points (n, 3), the strengths (n,) of their pulls, whether a vertex is beyond the
+        target (n,), and the target's vertices nearest to the points (n,).
+        """
         queries = self.queries(bent)
         near = near.copy()
         _descend(self.coordinates, queries, *self._around, near)
@@ -233,7 +228,7 @@ class _Target:
             nearest = self._boundary.nearest(bent.vertices[rows])
             is_near = np.linalg.norm(nearest - bent.vertices[rows], axis=1) < BOUNDARY_REACH
             positions[rows[is_near]], pull[rows[is_near]] = nearest[is_near], BOUNDARY_PULL
-        return _Points(positions, pull, beyond), near
+        return positions, pull, beyond, near
 
 
 @compiled()
@@ -309,6 +304,7 @@ def repair_inverted(mesh: Mesh, moved: FloatArray, scale: float) -> tuple[FloatA
 
 
 def _are_inverted(mesh: Mesh, faces: IntArray, moved: FloatArray, rotations: FloatArray) -> BoolArray:
+    """Compare the normals of faces (f, 3) at rest, rotated as their first corners, with the present ones."""
     expected = np.einsum("fij,fj->fi", rotations[faces[:, 0]], Mesh(mesh.vertices, faces).face_cross)
     return np.asarray(np.einsum("fi,fi->f", expected, Mesh(moved, faces).face_cross) < 0)
 

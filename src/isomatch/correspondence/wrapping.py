@@ -21,8 +21,8 @@ from isomatch.decimation import normalised
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-N_GUIDES = 30  # matched vertices that a component without any image follows
-STRETCH_QUANTILE = 0.99
+N_GUIDES = 30  # A component without any image follows this many matched vertices nearest to it.
+STRETCH_QUANTILE = 0.99  # quantile of the factors by which edges grow or shrink, which counts as the stretch
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     whole, onto = whole.moved(normalised(whole.vertices)[0]), onto.moved(places)
     images = PrecisePoints(np.maximum(welded.faces, 0), np.array(welded.barycentric))
     matched = welded.matched
-    # nearest points of an opening lie on its rim and say nothing about the missing surface
+    # The nearest points of an opening lie on its rim and say nothing about the missing surface.
     inside = matched & ~(Boundary(onto).holds(images) & ~Boundary.vertices_of(whole))
     trusted = inside if inside.any() else matched
     positions = _extend(whole, images.interpolated(onto.vertices), trusted)
@@ -135,10 +135,10 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
         bent = bend_template(part, onto, positions[rows], trusted[rows], matched[rows])
         positions[rows], extended[rows], turned = bent.positions, bent.beyond, int(bent.turned.sum())
         positions = _extend(whole, positions, matched | bendable)
-    stretch, distance = _stretch(whole, positions), _distance(positions[~extended], onto)
-    n_extended = int(extended[vertex].sum())
-    quality = WrapQuality(turned / max(whole.n_faces, 1), stretch, distance, n_extended)
-    return Wrapped(source.moved(positions[vertex] * size + centre), extended[vertex], quality)
+    share, is_extended = turned / max(whole.n_faces, 1), extended[vertex]
+    measures = share, _stretch(whole, positions), _distance(positions[~extended], onto)
+    quality = WrapQuality(*measures, int(is_extended.sum()))
+    return Wrapped(source.moved(positions[vertex] * size + centre), is_extended, quality)
 
 
 def _stretch(mesh: Mesh, positions: FloatArray) -> float:
@@ -174,7 +174,7 @@ def _weld(mesh: Mesh) -> tuple[Mesh, IntArray]:
 
 def _extend(mesh: Mesh, positions: FloatArray, placed: BoolArray) -> FloatArray:
     """Place others: by a similarity and harmonic offsets if linked to placed ones, else with the nearest."""
-    # the similarity of the whole gives the curvature over an opening
+    # The similarity of the whole gives the curvature over an opening.
     similarity = _fit_similarities(mesh.vertices[placed][None], positions[placed][None])
     similar = similarity(mesh.vertices, np.zeros(len(placed), int))
     # The difference u between the positions and the similarity is extended harmonically along the

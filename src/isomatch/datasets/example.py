@@ -18,26 +18,14 @@ from isomatch.surfaces import Mesh, nearest_on_surface
 class Creature:
     """A posed animal with its rest shape.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The posed surface, n vertices: closed, manifold, oriented outward, connected, of genus 0.
-    rest : (n, 3) array
-        Position of each vertex on the rest surface, which all creatures of one kind, style and
-        symmetry share.
-    kind : str
-        Body plan.
-    style : int
-        Seed of the proportions.
-    symmetric : bool
-        Whether the rest surface is its own mirror image under x → −x.
+    All creatures of one kind, style and symmetry share the rest surface.
     """
 
-    mesh: Mesh
-    rest: FloatArray
-    kind: str
-    style: int
-    symmetric: bool
+    mesh: Mesh  # the posed surface, n vertices: closed, manifold, oriented outward, of genus 0
+    rest: FloatArray  # the position of each vertex on the rest surface, (n, 3)
+    kind: str  # the body plan
+    style: int  # the seed of the proportions
+    symmetric: bool  # whether the rest surface is its own mirror image under x → −x
 
     @cached_property
     def rest_mesh(self) -> Mesh:
@@ -82,9 +70,9 @@ def example_pair() -> tuple[Creature, Creature]:
 class Truth:
     """True image of each of n source vertices on the target."""
 
-    vertices: IntArray  # (n,) nearest target vertex
-    faces: IntArray  # (n,) target face that contains the closest point
-    barycentric: FloatArray  # (n, 3) weights of the three corners of that face
+    vertices: IntArray  # the nearest target vertex, (n,)
+    faces: IntArray  # the target face that contains the closest point, (n,)
+    barycentric: FloatArray  # the weights of the three corners of that face, (n, 3)
 
     def points(self, target: Mesh) -> FloatArray:
         """Compute the precise images, (n, 3), on the target mesh in any pose."""
@@ -123,4 +111,4 @@ def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
     corner = first_corner[np.searchsorted(used, corners[at_vertex, 0])]
     faces[at_vertex], barycentric[at_vertex] = corner // 3, np.eye(3)[corner % 3]
     nearest: IntArray = KDTree(mesh.vertices).query(points)[1].astype(np.int64)
-    return Truth(nearest, faces, np.maximum(barycentric, 0.0))  # −1e-17 by rounding
+    return Truth(nearest, faces, np.maximum(barycentric, 0.0))  # rounding makes some weights negative

@@ -34,17 +34,18 @@ FEATURES = {
     "neck": ((0.0, -0.85, -0.55), 0.5, (0.0, -0.65, -0.5)),
 }
 LEFT, RIGHT = np.array([1, 1, 1]), np.array([-1, 1, 1])  # signs of the coordinates
-SKULL = np.array([0.85, 0.9, 1.0])  # its width, height and length
-# factors of the features, in their order, and of the skull
+SKULL = np.array([0.85, 0.9, 1.0])  # width, height and length of the skull
+# Factors by which a species enlarges the features, in their order, and the skull.
 PROPORTIONS: dict[str, tuple[tuple[float, ...], tuple[float, float, float]]] = {
     "cat": ((0.6, 0.7, 0.7, 1.0, 0.8, 1.0, 1.1, 1.0, 0.8), (1.05, 1.0, 0.9)),
     "lion": ((1.4, 1.2, 1.6, 0.7, 1.3, 0.9, 0.8, 0.45, 1.3), (0.95, 0.95, 1.1)),
 }
-VARIATION = 0.2  # of the factors of individuals, in both directions
+VARIATION = 0.2  # largest relative deviation of the factors of an individual from its species
 MOUTH = (-0.46, 0.35, 0.05, 0.1)  # height of its middle, rise to the corners, width and depth of the groove
-CORNER, HINGE, JAW = np.array([[0.33, -0.42, 0.84], [0.8, -0.3, 0.2], [0.0, -0.7, 0.75]])  # directions
+# Directions of the left corner of the mouth, of the left hinge of the jaw, and of the middle of the jaw.
+CORNER, HINGE, JAW = np.array([[0.33, -0.42, 0.84], [0.8, -0.3, 0.2], [0.0, -0.7, 0.75]])
 OPENING = 0.35  # radians by which the jaw turns
-LIP = 0.06  # height below the line of the mouth, from which on the jaw moves as a whole
+LIP = 0.06  # The jaw moves as a whole from this height below the line of the mouth.
 SMILE = np.array([0.1, 0.13, -0.05])  # displacement of the left corner of the mouth
 N_FINE = 12_000  # vertices before decimation
 LANDMARKS = {
@@ -57,23 +58,16 @@ LANDMARKS = {
     },
 }
 DARK, LIGHT = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)  # red, green, blue of the stripes
-N_TEXELS, STRIPES = 512, 26.0  # of the picture, and radians of the stripes per unit of direction
+N_TEXELS = 512  # width of the picture of the stripes
+STRIPES = 26.0  # phase of the stripes, in radians per unit of direction
 
 
 @dataclass(frozen=True, eq=False)
 class AnimalHead:
-    """The head of an animal.
+    """The head of an animal."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed, of genus 0, with n vertices; y points up and z forward.
-    directions : (n, 3) array
-        Unit vectors: where each vertex lies on the sphere that all heads share.
-    """
-
-    mesh: Mesh
-    directions: FloatArray
+    mesh: Mesh  # closed, of genus 0, with n vertices; y points up and z forward
+    directions: FloatArray  # unit vectors (n, 3): where each vertex lies on the sphere that all heads share
 
     @property
     def keys(self) -> dict[str, FloatArray]:
@@ -133,21 +127,8 @@ def animal_head(
 ) -> AnimalHead:
     """Make the head of an animal, about two units wide; numpy and scipy suffice.
 
-    Parameters
-    ----------
-    species : {"cat", "lion"}
-        The mean proportions.
-    n_vertices : int
-        Number of vertices, at most 12,000.
-    individual : int
-        Seed of the proportions; 0 is the mean of the species.
-    triangulation : int
-        Seed of the triangles.
-
-    Raises
-    ------
-    SettingError
-        If there is no such species.
+    It has at most 12,000 vertices. ``individual`` is the seed of the proportions, where 0 is the mean of
+    the species, and ``triangulation`` the seed of the triangles. `SettingError` for an unknown species.
 
     Examples
     --------
@@ -206,7 +187,8 @@ def _spread(n: int, seed: int) -> FloatArray:
 
 def _flattened(directions: FloatArray) -> FloatArray:
     """Texture coordinates (n, 2): the sphere as a disc around the forehead, whose rim is the neck."""
-    # azimuthal equidistant: the distance from the middle is the angle from the axis −neck
+    # In this azimuthal equidistant projection, the distance from the middle is the angle from the axis
+    # opposite to the neck.
     x, y, z = (directions @ _axes()).T
     radius = np.arccos(np.clip(z, -1, 1)) / np.pi
     ring = np.maximum(np.hypot(x, y), np.finfo(float).tiny)

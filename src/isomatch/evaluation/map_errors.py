@@ -17,10 +17,11 @@ from isomatch.matching import COVERAGE_RADIUS, covered_share
 from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PrecisePoints
 
-LIMIT = 0.25  # largest error shown in published curves
+# Errors, in √(target area): the largest one of published curves, and the thresholds of curves and tables.
+LIMIT = 0.25
 THRESHOLDS = np.linspace(0.0, LIMIT, 101)
-SHARES = (0.05, 0.10, 0.25)  # thresholds reported in tables
-UNMATCHED_ERROR = 1.0  # error, in √(target area), that a vertex without an image adds to a mean
+SHARES = (0.05, 0.10, 0.25)
+UNMATCHED_ERROR = 1.0  # √(target area); the error that a vertex without an image adds to a mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,23 +57,18 @@ def geodesic_errors(
 
     Parameters
     ----------
-    target : Mesh
-    correspondence : Correspondence
-        Map source → target; its vertices are judged.
+    target, correspondence : Mesh, Correspondence
+        The vertices of the map source → target are judged.
     truth : (q, 2) array of int
         Rows (source vertex, target vertex).
-    n_points : int, optional
-        Number of rows to judge, drawn without replacement; all by default.
-    seed : int
-        Seed of the draw.
+    n_points, seed : int, optional
+        Number of rows to judge, drawn without replacement, and seed of the draw; all by default.
     engine : DistanceEngine, optional
         Distances on the target; by default by fast marching.
     points : PrecisePoints, optional
-        The q true images, if they are known as points in triangles; they replace the target
-        vertices of ``truth``.
+        The q true images in triangles, if known; they replace the target vertices of ``truth``.
     unit : float, optional
-        Length that divides distances instead of √(target area), such as √area of the whole if the
-        target is a part.
+        Length that divides distances instead, such as √area of the whole if the target is a part.
 
     Returns
     -------
@@ -105,8 +101,8 @@ def _distances_to_points(
     target: Mesh, engine: DistanceEngine, vertices: IntArray, points: PrecisePoints
 ) -> FloatArray:
     """Distance (m,) from each of m vertices to a point in a triangle."""
-    # interpolated between the distances to its corners, or straight if the vertex is one of the
-    # corners
+    # The distance is interpolated between the distances to the corners of the triangle; it is straight
+    # if the vertex is one of them.
     pairs = np.column_stack([np.repeat(vertices, 3), points.corners.ravel()])
     to_corners = pair_distances(engine, pairs).reshape(-1, 3)
     weights = points.barycentric
@@ -130,12 +126,8 @@ def sided_errors(
 ) -> SidedErrors:
     """Geodesic errors against the direct and the mirrored truth of symmetric shapes, on the same rows.
 
-    Parameters
-    ----------
-    target, correspondence, truth, n_points, seed, engine, points, unit
-        As for `geodesic_errors`; the points belong to the direct truth.
-    mirrored : (q, 2) array of int, optional
-        The truth after a left–right flip of one shape, with the same source vertex in each row.
+    ``mirrored`` (q, 2) is the truth after a left–right flip of one shape, with the same source vertex
+    in each row; ``points`` belong to the direct truth. Other options are as for `geodesic_errors`.
 
     Examples
     --------

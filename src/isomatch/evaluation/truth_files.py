@@ -15,12 +15,10 @@ from isomatch._core.errors import FormatError, some
 from isomatch.correspondence import IndexBase, index_base, read_map
 from isomatch.surfaces import Mesh, PrecisePoints
 
-MAX_ROUNDING = (
-    1e-2  # published weights, which have few digits, may be this negative or miss the sum of 1 by this
-)
-MASKED_SUFFIX = (
-    ".map"  # PARTIALSMAL appends to a map, counted from 0, which target vertices have a counterpart
-)
+# Published weights have few digits: they may be this negative, and their sum may differ from 1 by this.
+MAX_ROUNDING = 1e-2
+# The suffix of PARTIALSMAL, which appends to a map, counted from 0, which target vertices have a counterpart.
+MASKED_SUFFIX = ".map"
 EXPECTED = (
     "expected, for each vertex of the source, a vertex of the target or a triangle and three weights, or else rows of a "
     "source vertex and a target vertex"
@@ -30,30 +28,19 @@ EXPECTED = (
 class Truth(NamedTuple):
     """The truth between two shapes in a file."""
 
-    rows: (
-        IntArray  # (q, 2) source and target vertex; a point in a triangle gives its corner of largest weight
-    )
+    rows: IntArray  # source and target vertex (q, 2); of a point in a triangle, its corner of largest weight
     points: PrecisePoints | None  # the q images, if they are points in triangles
-    alone: (
-        IntArray | None
-    )  # (m,) source vertices without a counterpart, if the file has all, or marks some as −1
-    base: IndexBase  # first index in the file
+    alone: IntArray | None  # source vertices (m,) without a counterpart; None if the file does not say
+    base: IndexBase  # the first index in the file
 
 
 def read_truth(path: Path, source: Mesh, target: Mesh, counts_from: int | None = None) -> Truth:
-    """Read the truth between two shapes.
+    """Read the truth between two shapes from a text, ``.npy``, ``.mat``, or what `Correspondence.load` reads.
 
-    Parameters
-    ----------
-    path : Path
-        Text, ``.npy``, ``.mat``, or anything that `isomatch.Correspondence.load` reads. One column:
-        the target vertex of each source vertex, −1 if it has no counterpart. Two columns: source
-        and target vertices that correspond. Four columns: for each source vertex a triangle of the
-        target and its three barycentric weights.
-    source, target : Mesh
-    counts_from : {0, 1}, optional
-        What vertices and triangles count from; if from 1, 0 also means no counterpart. By default,
-        see `isomatch.correspondence.index_base`.
+    One column: the target vertex of each source vertex, −1 if it has no counterpart. Two columns:
+    source and target vertices that correspond. Four columns: for each source vertex a triangle of the
+    target and its three barycentric weights. If vertices and triangles count from 1, 0 also means no
+    counterpart; by default, `index_base` finds what they count from.
     """
     table = _table(path, source.n_vertices)
     if table is None:
@@ -122,10 +109,10 @@ def _truth_of_map(path: Path, source: Mesh, target: Mesh, counts_from: int | Non
         if len(image) == n_source + target.n_vertices:
             return _truth_of_image(path, image[:n_source], target, None, IndexBase(0))
     reading = read_map(path, target.n_vertices, n_source, counts_from=counts_from, allow_doubt=True)
-    base = IndexBase(reading.counts_from, reading.is_certain, reading.is_likely, reading.note)
-    precise = (reading.map.barycentric.max(axis=1) < 1).any()
-    points = PrecisePoints(reading.map.faces, reading.map.barycentric) if precise else None
-    return _truth_of_image(path, reading.map.vertices, target, points, base)
+    found, base = reading.map, IndexBase(*reading[1:])
+    is_precise = (found.barycentric.max(axis=1) < 1).any()
+    points = PrecisePoints(found.faces, found.barycentric) if is_precise else None
+    return _truth_of_image(path, found.vertices, target, points, base)
 
 
 def _truth_of_image(

@@ -16,8 +16,10 @@ from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surfac
 MAX_STEP_EDGES = 0.5
 MAX_STEP_EDGES_ON_POINTS = 1.5
 MAX_HALVINGS = 20  # how often the way between two points is halved
-MIN_SPACINGS = 0.4  # least distance of spread points from the given ones, in spacings
-NORMAL_WEIGHT_SPACINGS = 0.25  # distance of opposite normals, so that both sides of a wall get points
+MIN_SPACINGS = 0.4  # smallest distance of spread points from the given ones, in mean distances of all
+# Length of the normals that stand beside positions, in mean distances of all points, so that both sides
+# of a wall get points.
+NORMAL_LENGTH_SPACINGS = 0.25
 
 
 def spread_on_surface(surface: Mesh, n: int, around: FloatArray) -> FloatArray:
@@ -35,37 +37,19 @@ def spread_on_surface(surface: Mesh, n: int, around: FloatArray) -> FloatArray:
     normals = points.interpolated(vertex_normals(surface.vertices, surface.faces))
     places, spacing = points.interpolated(surface.vertices), np.sqrt(surface.area / (n + len(around)))
     free = cKDTree(around).query(places)[0] > MIN_SPACINGS * spacing
-    coordinates = np.hstack([places, NORMAL_WEIGHT_SPACINGS * spacing * normals])[free]
+    coordinates = np.hstack([places, NORMAL_LENGTH_SPACINGS * spacing * normals])[free]
     return np.asarray(places[free][euclidean_farthest_points(coordinates, n, 0)])
 
 
 def draw_curve(
     surface: Mesh | PointCloud, points: FloatArray, closed: bool, name: str = "curve"
 ) -> FloatArray:
-    """Draw a curve on a surface through points.
+    """Draw a curve on a surface through points (k, 3): a polyline (m, 3).
 
     Between two points, the middle of the straight line is moved to the nearest point of the
-    surface. Both halves are treated in the same way, until steps are half as long as edges.
-
-    Parameters
-    ----------
-    surface : Mesh or PointCloud
-    points : (k, 3) array of float
-        Points on the curve, in order.
-    closed : bool
-        Whether it returns to the first point.
-    name : str
-        For messages.
-
-    Returns
-    -------
-    (m, 3) array of float
-        A polyline; the last point of a closed curve is the first one.
-
-    Raises
-    ------
-    LandmarkError
-        If there are fewer than two points, or the way between two of them leaves the surface.
+    surface. Both halves are treated in the same way, until steps are half as long as edges. A closed
+    curve ends with its first point. `LandmarkError`, with the name of the curve, if there are fewer
+    than two points, or the way between two of them leaves the surface.
 
     Examples
     --------
@@ -97,23 +81,10 @@ def draw_curve(
 
 
 def equally_spaced(path: FloatArray, n: int, closed: bool) -> tuple[IntArray, FloatArray]:
-    """Find points at equal distances along a polyline.
+    """Find n points at equal distances along a polyline (m, 3), among them both ends.
 
-    Parameters
-    ----------
-    path : (m, 3) array of float
-        Its points; the last point of a closed polyline is the first.
-    n : int
-        Number of points wanted: both ends and n − 2 others; on a closed polyline the first point
-        and n − 1 others.
-    closed : bool
-
-    Returns
-    -------
-    piece : (n,) array of int
-        Point of the path before each wanted point.
-    share : (n,) array of float
-        Fraction of the way to the next point of the path, 0 to 1.
+    A closed polyline ends with its first point, which is found only once. Returns the point of the
+    path before each wanted point, (n,), and the fraction of the way to the next point, (n,).
 
     Examples
     --------

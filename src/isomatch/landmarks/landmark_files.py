@@ -19,17 +19,18 @@ from isomatch._core.files import read_bytes
 from isomatch._core.tables import NO_NUMBER, NO_TEXT, Row, Table, read_table, split_rows
 from isomatch._core.texts import is_whole_number, read_text
 from isomatch.io import TURN, Axes, Frame
+from isomatch.surfaces import Mesh, PointCloud
 
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
 AXES = "x", "y", "z"
 NAMES, VERTICES = ("name", "label", "id", "landmark"), ("vertex", "index")
 CURVES = "Curve", "ClosedCurve"  # types of markups of 3D Slicer
-NO_PLACE = 9999.0  # programs for morphometrics write ±9999 in all coordinates of a point without a position
+NO_PLACE = 9999.0  # Programs for morphometrics write ±9999 in all coordinates of a point without a position.
 
 logger = logging.getLogger(__name__)
 
-# Distances from the surface, in √area, beyond which a point is reported, and refused.
+# √area; a point farther from the surface than the first distance is reported, than the second refused.
 MAX_SILENT_DISTANCE, MAX_DISTANCE = 0.02, 0.1
 # Points are in RAS if their mean distance from the surface in RAS is less than this fraction of the
 # one in LPS.
@@ -41,17 +42,17 @@ class MarkedPoint:
     """One marked point: a vertex index, a position, or neither, if it was named but not placed."""
 
     name: str
-    at: tuple[float, ...]  # positions of 3D Slicer are in LPS
-    where: str  # place in the file, for messages
-    axes: Axes | None = None  # in the file of 3D Slicer
-    curve: str = ""  # name of the curve along which the points follow each other
+    at: tuple[float, ...]  # the vertex, or the position, in LPS if it comes from 3D Slicer
+    where: str  # the place in the file, for messages
+    axes: Axes | None = None  # the axes that the file of 3D Slicer names
+    curve: str = ""  # the name of the curve along which the points follow each other
     closed: bool = False
-    unit: str = ""  # in the file of 3D Slicer
+    unit: str = ""  # the unit that the file of 3D Slicer names
 
 
 def marked_pairs(path: Path) -> list[tuple[MarkedPoint, MarkedPoint]]:
     """Read pairs of points, of the source and of the target."""
-    if _reader(path):
+    if path.suffix.lower() in READERS:
         raise FormatError(
             f"{path}: has the points of one shape only; give the file of the target's points too"
         )
@@ -83,14 +84,7 @@ def _pair_columns(table: Table) -> list[list[int]]:
 
 def marked_points(path: Path) -> list[MarkedPoint]:
     """Read the points marked on one shape, in order, also points without a position."""
-    reader = _reader(path)
-    return reader(path) if reader else _text_points(path)
-
-
-def _reader(path: Path) -> Callable[[Path], list[MarkedPoint]] | None:
-    readers = {".json": _slicer_markups, ".fcsv": _slicer_fiducials, ".pp": _meshlab_points}
-    readers |= {".pts": _editor_points, ".label": _freesurfer_label}
-    return readers.get(path.suffix.lower())
+    return READERS.get(path.suffix.lower(), _text_points)(path)
 
 
 def _text_points(path: Path) -> list[MarkedPoint]:
@@ -122,15 +116,12 @@ def _place_in_row(
     table: Table, row: Row, columns: list[int], remedy: str, may_miss: bool = False
 ) -> tuple[float, ...]:
     """Return the place in some cells of a row, see `_place`."""
-    cells = [row.cell(i) or "?" * (not may_miss) for i in columns]
-    plain = [_plain_number(table, cell, is_vertex=len(columns) == 1) for cell in cells]
-    return _place(plain, [*range(len(plain))], f"{table.name}:{row.line}", row.text.strip(), remedy, may_miss)
-
-
-def _plain_number(table: Table, cell: str, is_vertex: bool) -> str:
-    """Write a number with a decimal point, or a vertex without; other texts stay as they are."""
-    number = table.integer(cell) if is_vertex else table.number(cell)
-    return cell if number is None or not np.isfinite(number) else repr(number)
+    number_in, words = table.integer if len(columns) == 1 else table.number, []
+    for i in columns:
+        cell = row.cell(i) or "?" * (not may_miss)
+        number = number_in(cell)
+        words.append(cell if number is None or not np.isfinite(number) else repr(number))
+    return _place(words, f"{table.name}:{row.line}", row.text.strip(), remedy, may_miss)
 
 
 def _slicer_markups(path: Path) -> list[MarkedPoint]:
@@ -214,8 +205,7 @@ def _meshlab_points(path: Path) -> list[MarkedPoint]:
         where = f"{path}: point {i}"
         cells = [point.get(axis, "") for axis in AXES]
         is_placed = point.get("active", "1") != "0"
-        line = " ".join(cells)
-        at = _place(cells, [0, 1, 2], where, line, "write x, y, z", may_miss=True) if is_placed else ()
+        at = _place(cells, where, " ".join(cells), "write x, y, z", may_miss=True) if is_placed else ()
         points.append(MarkedPoint(point.get("name", ""), at, where))
     return points
 
@@ -228,7 +218,7 @@ def _editor_points(path: Path) -> list[MarkedPoint]:
         if cells and cells[0].lower() != "version" and len(cells) > 1:
             if len(cells) < 4:
                 raise FormatError(f"{where}: {line[:80]!r} is not a name and a position; write name x y z")
-            at = _place(cells[-3:], [0, 1, 2], where, line, "write name x y z", may_miss=True)
+            at = _place(cells[-3:], where, line, "write name x y z", may_miss=True)
             points.append(MarkedPoint(" ".join(cells[:-3]), at, where))
     return points
 
@@ -239,18 +229,14 @@ def _freesurfer_label(path: Path) -> list[MarkedPoint]:
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         cells, where = line.split(), f"{path}:{number}"
         if number > 1 and len(cells) > 1 and not line.startswith("#"):
-            columns = [1, 2, 3] if cells[0] == "-1" else [0]
-            at = _place(cells, columns, where, line, "write vertex x y z value")
-            points.append(MarkedPoint("", at, where))
+            words = [*cells[1:4], "", ""][:3] if cells[0] == "-1" else cells[:1]
+            points.append(MarkedPoint("", _place(words, where, line, "write vertex x y z value"), where))
     return points
 
 
-def _place(
-    cells: list[str], columns: list[int], where: str, line: str, remedy: str, may_miss: bool = False
-) -> tuple[float, ...]:
-    """Return the vertex index, or the position, in some cells; () if it is missing and ``may_miss``."""
-    words = [cells[column] if column < len(cells) else "" for column in columns]
-    if may_miss and max(columns) < len(cells) and all(word.lower() in NO_NUMBER for word in words):
+def _place(words: list[str], where: str, line: str, remedy: str, may_miss: bool = False) -> tuple[float, ...]:
+    """Return the vertex index, or the position, in one or three cells; () if it is missing and ``may_miss``."""
+    if may_miss and all(word.lower() in NO_NUMBER for word in words):
         return ()
     numbers: list[float] = []
     for word in words:
@@ -264,16 +250,25 @@ def _place(
     return () if is_missing else tuple(numbers)
 
 
+READERS: dict[str, Callable[[Path], list[MarkedPoint]]] = {
+    ".json": _slicer_markups,
+    ".fcsv": _slicer_fiducials,
+    ".pp": _meshlab_points,
+    ".pts": _editor_points,
+    ".label": _freesurfer_label,
+}
+
+
 def place_points(
     points: Sequence[MarkedPoint],
-    vertices: FloatArray,
-    unit: float,  # √area of the surface
-    distance: Callable[[FloatArray], FloatArray],  # of positions from the surface
-    frame: Frame | None,  # of the surface
-    side: str,  # name of the surface in messages
-    parts: str,  # name of its points or vertices in messages
+    shape: Mesh | PointCloud,
+    distance: Callable[[FloatArray], FloatArray],  # measures how far positions are from the surface
+    frame: Frame | None,  # the frame of the coordinates of the surface
+    side: str,  # the name of the surface in messages
+    parts: str,  # the name of its points or vertices in messages
 ) -> tuple[FloatArray, Axes | None]:
     """Return positions of points in the coordinates of a surface, nan if unknown, and their axes."""
+    vertices, unit = shape.vertices, float(np.sqrt(shape.area))
     positions = np.full((len(points), 3), np.nan)
     for i, point in enumerate(points):
         if len(point.at) == 1:
@@ -320,14 +315,12 @@ def _readings(
     positions: FloatArray, has_axes: bool, frame: Frame
 ) -> list[tuple[FloatArray, Axes | None, str]]:
     """Return what positions may mean, the most likely first: positions, axes, and the condition in words."""
-    # positions of 3D Slicer, which says the axes, are in LPS here, in which it also writes meshes
-    # unless they say RAS
+    # Positions of 3D Slicer, which says the axes, are in LPS here; it also writes meshes in LPS unless
+    # they say RAS.
     turned = TURN * positions
     if not has_axes:
-        return [
-            (positions, frame.axes, ""),
-            (turned, frame.axes, "after half a turn, from RAS to LPS or back"),
-        ]
+        after_turn = "after half a turn, from RAS to LPS or back"
+        return [(positions, frame.axes, ""), (turned, frame.axes, after_turn)]
     both: tuple[tuple[FloatArray, Axes], ...] = (positions, "LPS"), (turned, "RAS")
     readings: list[tuple[FloatArray, Axes | None, str]]
     readings = [(places, axes, f"if it is in {axes}") for places, axes in both if frame.axes in (None, axes)]

@@ -50,10 +50,8 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
 
     Raises
     ------
-    FormatError, LandmarkError
-        If the suffix is unknown, or has no place for landmarks in the plane.
-    UnwritableFileError
-        If the file cannot be written.
+    FormatError, LandmarkError, UnwritableFileError
+        If the suffix is unknown, has no place for landmarks in the plane, or the file cannot be written.
 
     Examples
     --------
@@ -190,15 +188,12 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
     Returns
     -------
     list of str
-        Names that geomorph takes for commands of TPS, such as SCALE5: it reads other coordinates,
-        or none.
+        Names that geomorph takes for commands of TPS, such as SCALE5: it reads wrong coordinates.
 
     Raises
     ------
-    LandmarkError
-        If specimens have different landmarks, or there are none.
-    UnwritableFileError
-        If a file cannot be written.
+    LandmarkError, UnwritableFileError
+        If specimens have different landmarks, there are none, or a file cannot be written.
 
     Notes
     -----
@@ -218,7 +213,12 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
     ['specimen,nose_X,nose_Y,nose_Z', 'a,0.0,1.0,2.0']
     """
     path = Path(path)
-    _require_same(specimens)
+    if not specimens:
+        raise LandmarkError("no specimens; give the landmarks of at least one")
+    first_name, first = next(iter(specimens.items()))
+    for name, marks in specimens.items():
+        if marks.names != first.names or marks.curves != first.curves:
+            raise LandmarkError(f"{name} has other landmarks than {first_name}; give the same ones of each")
     joined_places, _ = join_places(specimens)
     first, is_tps = next(iter(joined_places.values())), path.suffix.lower() == ".tps"
     if is_tps:
@@ -233,9 +233,11 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
             cells = ["NA" if np.isnan(x) else x for x in marks.positions.ravel().tolist()]
             rows.append({"specimen": name, **dict(zip(columns, cells))})
         write_csv(path, rows, ["specimen", *columns])
-    if first.curves:
-        titles = "before", "slide", "after"
-        sliders = [dict(zip(titles, rows)) for rows in _sliders(first)]
+    if first.curves:  # each inner point of a curve slides between two others, all counted from 1
+        titles, sliders = ("before", "slide", "after"), []
+        for _, members, closed in first.curves:
+            numbers = [row + 1 for row in ((*members, members[0]) if closed else members)]
+            sliders += [dict(zip(titles, row)) for row in zip(numbers, numbers[1:], numbers[2:])]
         write_csv(path.with_name(f"{path.stem}_sliders.csv"), sliders, titles)
     if first.patch:
         slide = [{"slide": row + 1} for row in first.patch]
@@ -256,19 +258,3 @@ def tps_text(specimens: Mapping[str, Landmarks]) -> str:
             lines.append(" ".join(map(repr, position)) if is_placed else missing)
         lines.append(f"ID={name}")
     return "\n".join([*lines, ""])
-
-
-def _sliders(marks: Landmarks) -> Iterator[tuple[int, int, int]]:
-    """Yield each inner point of a curve between the two points that it slides between, counted from 1."""
-    for _, rows, closed in marks.curves:
-        numbers = [row + 1 for row in ((*rows, rows[0]) if closed else rows)]
-        yield from zip(numbers, numbers[1:], numbers[2:])
-
-
-def _require_same(specimens: Mapping[str, Landmarks]) -> None:
-    if not specimens:
-        raise LandmarkError("no specimens; give the landmarks of at least one")
-    first_name, first = next(iter(specimens.items()))
-    for name, marks in specimens.items():
-        if marks.names != first.names or marks.curves != first.curves:
-            raise LandmarkError(f"{name} has other landmarks than {first_name}; give the same ones of each")

@@ -20,19 +20,12 @@ from isomatch._core.skipped import tell_skipped
 from isomatch.correspondence import geometric_median
 from isomatch.io import TURN, Asset, Axes, Frame, SurfaceLike, read_asset, surface_from
 from isomatch.landmarks.curves import respace_curve
-from isomatch.landmarks.landmark_files import (
-    PAIRS,
-    POINTS,
-    MarkedPoint,
-    marked_pairs,
-    place_points,
-)
+from isomatch.landmarks.landmark_files import PAIRS, POINTS, MarkedPoint, marked_pairs, place_points
 from isomatch.landmarks.specimen_files import specimen_points
 from isomatch.surfaces import Graph, Mesh, PointCloud, nearest_on_surface
 
-COMMON_ERROR_SHARE = (
-    0.5  # part of a template's expected error that all templates share; measured with 3, 6, 19
-)
+# The part of a template's expected error that all templates share; measured with 3, 6 and 19 templates.
+COMMON_ERROR_SHARE = 0.5
 
 
 class Curve(NamedTuple):
@@ -119,7 +112,11 @@ class Landmarks:
                 "one for each"
             )
         curves = tuple(Curve(name, tuple(rows), closed) for name, rows, closed in curves)
-        _check_curves(curves, m)
+        for name, rows, _ in curves:
+            if len(rows) != len({*rows}.intersection(range(m))):
+                raise LandmarkError(
+                    f"curve {name!r} goes through landmarks {str(rows)[:80]}; give some of 0 to {m - 1}, each once"
+                )
         fields = {"positions": points, "names": names, "curves": curves, "expected_error": errors}
         for field, value in {**fields, "spread": spreads, "axes": axes, "unit": unit}.items():
             object.__setattr__(self, field, value)
@@ -149,15 +146,13 @@ class Landmarks:
     def with_separate_curves(self) -> Landmarks:
         """Return the same with curves that share no landmarks, in order, as in a file of one shape."""
         on_curves = [row for curve in self.curves for row in curve.rows]
-        if len(on_curves) == len({*on_curves}) and all(
-            [*curve.rows] == sorted(curve.rows) for curve in self.curves
-        ):
+        are_in_order = all([*curve.rows] == sorted(curve.rows) for curve in self.curves)
+        if are_in_order and len(on_curves) == len({*on_curves}):
             return self
-        rows = [row for row in range(len(self)) if row not in {*on_curves}]
-        curves = []
-        for name, rows_of_curve, closed in self.curves:
-            curves.append(Curve(name, tuple(range(len(rows), len(rows) + len(rows_of_curve))), closed))
-            rows += rows_of_curve
+        rows, curves = [row for row in range(len(self)) if row not in {*on_curves}], []
+        for name, members, closed in self.curves:
+            curves.append(Curve(name, tuple(range(len(rows), len(rows) + len(members))), closed))
+            rows += members
         values = self.positions[rows], [self.names[row] for row in rows], curves
         return Landmarks(*values, self.expected_error[rows], self.spread[rows], self.axes, self.unit)
 
@@ -200,11 +195,9 @@ class Landmarks:
 
         Raises
         ------
-        FormatError
-            If a file cannot be read.
-        LandmarkError
-            If there are none, one is farther than 0.1 √area from the surface, or it is a vertex and
-            no surface is given.
+        FormatError, LandmarkError
+            If the file cannot be read or has no landmarks, one is farther than 0.1 √area from the
+            surface, or it is a vertex and no surface is given.
 
         Examples
         --------
@@ -233,10 +226,7 @@ class Landmarks:
             nearest = nearest_on_surface(shape, positions).interpolated(shape.vertices)
             return np.asarray(np.linalg.norm(nearest - positions, axis=1))
 
-        unit = float(np.sqrt(shape.area))
-        positions, axes = place_points(points, shape.vertices, unit, distance, frame, "surface", "points")
-        names = [point.name for point in points]
-        return cls(positions, names, _curves(points), axes=axes, unit=points[0].unit)
+        return _with_places(points, *place_points(points, shape, distance, frame, "surface", "points"))
 
 
 def with_frame(surface: Asset | SurfaceLike) -> tuple[SurfaceLike, Frame | None]:
@@ -257,34 +247,22 @@ def _shape_with_positions(surface: SurfaceLike) -> Mesh | PointCloud:
 
 
 def landmarks_of(points: Sequence[MarkedPoint], dim: int = 3) -> Landmarks:
-    """Make landmarks of the points of a file; positions of 3D Slicer are in LPS."""
-    axes: Axes | None = "LPS" if any(point.axes for point in points) else None
-    names = [point.name for point in points]
-    return Landmarks(_positions(points, dim), names, _curves(points), axes=axes, unit=points[0].unit)
-
-
-def _positions(points: Sequence[MarkedPoint], dim: int) -> FloatArray:
-    """Return the positions (m, dim) in a file, nan if a point has none."""
+    """Make landmarks with ``dim`` coordinates of the points of a file; positions of 3D Slicer are in LPS."""
     for point in points:
         if len(point.at) == 1:
             raise LandmarkError(f"{point.where}: a vertex says nothing without its surface; give positions")
-    return np.array([point.at or (np.nan,) * dim for point in points])
+    positions = np.array([point.at or (np.nan,) * dim for point in points])
+    return _with_places(points, positions, "LPS" if any(point.axes for point in points) else None)
 
 
-def _check_curves(curves: Sequence[Curve], m: int) -> None:
-    for name, rows, _ in curves:
-        if len(rows) != len({*rows}.intersection(range(m))):
-            raise LandmarkError(
-                f"curve {name!r} goes through landmarks {str(rows)[:80]}; give some of 0 to {m - 1}, each once"
-            )
-
-
-def _curves(points: Sequence[MarkedPoint]) -> list[Curve]:
+def _with_places(points: Sequence[MarkedPoint], positions: FloatArray, axes: Axes | None) -> Landmarks:
+    """Make landmarks with the names and curves of the points of a file, given their positions."""
     rows: dict[str, list[int]] = {}
     for i, point in enumerate(points):
         if point.curve:
             rows.setdefault(point.curve, []).append(i)
-    return [Curve(name, tuple(members), points[members[0]].closed) for name, members in rows.items()]
+    curves = [Curve(name, tuple(members), points[members[0]].closed) for name, members in rows.items()]
+    return Landmarks(positions, [point.name for point in points], curves, axes=axes, unit=points[0].unit)
 
 
 def read_landmarks(
@@ -316,10 +294,8 @@ def read_landmarks(
 
     Raises
     ------
-    FormatError
-        If a file cannot be read.
-    LandmarkError
-        If there are none, or a position is farther than 0.1 √area from all vertices.
+    FormatError, LandmarkError
+        If a file cannot be read or has no landmarks, or one is farther than 0.1 √area from all vertices.
 
     Notes
     -----
@@ -416,10 +392,8 @@ def _vertices(points: list[MarkedPoint], surface: SurfaceLike, side: str) -> Int
     if isinstance(shape, Graph):
         raise LandmarkError(f"the {side} is a graph, without positions; give vertex indices as landmarks")
     tree = cKDTree(shape.vertices)
-    marked, unit = [points[i] for i in rows], np.sqrt(shape.area)
-    positions, _ = place_points(
-        marked, shape.vertices, unit, lambda x: np.asarray(tree.query(x)[0]), frame, side, "vertices"
-    )
+    marked = [points[i] for i in rows]
+    positions, _ = place_points(marked, shape, lambda x: tree.query(x)[0], frame, side, "vertices")
     vertices[rows] = tree.query(positions)[1]
     return vertices
 
@@ -502,9 +476,9 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
         on_curve = list(members)
         if placed[on_curve].all() and len(on_curve) > 1:
             positions[on_curve] = respace_curve(shape, positions[on_curve], len(on_curve), closed, name)
-    # The error of a template has a part c e that all templates share, and a part of its own. The
-    # own parts differ by the spread, and the median of t of them has an error of spread / √t.
-    # Together: √((c e)² + spread² / t), c = ½.
+    # The error e of a template has a part c e, c = ½, that all templates share, and a part of its
+    # own. The latter parts differ by the spread, so that the error of the median of t of them is
+    # spread / √t. Together this is √((c e)² + spread² / t).
     distance = np.linalg.norm(points - positions, axis=2)
     count = np.isfinite(distance).sum(axis=0)
     distance[:, count == 1] = np.nan  # one template has no spread

@@ -16,9 +16,10 @@ from isomatch._core.tables import NO_NUMBER, Row, Table, parse_table, read_table
 from isomatch._core.texts import read_text
 from isomatch.landmarks.landmark_files import NO_PLACE, MarkedPoint, marked_points
 
-SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")  # columns of long tables
+# Titles of the columns with the names of specimens and of landmarks.
+SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")
 LANDMARK_TITLES = ("landmark", "point", "label", "name")
-SUFFIXES_OF_MANY = ".tps", ".nts", ".dta", ".txt", ".csv", ".tsv"  # files of any number of specimens
+SUFFIXES_OF_MANY = ".tps", ".nts", ".dta", ".txt", ".csv", ".tsv"  # of files of one or more specimens
 
 
 class Specimen(NamedTuple):
@@ -83,15 +84,10 @@ def _tps(text: str, path: Path) -> Iterator[Specimen]:
             blocks.append([])
         if blocks and line.strip():
             blocks[-1].append((number, line.strip()))
-    values = [
-        {
-            key.strip().upper(): value.strip()
-            for _, line in block
-            for key, eq, value in [line.partition("=")]
-            if eq
-        }
-        for block in blocks
-    ]
+    values = list[dict[str, str]]()
+    for block in blocks:
+        parts = (line.partition("=") for _, line in block)
+        values.append({key.strip().upper(): value.strip() for key, eq, value in parts if eq})
     ids = [keys.get("ID", "") for keys in values]
     images = [re.sub(r"\.\w{3,4}$", "", re.split(r"[\\/]", keys.get("IMAGE", ""))[-1]) for keys in values]
     names = ids if len(set(ids)) == len(ids) or len(set(images)) < len(ids) else images

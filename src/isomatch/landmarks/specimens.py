@@ -21,11 +21,12 @@ from isomatch.landmarks.landmark_files import MarkedPoint
 from isomatch.landmarks.landmarks import Curve, Landmarks, landmarks_of
 from isomatch.landmarks.specimen_files import SUFFIXES_OF_MANY, Specimen, landmark_numbers, specimens_in
 
-# Largest distance of points at one place, in centroid sizes / √m, in all specimens.
-SAME_PLACE_SIZES = 1e-4
-SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # files of one specimen
+# Points are at one place if they are no farther apart than this in all specimens, as a fraction of the
+# root mean square distance of the points of a specimen from their mean.
+SAME_PLACE_RATIO = 1e-4
+SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # of files of one specimen
 SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"
-FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # for a whole folder, beside files of single specimens
+FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # files that hold all specimens of a folder
 KINDS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
 
 
@@ -46,16 +47,13 @@ def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
     -------
     dict of str to Landmarks
         Positions are (m, 2) or (m, 3), nan if a landmark has no place; in TPS they are in the units
-        of its scale. Every place is given once: curves share the landmarks at which they begin, end
-        or meet, see `join_places`.
+        of its scale. Every place is given once, see `join_places`.
 
     Raises
     ------
-    FormatError
-        If a file cannot be read.
-    LandmarkError
-        If specimens do not have the same landmarks, some are in the plane and some in space, or two
-        have one name.
+    FormatError, LandmarkError
+        If a file cannot be read, specimens do not have the same landmarks, some are in the plane and
+        some in space, or two have one name.
 
     Examples
     --------
@@ -167,7 +165,7 @@ def read_landmark_pairs(path: Path, names: Sequence[str]) -> list[tuple[int, int
     for row in table.filled:
         cells = [cell for cell in row.cells if cell]
         if row is table.filled[0] and len(cells) == 2 and not {*cells} & {*number}:
-            continue  # a header
+            continue  # the row is a header
         if len(cells) != 2 or not {*cells} <= {*number}:
             remedy = f"write two of their names, or numbers from 1 to {len(names)}"
             table.refuse(row, f"is no pair of landmarks; {remedy}")
@@ -191,13 +189,11 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     single = {*range(m)} - {row for curve in first.curves for row in curve.rows} - {*first.patch}
     landmarks, patch = {*head[sorted(single)].tolist()}, {*head[first.patch].tolist()}
     on_any = {row for rows in on_curves for row in rows}
-    rank = {
-        row: 0 if row in landmarks else 1 if row in on_any else 2 if row in patch else 0
-        for row in head.tolist()
-    }
-    inner = {
-        row for rows, curve in zip(on_curves, first.curves) for row in (rows if curve.closed else rows[1:-1])
-    }
+    rank = dict.fromkeys(head.tolist(), 0)  # landmarks come first, then points of curves, then the patch
+    rank |= dict.fromkeys(patch, 2) | dict.fromkeys(on_any, 1) | dict.fromkeys(landmarks, 0)
+    inner = set[int]()
+    for rows, curve in zip(on_curves, first.curves):
+        inner.update(rows if curve.closed else rows[1:-1])
     order = sorted(rank)
     ranks = [rank[row] for row in order if row in inner or row not in on_any]  # an end may be a landmark
     order = order if ranks == sorted(ranks) else sorted(rank, key=lambda row: (rank[row], row))
@@ -241,7 +237,7 @@ def _same_place(marks: Landmarks) -> float:
     known = marks.positions[marks.placed]
     if not len(known):
         return 0.0
-    return SAME_PLACE_SIZES * float(np.sqrt(((known - known.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    return SAME_PLACE_RATIO * float(np.sqrt(((known - known.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 def _split(rows: list[int], closed: bool, ends: Container[int]) -> Iterator[tuple[list[int], bool]]:

@@ -11,12 +11,12 @@ from isomatch._core.cached import cached_method
 from isomatch._core.compiled import compiled
 from isomatch.surfaces import Mesh, first_equal, label_components
 
+# An open surface has an inside if its volume exceeds this multiple of area^(3/2): a cat has 0.03, a
+# ball 0.09, parts of them have more, a rough sheet has 0.002.
 MIN_VOLUME_RATIO = 0.01
-"""Volume over area^(3/2) above which an open surface has an inside: 0.03 for a cat, 0.09 for a ball,
-more for parts of them, 0.002 for a rough sheet."""
+# A piece is nearly closed if flat discs with the lengths of its boundary loops have at most this share
+# of its area.
 MAX_OPENING_SHARE = 0.1
-"""A piece is nearly closed if flat discs with the lengths of its boundary loops have at most this
-share of its area."""
 
 
 def faces_to_rewind(mesh: Mesh) -> BoolArray:
@@ -34,15 +34,11 @@ def faces_to_rewind(mesh: Mesh) -> BoolArray:
     return to_rewind
 
 
-def wind_outward(mesh: Mesh) -> tuple[Mesh, BoolArray]:
-    """Rewind the faces that `faces_to_rewind` finds; return the mesh and which they are, (m,)."""
-    rewound = faces_to_rewind(mesh)
-    return rewind_faces(mesh, rewound) if rewound.any() else mesh, rewound
-
-
-def rewind_faces(mesh: Mesh, rewound: BoolArray) -> Mesh:
-    """Rewind some faces (m,) of a mesh."""
-    return Mesh(mesh.vertices, np.where(rewound[:, None], mesh.faces[:, [0, 2, 1]], mesh.faces))
+def rewind_faces(mesh: Mesh, rewound: BoolArray | None = None) -> Mesh:
+    """Rewind some faces (m,) of a mesh, all by default."""
+    turned_over = mesh.faces[:, [0, 2, 1]]
+    faces = turned_over if rewound is None else np.where(rewound[:, None], turned_over, mesh.faces)
+    return Mesh(mesh.vertices, faces)
 
 
 def shells(mesh: Mesh) -> tuple[BoolArray, BoolArray]:
@@ -108,13 +104,13 @@ def seems_inside_out(mesh: Mesh) -> bool:
 class _Pieces:
     """Sets of faces that are connected across edges of exactly two faces."""
 
-    piece: IntArray  # (m,) the piece of each face
-    rewound: BoolArray  # (m,) whether a face is wound unlike the first face of its piece
-    one_sided: BoolArray  # (p,) whether a piece cannot be oriented
-    majority: FloatArray  # (p,) number of faces wound like the first face, minus the others
-    volume: FloatArray  # (p,) signed volume with openings closed by cones, in some unit
-    area: FloatArray  # (p,) area in the same unit
-    openings: FloatArray  # (p,) share of the area that discs with the lengths of the openings have
+    piece: IntArray  # the piece of each face, (m,)
+    rewound: BoolArray  # whether each face is wound unlike the first face of its piece, (m,)
+    one_sided: BoolArray  # whether each piece cannot be oriented, (p,)
+    majority: FloatArray  # the number of faces wound like the first face, minus the others, (p,)
+    volume: FloatArray  # the signed volume with openings closed by cones, in some unit, (p,)
+    area: FloatArray  # the area in the same unit, (p,)
+    openings: FloatArray  # the area of discs with the lengths of the openings, as a share of the area, (p,)
 
 
 @cached_method

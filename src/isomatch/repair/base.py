@@ -10,10 +10,12 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.repair.self_contacts import face_normals
 from isomatch.surfaces import Mesh, label_components
 
-N_PLANES_TRIED, N_VOTING_FACES = 200, 20_000  # faces whose planes are tried; faces that vote
-PLANE_DISTANCE = 0.01  # √area: a face this near lies in the plane; the rim is cut this far above
-MIN_NORMAL_COSINE = 0.9  # between the normals of a plane and its faces
-MIN_BASE_SHARE = 0.1  # share of the area from which `check` reports a planar piece
+N_PLANES_TRIED, N_VOTING_FACES = 200, 20_000  # faces whose planes are tried, and faces that vote for them
+# √area; a face lies in a plane if its corners are no farther from it than this. What is this far
+# above the plane is cut off with it.
+PLANE_DISTANCE = 0.01
+MIN_NORMAL_COSINE = 0.9  # smallest cosine between the normals of a plane and of a face that lies in it
+MIN_BASE_SHARE = 0.1  # `check` reports a planar piece with at least this share of the area
 
 
 class Base(NamedTuple):

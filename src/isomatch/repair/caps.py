@@ -44,7 +44,10 @@ def close_holes(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:
 
 def _close_rims(mesh: Mesh, rims: list[IntArray]) -> Mesh:
     vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
-    wanted = [_count_rings(mesh, rim) for rim in rims]
+    # A cap has as many rings as fit if they are as wide as edges are long.
+    offsets = (mesh.vertices[rim] - mesh.vertices[rim].mean(axis=0) for rim in rims)
+    radii = [np.linalg.norm(from_centre, axis=1).mean() for from_centre in offsets]
+    wanted = [max(int(np.round(radius / mesh.edge_lengths.mean())) - 1, 0) for radius in radii]
     most = mesh.n_vertices / max(sum(len(rim) * count for rim, count in zip(rims, wanted)), 1)
     for rim, count in zip(rims, wanted):
         corners = mesh.vertices[rim]
@@ -81,13 +84,6 @@ def _split_rim(rim: IntArray, first: int, last: int, between: IntArray) -> list[
     forward = np.concatenate([from_first[: position + 1], between[::-1]])
     backward = np.concatenate([from_first[position:], [first], between])
     return [part for part in (forward, backward) if len(part) > 2]
-
-
-def _count_rings(mesh: Mesh, rim: IntArray) -> int:
-    """Count the rings of a cap that are as wide as edges are long."""
-    corners = mesh.vertices[rim]
-    radius = np.linalg.norm(corners - corners.mean(axis=0), axis=1).mean()
-    return max(int(np.round(radius / mesh.edge_lengths.mean())) - 1, 0)
 
 
 def boundary_loops(mesh: Mesh) -> list[IntArray]:

@@ -29,6 +29,7 @@ def carry_asset(asset: Asset, draft: Draft, onto: IntArray) -> tuple[Asset, IntA
 
 
 def _note(asset: Asset, name: str, n: int) -> str:
+    """Say what became of the values of an attribute that differed at n welded vertices."""
     welded = count(n, "welded vertex")
     if goes_to_corners(asset, asset.attribute(name, "point")):
         return f"kept {name} at corners, as it differs at {welded}"
@@ -64,7 +65,8 @@ def count_differing(asset: Asset, survivor: IntArray) -> dict[str, int]:
 
 
 def _differ(values: AnyArray, rows: IntArray, others: IntArray) -> BoolArray:
-    values_here, other_values = values[rows].reshape(len(rows), -1), values[others].reshape(len(rows), -1)
+    """Whether values of some points differ from the values of others, (k,); nan equals nan."""
+    values_here, other_values = (values[points].reshape(len(rows), -1) for points in (rows, others))
     differ = np.not_equal(values_here, other_values)
     if values.dtype.kind == "f":
         differ &= ~(np.isnan(values_here) & np.isnan(other_values))

@@ -95,12 +95,12 @@ def check(mesh: SurfaceLike, *, wall: float = WALL_THICKNESS) -> MeshReport:
 def _gaps(surface: Mesh, first: IntArray, scale: float) -> dict[str, Any]:
     """Find gaps that are meant to be closed; ``first`` (n,) is the first vertex at the same position."""
     polygons = Polygons.of_triangles(surface.faces)
-    # joining points can close a boundary, but open none
+    # Joining points can close a boundary, but cannot open one.
     free = free_sides(polygons, first) if (surface.edge_table.n_faces == 1).any() else NO_SIDES
     parted = t_junctions(surface.vertices, polygons, first, free)
-    loose = close_vertices(surface.vertices, free.ends)
-    found = {"t_junctions": np.unique(parted.points), "close_vertices": loose.vertices}
-    return {**found, "weld_tolerance": loose.tolerance * scale}
+    close, tolerance = close_vertices(surface.vertices, free.ends)
+    found = {"t_junctions": np.unique(parted.points), "close_vertices": close}
+    return {**found, "weld_tolerance": tolerance * scale}
 
 
 def _components(surface: Mesh, used: BoolArray, areas: FloatArray, rewound: BoolArray) -> dict[str, Any]:
@@ -141,29 +141,28 @@ def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, fla
 
 def _boundary(surface: Mesh, scale: float) -> dict[str, Any]:
     """Find the boundary edges, and the length of each boundary loop, longest first, times ``scale``."""
-    points, boundary = surface.vertices, surface.boundary_edges
+    boundary = surface.boundary_edges
     vertices, ends = np.unique(boundary, return_inverse=True)
-    ends = ends.reshape(-1, 2)
-    count, label = label_components(len(vertices), (ends[:, 0], ends[:, 1]))
-    lengths = np.linalg.norm(points[boundary[:, 0]] - points[boundary[:, 1]], axis=1)
-    loops: FloatArray = np.bincount(label[ends[:, 0]], lengths, count).astype(np.float64)
+    i, j = ends.reshape(-1, 2).T
+    count, label = label_components(len(vertices), (i, j))
+    lengths = np.linalg.norm(np.subtract(*surface.vertices[boundary.T]), axis=1)
+    loops: FloatArray = np.bincount(label[i], lengths, count).astype(np.float64)
     with np.errstate(over="ignore"):  # lengths beyond the largest float become infinite
         return {"boundary_edges": boundary, "boundary_lengths": np.sort(loops)[::-1] * scale}
 
 
-ZERO_AREA_RATIO = 1e-10
-"""A face has zero area if its smallest altitude is at most this fraction of its longest edge."""
-
-SLIVER_RATIO = 1e-3
-"""A face of positive area is a sliver if its smallest altitude is below this fraction of its longest edge."""
-
-OPENING_DIAMETER = 0.1  # √area; six mouse skulls have openings of 0.08 to 0.1: decisions.md, double walls
+# A face has zero area if its smallest altitude is at most this fraction of its longest edge; it is a
+# sliver if the altitude is larger than that but below the second fraction.
+ZERO_AREA_RATIO, SLIVER_RATIO = 1e-10, 1e-3
+# √area; the largest opening of a chamber. Six mouse skulls have openings of 0.08 to 0.1: decisions.md,
+# double walls.
+OPENING_DIAMETER = 0.1
+# A surface is double-walled if another sheet is close behind at least this share of its area: bodies,
+# animals, organs and single bones have up to 0.23, mouse skulls and shells from 0.52: decisions.md,
+# double walls.
 DOUBLE_WALLED_SHARE = 0.35
-"""A surface is double-walled if another sheet is close behind at least this share of its area: bodies,
-animals, organs and single bones have up to 0.23, mouse skulls and shells from 0.52:
-decisions.md, double walls."""
 
-# what each field counts, and after the colon why it matters and what to do, in the order of the table
+# What each field counts, and after the colon why it matters and what to do, in the order of the table.
 _FATAL = {
     "non_finite_vertices": "vertices with NaN or infinite coordinates: no distance is defined there; "
     "repair(mesh) removes them and their faces",
@@ -198,12 +197,12 @@ _WARNINGS = {
     "inward_components": "closed components with faces oriented inward: left and right are exchanged; "
     "repair(mesh) orients them outward",
 }
+# The fields of `MeshReport` whose defects a repair removes.
 REPAIRED_DEFECTS = (
     *("non_finite_vertices", "out_of_range_faces", "repeated_index_faces", "duplicate_faces"),
     *("unused_vertices", "coincident_vertices", "inconsistent_edges", "inward_components"),
     *("merged_vertices", "t_junctions", "outliers"),
 )
-"""Fields of `MeshReport` whose defects a repair removes."""
 
 
 def has_any(report: MeshReport, defects: Iterable[str]) -> bool:
@@ -360,11 +359,8 @@ class MeshReport:
     def __str__(self) -> str:
         texts = (_FATAL | _WARNINGS).items()
         defects = [(text.partition(": ")[0], len(getattr(self, name)), "") for name, text in texts]
-        largest = longest = ""
-        if self.n_components > 1:
-            largest = f"largest: {self.component_vertices[0]:,} vertices"
-        if self.n_boundary_loops:
-            longest = f"longest: {self.boundary_lengths[0]:.4g}"
+        largest = f"largest: {self.component_vertices[0]:,} vertices" if self.n_components > 1 else ""
+        longest = f"longest: {self.boundary_lengths[0]:.4g}" if self.n_boundary_loops else ""
         walls = [("double-walled, per cent of the area", round(100 * self.double_walled), "")]
         if self.planar >= MIN_BASE_SHARE:
             advice = "if this is a base: repair(mesh, without_base=True) cuts it off"
@@ -391,7 +387,7 @@ class MeshReport:
 
 
 def _where(defects: IntArray) -> str:
-    """Write at most five vertices, faces or edges, and how many there are."""
+    """Write at most five vertices, faces or edges, and how many there are if there are more."""
     if defects.ndim == 1:
         return some(defects)
     head = ", ".join(f"{i}–{j}" for i, j in defects[:5].tolist())

@@ -17,8 +17,8 @@ from isomatch.surfaces import Mesh
 class VertexTrace:
     """The given vertex of each vertex, and the vertex that each given one has become."""
 
-    given: IntArray  # (n,) vertex of the given mesh that each vertex comes from
-    current: IntArray  # (n_given,) vertex that each vertex of the given mesh has become; −1 where it is gone
+    given: IntArray  # the vertex of the given mesh that each vertex comes from, (n,)
+    current: IntArray  # the vertex that each given vertex has become, (n_given,); −1 where it is gone
 
     @classmethod
     def of_all(cls, n: int) -> VertexTrace:
@@ -41,12 +41,12 @@ class Draft:
 
     mesh: Mesh
     trace: VertexTrace
-    notes: tuple[str, ...]  # in the order of the steps
-    asset: Asset | None  # the given one with inserted points; None for a bare mesh
-    faces: IntArray  # (m,) triangle of the asset, or of the mesh with inserted points, of each face
-    given_face: IntArray  # given triangle of each triangle of the asset
-    rewound: BoolArray  # (m,) faces that are wound unlike the given ones
-    contacts: tuple[IntArray, ...] = ()  # given vertices of each place where limbs were parted
+    notes: tuple[str, ...]  # what each step changed, in their order
+    asset: Asset | None  # the given asset with inserted points; None for a bare mesh
+    faces: IntArray  # the triangle of the asset, or of the mesh with inserted points, of each face (m,)
+    given_face: IntArray  # the given triangle of each triangle of the asset
+    rewound: BoolArray  # which faces (m,) are wound unlike the given ones
+    contacts: tuple[IntArray, ...] = ()  # the given vertices of each place where limbs were parted
 
     @classmethod
     def of(cls, mesh: Mesh, asset: Asset | None = None, trace: VertexTrace | None = None) -> Draft:

@@ -26,7 +26,7 @@ from isomatch.repair.steps import (
 )
 from isomatch.surfaces import Mesh, in_spatial_order
 
-LARGE_MESH = 2**16  # vertices; the arrays of larger meshes do not fit into the cache of a processor
+LARGE_MESH = 2**16  # vertices; the arrays of a larger mesh do not fit into the cache of a processor
 SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
 KEEP_TOGETHER = "if they belong together, set preparation.sheet_distance = inf"
 INSIDE_OUT = (
@@ -38,23 +38,10 @@ INSIDE_OUT = (
 def prepare_for_matching(mesh: Mesh, sheet_distance: float) -> Draft:
     """Repair a mesh as `repair` does, and take apart sheets that were glued together or merged.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Its arrays may contain anything.
-    sheet_distance : float
-        Sheets come apart if copies of a vertex where they meet are farther apart along edges, in √area.
-
-    Returns
-    -------
-    Draft
-        The ``mesh``, the ``trace`` of its vertices, and ``notes`` on what was changed. Copies of a vertex
-        come from it, vertices of the caps at parted limbs from the nearest vertex.
-
-    Raises
-    ------
-    MeshError
-        If the mesh has fatal defects.
+    The arrays may contain anything; `MeshError` if the mesh has fatal defects. Sheets come apart if
+    copies of a vertex where they meet are farther apart along edges than the sheet distance, in √area.
+    The draft has the mesh, the trace of its vertices, and notes on what was changed. Copies of a
+    vertex come from it, vertices of the caps at parted limbs from the nearest vertex.
     """
     draft = order_in_memory(Draft.of(mesh))
     report = check(draft.mesh, wall=0.0)
@@ -96,8 +83,13 @@ def take_sheets_apart(draft: Draft, sheet_distance: float) -> Draft | None:
     if not sheets.is_manifold:  # a merge of corners removed triangles
         limbs_parted = mend(draft, least_distance=sheet_distance)
         if limbs_parted.contacts:
+            # The holes that the merge left are no openings of the shape.
+            at_contacts = np.isin(limbs_parted.trace.given, np.concatenate(limbs_parted.contacts))
+            closed, nearest = close_holes_at(limbs_parted.mesh, at_contacts)
+            trace = VertexTrace(nearest, np.arange(limbs_parted.mesh.n_vertices))
             *earlier, note = limbs_parted.notes
-            return replace(cap_contacts(limbs_parted), notes=(*earlier, f"{note}; {KEEP_TOGETHER}"))
+            capped = limbs_parted.then(Draft.of(closed, trace=trace))
+            return replace(capped, notes=(*earlier, f"{note}; {KEEP_TOGETHER}"))
     if not sheets.seams:
         return None
     trace = VertexTrace(sheets.vertex_index, np.arange(glued.mesh.n_vertices))
@@ -112,9 +104,3 @@ def mend(draft: Draft, weld: bool = True, insert: bool = True, least_distance: f
     part = partial(part_limbs, least_distance=least_distance)
     steps = close, drop_unsound_faces, drop_non_finite, drop_welded, drop_unused, wind, part
     return note_winding(draft.then(run(Draft.of(draft.mesh), *steps)))
-
-
-def cap_contacts(draft: Draft) -> Draft:
-    """Close the holes that a merge left at parted limbs, which are no openings of the shape."""
-    closed, nearest = close_holes_at(draft.mesh, np.isin(draft.trace.given, np.concatenate(draft.contacts)))
-    return draft.then(Draft.of(closed, trace=VertexTrace(nearest, np.arange(draft.mesh.n_vertices))))

@@ -12,15 +12,18 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.io import Asset, Polygons, Renumbering
 from isomatch.surfaces import label_components
 
-ON_SIDE_RATIO = 1e-3  # of the length of a side: a vertex this near lies on it
-SIDE_END_SHARE = 1e-2  # of a side: no vertex is inserted this near to its ends
-MIN_GAP_RATIO = 3.0  # of the shortest sides to the distances of vertices that nearly coincide
-MAX_CLOSE_RATIO = 0.3  # of the median side: vertices farther apart do not nearly coincide
-MIN_CLOSE_SHARE, MIN_CLOSE_VERTICES = 0.05, 4  # of the boundary vertices; fewer may be chance
-# quantiles of the lengths of sides and of small distances, where single ones lie between the two
+ON_SIDE_RATIO = 1e-3  # A vertex lies on a side if it is nearer than this fraction of its length.
+SIDE_END_SHARE = 1e-2  # No vertex is inserted nearer to the ends of a side than this fraction of its length.
+# Vertices nearly coincide if the shortest sides are at least this many times as long as their distances.
+MIN_GAP_RATIO = 3.0
+MAX_CLOSE_RATIO = 0.3  # Vertices farther apart than this fraction of the median side do not nearly coincide.
+# Smallest share and number of the boundary vertices that nearly coincide; fewer may be chance.
+MIN_CLOSE_SHARE, MIN_CLOSE_VERTICES = 0.05, 4
+# The quantiles that count as the shortest side and as the largest distance, where single ones lie between.
 SHORT_SIDE_QUANTILE, CLOSE_DISTANCE_QUANTILE = 0.02, 0.95
-# a piece of a side with more points near it is halved, down to this share; points compared at once
-MAX_POINTS_NEAR_PIECE, MIN_PIECE_SHARE, POINTS_AT_ONCE = 16, 1 / 64, 2**22
+# A piece of a side with more points near it is halved, down to this share of the side.
+MAX_POINTS_NEAR_PIECE, MIN_PIECE_SHARE = 16, 1 / 64
+POINTS_AT_ONCE = 2**22  # points that are compared with sides at once
 N_NEIGHBOURS = 8  # vertices among which the nearest one without a common side is sought
 
 
@@ -34,13 +37,6 @@ class Sides(NamedTuple):
 NO_SIDES = Sides(np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64))
 
 
-class Loose(NamedTuple):
-    """Vertices that nearly coincide with others, and the largest distance at which they do, or nan."""
-
-    vertices: IntArray
-    tolerance: float
-
-
 class TJunctions(NamedTuple):
     """Points (q,) on sides of polygons: the corner where each side begins, and the place on it, 0 to 1."""
 
@@ -49,11 +45,11 @@ class TJunctions(NamedTuple):
     shares: FloatArray
 
 
-def close_vertices(positions: FloatArray, sides: IntArray) -> Loose:
-    """Find boundary vertices that nearly coincide, by a gap in the distribution of their distances."""
-    # Compared are the distance to the nearest vertex without a common side, and the lengths of sides.
-    # If many distances are far below the lengths, the tolerance lies in the middle of the gap.
-    nothing_found = Loose(np.zeros(0, dtype=np.int64), np.nan)
+def close_vertices(positions: FloatArray, sides: IntArray) -> tuple[IntArray, float]:
+    """Find boundary vertices that nearly coincide, and the largest distance at which they do, or nan."""
+    # The distances to the nearest vertex without a common side are compared with the lengths of sides.
+    # If many are far below the lengths, the tolerance lies in the middle of the gap.
+    nothing_found = np.zeros(0, dtype=np.int64), np.nan
     vertices = np.unique(sides)
     if len(vertices) < MIN_CLOSE_VERTICES:
         return nothing_found
@@ -73,7 +69,7 @@ def close_vertices(positions: FloatArray, sides: IntArray) -> Loose:
     if largest is None:
         return nothing_found
     tolerance = float(np.sqrt(largest * smallest))
-    return Loose(vertices[nearest <= tolerance], tolerance)
+    return vertices[nearest <= tolerance], tolerance
 
 
 def first_within(points: FloatArray, tolerance: float) -> IntArray:
@@ -94,16 +90,11 @@ def t_junctions(points: FloatArray, polygons: Polygons, survivor: IntArray, free
     vertices = np.unique(sides)
     if not len(vertices):
         return TJunctions(*(np.zeros(0, dtype=np.int64),) * 2, np.zeros(0))
-    scaled = np.zeros_like(points)
-    scaled[vertices] = points[vertices] / (
-        np.abs(points[vertices]).max() or 1.0
-    )  # whose squares do not overflow
-    points = scaled
-    start, end = points[sides[:, 0]], points[sides[:, 1]]
-    lengths = np.linalg.norm(end - start, axis=1)
-    side, near, share = _find_on_sides(points[vertices], start, end, lengths)
+    scaled = np.zeros_like(points)  # coordinates whose squares do not overflow
+    scaled[vertices] = points[vertices] / (np.abs(points[vertices]).max() or 1.0)
+    side, near, share = _find_on_sides(scaled[vertices], *scaled[sides.T])
     vertex = vertices[near]
-    # a point that is a corner of the polygon already is not inserted again
+    # A point that is a corner of the polygon already is not inserted again.
     polygon_of, n = polygons.of_corner, len(points)
     in_range = (polygons.corners >= 0) & (polygons.corners < n)
     welded_corners = np.where(in_range, survivor[polygons.corners.clip(0, n - 1)], n)
@@ -113,20 +104,19 @@ def t_junctions(points: FloatArray, polygons: Polygons, survivor: IntArray, free
 
 
 def _find_on_sides(
-    points: FloatArray, start: FloatArray, end: FloatArray, lengths: FloatArray
+    points: FloatArray, start: FloatArray, end: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Find the points (n, 3) on the middle of sides: the side, the point, and the place on the side."""
     # Points are sought in balls around pieces of sides; pieces near many points are halved.
     tree, span = cKDTree(points), end - start
+    lengths = np.linalg.norm(span, axis=1)
     side, low = np.arange(len(start)), np.full(len(start), SIDE_END_SHARE)
     high = 1 - low
     found, shares = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
     while len(side):
         middle = (low + high) / 2
-        centres, radii = (
-            start[side] + middle[:, None] * span[side],
-            ((high - low) / 2 + ON_SIDE_RATIO) * lengths[side],
-        )
+        centres = start[side] + middle[:, None] * span[side]
+        radii = ((high - low) / 2 + ON_SIDE_RATIO) * lengths[side]
         counts = tree.query_ball_point(centres, radii, return_length=True)
         few = (counts <= MAX_POINTS_NEAR_PIECE) | (high - low <= MIN_PIECE_SHARE)
         held = np.flatnonzero(few & (counts > 0))
@@ -171,7 +161,7 @@ def free_sides(polygons: Polygons, survivor: IntArray, is_sound: BoolArray | Non
 def insert_t_junctions(asset: Asset, survivor: IntArray, is_sound: BoolArray) -> tuple[Asset, BoolArray]:
     """Insert points into the sides they lie on until none is left; return also which (n,) were inserted."""
     inserted = np.zeros(len(asset.points), dtype=bool)
-    # the rounds end, as each gives some polygon a point that it did not have
+    # The rounds end, because each gives some polygon a point that it did not have.
     while True:
         free = free_sides(asset.polygons, survivor, is_sound)
         found = t_junctions(asset.placed_points, asset.polygons, survivor, free)

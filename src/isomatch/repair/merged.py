@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch._core.compiled import compiled
+from isomatch.repair._winding import rewind_faces
 from isomatch.repair.self_contacts import bends_and_costs, copy_at_fans, face_normals, inner_edges
 from isomatch.repair.sheets import SHEET_DISTANCE, Separation, crowded_vertices, far_copies, split_by
 from isomatch.surfaces import Mesh, find_root, first_equal, label_components
@@ -18,17 +19,23 @@ from isomatch.surfaces import Mesh, find_root, first_equal, label_components
 # sheets; around a fold or a pinch of one sheet it stays in one piece. Faces at the contact belong to
 # the sheet of their other corners. If the sheets are still joined, flatter edges, and then
 # neighbours, are added to the contact.
-PASSES = ((120.0, 0), (90.0, 0), (60.0, 0), (40.0, 0), (60.0, 1))  # degrees of a concave edge; rings added
-SEEN_DISTANCE = 0.08  # √area around the contact, less than half the shortest way between the sheets
-MIN_SHEET_REACH = 0.8  # of that distance; a smaller piece is a rag of the contact and no sheet
-# Marked are vertices of edges with more than two faces, or with several fans. A contact has at least
-# this share of them, and at least 0.2 + half the mean cosine of the normals of copies: merged limbs
-# face each other. In 200 merges of bodies of FAUST, TOSCA, SCAPE and MakeHuman, contacts had shares
-# of 0.29 to 1 and cosines up to 0.3; folds and holes had shares up to 0.2 and cosines from 0.
+# The passes: how sharp concave edges are that belong to the contact, in degrees, and the rings added.
+PASSES = ((120.0, 0), (90.0, 0), (60.0, 0), (40.0, 0), (60.0, 1))
+# Sheets are looked for within this distance of the contact, in √area: less than half the shortest way
+# between the sheets.
+SEEN_DISTANCE = 0.08
+# A piece is a sheet if it reaches to this fraction of that distance; a smaller one is a rag of the contact.
+MIN_SHEET_REACH = 0.8
+# Vertices of edges with more than two faces, or with several fans, are marked. At least the first share
+# of the vertices of a contact is marked, and at least the second one plus half the mean cosine of the
+# normals of copies: merged limbs face each other. In 200 merges of bodies of FAUST, TOSCA, SCAPE and
+# MakeHuman, contacts had shares of 0.29 to 1 and cosines up to 0.3; folds and holes had shares up to
+# 0.2 and cosines from 0.
 MIN_MARKED_SHARE = 0.25
 MARKED_SHARE_AT_RIGHT_ANGLES = 0.2
-MIN_BODY_SHARE = 0.2  # of the area, for a body that comes apart; a leg has 0.17
-COPY_OFFSET_EDGES = 0.25  # mean edge lengths that copies move inward, so that they are not welded again
+# Bodies come apart as a whole if each has this share of the area; a leg has 0.17.
+MIN_BODY_SHARE = 0.2
+COPY_OFFSET_EDGES = 0.25  # mean edge lengths by which copies move inward, so that they are not welded again
 
 
 def part_merged_limbs(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separation:
@@ -55,7 +62,7 @@ def _part_component(mesh: Mesh, least_distance: float) -> Separation:
     size = np.abs(mesh.vertices).max() or 1.0  # keeps squares and products from overflowing
     parted = mesh.moved(mesh.vertices / size)
     inward = parted.volume < 0  # "concave" and "inward" assume an outward winding
-    parted = _turn_over(parted) if inward else parted
+    parted = rewind_faces(parted) if inward else parted
     while True:  # limbs that have moved may meet again
         further, origin = _part_once(parted, least_distance)
         if len(origin) == len(index):
@@ -66,11 +73,7 @@ def _part_component(mesh: Mesh, least_distance: float) -> Separation:
     several = np.bincount(index, minlength=mesh.n_vertices) > 1
     points = np.where(several[index][:, None], size * parted.vertices, mesh.vertices[index])
     seams = [np.flatnonzero(several)[rows] for rows in split_by(_label_near(mesh, several))]
-    return Separation(Mesh(points, (_turn_over(parted) if inward else parted).faces), index, tuple(seams))
-
-
-def _turn_over(mesh: Mesh) -> Mesh:
-    return Mesh(mesh.vertices, mesh.faces[:, [0, 2, 1]])
+    return Separation(Mesh(points, (rewind_faces(parted) if inward else parted).faces), index, tuple(seams))
 
 
 def _part_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
@@ -104,7 +107,7 @@ def _part_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
 def _bends(mesh: Mesh) -> FloatArray:
     """Find the sharpest concave edge at each vertex, (n,): its angle in degrees, negative if concave."""
     ends, beside = inner_edges(mesh)
-    agree = ~mesh.edge_table.clash[mesh.edge_table.n_faces == 2]  # at other edges inside and outside meet
+    agree = ~mesh.edge_table.clash[mesh.edge_table.n_faces == 2]  # The inside meets the outside elsewhere.
     least = np.zeros(mesh.n_vertices)
     np.minimum.at(least, ends[agree], bends_and_costs(mesh, ends, beside)[0][agree, None])
     return least
@@ -160,7 +163,7 @@ def _fans_of_sheets(mesh: Mesh, marked: BoolArray, contact: BoolArray) -> tuple[
     low, high = np.full(n, len(faces)), np.full(n, -1)
     np.minimum.at(low, corner[on_sheet], of_corner[on_sheet])
     np.maximum.at(high, corner[on_sheet], of_corner[on_sheet])
-    # faces of no sheet, as beyond the contact, stay with one sheet at each of their corners
+    # Faces of no sheet, such as those beyond the contact, stay with one sheet at each of their corners.
     rows = np.flatnonzero((high > low)[corner])
     of_rows = np.where(of_corner[rows] >= 0, of_corner[rows], low[corner[rows]])
     pairs, pair, size = np.unique(

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.ndimage import distance_transform_edt, label
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
@@ -16,13 +16,14 @@ from isomatch._core.errors import SettingError
 from isomatch._core.memory import require_memory
 from isomatch.repair.check import OPENING_DIAMETER
 from isomatch.repair.self_contacts import face_normals
-from isomatch.surfaces import Mesh, meetings
+from isomatch.surfaces import Mesh, label_components, meetings
 
 T = TypeVar("T", FloatArray, IntArray, BoolArray)
-CELLS_PER_RADIUS = 4.0  # so that walls are closed, and an opening is known to an eighth
-MARGIN_CELLS = 1.5  # a ball touches the surface at most this far beyond its radius
-NARROWING_CELLS = 0.25  # step by which labels spread to narrower places
-SPACING_CELLS = 0.5  # between the points that represent a face
+CELLS_PER_RADIUS = 4.0  # cells in a radius of the ball, so that an opening is known to an eighth
+MARGIN_CELLS = 1.5  # A ball touches the surface if it is at most this many cells beyond the radius.
+# Labels spread to narrower places in steps of this distance from the surface, in cells.
+NARROWING_CELLS = 0.25
+SPACING_CELLS = 0.5  # largest distance, in cells, between the points that represent a face
 
 
 def inner_faces(mesh: Mesh, opening: float = OPENING_DIAMETER) -> BoolArray:
@@ -52,23 +53,23 @@ def inner_faces(mesh: Mesh, opening: float = OPENING_DIAMETER) -> BoolArray:
         seen = np.where(nearest >= 0, seen[np.maximum(nearest, 0)], seen)
     lost = seen == 0
     if lost.any():  # components where no ball fits in front
-        count, of_face = connected_components(graph, directed=False)
+        count, of_face = label_components(mesh.n_faces, tuple(links.T))
         reached = np.bincount(of_face, space.is_beside_outside(surface), count) > 0
         seen[lost] = np.where(reached[of_face[lost]], _OUTER, _INNER)
     return _drop_specks(surface, links, seen == _INNER, opening**2)
 
 
-_SOLID, _INNER, _OUTER = 1, 2, 3  # where several meet, the largest one spreads
+_SOLID, _INNER, _OUTER = 1, 2, 3  # labels of cells; where several meet, the largest number spreads
 
 
 @dataclass(frozen=True, eq=False)
 class _Space:
     """Cells around a surface of unit area."""
 
-    lowest: FloatArray
-    step: float
-    distance: FloatArray  # (x, y, z) distance from the surface, in cells
-    kind: IntArray  # _OUTER, _INNER, _SOLID where the surface faces away; 0 where no ball fits
+    lowest: FloatArray  # the corner of the grid with the lowest coordinates
+    step: float  # width of a cell
+    distance: FloatArray  # the distance of each cell (x, y, z) from the surface, in cells
+    kind: IntArray  # _OUTER, _INNER, or _SOLID where the surface faces away; 0 where no ball fits
 
     @classmethod
     def around(cls, surface: Mesh, opening: float) -> _Space:
@@ -171,9 +172,6 @@ def _face_neighbours(surface: Mesh) -> tuple[IntArray, FloatArray]:
 
 def _drop_specks(surface: Mesh, links: IntArray, inner: BoolArray, least: float) -> BoolArray:
     """Leave out connected pieces with less area than ``least``."""
-    both = links[inner[links].all(axis=1)]
-    n = surface.n_faces
-    links = coo_array((np.ones(len(both)), tuple(both.T)), shape=(n, n))
-    _, piece = connected_components(links, directed=False)
+    _, piece = label_components(surface.n_faces, tuple(links[inner[links].all(axis=1)].T))
     area = np.bincount(piece, surface.face_areas * inner)
     return np.asarray(inner & (area[piece] >= least))

@@ -8,8 +8,11 @@ from scipy.spatial import cKDTree
 from isomatch._core.arrays import BoolArray, FloatArray
 
 N_NEIGHBOURS = 8
-FAR_RATIO = 4.0  # mean distance to neighbours, over the median of all points or of the neighbours
-SCATTER_SHARE = 0.06  # smallest variance of neighbours over the sum of three; a surface has less
+# A point is far if the mean distance to its neighbours exceeds this many times the median of all points.
+FAR_RATIO = 4.0
+# Neighbours are scattered if their smallest variance exceeds this share of the sum of the three; on a
+# surface it is smaller.
+SCATTER_SHARE = 0.06
 
 
 def find_outliers(points: FloatArray) -> BoolArray:

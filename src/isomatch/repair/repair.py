@@ -156,7 +156,14 @@ def repair(
     >>> mended.changes
     ('welded 2 vertices onto an earlier vertex at the same position', 'rewound 1 face')
     """
-    _require_options(weld, orient, unmerge, outer)
+    if not (isinstance(unmerge, int | float) and unmerge >= 0):
+        raise SettingError(f"unmerge = {unmerge!r} is not a distance; give 0 or more, in √area, or infinity")
+    if outer and not orient:
+        raise SettingError("outer needs faces that look outward; leave orient at True")
+    if not (isinstance(weld, bool) or (isinstance(weld, int | float) and 0 <= weld < np.inf)):
+        raise SettingError(
+            f"weld = {weld!r} is no distance; give True, False, or 0 or more in the units of the mesh"
+        )
     asset, lost = _asset_of(mesh)
     whole = mesh_from(mesh) if asset is None else Mesh(asset.placed_points, asset.polygons.triangles)
     given, parts = Draft.of(whole, asset), asset.parts if asset else ()
@@ -174,25 +181,13 @@ def repair(
     cuts += [drop_base] if without_base else []
     mended = run(closed, *steps)
     cut = run(mended, *cuts)
-    # rewound faces that were cut off are not counted
+    # Rewound faces that were cut off afterwards are not counted.
     noted = note_winding(replace(cut, notes=mended.notes))
     notes = (*noted.notes, *cut.notes[len(mended.notes) :])
     if cut.asset is None or not notes:
         return _repair_of(cut, lost + notes, asset)
     after, polygon_index, kept = carry_asset(cut.asset, cut, onto=closed.trace.current)
     return _repair_of(cut, (*lost, *notes, *kept), after, polygon_index)
-
-
-def _require_options(weld: bool | float, orient: bool, unmerge: float, outer: bool) -> None:
-    """Raise `SettingError` for options that make no sense."""
-    if not (isinstance(unmerge, int | float) and unmerge >= 0):
-        raise SettingError(f"unmerge = {unmerge!r} is not a distance; give 0 or more, in √area, or infinity")
-    if outer and not orient:
-        raise SettingError("outer needs faces that look outward; leave orient at True")
-    if not (isinstance(weld, bool) or (isinstance(weld, int | float) and 0 <= weld < np.inf)):
-        raise SettingError(
-            f"weld = {weld!r} is no distance; give True, False, or 0 or more in the units of the mesh"
-        )
 
 
 def _repair_of(

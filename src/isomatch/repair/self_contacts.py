@@ -15,30 +15,29 @@ from isomatch._core.compiled import compiled
 from isomatch.repair.caps import boundary_loops, close_holes
 from isomatch.surfaces import Mesh, corner_links, join_trees, label_components, meetings
 
-# Cost of a unit of length along an edge, by the angle of the surface there in degrees, negative where
-# concave: the cut path of a self-contact is sharp and concave, while the other loops around the same
-# handle run across convex limbs.
+# The cost of a unit of length along an edge, by the angle of the surface at the edge in degrees,
+# negative where concave. The cut path of a self-contact is sharp and concave, while the other loops
+# around the same handle run across convex limbs.
 COST_ANGLES = (-60.0, -30.0, 0.0, 40.0)
 LENGTH_COSTS = (0.1, 0.5, 1.0, 2.0)
 
 # These decide where cut paths are sought and are no settings: ``preparation.self_contact_concavity``
 # decides which loop is a cut path, and the handles of the shapes how many are cut.
-ROOT_ANGLE = -30.0  # degrees; the ends of sharper edges are roots of trees
-MAX_ROOTS = 100  # one near each cut path is enough
-MAX_PATH_COST = 0.4  # √area; half the cost of the longest cut path
-LOOPS_PER_ROOT = 4  # the shortest ones
-MIN_CUT_PATH_LENGTH = (
-    0.06  # √area; a shorter path counts as this long, as at a point the surface need not be concave
-)
+ROOT_ANGLE = -30.0  # degrees; loops are sought around the ends of edges sharper than this
+MAX_ROOTS = 100  # largest number of such roots; one near each cut path is enough
+MAX_PATH_COST = 0.4  # √area; paths from a root end at this cost, half the cost of the longest cut path
+LOOPS_PER_ROOT = 4  # how many of the cheapest loops through a root are tried
+# √area; a shorter cut path counts as this long, since the surface need not be concave at a point.
+MIN_CUT_PATH_LENGTH = 0.06
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Cut:
     """A mesh that was cut along the paths of self-contacts."""
 
-    mesh: Mesh  # the vertices of the given mesh; copies of some, at the same positions, follow
-    vertex_index: IntArray  # (n_new,) given vertex of each vertex
-    cut_paths: tuple[IntArray, ...]  # given vertices (s,) around each cut path
+    mesh: Mesh  # has the vertices of the given mesh, then copies of some at the same positions
+    vertex_index: IntArray  # the given vertex that each vertex comes from, (n_new,)
+    cut_paths: tuple[IntArray, ...]  # the given vertices (s,) around each cut path
 
     def __repr__(self) -> str:
         return f"Cut({self.mesh!r}, {len(self.cut_paths)} cut paths)"
@@ -51,7 +50,7 @@ def count_handles(mesh: Mesh) -> int:
     """
     mesh, _ = cut_edges(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
     pieces = len(np.unique(mesh.components[mesh.faces[:, 0]]))
-    # 2 − 2 g = V − E + F of each piece, with a face for each hole
+    # A piece of genus g has 2 − 2 g = V − E + F, with a face for each hole.
     euler = len(np.unique(mesh.faces)) - len(mesh.edges) + mesh.n_faces + len(boundary_loops(mesh))
     return max((2 * pieces - euler) // 2, 0)
 
@@ -120,25 +119,6 @@ def inner_edges(mesh: Mesh) -> tuple[IntArray, IntArray]:
     return mesh.edges[met.edge[met.is_pair]], met.sides[met.is_pair] // 3
 
 
-class _Closed:
-    """A mesh whose holes are closed by faces with vertices from ``n_real`` on."""
-
-    def __init__(self, mesh: Mesh, n_real: int) -> None:
-        self.mesh, self.n_real = mesh, n_real
-        self.ends, self.beside = inner_edges(mesh)
-        are_real = np.all(mesh.faces < n_real, axis=1)
-        self.are_real: BoolArray = are_real[self.beside].all(axis=1)
-
-    def separates(self, loop: IntArray) -> bool:
-        """Whether a loop cuts the real faces into more pieces."""
-        cut = self.are_real & ~are_among(self.ends, _around(loop))
-        before, after = (
-            label_components(self.mesh.n_faces, tuple(self.beside[kept].T))[0]
-            for kept in (self.are_real, cut)
-        )
-        return after > before
-
-
 def bends_and_costs(mesh: Mesh, ends: IntArray, beside: IntArray) -> tuple[FloatArray, FloatArray]:
     """Measure the angles at inner edges, (e,), in degrees, negative where concave, and their costs."""
     normals = face_normals(mesh)
@@ -159,23 +139,25 @@ def face_normals(mesh: Mesh) -> FloatArray:
 
 
 def _cut_path(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
-    """Find the cheapest concave loop that does not separate the real faces of a closed mesh."""
-    closed = _Closed(mesh, n_real)
+    """Find the cheapest concave loop that does not separate the real faces, with the first n_real vertices."""
     least = MIN_CUT_PATH_LENGTH * np.sqrt(mesh.area)
-    concave = [
-        (cost, loop)
-        for cost, length, loop in _nonseparating_loops(closed)
-        if cost <= concavity * max(length, least)
-    ]
-    loops = (loop for _, loop in sorted(concave, key=itemgetter(0)))
-    return next((loop for loop in loops if not closed.separates(loop)), None)
+    loops = _nonseparating_loops(mesh, n_real)
+    concave = ((cost, loop) for cost, length, loop in loops if cost <= concavity * max(length, least))
+    ends, beside = inner_edges(mesh)
+    joined = np.all(np.all(mesh.faces < n_real, axis=1)[beside], axis=1)
+    n_pieces, _ = label_components(mesh.n_faces, tuple(beside[joined].T))
+    for _, loop in sorted(concave, key=itemgetter(0)):
+        remaining = beside[joined & ~are_among(ends, _around(loop))]
+        if label_components(mesh.n_faces, tuple(remaining.T))[0] <= n_pieces:
+            return loop
+    return None
 
 
-def _nonseparating_loops(closed: _Closed) -> Iterator[tuple[float, float, IntArray]]:
+def _nonseparating_loops(mesh: Mesh, n_real: int) -> Iterator[tuple[float, float, IntArray]]:
     """Yield short loops near concave edges that do not separate a closed mesh: cost, length, vertices."""
-    mesh, ends, n = closed.mesh, closed.ends, closed.mesh.n_vertices
-    bends, costs = bends_and_costs(mesh, ends, closed.beside)
-    concave = np.unique(ends[(bends < ROOT_ANGLE) & (ends < closed.n_real).all(axis=1)])
+    (ends, beside), n = inner_edges(mesh), mesh.n_vertices
+    bends, costs = bends_and_costs(mesh, ends, beside)
+    concave = np.unique(ends[(bends < ROOT_ANGLE) & (ends < n_real).all(axis=1)])
     spread = np.linspace(0, len(concave) - 1, MAX_ROOTS).astype(int)
     roots = concave[np.unique(spread)] if len(concave) else []
     graph = coo_array((costs, tuple(ends.T)), shape=(n, n)).tocsr()
@@ -183,10 +165,10 @@ def _nonseparating_loops(closed: _Closed) -> Iterator[tuple[float, float, IntArr
     for root in roots:
         asked = {"indices": root, "return_predecessors": True, "limit": reach}
         distance, before = dijkstra(graph, directed=False, **asked)
-        closing, totals = _closing_edges(distance, before, ends, closed.beside, costs, mesh.n_faces)
+        closing, totals = _closing_edges(distance, before, ends, beside, costs, mesh.n_faces)
         for k in np.argsort(totals, kind="stable")[:LOOPS_PER_ROOT]:
             loop, first = _closed_loop(before, *ends[closing[k]])
-            if (loop < closed.n_real).all() and len(loop) > 2:
+            if (loop < n_real).all() and len(loop) > 2:
                 sides = mesh.vertices[loop] - mesh.vertices[np.roll(loop, -1)]
                 cost = totals[k] - 2 * distance[first]  # without the path from the root and back
                 yield float(cost), float(np.linalg.norm(sides, axis=1).sum()), loop
@@ -194,14 +176,14 @@ def _nonseparating_loops(closed: _Closed) -> Iterator[tuple[float, float, IntArr
 
 def _closed_loop(before: AnyArray, *ends: int) -> tuple[IntArray, int]:
     """List the vertices along the loop that an edge closes in a tree; return also the nearest to the root."""
-    from_first, from_second = (path_to_root(before, vertex) for vertex in ends)
+    from_first, from_second = (_path_to_root(before, vertex) for vertex in ends)
     while len(from_first) > 1 and len(from_second) > 1 and from_first[-2] == from_second[-2]:
         from_first.pop()
         from_second.pop()
     return np.array(from_first + from_second[-2::-1]), from_first[-1]
 
 
-def path_to_root(before: AnyArray, vertex: int) -> list[int]:
+def _path_to_root(before: AnyArray, vertex: int) -> list[int]:
     """List the vertices of a tree from one of them to the root."""
     path = [int(vertex)]
     while before[path[-1]] >= 0:
@@ -235,9 +217,9 @@ def _closing_edges(
 
 # These are no settings: a crease is only a hypothesis, which the map closes again where it is a fold,
 # and ``preparation.self_contact_concavity`` = 0 rules out all creases.
-CREASE_ANGLE = -45.0  # degrees; sharper edges form a crease
-MAX_BRIDGE_COST = 0.03  # √area, of paths that join pieces of a crease
-MIN_CREASE_LENGTH = 0.12  # √area
+CREASE_ANGLE = -45.0  # degrees; edges sharper than this form creases
+MAX_BRIDGE_COST = 0.03  # √area; largest cost of a path that joins two pieces of a crease
+MIN_CREASE_LENGTH = 0.12  # √area; a shorter crease is left out
 
 
 def find_creases(mesh: Mesh) -> IntArray:
@@ -269,7 +251,7 @@ def find_creases(mesh: Mesh) -> IntArray:
             chosen += [edges_to_root(before, vertex) for vertex in ends[edge]]
     edges = np.unique(np.sort(np.concatenate(chosen), axis=1), axis=0)
     is_cut = are_among(ends, _longest_paths(mesh, edges, MIN_CREASE_LENGTH * size))
-    # a path next to a hole may cut off a piece
+    # A path next to a hole may cut off a piece; its edges are left out.
     _, part = label_components(mesh.n_faces, tuple(beside[~is_cut].T))
     aside = (part[beside] != np.bincount(part).argmax()).any(axis=1)
     kept: IntArray = ends[is_cut & ~aside]
@@ -291,7 +273,7 @@ def ends_of(edges: IntArray) -> IntArray:
 
 def edges_to_root(before: AnyArray, vertex: int) -> IntArray:
     """List the edges (q, 2) of the path from a vertex to the root of its tree."""
-    along = np.array(path_to_root(before, vertex))
+    along = np.array(_path_to_root(before, vertex))
     return np.column_stack([along[:-1], along[1:]])
 
 
@@ -299,7 +281,7 @@ def _longest_paths(mesh: Mesh, edges: IntArray, least: float) -> IntArray:
     """Keep the longest path of a spanning tree of each connected set of edges, if it is long enough."""
     n = mesh.n_vertices
     lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
-    # dijkstra of scipy 1.15 takes no trees with longer indices
+    # The indices are short, because dijkstra of scipy 1.15 takes no trees with longer ones.
     ends = tuple(edges.T.astype(np.int32))
     tree = minimum_spanning_tree(coo_array((lengths, ends), shape=(n, n)).tocsr())
     _, piece = connected_components(tree, directed=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
@@ -24,16 +24,16 @@ from isomatch.surfaces import (
     unsound_faces,
 )
 
-SHEET_DISTANCE = 0.1  # √area; the default of `PreparationSettings`
-PROBES_PER_SEAM = 8  # vertices whose copies are tested for their distance
+SHEET_DISTANCE = 0.1  # √area; the default of `PreparationSettings.sheet_distance`
+PROBES_PER_SEAM = 8  # vertices of a seam at which the distance of the copies is measured
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Separation:
     """A mesh whose sheets were separated."""
 
-    mesh: Mesh  # the vertices of the glued mesh, then copies of some
-    vertex_index: IntArray  # (n_new,) vertex of the glued mesh of each vertex
+    mesh: Mesh  # has the vertices of the glued mesh, then copies of some of them
+    vertex_index: IntArray  # the vertex of the glued mesh that each vertex comes from, (n_new,)
     seams: tuple[IntArray, ...]  # separated vertices (s,) of the glued mesh, for each connected seam
 
     @property
@@ -60,24 +60,12 @@ def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separ
     and have the most similar normals. Around a vertex, the faces of one sheet form a fan. Each fan
     gets a vertex of its own, at the same position.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Its faces are wound consistently, inward or outward. Coincident vertices count as different.
-    least_distance : float
-        Sheets are separated if copies of a vertex of the seam are farther apart along edges, in √area: a
-        pinch between neighbours shortens no path.
-
-    Returns
-    -------
-    Separation
-        The same mesh, without seams, if no sheets were separated. Copies are at one position, so distances
-        between them need ``weld=False``. Pieces that would become components of their own stay glued, or
-        are left out if they have no vertices of their own.
-
-    Notes
-    -----
-    O(n log n) time, and about 0.1 ms for each edge of more than two faces.
+    The faces are wound consistently, inward or outward; coincident vertices count as different. Sheets
+    are separated if copies of a vertex of the seam are farther apart along edges than the least
+    distance, in √area: a pinch between neighbours shortens no path. Copies are at one position, so
+    distances between them need ``weld=False``. Pieces that would become components of their own stay
+    glued, or are left out if they have no vertices of their own. O(n log n) time, and about 0.1 ms
+    for each edge of more than two faces.
     """
     whole = Separation(mesh, np.arange(mesh.n_vertices), ())
     faces = _restore_layers(mesh.vertices, mesh.faces)
@@ -85,7 +73,7 @@ def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separ
     used[faces] = True
     points = np.where(used, mesh.vertices, 0.0)
     points /= np.abs(points).max(initial=0.0) or 1.0  # keeps squares and products from overflowing
-    partners = Partners(points, faces)
+    partners = _Partners(points, faces)
     partners.heal()
     fan, vertex = partners.fans()
     if (np.bincount(vertex, minlength=1) < 2).all():
@@ -95,10 +83,8 @@ def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separ
     distant = far_copies(separated, vertex, _seams(faces, vertex), least_distance)
     if not distant:
         return whole
-    parted, index = copy_at_fans(
-        mesh, fan, vertex, np.isin(np.arange(mesh.n_vertices), np.concatenate(distant))
-    )
-    return Separation(parted, index, tuple(distant))
+    are_copied = np.isin(np.arange(mesh.n_vertices), np.concatenate(distant))
+    return Separation(*copy_at_fans(mesh, fan, vertex, are_copied), tuple(distant))
 
 
 def _restore_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
@@ -134,7 +120,7 @@ def _restore_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     rim_of = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[rim_of], np.arange(n_pieces + 1))
     faces_of = split_by(piece)
-    # the smallest layer first: a wall before the rooms beside it
+    # The smallest layer comes first: a wall before the rooms beside it.
     for i in np.flatnonzero(one_sign)[area[one_sign].argsort(kind="stable")]:
         rim_rows = rim_of[start[i] : start[i + 1]]
         sign = np.sign(surplus[edge_of[rim_rows]] * direction_of[rim_rows])
@@ -191,13 +177,17 @@ def far_copies(
     return [seam for seam in seams if is_far(seam)]
 
 
-MAX_LIKENESS_LOSS = 1.95  # an exchange of partners between two flat sheets loses 2
+# Partners are exchanged if the likeness that this loses is smaller; between two flat sheets it is 2.
+MAX_LIKENESS_LOSS = 1.95
 HEALING_ROUNDS = 3
-MAX_PAIRED_FACES = 100  # at one edge, as pairing is quadratic; sheets that touch have 4 or 6
-MAX_PAIRED_VERTICES = 1000  # with one fan, in a net of crowded edges; all pairs are compared
+# The faces of an edge are paired if they are no more than this, as pairing is quadratic in their
+# number; at sheets that touch there are 4 or 6.
+MAX_PAIRED_FACES = 100
+# Vertices with one fan are paired if a net of crowded edges has no more, as all pairs are compared.
+MAX_PAIRED_VERTICES = 1000
 
 
-class Partners:
+class _Partners:
     """The sides of m faces that continue one another on a sheet."""
 
     # Side 3 f + i of face f goes from its corner i to the next. partner (3 m,) is −1 where no side
@@ -252,52 +242,35 @@ class Partners:
             return
         ends = np.array(usable)
         losses = np.array([self.change[edge][0] for edge in usable])
-        nets = [_Net.of(ends[rows], losses[rows]) for rows in _connected_rows(ends)]
+        _, net = label_components(self._n, tuple(ends.T))
+        nets = [(ends[rows], losses[rows]) for rows in split_by(net[ends[:, 0]])]
         for _ in range(HEALING_ROUNDS):
             n_fans = np.bincount(self.fans()[1], minlength=self._n)
-            changes = [edge for net in nets for edge in net.paths(n_fans)]
+            changes = [edge for net in nets for edge in _healing_paths(*net, n_fans)]
             if not changes:
                 return
             for edge in changes:
                 _, p, q = self.change[edge]
-                self._exchange(p, q)
-
-    def _exchange(self, p: int, q: int) -> None:
-        of_p, of_q = self.partner[[p, q]]
-        self.partner[[p, of_q, q, of_p]] = of_q, p, of_p, q
+                of_p, of_q = self.partner[[p, q]]
+                self.partner[[p, of_q, q, of_p]] = of_q, p, of_p, q
 
 
-@dataclass(frozen=True)
-class _Net:
-    """Connected crowded edges: their vertices, and the matrix of the loss by a change at each edge."""
+def _healing_paths(ends: IntArray, losses: FloatArray, n_fans: IntArray) -> Iterator[tuple[int, int]]:
+    """Yield the edges of paths between vertices with one fan, nearest pairs first; none if there are too many.
 
-    vertices: IntArray
-    losses: csr_array
-
-    @classmethod
-    def of(cls, ends: IntArray, losses: FloatArray) -> _Net:
-        vertices, local = np.unique(ends, return_inverse=True)
-        shape = (len(vertices),) * 2
-        return cls(vertices, coo_array((losses + 1e-3, tuple(local.reshape(-1, 2).T)), shape=shape).tocsr())
-
-    def paths(self, n_fans: IntArray) -> Iterator[tuple[int, int]]:
-        """Yield edges of paths between vertices with one fan, nearest pairs first; none if there are too many."""
-        single = np.flatnonzero(n_fans[self.vertices] == 1)
-        if not 2 <= len(single) <= MAX_PAIRED_VERTICES:
-            return
-        lengths, before = dijkstra(self.losses, directed=False, indices=single, return_predecessors=True)
-        for i, j in _nearest_pairs(lengths[:, single]):
-            for edge in np.sort(edges_to_root(before[i], int(single[j])), axis=1):
-                low, high = self.vertices[edge].tolist()
-                yield low, high
-
-
-def _connected_rows(ends: IntArray) -> list[IntArray]:
-    """List the rows of the edges of each connected net."""
+    The paths run along connected edges (e, 2), and their length is the loss (e,) by a change at each.
+    """
     vertices, local = np.unique(ends, return_inverse=True)
-    local = local.reshape(-1, 2)
-    _, label = label_components(len(vertices), (local[:, 0], local[:, 1]))
-    return split_by(label[local[:, 0]])
+    single = np.flatnonzero(n_fans[vertices] == 1)
+    if not 2 <= len(single) <= MAX_PAIRED_VERTICES:
+        return
+    entries = losses + 1e-3, tuple(local.reshape(-1, 2).T)
+    graph = coo_array(entries, shape=(len(vertices),) * 2).tocsr()
+    lengths, before = dijkstra(graph, directed=False, indices=single, return_predecessors=True)
+    for i, j in _nearest_pairs(lengths[:, single]):
+        for edge in np.sort(edges_to_root(before[i], int(single[j])), axis=1):
+            low, high = vertices[edge].tolist()
+            yield low, high
 
 
 def split_by(label: IntArray) -> list[IntArray]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from isomatch._core.arrays import BoolArray, IntArray
 from isomatch.io import Asset
-from isomatch.repair._winding import wind_outward
+from isomatch.repair._winding import faces_to_rewind, rewind_faces
 from isomatch.repair.base import base_of
 from isomatch.repair.draft import Draft, VertexTrace, describe_places
 from isomatch.repair.gaps import first_within, insert_t_junctions
@@ -19,10 +19,16 @@ from isomatch.surfaces import Mesh, first_equal, unsound_faces
 
 def close_gaps(draft: Draft, weld: bool | float = True, insert: bool = True) -> Draft:
     """Weld vertices at one place, or within a distance, and insert vertices into sides they lie on."""
-    # welded vertices stay until `drop_welded`, so that an asset keeps its numbers
-    n = draft.mesh.n_vertices
-    onto = _find_survivors(draft, weld)
-    where = "at the same position" if isinstance(weld, bool) else f"within {weld:g}"
+    # Welded vertices stay until `drop_welded`, so that an asset keeps its numbers. Vertices of different
+    # parts are not welded.
+    n, places = draft.mesh.n_vertices, draft.mesh.vertices
+    if draft.asset and len(draft.asset.parts) > 1:
+        places = np.column_stack([places, draft.asset.part_of_point])
+    onto, where = np.arange(n), "at the same position"
+    if not isinstance(weld, bool):
+        onto, where = first_within(places, weld), f"within {weld:g}"
+    elif weld:
+        onto = first_equal(places)
     welded = onto != np.arange(n)
     draft = draft.counted(f"welded {{}} onto an earlier vertex {where}", "vertex", welded)
     draft = _insert_on_sides(draft, onto) if insert else draft
@@ -30,16 +36,6 @@ def close_gaps(draft: Draft, weld: bool | float = True, insert: bool = True) -> 
         return draft
     mesh = Mesh(draft.mesh.vertices, _renumbered(draft.mesh.faces, onto))
     return draft.made_into(mesh, VertexTrace(np.arange(n), onto))
-
-
-def _find_survivors(draft: Draft, weld: bool | float) -> IntArray:
-    """Find the vertex (n,) that each vertex is welded onto; different parts are not welded."""
-    places = draft.mesh.vertices
-    if draft.asset and len(draft.asset.parts) > 1:
-        places = np.column_stack([places, draft.asset.part_of_point])
-    if not isinstance(weld, bool):
-        return first_within(places, weld)
-    return first_equal(places) if weld else np.arange(len(places))
 
 
 def _renumbered(faces: IntArray, number: IntArray) -> IntArray:
@@ -58,7 +54,7 @@ def _insert_on_sides(draft: Draft, onto: IntArray) -> Draft:
     whole, inserted = insert_t_junctions(given, onto, is_sound)
     if not inserted.any():
         return draft
-    # triangles of a polygon with a new corner come from its first triangle
+    # All triangles of a polygon with a new corner come from its first triangle.
     origin = np.searchsorted(given.polygons.of_triangle, whole.polygons.of_triangle)
     return replace(
         draft,
@@ -77,9 +73,8 @@ def drop_unsound_faces(draft: Draft, keep_duplicates: bool = False) -> Draft:
         "a vertex index out of range": bad.out_of_range,
         "a non-finite vertex": bad.non_finite,
         "a repeated vertex": bad.repeated_index,
+        "the vertices of an earlier face": bad.duplicate & (not keep_duplicates),
     }
-    if not keep_duplicates:
-        kinds["the vertices of an earlier face"] = bad.duplicate
     for what, faces in kinds.items():
         draft = draft.counted(f"removed {{}} with {what}", "face", faces)
     return draft.without_faces(np.logical_or.reduce([*kinds.values()]))
@@ -112,7 +107,8 @@ def drop_outliers(draft: Draft) -> Draft:
 
 def wind(draft: Draft) -> Draft:
     """Wind the faces consistently, and outward where the outside is known."""
-    mesh, rewound = wind_outward(draft.mesh)
+    rewound = faces_to_rewind(draft.mesh)
+    mesh = rewind_faces(draft.mesh, rewound) if rewound.any() else draft.mesh
     return replace(draft, mesh=mesh, rewound=draft.rewound ^ rewound)
 
 
@@ -122,7 +118,7 @@ def part_limbs(draft: Draft, least_distance: float) -> Draft:
         return draft
     trace = VertexTrace(limbs.vertex_index, np.arange(draft.mesh.n_vertices))
     contacts = tuple(draft.trace.given[seam] for seam in limbs.seams)
-    # the winding did not cross merged edges, where more than two faces met
+    # The faces are wound again, because before, more than two of them met at merged edges.
     return wind(replace(draft.made_into(limbs.mesh, trace), contacts=contacts))
 
 

@@ -8,20 +8,20 @@ from scipy.spatial import cKDTree
 from isomatch._core.errors import SettingError
 from isomatch.surfaces import Mesh
 
-WALL_THICKNESS = 0.05  # √area; normals times it separate sheets: decisions.md, double walls
-N_PROBED = 1000  # vertices, spread evenly over the area; they measure the share to 1.5 %
-MAX_COMPARED_VERTICES = 50_000  # candidates for the other sheet, 0.004 √area apart
-PROBED_DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # of the wall thickness, at which the other sheet is sought
-MAX_OPPOSITE_COSINE = -0.7  # between the normals of two sheets
-MIN_STEEPNESS = 2.0  # depth of the other sheet over its sideways offset
+WALL_THICKNESS = 0.05  # √area; the largest thickness of a wall: decisions.md, double walls
+N_PROBED = 1000  # vertices, spread evenly over the area, that are probed; they measure the share to 1.5 %
+MAX_COMPARED_VERTICES = 50_000  # vertices among which the other sheet is sought, 0.004 √area apart
+PROBED_DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # fractions of the thickness at which the other sheet is sought
+MAX_OPPOSITE_COSINE = -0.7  # The cosine between the normals of the two sheets of a wall is smaller than this.
+# The depth of the other sheet is at least this many times its sideways offset.
+MIN_STEEPNESS = 2.0
 
 
 def double_walled_share(surface: Mesh, wall: float = WALL_THICKNESS) -> float:
     """Measure the share of the area with another sheet close behind that faces away, as in skulls.
 
-    The surface has sound faces, wound consistently; ``wall`` is the largest thickness, in √area.
-    Behind each of 1000 vertices, the nearest vertex is sought at five depths: O(n) time, 0.3 s for
-    90 000 vertices.
+    The surface has sound faces, wound consistently; ``wall`` is the largest thickness, in √area. The
+    other sheet is sought behind 1000 vertices at five depths: O(n) time, 0.3 s for 90 000 vertices.
     """
     if not 0 <= wall < np.inf:
         raise SettingError(f"wall = {wall!r} is not a thickness; give 0 or more, in √area")

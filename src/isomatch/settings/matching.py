@@ -193,7 +193,8 @@ class PartSettings(Settings):
         applies if few distances are known (``little_trusted``).
     bending, n_bent_vertices : tuple of float, int
         Lengths, in √area of the whole, at which the part resists stretching when it is bent onto
-        the whole by `register_as_rigid_as_possible`; its vertices while contenders are compared.
+        the whole, see `RigidRegistration`; number of its vertices while contenders are
+        compared.
     n_settled : int
         Number of best maps that are settled: the part is bent, its map refined from the bent part,
         and so on.

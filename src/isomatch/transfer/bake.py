@@ -30,14 +30,12 @@ from isomatch.surfaces import Mesh, PrecisePoints, label_components, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
 
-TEXELS_PER_CHUNK = 2**18  # bounds the memory for colours
-UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey: unmatched places and unreadable pictures
-SIZE_LIMITS = (8, 16384)  # texels
-FIRST_UDIM_TILE, MAX_TILES = (
-    1001,
-    16,
-)  # more UDIM tiles than this mean that a picture repeats
-SAME_PLACE_DISTANCE = 0.01  # √area; points of one texel that are farther apart are different places
+TEXELS_PER_CHUNK = 2**18  # texels whose colours are computed at once, which bounds the memory
+UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey, for unmatched places and unreadable pictures
+SIZE_LIMITS = (8, 16384)  # smallest and largest width of a picture, in texels
+FIRST_UDIM_TILE = 1001
+MAX_TILES = 16  # A picture repeats if the coordinates are in more UDIM tiles than this.
+SAME_PLACE_DISTANCE = 0.01  # √area; two points of one texel that are farther apart are different places
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,16 +45,15 @@ class Baked:
     Parameters
     ----------
     tiles : dict of int to (size, size, 4) array of uint8
-        The picture of each tile by its UDIM number, 1001 + u + 10 v; one, 1001, if all coordinates are in 0…1. Red,
-        green, blue and opacity; row 0 is at the top.
+        The picture of each tile by its UDIM number, 1001 + u + 10 v; only 1001 if all coordinates are
+        in 0…1. Red, green, blue and opacity; row 0 is at the top.
     asset : Asset
-        The one that receives; written as glTF, it shows the pictures.
+        The asset that receives; written as glTF, it shows the pictures.
     unmatched : int
-        Texels of the surface without an image, which are grey.
+        Number of texels of the surface without an image, which are grey.
     notes : tuple of str
-        Pictures of the other that cannot be read, and why; their places are grey. The share of the
-        surface that shows other parts, because two parts have the same places in the picture; the
-        first is painted.
+        Pictures of the other asset that cannot be read, and why; their places are grey. The share of
+        the surface that shows other parts, because they have the same places in the picture.
     """
 
     tiles: Mapping[int, AnyArray]
@@ -78,7 +75,11 @@ class Baked:
 def bake_texture(
     correspondence: Correspondence, source: Asset, target: Asset, size: int = 1024, *, to: Side = "source"
 ) -> Baked:
-    """Paint a texture for the texture coordinates that one asset has, from the texture or the colours of the other.
+    """Paint a texture for the texture coordinates of one asset, from the texture or the colours of the other.
+
+    Each texel on the surface takes the colour at its place under the piecewise linear map. Texels
+    beside the surface take the colour of the nearest one on it, so that no seam shows. O(size²) time
+    and memory, beside the reversal of the map if the target receives.
 
     Parameters
     ----------
@@ -91,28 +92,15 @@ def bake_texture(
     to : {"source", "target"}
         Which of the two receives.
 
-    Returns
-    -------
-    Baked
-        Texels beside the surface have the colour of the nearest on it, so that no seam shows.
-
     Raises
     ------
-    MapError
-        If the map is one of other surfaces.
-    DescriptorError
-        If the one has no texture coordinates, or the other neither texture nor colours, or no picture that can be read.
-    SettingError
-        If the size is not a number of texels.
-
-    Notes
-    -----
-    Each texel on the surface takes the colour at its place under the piecewise linear map. O(size²) time and memory,
-    beside the reversal of the map if the target receives.
+    MapError, DescriptorError, SettingError
+        If the map is a map of other surfaces; if the one asset has no texture coordinates, or the other
+        neither colours nor a picture that can be read; if the size is not a number of texels.
 
     Examples
     --------
-    A square with texture coordinates takes the colours at the corners of another one, black below and white above.
+    A square takes the colours at the corners of another one, black below and white above.
 
     >>> from isomatch.io import Attribute, Polygons
     >>> square = Asset([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], Polygons([0, 1, 2, 3], [4]))
@@ -167,10 +155,10 @@ def _split_into_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]
     low = np.floor(uv.mean(axis=1))
     uv -= low[:, None]
     is_without = np.isnan(uv).any(axis=(1, 2))
-    uv[is_without] = -1.0  # outside the first tile
+    uv[is_without] = -1.0  # lies outside the first tile
     is_in_first = is_without | (low < 0).any(axis=1) | (low[:, 0] > 9)
     tile = np.where(is_in_first, FIRST_UDIM_TILE, FIRST_UDIM_TILE + low @ [1, 10]).astype(np.int64)
-    if len(np.unique(tile[~is_without])) > MAX_TILES:  # a repeated picture, not tiles
+    if len(np.unique(tile[~is_without])) > MAX_TILES:
         tile[:] = FIRST_UDIM_TILE
     return uv, tile, np.unique(tile[~is_without]).tolist()
 
@@ -180,7 +168,7 @@ def _rasterise_faces(
 ) -> tuple[BoolArray, PrecisePoints, float]:
     """Find the texels that show faces, the points that they show, and the area hidden below."""
     corners = uv.reshape(-1, 2)
-    # the first chart is on top
+    # The first chart is drawn on top.
     height = -np.repeat(_number_charts(mesh.faces[triangles], uv), 3) / size
     texels = np.column_stack([corners[:, 0], 1 - corners[:, 1], height]) * size
     rows = np.arange(len(corners)).reshape(-1, 3)
@@ -189,7 +177,13 @@ def _rasterise_faces(
     face, face_below = triangles[above.face[covered]], triangles[below.face[covered]]
     seen = PrecisePoints(mesh.faces[face], above.barycentric[covered])
     hidden = PrecisePoints(mesh.faces[face_below], below.barycentric[covered])
-    return covered, seen, _hidden_area(mesh, face_below, seen, hidden)
+    # A face is hidden if most of its texels show another place.
+    distances = np.linalg.norm(hidden.interpolated(mesh.vertices) - seen.interpolated(mesh.vertices), axis=1)
+    is_elsewhere = distances > SAME_PLACE_DISTANCE * np.sqrt(mesh.area)
+    n_hidden = np.bincount(face_below, is_elsewhere, mesh.n_faces)
+    n_texels = np.bincount(face_below, minlength=mesh.n_faces)
+    is_hidden = n_hidden > 0.5 * np.maximum(n_texels, 1)
+    return covered, seen, float(mesh.face_areas[is_hidden].sum())
 
 
 def _colours_at(points: PrecisePoints, bridge: Bridge, paint: _Paint) -> tuple[FloatArray, int]:
@@ -216,18 +210,6 @@ def _number_charts(faces: IntArray, uv: FloatArray) -> IntArray:
     )
     _, first, number = np.unique(label[place[:, 0]], return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[number])
-
-
-def _hidden_area(mesh: Mesh, below: IntArray, seen: PrecisePoints, hidden: PrecisePoints) -> float:
-    """Compute the area of faces that are hidden in most of their texels."""
-    hidden_positions, seen_positions = (points.interpolated(mesh.vertices) for points in (hidden, seen))
-    is_elsewhere = np.linalg.norm(hidden_positions - seen_positions, axis=1) > SAME_PLACE_DISTANCE * np.sqrt(
-        mesh.area
-    )
-    n_hidden, n_texels = (
-        np.bincount(below, weights, mesh.n_faces) for weights in (is_elsewhere, np.ones(len(below)))
-    )
-    return float(mesh.face_areas[n_hidden > 0.5 * np.maximum(n_texels, 1)].sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,9 +256,8 @@ class _Paint:
 
     def _of_points(self, places: Places) -> FloatArray:
         colour = self.asset.of_kind("colour")[0]
-        seen = np.nan_to_num(
-            places.interpolated(colour.fractions, places.rows(colour)), nan=UNPAINTED_COLOUR[0]
-        )
+        seen = places.interpolated(colour.fractions, places.rows(colour))
+        seen = np.nan_to_num(seen, nan=UNPAINTED_COLOUR[0])
         return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
 
     def _of_layer(self, layer: Layer, places: Places) -> FloatArray:

@@ -17,16 +17,18 @@ from isomatch.io import Asset, Attribute
 from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-# × extent of the surface; a corner that ends farther from its image was stopped at a texture seam
+# Fraction of the extent of the surface. A corner that ends farther from its image than this was stopped
+# at a texture seam.
 ACROSS_SEAM_DISTANCE = 1e-6
-SAME_SIZE_RATIO = 1.1  # smaller ratios of size come from bending and from noise of the map
-# × √area; length over which the rotations of shape keys are averaged. It was measured on bodies and
+# Shapes whose sizes differ by a smaller factor count as equal: it comes from bending and noise of the map.
+SAME_SIZE_RATIO = 1.1
+# √area; the length over which the rotations of shape keys are averaged. It was measured on bodies and
 # heads of different people with keys that move by one vector: the directions differ by at most 4°
 # (median), 6° with half the length.
 SMOOTHING_LENGTH = 0.1
-# of the mesh on which rotations are averaged; its edges have a sixth of that length
+# Vertices of the mesh on which rotations are averaged; its edges have a sixth of that length.
 N_COARSE_VERTICES = 4000
-LAPLACIAN_SHIFT = 1e-9  # 1 / area; makes a singular Laplacian definite
+LAPLACIAN_SHIFT = 1e-9  # 1 / area; added to a singular Laplacian to make it definite
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +36,12 @@ class Places:
     """Points on an asset: the triangle of its polygons that holds each, and the weights of its corners."""
 
     asset: Asset
-    triangle: IntArray  # (m,), −1 for none
-    barycentric: FloatArray  # (m, 3)
+    triangle: IntArray  # the triangle (m,) of each point; −1 if it has no place
+    barycentric: FloatArray  # weights (m, 3) of the corners of the triangles
 
     @property
-    def has_place(self) -> BoolArray:  # (m,)
-        """Which points have a place."""
+    def has_place(self) -> BoolArray:
+        """Which points have a place, (m,)."""
         return self.triangle >= 0
 
     def rows(self, attribute: Attribute) -> IntArray:
@@ -62,13 +64,13 @@ class Places:
 class Bridge:
     """A map from the mesh of the asset that receives to the mesh of the one that gives."""
 
-    map: Correspondence  # receiver.mesh → giver.mesh
+    map: Correspondence  # maps receiver.mesh → giver.mesh
     receiver: Asset
     giver: Asset
 
     @classmethod
     def between(cls, images: Correspondence, source: Asset, target: Asset, *, to_source: bool) -> Bridge:
-        """Make the bridge of a map source → target, between the points of the two files or between their meshes."""
+        """Make the bridge of a map source → target between the points of two files, or between their meshes."""
         for name, asset in (("source", source), ("target", target)):
             if not len(asset.polygons):
                 reason = "has no polygons, and values are carried between surfaces"
@@ -127,12 +129,10 @@ class Bridge:
         barycentric[placed[:, None], corner_order[triangle[placed]]] = sorted_weights[placed]
         corner_of_vertex = np.full(self.giver.mesh.n_vertices, UNMATCHED)
         corner_of_vertex[faces.ravel()] = np.arange(faces.size)
-        without_triangle = np.flatnonzero(images.matched & ~inside)
-        corner = corner_of_vertex[
-            images.faces[without_triangle, images.barycentric[without_triangle].argmax(axis=1)]
-        ]
-        triangle[without_triangle] = np.where(corner >= 0, corner // 3, UNMATCHED)
-        barycentric[without_triangle, corner % 3] = 1.0
+        outside = np.flatnonzero(images.matched & ~inside)
+        corner = corner_of_vertex[images.faces[outside, images.barycentric[outside].argmax(axis=1)]]
+        triangle[outside] = np.where(corner >= 0, corner // 3, UNMATCHED)
+        barycentric[outside, corner % 3] = 1.0
         return Places(self.giver, triangle, barycentric)
 
     @cached_property
@@ -140,10 +140,9 @@ class Bridge:
         """Ratio of sizes, receiver to giver: a median over matched faces; 1 if about equal."""
         faces = self.receiver.mesh.faces
         faces = faces[self.map.matched[faces].all(axis=1)]
-        receiver_lengths, giver_lengths = (
-            np.linalg.norm(x[faces] - x[np.roll(faces, 1, axis=1)], axis=2).sum(axis=1)
-            for x in (self.receiver.mesh.vertices, self.image_positions)
-        )
+        both = self.receiver.mesh.vertices[faces], self.image_positions[faces]
+        sides = (np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2) for x in both)
+        receiver_lengths, giver_lengths = (lengths.sum(axis=1) for lengths in sides)
         ratios = receiver_lengths[giver_lengths > 0] / giver_lengths[giver_lengths > 0]
         ratio = float(np.median(ratios)) if len(ratios) else 1.0
         return 1.0 if 1 / SAME_SIZE_RATIO < ratio < SAME_SIZE_RATIO else ratio
@@ -212,7 +211,7 @@ class Bridge:
             a, b, c = (x[mesh.faces[:, k]] for k in range(3))
             size = np.linalg.norm(b - a, axis=1) + np.linalg.norm(c - a, axis=1)
             normal = upright[mesh.faces].mean(axis=1) * size[:, None]
-            frames.append(np.stack([b - a, c - a, normal], axis=1))  # rows
+            frames.append(np.stack([b - a, c - a, normal], axis=1))
         fit = np.nan_to_num(np.einsum("fri,frj->fij", *frames))
         summed = np.zeros((mesh.n_vertices, 3, 3))
         for k in range(3):
@@ -220,7 +219,8 @@ class Bridge:
         return summed
 
     def _nearest_rotations(self, fits: FloatArray) -> FloatArray:
-        # All are reflections if most of the surface is mirrored: det Σ HᵀG < 0 at most vertices.
+        """Return the rotations (n, 3, 3) nearest to fits, or reflections if the map mirrors; identity for 0."""
+        # The map mirrors if det Σ HᵀG < 0 at most vertices.
         is_mirrored = bool(np.sign(np.linalg.det(self._fits)).sum() < 0)
         turns = nearest_rotation(fits, mirrored=is_mirrored)
         turns[(fits == 0).all(axis=(1, 2))] = np.eye(3)
@@ -231,10 +231,10 @@ class Bridge:
 class Patches:
     """Pieces of the receiver's surface; their areas weight votes for labels and means."""
 
-    area: FloatArray  # of each piece
-    owner: IntArray  # a vertex, a corner or a polygon
-    rows: IntArray  # of an attribute of the giver at each piece
-    owner_of_row: IntArray  # of each row of the receiver
+    area: FloatArray  # the area of each piece
+    owner: IntArray  # the vertex, corner or polygon that each piece belongs to
+    rows: IntArray  # the row of an attribute of the giver at each piece
+    owner_of_row: IntArray  # the owner of each row of the receiver
 
     @classmethod
     def of(cls, attribute: Attribute, bridge: Bridge) -> Patches:
@@ -286,19 +286,19 @@ def interpolated_at_corners(bridge: Bridge, attribute: Attribute) -> tuple[Float
 
 
 def _first_corners(asset: Asset, attribute: Attribute) -> IntArray:
-    """(c,) the first corner at the same vertex with the same values."""
+    """Find the first corner (c,) at the same vertex with the same values."""
     values = columns(attribute)[rows_of_corners(asset, attribute)]
-    none = np.finfo(np.float64).max  # nan is equal to no other
+    none = np.finfo(np.float64).max  # stands for nan, which is equal to no number
     return first_equal(np.column_stack([asset.vertex_of_corner, np.where(np.isnan(values), none, values)]))
 
 
 def columns(attribute: Attribute) -> FloatArray:
-    """(k, d) the values of an attribute as floats."""
+    """Return the values of an attribute as floats (k, d)."""
     return attribute.values.reshape(len(attribute), -1).astype(np.float64)
 
 
 def rows_of_corners(asset: Asset, attribute: Attribute) -> IntArray:
-    """(c,) row of an attribute at each corner of an asset."""
+    """Return the row of an attribute at each corner of an asset, (c,)."""
     polygons = asset.polygons
     if attribute.domain == "point":
         return polygons.corners

@@ -18,8 +18,7 @@ from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surfac
 from isomatch.transfer.bridge import Bridge
 from isomatch.transfer.choices import Side
 
-# √area of the target; a target point farther from all images has no preimage
-MAX_PREIMAGE_DISTANCE = 0.05
+MAX_PREIMAGE_DISTANCE = 0.05  # √area of the target; a target point farther from all images has no preimage
 
 
 def carry_landmarks(
@@ -34,41 +33,37 @@ def carry_landmarks(
 ) -> Landmarks:
     """Carry landmarks of one shape to the other.
 
+    A landmark is moved to the nearest point of its surface, and from there to the same point between
+    the images of the corners of its triangle. A curve is first drawn on its surface in steps of half an
+    edge, and all its points are carried.
+
     Parameters
     ----------
     given : MatchResult or Correspondence
         Map source → target. A result also gives the expected error of each point.
     source, target : Asset, or what `surface_from` takes
-        Its two ends.
+        The surfaces of the map.
     landmarks : Landmarks
-        Of the source; of the target if ``to="source"``. They are brought into the space that its file says.
+        Landmarks of the source, or of the target if ``to="source"``. They are brought into the space
+        that its file says.
     to : {"target", "source"}
         Where they go: by the map, or by its inverse.
     curve_points : int, optional
         Number of points on each curve; by default as many as it was drawn with.
     expected_error : (n_source,) array of float, optional
-        At each vertex of the source, in √area of the target; by default taken from ``given`` if it
-        is a result.
+        Expected error at each vertex of the source, in √area of the target; by default the result's.
 
     Returns
     -------
     Landmarks
-        Each is a precise point of the surface, inside a triangle if there are any, in the order and with the names given;
-        nan where the map has no image; in the space of the surface that receives. Points of curves are equally spaced
-        along the carried curve, and have no place if a part of it has no image.
+        Precise points, inside triangles if there are any, in the space of the surface that receives, in
+        the order and with the names given; nan where the map has no image. Points of curves are equally
+        spaced along the carried curve, and have no place if a part of it has no image.
 
     Raises
     ------
-    MapError
-        If it is a map of other surfaces.
-    LandmarkError
-        If a surface has no positions, or a curve cannot be drawn.
-
-    Notes
-    -----
-    A landmark is moved to the nearest point of its surface, and from there to the same point between the images of the
-    corners of its triangle. A curve is first drawn on its surface in steps of half an edge, and all its points are
-    carried.
+    MapError, LandmarkError
+        If it is a map of other surfaces, a surface has no positions, or a curve cannot be drawn.
 
     Examples
     --------
@@ -83,11 +78,10 @@ def carry_landmarks(
     if isinstance(given, MatchResult):
         expected_error = given.expected_error if expected_error is None else expected_error
         given = given.map
-    surfaces = with_frame(source), with_frame(target)
-    landmark_map = _LandmarkMap.of(given, (surfaces[0][0], surfaces[1][0]), expected_error, to)
-    giver_axes, receiver_axes = (
-        frame.axes if frame else None for _, frame in (surfaces if to == "target" else surfaces[::-1])
-    )
+    (source, source_frame), (target, target_frame) = with_frame(source), with_frame(target)
+    landmark_map = _LandmarkMap.of(given, (source, target), expected_error, to)
+    frames = (source_frame, target_frame) if to == "target" else (target_frame, source_frame)
+    giver_axes, receiver_axes = (frame.axes if frame else None for frame in frames)
     landmarks = landmarks.in_axes(giver_axes).with_separate_curves()
     axes = receiver_axes or landmarks.axes or giver_axes
     placed, unit = landmarks.placed, landmarks.unit
@@ -124,7 +118,7 @@ class _LandmarkMap:
     map: Correspondence
     source: Mesh | PointCloud
     target: Mesh | PointCloud
-    errors: FloatArray  # at the vertices of the source, in √area
+    errors: FloatArray  # expected errors at the vertices of the source, in √area of the target
     to: Side
 
     @classmethod

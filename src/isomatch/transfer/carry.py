@@ -35,7 +35,7 @@ _SYNONYMS: dict[str, Kind] = {
     "weight": "weights",
     **dict.fromkeys(("shape key", "morph target", "blend shape"), "key"),
 }
-UNMATCHED_COLOUR = 0.5  # grey, as a share of white
+UNMATCHED_COLOUR = 0.5  # the grey of unmatched vertices, as a fraction of white
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +45,14 @@ class Carried:
     Parameters
     ----------
     asset : Asset
-        The one that receives, with the attributes of the other.
+        The asset that receives, with the attributes of the other.
     names : tuple of str
         The attributes that were carried.
     unmatched : int
-        Vertices of its mesh that have no image: nan, −1 or an empty text, grey, weights of the first joint alone, their
-        own normals, and the displacements around them.
+        Number of vertices without an image. They get nan, −1 or an empty text, grey, the weights of the
+        first joint alone, their own normals, and the displacements around them.
     across_seams : int
-        Its polygons across a texture seam of the other, whose corners were kept on one side.
+        Number of polygons across a texture seam of the other, whose corners were kept on one side.
     notes : tuple of str
         Losses and obstacles, such as pictures that cannot be read, or a skeleton that is posed.
     taken_as_labels : tuple of str
@@ -79,12 +79,12 @@ def carry_attributes(
 ) -> Carried:
     """Carry attributes from one asset to the other.
 
-    All else of the asset that receives stays as it is. Colours, scalars, vectors and skinning weights are interpolated at
-    the precise images; as many weights are kept as the other has, with sum 1. Normals turn with the surface. So do shape
-    keys, by rotations averaged over a tenth of √area, and they grow with it. Values that differ at the corners of one
-    point, as at a texture seam, are carried to corners, all of a polygon from one side. Labels are never averaged; other
-    values of polygons are, by area. With texture coordinates go materials and pictures, with weights the joints instead
-    of those that the receiver had.
+    All else of the asset that receives stays as it is. Colours, scalars, vectors and skinning weights
+    are interpolated at the precise images; as many weights are kept as the other has, with sum 1.
+    Normals turn with the surface. So do shape keys, by rotations averaged over a tenth of √area, and
+    they grow with it. Values that differ at the corners of one point, as at a texture seam, are carried
+    to corners, all of a polygon from one side. Labels are never averaged; other values of polygons are,
+    by area. With texture coordinates go materials and pictures, with weights the joints.
 
     Parameters
     ----------
@@ -93,25 +93,22 @@ def carry_attributes(
     source, target : Asset
         From `read_asset`.
     data : str or iterable of str
-        Names of attributes, or kinds: ``"label"``, ``"colour"``, ``"scalar"``, ``"vector"``, ``"normal"``, ``"uv"``,
-        ``"weights"``, ``"key"`` (shape keys); ``"all"`` for everything.
+        Names of attributes, or kinds: ``"label"``, ``"colour"``, ``"scalar"``, ``"vector"``,
+        ``"normal"``, ``"uv"``, ``"weights"``, ``"key"`` (shape keys); ``"all"`` for everything.
     to : {"source", "target"}
         Which of the two receives. To the target, the map is reversed on the surfaces.
     labels : {"nearest", "majority"}
         Labels of points: the label of the nearest vertex, or the one with most area around the
         point. Polygons always take the label with most area.
     numbers_as : {"labels", "values"}, optional
-        Whether numbers are carried as labels or interpolated. By default those that are named or declared as labels,
-        integers, and floats of `Attribute.seems_labels` are labels. Labels that have names, or are texts, always are.
+        Whether numbers are carried as labels or interpolated. By default those named or declared as
+        labels, integers, and floats of `Attribute.seems_labels` are labels. Labels that have names, or
+        are texts, always are.
 
     Raises
     ------
-    MapError
-        If the map is one of other surfaces.
-    DescriptorError
-        If there is no such attribute.
-    SettingError
-        If an option is unknown.
+    MapError, DescriptorError, SettingError
+        If the map is a map of other surfaces, there is no such attribute, or an option is unknown.
 
     Examples
     --------
@@ -147,7 +144,7 @@ def carry_attributes(
             new, n_across = _interpolate(attribute, bridge)
             across = max(across, n_across)
         asset = asset.with_attributes(receiver.from_placed(new))
-    # formats that store a single attribute of a kind write the first
+    # Formats that store a single attribute of a kind write the first one.
     carried_first = sorted(asset.attributes, key=lambda attribute: attribute.name not in names)
     asset = replace(asset, attributes=tuple(carried_first))
     kinds, notes = {attribute.kind for attribute in chosen}, list[str]()
