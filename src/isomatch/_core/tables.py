@@ -294,7 +294,7 @@ def parse_table(text: str, name: str, not_comments: Collection[str] = ()) -> Tab
     has_commas = any(map(_WITH_COMMA.fullmatch, cells)) and not any(map(_WITH_POINT.fullmatch, cells))
     first = next((row.line for row in rows if row.cells), 0)
     before = [line for number, line in lines if number < first and _COMMENT_MARK.match(line)]
-    width = len(rows[0].cells) if rows else 0
+    width = next((len(row.cells) for row in rows if row.cells), 0)
     last = [(0, _COMMENT_MARK.sub("", line)) for line in before[-1:]]
     headers = (row for mark in (separator, BLANKS) for row in split_rows(last, mark, name, False))
     titles = next((row.cells for row in headers if len(row.cells) == width), [])

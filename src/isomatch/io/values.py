@@ -257,8 +257,8 @@ def _column(table: Table, i: int) -> AnyArray:
     return np.array(["" if cell.lower() in NO_TEXT else cell for cell in cells])
 
 
-def _on_points(kind: Kind) -> Callable[[Attribute], bool]:
-    return lambda attribute: (attribute.domain, attribute.kind) == ("point", kind)
+def _on_points(*kinds: Kind) -> Callable[[Attribute], bool]:
+    return lambda attribute: attribute.domain == "point" and attribute.kind in kinds
 
 
 _GIFTI = partial(ValuesFormat, gifti.read_attributes, gifti.write_attributes, has_names=True)
@@ -268,7 +268,9 @@ _FREESURFER = partial(
 VALUES_FORMATS = {
     ".gii": _GIFTI(gifti.keeps),
     ".annot": _FREESURFER(_on_points("label")),
+    ".func.gii": _GIFTI(_on_points("scalar", "label")),
     ".label.gii": _GIFTI(_on_points("label")),
+    ".rgba.gii": _GIFTI(_on_points("colour"), is_single=True),
     ".shape.gii": _GIFTI(_on_points("scalar")),
     **dict.fromkeys(freesurfer.VALUES, _FREESURFER(_on_points("scalar"))),
     ".npy": ValuesFormat(_read_array, _write_array, is_single=True),

@@ -177,6 +177,13 @@ def is_whole(values: AnyArray) -> BoolArray:
     return np.asarray((np.abs(values) < 2**53) & (values == np.rint(values)))  # False for inf and nan
 
 
+def are_bytes(values: AnyArray) -> bool:
+    """Whether numbers can be bytes of colours: integers from 0 to 255, some of them above 1."""
+    return bool(
+        (values == np.rint(values)).all() and values.min(initial=0) >= 0 and 1 < values.max(initial=0) <= 255
+    )
+
+
 def bytes_or_floats(colours: FloatArray) -> AnyArray:
     """Convert colours to bytes if they are integers and some are above 1; nan is no colour."""
     colours, largest = colours.copy(), np.fmax.reduce(colours[:, :3], axis=None, initial=0)

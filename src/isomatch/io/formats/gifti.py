@@ -14,6 +14,7 @@ from xml.etree.ElementTree import iterparse
 
 import numpy as np
 
+from isomatch._core.errors import FormatError
 from isomatch._core.first_use import package
 from isomatch.io.asset import COMMENTS, NEW_VOLUME, SPACE, Asset, Frame
 from isomatch.io.attribute import Attribute, guess_kind, number_equal_names
@@ -150,6 +151,9 @@ def _require_room(data: bytes) -> None:
     for event, element in iterparse(BytesIO(data), ("start", "end")):
         if event == "start":
             encoding = element.get("Encoding", "") if element.tag == "DataArray" else encoding
+            if "External" in encoding:
+                remedy = "write it as one file, as by wb_command -gifti-convert GZIP_BASE64_BINARY"
+                raise FormatError(f"its arrays are in another file, and are not read; {remedy}")
             continue
         if element.tag == "Data" and "GZip" in encoding:
             stream, rest = zlib.decompressobj(), base64.b64decode(element.text or "")

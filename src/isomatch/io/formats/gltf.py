@@ -37,6 +37,8 @@ _KINDS: dict[str, tuple[str, Kind]] = {
     "TANGENT": ("tangent", "vector"),
 }
 _BYTE_TOLERANCE = 0.03  # of a byte; rounding of bytes that were converted to 16 bits or floats
+_UNIT_TOLERANCE = 1e-3
+"""How far lengths of normals may be from 1 before they are scaled; it exceeds rounding to float32 and bytes."""
 # of points in parts without values; other kinds have 0 and white
 _MISSING_VALUES = {"uv": np.nan, "scalar": np.nan, "label": -1}
 # the rows of the points of each part of a mesh, and its primitives
@@ -364,7 +366,7 @@ def _add_values(gltf: GltfData, key: str, attribute: Attribute) -> int:
     values, kind = attribute.coded.values, attribute.kind
     properties, extras = dict[str, Any](), dict[str, object]()
     if kind == "colour":
-        light = np.nan_to_num(linear_of(attribute.fractions), nan=1.0)  # nan becomes white
+        light = np.nan_to_num(linear_of(attribute.fractions.clip(0, 1)), nan=1.0)  # nan becomes white
         is_fine = values.dtype.kind == "f" or values.dtype.itemsize > 1
         values = light.astype(np.float32) if is_fine else np.rint(light * 65535).astype(np.uint16)
         if not is_fine:
@@ -380,12 +382,19 @@ def _add_values(gltf: GltfData, key: str, attribute: Attribute) -> int:
                 extras[word] = {str(code): entry for code, entry in of_code.items()}
     else:
         values = np.nan_to_num(_flip_v(values[:, :2])) if kind == "uv" else values
-        values = values.astype(np.float32)
+        values = (_unit(values) if key == "NORMAL" else values).astype(np.float32)
     if _named(key)[0] != attribute.name:
         extras["name"] = attribute.name
     if extras:
         properties["extras"] = extras
     return gltf.add_array(values, **properties)
+
+
+def _unit(normals: AnyArray) -> AnyArray:
+    """Scale normals to length 1, which validators require; where there is none, it points upwards."""
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    scaled = np.divide(normals, lengths, out=np.tile([0.0, 1.0, 0.0], (len(normals), 1)), where=lengths > 0)
+    return np.where(np.abs(lengths - 1) <= _UNIT_TOLERANCE, normals, scaled)
 
 
 def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[str, int]) -> str:

@@ -488,9 +488,9 @@ def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, Int
         sizes = np.bincount(strip[corners >= 0], minlength=1)
         triangles, _ = triangles_of_strips(corners[corners >= 0], sizes)
         return triangles.ravel(), np.full(len(triangles), 3), _INDEX_LISTS[0]
-    if "face" not in elements:
+    face = elements.get("face", Element())
+    if not face.columns and not face.n_rows:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), _INDEX_LISTS[0]
-    face = elements["face"]
     lists = [column for key in _INDEX_LISTS for column in face.columns if column.name == key]
     if not lists or lists[0].counts is None:
         names = ", ".join(column.name for column in face.columns) or "none"
@@ -579,6 +579,8 @@ def _properties(
     columns, comments = list[Column](), list[str]()
     for attribute, members in zip(attributes, former):
         values = attribute.plain
+        if attribute.kind == "colour" and not members and not np.isnan(values).any():
+            values = attribute.octets  # many programs read no other colours
         members = members or _name_members(attribute, values, taken)
         taken.update(members)
         if attribute.kind == "weights" and attribute.names:

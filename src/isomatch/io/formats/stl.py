@@ -84,7 +84,8 @@ def _colours(header: bytes, words: AnyArray) -> tuple[list[Attribute], list[str]
     marked = words >= 2**15
     mark = header.find(b"COLOR=")
     if mark >= 0 and len(header) >= mark + 10:
-        octets[marked] = list(header[mark + 6 : mark + 9])  # the default colour
+        if not marked.all() or (words == words[:1]).all():  # MeshLab marks all triangles
+            octets[marked] = list(header[mark + 6 : mark + 9])  # the default colour
         return [Attribute("color", "face", "colour", octets.astype(np.uint8))], []
     if not marked.any():
         return [], ["the two bytes after each triangle are left out"] if words.any() else []
