@@ -26,7 +26,7 @@ from isomatch.io.formats._reading import reading, unexpected
 
 _VERTEX_NAMES = ("vertex", "vertex_index", "vertex_id", "vertexid", "point", "point_id", "node")
 _FACE_NAMES = ("face", "face_index", "polygon", "polygon_index", "triangle", "cell", "element")
-_INDEX_NAMES = ("index", "unnamed: 0", "id")  # of points or polygons
+_INDEX_NAMES = ("index", "unnamed: 0", "id")  # names of columns that number points or polygons
 _DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}
 _IN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,]\d{3})*(?:[.,]\d+)?", re.ASCII)
 logger = logging.getLogger(__name__)
@@ -40,8 +40,8 @@ class ValuesFormat:
     read: Callable[[bytes, str, Asset | None], tuple[Attribute, ...]]
     write: Callable[[Sequence[Attribute], Asset | None], bytes]
     keeps: Callable[[Attribute], bool] = lambda attribute: attribute.domain != "corner"
-    is_single: bool = False  # whether it holds only one attribute
-    has_names: bool = False  # of labels
+    is_single: bool = False  # whether a file holds only one attribute
+    has_names: bool = False  # whether it keeps the names of labels
 
 
 def holds_values(path: str | os.PathLike[str]) -> bool:

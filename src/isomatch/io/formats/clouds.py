@@ -18,9 +18,9 @@ from isomatch.io.formats._reading import Room, damaged, reading, unexpected
 from isomatch.io.formats._text import are_bytes, frame_in_comments, read_lines
 from isomatch.io.polygons import Polygons
 
-_NORMAL_TOLERANCE = 0.05  # of the length of normals written with few digits
+_NORMAL_TOLERANCE = 0.05  # Vectors are normals if their lengths differ from 1 by less.
 _POSITIONS = ("x", "y", "z")
-_EXAMINED_LETTERS = 2**16  # letters
+_EXAMINED_LETTERS = 2**16  # The first letters tell the names of columns and the separator.
 _ROW_COUNT = re.compile(r"(?:[ \t]*(?:(?://|#).*)?\n)*[ \t]*(\d{1,18})[ \t]*\n")
 """A line with the number of rows, before them and perhaps after comments."""
 _NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {
@@ -30,7 +30,7 @@ _NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {
     ("normal_x", "normal_y", "normal_z"): ("normal", "normal"),
 }
 _POINT_COUNT = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")
-_MAX_HEADER_BYTES = 2**16  # bytes
+_MAX_HEADER_BYTES = 2**16  # The first bytes of a PCD file tell the number of its points.
 _NORMAL_COLUMNS = ("normal_x", "normal_y", "normal_z")
 _NO_POLYGONS = Polygons([], [])
 

@@ -29,19 +29,19 @@ from isomatch.io.formats._gltf_data import GltfData, Matrix, extras_of, joint_na
 from isomatch.io.formats._reading import reading
 from isomatch.io.polygons import Polygons, Renumbering, split_at_seams
 
-_PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024  # memory beside their arrays, measured
+_PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024  # memory of each beside its arrays; measured
 _KINDS: dict[str, tuple[str, Kind]] = {
     "NORMAL": ("normal", "normal"),
     "TEXCOORD": ("uv", "uv"),
     "COLOR": ("color", "colour"),
     "TANGENT": ("tangent", "vector"),
 }
-_BYTE_TOLERANCE = 0.03  # of a byte; rounding of bytes that were converted to 16 bits or floats
+_BYTE_TOLERANCE = 0.03  # Colours this near to whole bytes, in bytes, were made of bytes.
 _UNIT_TOLERANCE = 1e-3
 """How far lengths of normals may be from 1 before they are scaled; it exceeds rounding to float32 and bytes."""
-# of points in parts without values; other kinds have 0 and white
+# Points in parts without values get these; colours are white there, other kinds 0.
 _MISSING_VALUES = {"uv": np.nan, "scalar": np.nan, "label": -1}
-# the rows of the points of each part of a mesh, and its primitives
+# For each part of a mesh: the rows of its points, and its primitives.
 Written = list[tuple[slice, list[dict[str, Any]]]]
 
 
@@ -51,11 +51,11 @@ class GltfDocument:
 
     json: dict[str, Any]
     blob: bytes
-    places: tuple[tuple[int, int, int], ...]  # mesh, primitive and part of the asset of triangles
+    places: tuple[tuple[int, int, int], ...]  # the mesh, primitive and part of each place
     place_of_triangle: IntArray
     polygons: Polygons
-    uv_names: Mapping[int, str] = field(default_factory=dict)  # by the numbers in materials
-    former: object = None  # the previous document of another format
+    uv_names: Mapping[int, str] = field(default_factory=dict)  # names by the numbers in materials
+    former: object = None  # the document of another format, from which this one was made
     coloured: frozenset[tuple[int, str]] = frozenset()  # meshes with the keys of their colours, even if white
 
     @property

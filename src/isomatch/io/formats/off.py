@@ -22,12 +22,12 @@ _MAP_INDICES = "indices into a colour map"
 class _Tables(NamedTuple):
     """The contents of a file."""
 
-    letters: str  # before OFF
+    letters: str  # the letters before OFF
     vertices: NumberRows
-    points: FloatArray  # (n, 3) positions
+    points: FloatArray  # (n, 3) positions of the vertices
     faces: NumberRows
-    corners: IntArray  # of all faces, one after another
-    sizes: IntArray  # of each face
+    corners: IntArray  # vertices of all faces, one after another
+    sizes: IntArray  # the number of corners of each face
     notes: list[str]
 
 
@@ -48,7 +48,8 @@ def read_asset(data: bytes, name: str) -> Asset:
     n_normal = 3 if "N" in letters else 0
     n_left = int(rows.counts.max(initial=0)) - start - n_normal - n_last
     normal, colour = start, start + n_normal
-    if n_normal and "C" in letters and _text.are_bytes(rows.columns(start, 3)):  # as MeshLab writes them
+    # MeshLab writes colours before normals.
+    if n_normal and "C" in letters and _text.are_bytes(rows.columns(start, 3)):
         normal, colour = start + n_left, start
     if n_normal:
         attributes.append(Attribute("normal", "point", "normal", rows.columns(normal, 3)))

@@ -13,8 +13,8 @@ from isomatch.io.polygons import Polygons
 from isomatch.surfaces import Mesh, weld_points
 
 _HEADER_BYTES = 84
-TITLE_BYTES = 80  # before the number of triangles
-_UNKNOWN_COUNTS = (0, 2**32 - 1)  # written by programs that do not know the number of triangles yet
+TITLE_BYTES = 80  # The title has this length; the number of triangles follows it.
+_UNKNOWN_COUNTS = (0, 2**32 - 1)  # Programs that do not know the number yet write these.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -26,7 +26,7 @@ def read_asset(data: bytes, name: str) -> Asset:
         (corners, notes), attributes = _read_text(read_lines(name, data.lower())), list[Attribute]()
     else:
         triangles, notes = _triangles(data, name)
-        with np.errstate(invalid="ignore"):  # of signalling nan
+        with np.errstate(invalid="ignore"):  # Signalling nan would warn.
             corners = triangles["corners"].astype(np.float64)
         attributes, left = _colours(data[:80], triangles["attribute"])
         notes += left
