@@ -186,11 +186,6 @@ class Attribute:
         return np.asarray(self.values / self.full, dtype=np.float64)
 
     @property
-    def octets(self) -> AnyArray:
-        """Colours as bytes, 0…255, rounded; without nan."""
-        return np.asarray(np.rint(255 * self.fractions.clip(0, 1)), np.uint8)
-
-    @property
     def n_joints(self) -> int:
         """Number of joints of skinning weights."""
         used = self.values.shape[1] if self.joints is None else int(self.joints.max(initial=-1)) + 1

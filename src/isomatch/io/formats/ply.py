@@ -566,7 +566,8 @@ def _properties(
     for attribute, members in zip(attributes, former):
         values = attribute.plain
         if attribute.kind == "colour" and not members and not np.isnan(values).any():
-            values = attribute.octets  # many programs read no other colours
+            # Many programs read no other colours than bytes.
+            values = np.rint(255 * attribute.fractions.clip(0, 1)).astype(np.uint8)
         members = members or _name_members(attribute, values, taken)
         taken.update(members)
         if attribute.kind == "weights" and attribute.names:
