@@ -7,9 +7,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from isomatch import Asset, Correspondence, Mesh, check, read_asset, read_mesh, write_asset
+from isomatch import Asset, Correspondence, FormatError, Mesh, check, read_asset, read_mesh, write_asset
 from isomatch.cli import main
-from isomatch.io import FORMATS, Attribute, Polygons, looks_of, read_attributes, unreadable_files
+from isomatch.io import (
+    FORMATS,
+    Attribute,
+    Polygons,
+    looks_of,
+    read_attributes,
+    unreadable_files,
+    write_attributes,
+)
 from isomatch.io.formats.freesurfer import SURFACES
 from shapes import icosphere
 
@@ -215,3 +223,89 @@ def test_a_book_of_close_pages_is_checked_in_time_that_grows_with_the_pages():
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     book = Mesh(np.concatenate(pages), np.concatenate([faces + 4 * i for i in range(300)]))
     assert len(check(book).component_vertices) == 300
+
+
+def test_normals_and_colours_of_off_in_the_order_of_meshlab(tmp_path):
+    rows = "0 0 0 186 172 30 255 {0}\n1 0 0 0 214 9 255 {0}\n0 1 0 7 8 9 255 {0}\n3 0 1 2\n"
+    (tmp_path / "a.off").write_text("NCOFF\n3 1 0\n" + rows.format("1.9 -5.7 0.7"))
+    normal, color = read_asset(tmp_path / "a.off").attributes
+    assert color.values.tolist() == [[186, 172, 30, 255], [0, 214, 9, 255], [7, 8, 9, 255]]
+    assert normal.values[0].tolist() == [1.9, -5.7, 0.7]
+
+
+def stl(words):
+    triangles = np.zeros(len(words), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    triangles["corners"] = np.eye(3)
+    triangles["attribute"] = words
+    return b"COLOR=\x7f\x7f\x7f ".ljust(80) + len(words).to_bytes(4, "little") + triangles.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "colours"),
+    [
+        ([31 | 2**15, 31 << 10 | 2**15], [[255, 0, 0], [0, 0, 255]]),  # of MeshLab, all marked
+        ([31, 31 << 10 | 2**15], [[255, 0, 0], [127] * 3]),
+        ([2**15, 2**15], [[127] * 3] * 2),
+    ],
+)
+def test_colours_of_stl_with_a_default_colour(tmp_path, words, colours):
+    (tmp_path / "a.stl").write_bytes(stl(words))
+    assert read_asset(tmp_path / "a.stl").attribute("color").values.tolist() == colours
+
+
+def test_a_cloud_of_pcl_declares_no_faces(tmp_path):
+    header = "ply\nformat ascii 1.0\nelement vertex 1\n" + "".join(f"property float {x}\n" for x in "xyz")
+    (tmp_path / "a.ply").write_text(f"{header}element face 0\nend_header\n1 2 3\n")
+    assert read_asset(tmp_path / "a.ply").points.tolist() == [[1, 2, 3]]
+
+
+def test_a_cloud_of_cloudcompare_names_its_columns_and_counts_its_rows(tmp_path):
+    (tmp_path / "a.asc").write_text("//X Y Z Height\n2\n1 2 3 7.5\n4 5 6 8.5\n")
+    asset = read_asset(tmp_path / "a.asc")
+    assert asset.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert asset.attribute("Height").values.tolist() == [7.5, 8.5]
+
+
+def test_new_colours_of_ply_are_bytes_and_those_of_its_file_stay(tmp_path):
+    shares = np.column_stack([np.linspace(0, 1, N)] * 3)
+    write_asset(tmp_path / "a.ply", Asset.of_mesh(SPHERE, [Attribute("color", "point", "colour", shares)]))
+    (found,) = read_asset(tmp_path / "a.ply").attributes
+    assert found.values.dtype == np.uint8
+    assert np.abs(found.fractions - shares).max() < 0.5001 / 255
+    (tmp_path / "b.ply").write_bytes(ply([b"red", b"green", b"blue"]))
+    asset = read_asset(tmp_path / "b.ply")
+    write_asset(tmp_path / "c.ply", asset)
+    assert read_asset(tmp_path / "c.ply").attributes[0].values.dtype == np.float32
+
+
+def test_normals_and_colours_of_gltf_are_valid(tmp_path):
+    normals = 3.0 * SPHERE.vertices
+    normals[:2] = [0, 0, 0], [np.nan] * 3
+    given = [
+        Attribute("normal", "point", "normal", normals),
+        Attribute("color", "point", "colour", np.full((N, 3), 1.0005)),
+    ]
+    write_asset(tmp_path / "a.glb", Asset.of_mesh(SPHERE, given))
+    asset = read_asset(tmp_path / "a.glb")
+    found = asset.attribute("normal").values
+    assert np.abs(np.linalg.norm(found, axis=1) - 1).max() < 1e-6
+    assert np.abs(found[2:] - SPHERE.vertices[2:]).max() < 1e-6
+    assert asset.attribute("color").fractions.max() <= 1
+
+
+def test_workbench_opens_no_metric_file_with_vectors_or_colours(tmp_path):
+    nibabel = pytest.importorskip("nibabel")
+    scalar = Attribute("depth", "point", "scalar", np.arange(N) / 7)
+    colour = Attribute("color", "point", "colour", np.zeros((N, 3), np.uint8))
+    vector = Attribute("flow", "point", "vector", SPHERE.vertices)
+    assert write_attributes(tmp_path / "a.func.gii", [scalar, colour, vector]) == (colour, vector)
+    assert write_attributes(tmp_path / "a.rgba.gii", [colour, vector, colour]) == (vector, colour)
+    assert len(nibabel.load(tmp_path / "a.func.gii").darrays) == 1
+
+
+def test_arrays_of_gifti_in_another_file_are_refused_with_the_remedy(tmp_path):
+    pytest.importorskip("nibabel")
+    array = '<DataArray Encoding="ExternalFileBinary" ExternalFileName="a.data"><Data/></DataArray>'
+    (tmp_path / "a.surf.gii").write_text(f'<GIFTI Version="1.0" NumberOfDataArrays="1">{array}</GIFTI>')
+    with pytest.raises(FormatError, match=r"a\.surf\.gii: its arrays are in another file.*-gifti-convert"):
+        read_asset(tmp_path / "a.surf.gii")

@@ -24,7 +24,7 @@ from isomatch._core.memory import require_memory, room_for
 FIRST_VERSION = 1  # format of files that carry no version, which isomatch 0.1 wrote
 _VERSION = "format_version"
 _KINDS = {"float": ("fiu", "numbers"), "integer": ("iu", "integers"), "text": ("U", "a text")}
-MAX_HEADER_BYTES = 1000  # of an array; numpy writes 128
+MAX_HEADER_BYTES = 1000  # A header of an array is at most this long; numpy writes 128.
 _READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 Header = tuple[tuple[int, ...], np.dtype[np.generic]]  # shape and type of an array
@@ -104,8 +104,8 @@ class ArrayFormat:
 
     what: str  # such as "a map"
     writer: str  # the function that writes such files
-    version: int  # of the format; earlier ones are read too
-    arrays: Mapping[str, Stored]  # by name; other arrays are not read
+    version: int  # the version of the format; earlier ones are read too
+    arrays: Mapping[str, Stored]  # the arrays by name; others are not read
     filled: tuple[str, ...] = ()  # names of lengths that may not be 0
 
     def read(self, path: str | Path) -> dict[str, Any]:

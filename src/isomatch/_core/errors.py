@@ -190,7 +190,7 @@ class NotConvergedError(IsomatchError):
     """
 
 
-MAX_INDICES = 5  # in a message
+MAX_INDICES = 5  # A message lists no more indices.
 
 
 def some(indices: Iterable[int]) -> str:

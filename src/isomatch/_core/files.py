@@ -66,7 +66,7 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
             with file:
                 yield file
                 file.flush()
-                os.fsync(file.fileno())  # or a power failure could leave an empty file
+                os.fsync(file.fileno())  # Otherwise a power failure could leave an empty file.
             with _changing:
                 unfinished.replace(final)
 
@@ -148,7 +148,7 @@ def _remove(path: Path) -> None:
     elif path.suffix == ".unfinished":
         rmtree(path, ignore_errors=True)
     else:
-        with suppress(OSError):  # which is not empty
+        with suppress(OSError):  # A folder that is not empty stays.
             path.rmdir()
 
 
@@ -177,7 +177,7 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
     claim = FileLock(lock, timeout=0, thread_local=False)  # the system releases it if the process is killed
     with writing(path):
         _require_replaceable(path)
-        path.parent.stat()  # or some versions of filelock would make the folder
+        path.parent.stat()  # Otherwise some versions of filelock would make the folder.
         with _changing:
             try:
                 claim.acquire()
@@ -237,9 +237,9 @@ def legible(name: str) -> str:
     return _SURROGATE_OR_PERCENT.sub(lambda match: f"%{ord(match[0]) & 0xFF:02X}", name)
 
 
-_DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³])(\s*\..*)?", re.IGNORECASE)  # on Windows
+_DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³])(\s*\..*)?", re.IGNORECASE)  # of Windows
 _NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|\x00-\x1f]')
-_MAX_NAME_BYTES = 200  # leaves room for suffixes; most systems allow 255
+_MAX_NAME_BYTES = 200  # A longer name leaves no room for suffixes; most systems allow 255 bytes.
 
 
 def require_names(names: Iterable[str], what: str, where: object, remedy: str) -> None:

@@ -90,7 +90,7 @@ class PlotOptions(TypedDict, total=False):
     label: str  # what the values are, with their unit
     colour_map: str | None  # name of a colour map of matplotlib
     title: str  # text above all
-    width: int  # in pixels; notebooks show two per pixel of the page
+    width: int  # the width in pixels; notebooks show two per pixel of the page
     view: tuple[float, float] | None  # degrees around the shape and above the horizon; (32, 14)
 
 

@@ -12,8 +12,8 @@ from isomatch._core.errors import MemoryBudgetError, SettingError
 
 MIB, GIB = 2**20, 2**30
 ROOT = Path("/")
-_MAX_SIZE_RATIO = 20  # of memory to the size of a file; SECURITY.md promises it
-_ALLOWED_BYTES = 2**26  # for any file, however small
+_MAX_SIZE_RATIO = 20  # A file may claim this multiple of its size; SECURITY.md promises it.
+_ALLOWED_BYTES = 2**26  # Any file may claim this much, however small it is.
 
 
 def memory_budget() -> int:
@@ -62,9 +62,9 @@ def group_limits(name: str, root: Path = ROOT) -> list[list[str]]:
         group = (
             outermost / (root / "proc/self/cgroup").read_text(encoding="utf-8").rpartition("0::/")[2].strip()
         )
-    except OSError:  # not Linux
+    except OSError:  # This system is not Linux.
         return []
-    # in a container, the path may be the one outside it; then only the outermost folder exists
+    # In a container, the path may be the one outside it; then only the outermost folder exists.
     files = [folder / name for folder in (group, *group.parents) if folder.is_relative_to(outermost)]
     return [words for file in files if file.is_file() and (words := file.read_text(encoding="utf-8").split())]
 

@@ -23,7 +23,7 @@ The share, an estimate from typical times, never falls. What the function raises
 caller as it is.
 """
 
-# typical share of the time of a match, or of a preparation, that has passed when each stage starts
+# When each stage of a match or of a preparation starts, this share of the time has typically passed.
 MATCHING_SHARES = {"prepare": 0.0, "components": 0.5, "search": 0.55, "selection": 0.62, "refinement": 0.65}
 MATCHING_SHARES |= {"quality": 0.8, "mirror images": 0.82, "precision": 0.84, "polish": 0.85, "carry": 0.95}
 MATCHING_SHARES |= {"hard landmarks": 0.98}

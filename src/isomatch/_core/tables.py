@@ -25,8 +25,8 @@ NO_NUMBER = NO_TEXT | {"none", "null", "-", "–", "−", "--", "?"}  # the same
 BLANKS = " "  # the separator of cells between which are one or more blanks or tabs
 _SEPARATORS = ";\t,"  # the comma comes last, as it may be a decimal comma
 _NO_SEPARATOR = "\x1f"  # occurs in no text
-_MAX_ROWS_COUNTED_BY_CHANCE = 3  # a longer column 1, 2, 3, … counts the rows
-_MAX_ROWS_EXAMINED = 1000  # to find the separator and the header
+_MAX_ROWS_COUNTED_BY_CHANCE = 3  # A longer column 1, 2, 3, … counts the rows.
+_MAX_ROWS_EXAMINED = 1000  # The first rows tell the separator and the header.
 _DECIMAL = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?"
 _NUMBER = re.compile(rf"{_DECIMAL}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNORECASE)
 _WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?", re.ASCII)
@@ -54,7 +54,7 @@ class Row(NamedTuple):
 class Table:
     """Rows of cells, and the names of the columns if a line gives them."""
 
-    name: str  # of the file, for messages
+    name: str  # the name of the file, for messages
     rows: list[Row]  # empty lines between others are rows without cells
     separator: str
     has_decimal_commas: bool
@@ -278,7 +278,7 @@ def parse_table(text: str, name: str, not_comments: Collection[str] = ()) -> Tab
         )
     lines = [*enumerate(re.split(r"\r*\n" if "\n" in text else r"\r", text), start=1)]
     declared = ""
-    if lines and lines[0][1][:4].lower() == "sep=":  # of a spreadsheet program
+    if lines and lines[0][1][:4].lower() == "sep=":  # A spreadsheet program declares its separator.
         declared, lines = lines[0][1][4:5], lines[1:]
     kept = [(number, _without_comment(line)) for number, line in lines if not _is_comment(line, not_comments)]
     n_lines = len(kept)
@@ -294,7 +294,7 @@ def parse_table(text: str, name: str, not_comments: Collection[str] = ()) -> Tab
     has_commas = any(map(_WITH_COMMA.fullmatch, cells)) and not any(map(_WITH_POINT.fullmatch, cells))
     first = next((row.line for row in rows if row.cells), 0)
     before = [line for number, line in lines if number < first and _COMMENT_MARK.match(line)]
-    width = len(rows[0].cells) if rows else 0
+    width = next((len(row.cells) for row in rows if row.cells), 0)
     last = [(0, _COMMENT_MARK.sub("", line)) for line in before[-1:]]
     headers = (row for mark in (separator, BLANKS) for row in split_rows(last, mark, name, False))
     titles = next((row.cells for row in headers if len(row.cells) == width), [])

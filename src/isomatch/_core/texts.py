@@ -14,11 +14,11 @@ from typing import Any
 
 from isomatch._core.files import read_bytes, write_text
 
-# encodings by the first bytes of a text
+# The first bytes of a text tell these encodings.
 BYTE_ORDER_MARKS = {
     b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16",
 }  # fmt: skip
-_EXAMINED_BYTES = 1000  # of a text without a mark
+_EXAMINED_BYTES = 1000  # The first bytes of a text without a mark tell whether it is UTF-16.
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")  # the start of a spreadsheet formula, escaped or not
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from isomatch._core.arrays import AnyArray, IntArray
 from isomatch.io.asset import Asset
-from isomatch.io.attribute import Attribute, unused_name
+from isomatch.io.attribute import Attribute, unused_names
 from isomatch.io.formats import gifti, gltf_carried, obj
 from isomatch.io.formats.gltf import GltfDocument
 from isomatch.io.formats.obj import ObjDocument
@@ -193,9 +193,7 @@ def _make_repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer,
     if not first or lookups <= {(plain.uv, plain.matrix, plain.wrap)}:
         return asset, tuple(layers)
     polygons = asset.polygons
-    of_polygon = np.full(len(polygons), -1)
-    of_polygon[polygons.of_triangle] = materials.of_triangle
-    of_corner = of_polygon[polygons.of_corner]
+    of_corner = polygons.from_triangles(materials.of_triangle)[polygons.of_corner]
     uv_of_corner = np.full((len(of_corner), 2), np.nan)
     for i, layer in enumerate(layers):
         for attribute in asset.of_kind("uv"):
@@ -237,9 +235,8 @@ def _to_ply(asset: Asset, materials: Looks, stem: str) -> Asset:
     number = {name: i for i, name in enumerate(files)}
     pictures = [layer.picture for layer in layers]
     of_look = np.array([number[names[p]] if p in names else -1 for p in pictures] + [-1])
-    of_polygon = np.full(len(asset.polygons), -1, dtype=np.int32)
-    of_polygon[asset.polygons.of_triangle] = of_look[materials.of_triangle]
-    return shown.with_attributes(Attribute(TEXTURE_NUMBER, "face", "scalar", of_polygon))
+    of_polygon = asset.polygons.from_triangles(of_look[materials.of_triangle])
+    return shown.with_attributes(Attribute(TEXTURE_NUMBER, "face", "scalar", of_polygon.astype(np.int32)))
 
 
 def _to_obj(asset: Asset, materials: Looks, stem: str) -> Asset:
@@ -248,9 +245,7 @@ def _to_obj(asset: Asset, materials: Looks, stem: str) -> Asset:
     shown = _without_texture_numbers(shown)
     names, files = _name_pictures((layer.picture for layer in layers), stem)
     former = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
-    words: list[str] = []
-    for look in materials.looks:
-        words.append(unused_name(look.name, words))
+    words = unused_names(look.name for look in materials.looks)
     files[f"{stem}.mtl"] = obj.library_of(dict(zip(words, layers)), names, former.encoding)
     document = ObjDocument((f"{stem}.mtl",), former.elements, former.encoding, files)
     return replace(_with_material_labels(shown, materials.of_triangle, tuple(words)), document=document)
@@ -264,8 +259,7 @@ def _without_texture_numbers(asset: Asset) -> Asset:
 
 def _with_material_labels(asset: Asset, of_triangle: IntArray, names: tuple[str, ...]) -> Asset:
     """Label the faces by materials, −1 for none."""
-    of_polygon: AnyArray = np.full(len(asset.polygons), -1)
-    of_polygon[asset.polygons.of_triangle] = of_triangle
+    of_polygon = asset.polygons.from_triangles(of_triangle)
     words = {-1: "", **dict(enumerate(names))}
     return asset.with_attributes(Attribute(_MATERIAL_LABEL, "face", "label", of_polygon, names=words))
 

@@ -17,24 +17,25 @@ from isomatch.io.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.io.polygons import Polygons, Renumbering
 from isomatch.surfaces import Mesh, weld_points
 
-# mean edges: rounding of positions that is avoided or reported, and that the user has to allow
 REPORTED_ROUNDING, MAX_ROUNDING = 1e-4, 1e-3
+"""Distances, in mean edges, that rounding may move positions: above the first this is avoided or reported, above the
+second the user has to allow it."""
 UNKNOWN, SCANNER = "unknown", "scanner_anat"
-# right, anterior, superior components of the voxel axes of FreeSurfer
+# The columns are the voxel axes of FreeSurfer in right, anterior, superior coordinates.
 _VOXEL_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-_SCANNER_HEAD = [2, 1, 20]  # in the footer of a surface in scanner coordinates
-_MATRIX_TOLERANCE = 1e-4  # millimetres: GIFTI stores six decimals
-NEW_VOLUME: Mapping[str, Any] = {  # as nibabel writes it before the numbers
+_SCANNER_HEAD = [2, 1, 20]  # the numbers with which the footer of a surface in scanner coordinates begins
+_MATRIX_TOLERANCE = 1e-4  # Entries of equal matrices differ by less, in millimetres.
+NEW_VOLUME: Mapping[str, Any] = {  # The entries before the numbers of a volume, as nibabel writes them.
     "head": np.array([2, 0, 20], dtype=np.int32),
     "valid": "1  # volume info valid",
     "filename": "none",
 }
 Axes: TypeAlias = Literal["RAS", "LPS"]
 """The directions of x, y and z: right, front and up, or left, back and up."""
-TURN = np.array([-1.0, -1.0, 1.0])  # from RAS to LPS and back
-# names of texts with the axes, as in VTP files of 3D Slicer, and with other comments
+TURN = np.array([-1.0, -1.0, 1.0])  # the factors of x, y, z that turn RAS into LPS and back
+# The text SPACE names the axes, as in VTP files of 3D Slicer; the text COMMENTS has other lines.
 SPACE, COMMENTS = "SPACE", "comments"
-# lines with the axes, as 3D Slicer and NRRD write them, or the unit of the coordinates
+# These lines name the axes, as 3D Slicer and NRRD write them, or the unit of the coordinates.
 _AXES_LINE = re.compile(r"\b(?:space|coordinate[ _]?system)\s*[=:]\s*[\"']?(?P<axes>[rlaips]{3})\b", re.I)
 _UNIT_LINE = re.compile(r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)", re.I)
 

@@ -18,7 +18,7 @@ Domain = Literal["point", "corner", "face"]
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
 
 _WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}
-_WHITE_TOLERANCE = 1e-3  # interpolated white may exceed 1 by this
+_WHITE_TOLERANCE = 1e-3  # Fractions of colour may exceed 1 by this much, as interpolated white does.
 _UV_NAMES = {
     "uv", "st", "uvs", "uvmap", "texcoord",
     "texcoords", "tcoords", "texturecoordinates", "texturecoords",
@@ -291,6 +291,15 @@ def number_equal_names(attributes: Iterable[Attribute], *, of_all: bool = False)
         name = unused_name(attribute.name, taken)
         numbered.append(attribute if name == attribute.name else replace(attribute, name=name))
     return tuple(numbered)
+
+
+def unused_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
+    """Add numbers to equal names, and to those that are taken."""
+    unused = list(taken)
+    n_taken = len(unused)
+    for name in names:
+        unused.append(unused_name(name, unused))
+    return unused[n_taken:]
 
 
 def unused_name(name: str, taken: Container[str]) -> str:

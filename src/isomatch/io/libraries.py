@@ -26,9 +26,9 @@ class Geometry:
     """The points and polygons of an object, which may also have other cells."""
 
     points: AnyArray
-    polygons: Polygons  # not cut yet
-    rows: IntArray  # number of each polygon among the cells
-    left_out: Mapping[str, int] = field(default_factory=dict)  # number of other cells of each kind
+    polygons: Polygons  # without positions at which concave ones are cut
+    rows: IntArray  # (p,) the number of each polygon among all cells
+    left_out: Mapping[str, int] = field(default_factory=dict)  # how many other cells of each kind there are
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -69,7 +69,7 @@ def _texts_of(mesh: object) -> dict[str, str]:
         for name, text in named.items():
             words = [text] if isinstance(text, str) else np.asarray(text).ravel().tolist()[:1]
             texts |= {str(name): word for word in words if isinstance(word, str)}
-    units = getattr(mesh, "units", None)  # of trimesh
+    units = getattr(mesh, "units", None)  # trimesh has units
     return texts | ({"units": units} if isinstance(units, str) else {})
 
 
@@ -126,7 +126,7 @@ def polygons_of(
     sizes: IntArray,
     rows: IntArray,
     others: Mapping[str, int],
-    strips: tuple[IntArray, IntArray] | None = None,  # corners and sizes, of cells after all others
+    strips: tuple[IntArray, IntArray] | None = None,  # the corners and sizes of cells that follow all others
 ) -> Geometry:
     """Leave out cells with fewer than three corners; refuse other cells than vertices without polygons."""
     if strips:
@@ -169,7 +169,7 @@ def _open3d_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
         ("vertex_colors", "color", "point", "colour"),
         ("triangle_normals", "normal", "face", "normal"),
         ("triangle_uvs", "uv", "corner", "uv"),
-        ("normals", "normal", "point", "normal"),  # of point clouds, as the next
+        ("normals", "normal", "point", "normal"),  # Point clouds have this name and the next.
         ("colors", "color", "point", "colour"),
     )
     for source, name, domain, kind in places:
@@ -216,7 +216,7 @@ class ArrayDocument:
     fields: Mapping[str, AnyArray] = field(default_factory=dict)
 
 
-Attributes = Callable[[Any, Geometry], Iterator[Attribute]]  # of a mesh and its geometry
+Attributes = Callable[[Any, Geometry], Iterator[Attribute]]  # takes a mesh and its geometry
 _LIBRARIES: dict[tuple[str, str], tuple[Callable[[Any, Any, Any], Geometry], Attributes]] = {
     ("vertices", "faces"): (_triangles, _trimesh_attributes),
     ("vertices", "triangles"): (_triangles, _open3d_attributes),
@@ -225,7 +225,7 @@ _LIBRARIES: dict[tuple[str, str], tuple[Callable[[Any, Any, Any], Geometry], Att
 }
 """Readers of meshes by two of their attributes: trimesh, Open3D, PyVista, meshio."""
 
-_REMEDIES = ("extract_surface", "to_geometry")  # of grids of PyVista and scenes of trimesh
+_REMEDIES = ("extract_surface", "to_geometry")  # methods of grids of PyVista and of scenes of trimesh
 
 
 def read_geometry(mesh: object) -> tuple[Geometry, Attributes]:
@@ -299,7 +299,7 @@ def to_pyvista(asset: Asset) -> Any:
     taken = {a.name for a in split.attributes if (a.name, a.domain) not in document.names}
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
-        if not len(attribute):  # which pyvista refuses
+        if not len(attribute):  # pyvista refuses arrays without rows
             continue
         name = document.names.get((attribute.name, attribute.domain), attribute.name)
         name = attribute.name if name in taken else name
@@ -370,7 +370,7 @@ def to_open3d(asset: Asset) -> Any:
                 mesh.triangle_uvs = vector(values[polygons.triangles.ravel(), :2])
             case "uv", "corner":
                 mesh.triangle_uvs = vector(values[polygons.corner_of_triangle.ravel(), :2])
-    if texture is not None:  # with row 0 at the bottom
+    if texture is not None:  # Row 0 of Open3D is at the bottom.
         mesh.textures = [open3d.geometry.Image(np.ascontiguousarray(texture[::-1]))]
         mesh.triangle_material_ids = open3d.utility.IntVector(np.zeros(len(mesh.triangles), dtype=np.int32))
     return mesh

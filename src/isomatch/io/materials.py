@@ -21,11 +21,11 @@ from isomatch.io.attribute import linear_of, srgb_of
 Wrap = Literal["repeat", "clamp", "mirror"]
 UNTINTED = (1.0, 1.0, 1.0, 1.0)
 IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # first bytes of such files
-_PILLOW_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # recognised by their contents
+_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # the first bytes of files of these formats
+_PILLOW_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # known by their contents
 _CANNOT_READ = "a picture cannot be read: "
-_MAX_PAINTED_WIDTHS = 8  # how far a clamped border is painted
-DEFAULT_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh without a colour
+_MAX_PAINTED_WIDTHS = 8  # A clamped border is painted no further, in widths of the picture.
+DEFAULT_DIFFUSE = (102, 102, 102, 255)  # the colour of a simple material of trimesh that has none
 
 
 @dataclass(frozen=True)
@@ -247,17 +247,17 @@ def _wrap_index(index: IntArray, n: int, wrap: Wrap) -> IntArray:
 
 def texture_of(mesh: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
     """Return the one texture of a mesh of trimesh or Open3D, and its tint, 0…1; None otherwise."""
-    material = getattr(getattr(mesh, "visual", None), "material", None)  # of trimesh
+    material = getattr(getattr(mesh, "visual", None), "material", None)  # trimesh has one
     images = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
     textures = [np.asarray(image.convert("RGBA")) for image in images if image is not None][-1:]
-    upside_down = map(np.asarray, getattr(mesh, "textures", ()))  # of Open3D
+    upside_down = map(np.asarray, getattr(mesh, "textures", ()))  # Open3D has several.
     textures += [texture[::-1] for texture in upside_down if texture.size > 1]
     return (textures[0], _tint(material)) if len(textures) == 1 else None
 
 
 def _tint(material: Any) -> tuple[float, ...]:
     """Return the colour by which a material of trimesh multiplies its picture."""
-    factor = getattr(material, "baseColorFactor", None)  # of glTF
+    factor = getattr(material, "baseColorFactor", None)  # glTF has this one.
     tint = getattr(material, "diffuse", None) if factor is None else factor
     if tint is None or (factor is None and tuple(tint) == DEFAULT_DIFFUSE):
         return UNTINTED

@@ -15,9 +15,9 @@ from isomatch._core.errors import MeshError
 from isomatch.io.attribute import Attribute, without_labels
 from isomatch.surfaces import first_equal, weld_points
 
-_CORNER_ROUNDING = 16 * np.finfo(np.float64).eps  # relative to the largest coordinate
-_COCIRCULAR_TOLERANCE = 1e-12  # corners this near to a line or circle lie on it, in a polygon of size 1
-_MAX_OVERLAP_SHARE = 1e-9  # of a polygon that triangles may cover twice by rounding
+_CORNER_ROUNDING = 16 * np.finfo(np.float64).eps  # a share of the largest coordinate
+_COCIRCULAR_TOLERANCE = 1e-12  # Corners this near to a line or circle lie on it, if the polygon has extent 1.
+_MAX_OVERLAP_SHARE = 1e-9  # Rounding may let triangles cover this share of a polygon twice.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -152,6 +152,10 @@ class Polygons:
         """(m,) the polygon of each triangle."""
         return np.repeat(np.arange(len(self)), self.sizes - 2)
 
+    def from_triangles(self, values: IntArray) -> IntArray:
+        """Return the value of the last triangle of each polygon, (p,), of values of all triangles, (m,)."""
+        return values[np.cumsum(self.sizes - 2) - 1]
+
     @property
     def of_corner(self) -> IntArray:
         """(c,) the polygon of each corner."""
@@ -229,7 +233,7 @@ def _cut_ears(flat: FloatArray, rounding: float) -> IntArray | None:
 
 def _flip_to_delaunay(flat: FloatArray, triangles: IntArray) -> IntArray:
     """Flip inner edges until no circumcircle contains the corner across an edge (Lawson 1977)."""
-    # with the long triangles of earcut, fast marching finds 5.32 instead of 4.47 in an L-shaped prism
+    # The long triangles of earcut mislead fast marching: in an L-shaped prism it finds 5.32 instead of 4.47.
     faces = triangles.tolist()
     for _ in range(4 * len(faces)):  # more than enough; rounding could flip an edge for ever
         across = {(face[i - 2], face[i - 1]): (t, face[i]) for t, face in enumerate(faces) for i in range(3)}
@@ -328,7 +332,7 @@ class Renumbering:
 class Split:
     """Points with one value of each attribute, so that no attribute is of corners."""
 
-    source: IntArray  # (n_new,) the old point of each, sorted
+    source: IntArray  # (n_new,) the old point of each new one, increasing
     corners: IntArray  # (c,) the new point of each corner
     attributes: tuple[Attribute, ...]
 

@@ -26,7 +26,7 @@ from isomatch.io.formats._reading import reading, unexpected
 
 _VERTEX_NAMES = ("vertex", "vertex_index", "vertex_id", "vertexid", "point", "point_id", "node")
 _FACE_NAMES = ("face", "face_index", "polygon", "polygon_index", "triangle", "cell", "element")
-_INDEX_NAMES = ("index", "unnamed: 0", "id")  # of points or polygons
+_INDEX_NAMES = ("index", "unnamed: 0", "id")  # names of columns that number points or polygons
 _DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}
 _IN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,]\d{3})*(?:[.,]\d+)?", re.ASCII)
 logger = logging.getLogger(__name__)
@@ -40,8 +40,8 @@ class ValuesFormat:
     read: Callable[[bytes, str, Asset | None], tuple[Attribute, ...]]
     write: Callable[[Sequence[Attribute], Asset | None], bytes]
     keeps: Callable[[Attribute], bool] = lambda attribute: attribute.domain != "corner"
-    is_single: bool = False  # whether it holds only one attribute
-    has_names: bool = False  # of labels
+    is_single: bool = False  # whether a file holds only one attribute
+    has_names: bool = False  # whether it keeps the names of labels
 
 
 def holds_values(path: str | os.PathLike[str]) -> bool:
@@ -257,8 +257,8 @@ def _column(table: Table, i: int) -> AnyArray:
     return np.array(["" if cell.lower() in NO_TEXT else cell for cell in cells])
 
 
-def _on_points(kind: Kind) -> Callable[[Attribute], bool]:
-    return lambda attribute: (attribute.domain, attribute.kind) == ("point", kind)
+def _on_points(*kinds: Kind) -> Callable[[Attribute], bool]:
+    return lambda attribute: attribute.domain == "point" and attribute.kind in kinds
 
 
 _GIFTI = partial(ValuesFormat, gifti.read_attributes, gifti.write_attributes, has_names=True)
@@ -268,7 +268,9 @@ _FREESURFER = partial(
 VALUES_FORMATS = {
     ".gii": _GIFTI(gifti.keeps),
     ".annot": _FREESURFER(_on_points("label")),
+    ".func.gii": _GIFTI(_on_points("scalar", "label")),
     ".label.gii": _GIFTI(_on_points("label")),
+    ".rgba.gii": _GIFTI(_on_points("colour"), is_single=True),
     ".shape.gii": _GIFTI(_on_points("scalar")),
     **dict.fromkeys(freesurfer.VALUES, _FREESURFER(_on_points("scalar"))),
     ".npy": ValuesFormat(_read_array, _write_array, is_single=True),

@@ -20,33 +20,34 @@ from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import FormatError, MeshError
 from isomatch._core.files import open_file
 from isomatch.io.asset import product
-from isomatch.io.attribute import unused_name
+from isomatch.io.attribute import unused_names
 from isomatch.io.formats._reading import Room, unexpected
 from isomatch.io.materials import picture_in
+from isomatch.io.polygons import triangles_of_strips
 
 _MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _TYPES = {width: name for name, width in _WIDTHS.items()}
-VERTICES, INDICES = 34962, 34963  # targets of buffer views
+VERTICES, INDICES = 34962, 34963  # codes of what a buffer view holds
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
-_MAX_GLB_BYTES = 2**32 - 64  # of JSON and data; sizes have 32 bits
-_ENTRY_BYTES = 24  # memory of an entry of an array while parts are joined, measured
-_JSON_BYTES = {b"{": 200, b"[": 88, b",": 32}  # memory in Python of what each of these begins in JSON
-_COPY_BYTES = 16  # memory of a copied letter of JSON, measured
-_FREE_ENTRIES: dict[str, Any] = {  # placeholders that may be replaced
+_MAX_GLB_BYTES = 2**32 - 64  # The sum of JSON and data is at most this, as sizes have 32 bits.
+_ENTRY_BYTES = 24  # An entry of an array takes this much memory while parts are joined; measured.
+_JSON_BYTES = {b"{": 200, b"[": 88, b",": 32}  # memory in Python of what each begins in JSON
+_COPY_BYTES = 16  # A copied letter of JSON takes this much memory; measured.
+_FREE_ENTRIES: dict[str, Any] = {  # placeholders that replace unused entries
     "accessors": {"componentType": 5121, "count": 1, "type": "SCALAR"},
     "bufferViews": {"buffer": 0, "byteLength": 1},
 }
-_REFERENCES = {  # keys of indices of accessors or views, or of entries with nothing else
+_REFERENCES = {  # Below these keys, all integers number accessors or views.
     "accessors": ("indices", "input", "output", "inverseBindMatrices", "attributes", "targets", "extensions"),
     "bufferViews": ("bufferView", "extensions"),
 }
 _CUT_SHORT = "it is cut short, copy or export it again"
 Matrix = tuple[tuple[float, ...], ...]
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_POSE_TOLERANCE = 1e-3  # of the largest entry; more than rounding changes
+_POSE_TOLERANCE = 1e-3  # Matrices are alike if entries differ by less than this share of the largest.
 
 
 @dataclass
@@ -186,12 +187,9 @@ class GltfData:
         mode = primitive.get("mode", _TRIANGLES)
         if mode == _TRIANGLES:
             return index[: len(index) // 3 * 3].reshape(-1, 3)
-        later = np.stack([index[1:-1], index[2:]], axis=1)
         if mode == _FAN:
-            return np.column_stack([np.repeat(index[:1], len(later)), later])
-        strip = np.column_stack([index[:-2], later])
-        strip[1::2] = strip[1::2, [1, 0, 2]]
-        return strip
+            return np.column_stack([np.repeat(index[:1], max(len(index) - 2, 0)), index[1:-1], index[2:]])
+        return triangles_of_strips(index, np.array([len(index)]))[0]
 
     def transforms(self) -> dict[int, tuple[Matrix | None, int | None]]:
         """Find the matrix and skin of the first node of each mesh."""
@@ -268,7 +266,7 @@ def unpack(data: bytes, name: str) -> GltfData:
             with open_file(path) as file:
                 room.size += 0 if path in files else min(n, path.stat().st_size)
                 files.add(path)
-                room.take(2 * n, "a buffer")  # as read, and in the common buffer
+                room.take(2 * n, "a buffer")  # It is held twice: as read, and in the common buffer.
                 content = file.read(n)
         elif uri is None:
             content = binary if i == 0 else b""  # only the first may be in the file
@@ -399,10 +397,8 @@ def _local(node: dict[str, Any]) -> FloatArray:
 def joint_names(document: dict[str, Any]) -> dict[int, str]:
     """Return the names of the joints of all skins, by node; equal names are numbered."""
     nodes = dict.fromkeys(node for skin in document.get("skins", []) for node in skin["joints"])
-    names: dict[int, str] = {}
-    for i, node in enumerate(nodes):
-        names[node] = unused_name(str(document["nodes"][node].get("name", f"joint_{i}")), names.values())
-    return names
+    names = (str(document["nodes"][node].get("name", f"joint_{i}")) for i, node in enumerate(nodes))
+    return dict(zip(nodes, unused_names(names)))
 
 
 def extras_of(entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -415,10 +411,7 @@ def key_names(mesh: Mapping[str, Any]) -> list[str]:
     """Return the names of the shape keys of a mesh, which most programs write as extras."""
     names_in_file = extras_of(mesh).get("targetNames", [])
     n = max([len(names_in_file), *(len(primitive.get("targets", [])) for primitive in mesh["primitives"])])
-    names: list[str] = []
-    for i in range(n):
-        names.append(unused_name(str(names_in_file[i]) if i < len(names_in_file) else f"key_{i}", names))
-    return names
+    return unused_names(str(names_in_file[i]) if i < len(names_in_file) else f"key_{i}" for i in range(n))
 
 
 def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping[str, float]) -> None:

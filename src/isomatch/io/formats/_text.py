@@ -21,7 +21,7 @@ from isomatch.io.polygons import spans
 EXPORT_AGAIN = "correct the line or export the file again"
 
 SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."
-_EXAMINED_BYTES = 2**16  # at the start, where comments may name the space of the coordinates
+_EXAMINED_BYTES = 2**16  # Only comments in these first bytes of a file may name its space.
 _BLANKS_TO_SPACES = bytes.maketrans(b"\t\v\f", b"   ")
 _WORD = re.compile(rb"[^ \n]+")
 # Python objects take much more memory than text, so only a piece at a time is split into them.
@@ -34,7 +34,7 @@ class TextLines:
     """Some lines of a file, without comments, blank lines and leading blanks."""
 
     name: str
-    data: AnyArray  # bytes of the lines, each with a newline at its end, other blanks as spaces
+    data: AnyArray  # bytes of the lines; each ends with a newline, other blanks are spaces
     numbers: IntArray  # (rows,) the number of each line in the file, from 1
     before: int = 0  # number of the line before the first one
 
@@ -112,10 +112,11 @@ class TextLines:
         return NumberRows(self, values, counts)
 
     def _number(self, word: bytes, row: int) -> float:
-        try:
-            return number_of(word.decode("latin-1"), self._has_decimal_commas)
-        except ValueError:
-            self.fail(row, "numbers")
+        text = word.replace(b",", b".", 1) if self._has_decimal_commas else word
+        if b"_" not in word:  # Python allows it in numbers, other readers do not
+            with suppress(ValueError):
+                return float(text.decode("latin-1"))
+        self.fail(row, "numbers")
 
     @cached_property
     def _has_decimal_commas(self) -> bool:
@@ -165,16 +166,16 @@ class NumberRows:
         return values.astype(np.int64)
 
 
-def number_of(text: str, has_decimal_comma: bool = False) -> float:
-    """Return the number of a word; `ValueError` if it is none."""
-    if "_" in text:  # Python allows it in numbers, other readers do not
-        raise ValueError
-    return float(text.replace(",", ".", 1) if has_decimal_comma else text)
-
-
 def is_whole(values: AnyArray) -> BoolArray:
     """Test which values are integers that a float holds exactly."""
     return np.asarray((np.abs(values) < 2**53) & (values == np.rint(values)))  # False for inf and nan
+
+
+def are_bytes(values: AnyArray) -> bool:
+    """Whether numbers can be bytes of colours: integers from 0 to 255, some of them above 1."""
+    return bool(
+        (values == np.rint(values)).all() and values.min(initial=0) >= 0 and 1 < values.max(initial=0) <= 255
+    )
 
 
 def bytes_or_floats(colours: FloatArray) -> AnyArray:

@@ -15,13 +15,14 @@ from isomatch._core.texts import decode_text
 from isomatch.io.asset import Asset, Frame
 from isomatch.io.attribute import Attribute, Kind, number_equal_names
 from isomatch.io.formats._reading import Room, damaged, reading, unexpected
-from isomatch.io.formats._text import frame_in_comments, read_lines
+from isomatch.io.formats._text import are_bytes, frame_in_comments, read_lines
 from isomatch.io.polygons import Polygons
 
-_NORMAL_TOLERANCE = 0.05  # of the length of normals written with few digits
+_NORMAL_TOLERANCE = 0.05  # Vectors are normals if their lengths differ from 1 by less.
 _POSITIONS = ("x", "y", "z")
-_EXAMINED_LETTERS = 2**16  # letters
-_ROW_COUNT = re.compile(r"\s*(\d{1,18})[ \t]*\r?\n")  # a line before the rows with their number
+_EXAMINED_LETTERS = 2**16  # The first letters tell the names of columns and the separator.
+_ROW_COUNT = re.compile(r"(?:[ \t]*(?:(?://|#).*)?\n)*[ \t]*(\d{1,18})[ \t]*\n")
+"""A line with the number of rows, before them and perhaps after comments."""
 _NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {
     ("r", "g", "b"): ("color", "colour"),
     ("red", "green", "blue"): ("color", "colour"),
@@ -29,7 +30,7 @@ _NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {
     ("normal_x", "normal_y", "normal_z"): ("normal", "normal"),
 }
 _POINT_COUNT = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")
-_MAX_HEADER_BYTES = 2**16  # bytes
+_MAX_HEADER_BYTES = 2**16  # The first bytes of a PCD file tell the number of its points.
 _NORMAL_COLUMNS = ("normal_x", "normal_y", "normal_z")
 _NO_POLYGONS = Polygons([], [])
 
@@ -38,10 +39,8 @@ def read_xyz(data: bytes, name: str) -> Asset:
     """Read rows of x, y, z, by the names of columns or in this order, and colours, normals or numbers."""
     frame, text, notes = frame_in_comments(data), re.sub(r"\r\r?\n|\r", "\n", decode_text(data)), list[str]()
     counted = _ROW_COUNT.match(text)
-    if counted and int(counted[1]) != text[counted.end() :].rstrip().count("\n") + 1:
-        counted = None
-    before = counted[0].count("\n") if counted else 0
-    text = text[counted.end() :] if counted else text
+    if counted and int(counted[1]) == text[counted.end() :].rstrip().count("\n") + 1:
+        text = text[: counted.start(1)] + text[counted.end(1) :]
     # the first lines tell the names of columns and the separator
     end = text.find("\n", _EXAMINED_LETTERS)
     head = parse_table(text if end < 0 else text[:end], name)
@@ -55,7 +54,7 @@ def read_xyz(data: bytes, name: str) -> Asset:
         table = replace(table, titles=())
     first = table.filled[0].line - 1 if table.filled else 0
     lines = _plain_lines(text.split("\n")[first:] if first else [text], table)
-    rows = read_lines(name, lines, before=before + first).parse()
+    rows = read_lines(name, lines, before=first).parse()
     rows.leading(3, "at least 3 numbers x y z of a point")
     values = rows.columns(0, int(rows.counts.max(initial=3)))
     values = values[:, ~(np.isnan(values).all(axis=0) & (np.arange(values.shape[1]) > 2))]
@@ -98,8 +97,8 @@ def _make_cloud(values: FloatArray, table: Table, notes: list[str], frame: Frame
             chosen = [lower.index(axis) for axis in axes]
             three = values[:, [others[i] for i in chosen]]
             is_share = 0 <= three.min(initial=0) <= three.max(initial=1) <= 1
-            if kind == "normal" or is_share or _are_bytes(three):
-                three = three.astype(np.uint8) if kind == "colour" and _are_bytes(three) else three
+            if kind == "normal" or is_share or are_bytes(three):
+                three = three.astype(np.uint8) if kind == "colour" and are_bytes(three) else three
                 attributes.append(Attribute(name, "point", kind, three))
                 others = [x for i, x in enumerate(others) if i not in chosen]
                 names = [x for i, x in enumerate(names) if i not in chosen]
@@ -157,7 +156,7 @@ def _guess_columns(others: AnyArray) -> tuple[Attribute, ...]:
         whole = three.shape[1] == 3 and len(three)
         if whole and "normal" not in attributes and _are_normals(three):
             attributes["normal"] = Attribute("normal", "point", "normal", three)
-        elif whole and "color" not in attributes and _are_bytes(three):
+        elif whole and "color" not in attributes and are_bytes(three):
             attributes["color"] = Attribute("color", "point", "colour", three.astype(np.uint8))
         else:
             attributes[name] = Attribute(name, "point", "scalar", others[:, column])
@@ -167,7 +166,3 @@ def _guess_columns(others: AnyArray) -> tuple[Attribute, ...]:
 
 def _are_normals(three: AnyArray) -> bool:
     return bool((np.abs(np.linalg.norm(three, axis=1) - 1) < _NORMAL_TOLERANCE).all())
-
-
-def _are_bytes(three: AnyArray) -> bool:
-    return bool((three == np.rint(three)).all() and three.min() >= 0 and 1 < three.max() <= 255)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +27,6 @@ _VOXEL_FOOTER, _SCANNER_FOOTER = (
 )
 
 
-@dataclass(frozen=True)
-class FreeSurferDocument:
-    """The author of the surface."""
-
-    stamp: str = "created by isomatch"
-
-
 def read_asset(data: bytes, name: str) -> Asset:
     """Read the points and triangles of a surface, in its own coordinates, in millimetres."""
     freesurfer = _package()
@@ -46,7 +38,7 @@ def read_asset(data: bytes, name: str) -> Asset:
             volume["head"] = np.array([2, 1, 20], dtype=np.int32)
         polygons = Polygons.of_triangles(np.asarray(faces, dtype=np.int64))
         frame = Frame.of_volume(volume) if volume else Frame(words=(f"{SPACE}=RAS",))
-        return Asset(points, polygons, document=FreeSurferDocument(stamp), frame=frame)
+        return Asset(points, polygons, document=stamp, frame=frame)
 
 
 def read_attributes(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
@@ -68,11 +60,11 @@ def read_attributes(data: bytes, name: str, surface: Asset | None) -> tuple[Attr
 def write(asset: Asset) -> bytes:
     """Write a surface in RAS, in single precision, with the volume that its coordinates belong to."""
     freesurfer = _package()
-    document = asset.document if isinstance(asset.document, FreeSurferDocument) else FreeSurferDocument()
+    stamp = asset.document if isinstance(asset.document, str) else "created by isomatch"
     volume = asset.frame.in_volume if asset.frame else None
     with on_disk(b"", "") as path, warnings.catch_warnings(action="ignore"):
         points = asset.points * (TURN if asset.frame and asset.frame.axes == "LPS" else 1)
-        freesurfer.write_geometry(path, points, asset.polygons.triangles, document.stamp, volume)
+        freesurfer.write_geometry(path, points, asset.polygons.triangles, stamp, volume)
         return path.read_bytes()
 
 

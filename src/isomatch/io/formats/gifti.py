@@ -14,20 +14,21 @@ from xml.etree.ElementTree import iterparse
 
 import numpy as np
 
+from isomatch._core.errors import FormatError
 from isomatch._core.first_use import package
 from isomatch.io.asset import COMMENTS, NEW_VOLUME, SPACE, Asset, Frame
 from isomatch.io.attribute import Attribute, guess_kind, number_equal_names
 from isomatch.io.formats._reading import Room, reading, unexpected
 from isomatch.io.polygons import Polygons
 
-_PIECE_BYTES = 2**20  # unpacked at a time
+_PIECE_BYTES = 2**20  # How much of an array is unpacked at a time.
 _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
 _NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
 _STRUCTURE_KEYS = ("AnatomicalStructurePrimary", "AnatomicalStructureSecondary")
 _SURFACE_SUFFIX = ".surf.gii"
 VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
 """Second suffixes, before ``.gii``, of files without a surface."""
-# by codes of NIfTI
+# The place of each space is its code in NIfTI.
 _SPACES = ("unknown", "scanner_anat", "aligned_anat", "talairach", "mni_152", "template_other")
 _AXIS_LETTERS = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
 _VOLUME_KEYS = {
@@ -150,10 +151,13 @@ def _require_room(data: bytes) -> None:
     for event, element in iterparse(BytesIO(data), ("start", "end")):
         if event == "start":
             encoding = element.get("Encoding", "") if element.tag == "DataArray" else encoding
+            if "External" in encoding:
+                remedy = "write it as one file, as by wb_command -gifti-convert GZIP_BASE64_BINARY"
+                raise FormatError(f"its arrays are in another file, and are not read; {remedy}")
             continue
         if element.tag == "Data" and "GZip" in encoding:
             stream, rest = zlib.decompressobj(), base64.b64decode(element.text or "")
-            with suppress(zlib.error):  # of data that is not compressed, or that nibabel will refuse
+            with suppress(zlib.error):  # The data is not compressed, or nibabel will refuse it.
                 while part := stream.decompress(rest, _PIECE_BYTES):
                     room.take(len(part), "an array")
                     rest = stream.unconsumed_tail

@@ -29,17 +29,19 @@ from isomatch.io.formats._gltf_data import GltfData, Matrix, extras_of, joint_na
 from isomatch.io.formats._reading import reading
 from isomatch.io.polygons import Polygons, Renumbering, split_at_seams
 
-_PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024  # memory beside their arrays, measured
+_PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024  # memory of each beside its arrays; measured
 _KINDS: dict[str, tuple[str, Kind]] = {
     "NORMAL": ("normal", "normal"),
     "TEXCOORD": ("uv", "uv"),
     "COLOR": ("color", "colour"),
     "TANGENT": ("tangent", "vector"),
 }
-_BYTE_TOLERANCE = 0.03  # of a byte; rounding of bytes that were converted to 16 bits or floats
-# of points in parts without values; other kinds have 0 and white
+_BYTE_TOLERANCE = 0.03  # Colours this near to whole bytes, in bytes, were made of bytes.
+_UNIT_TOLERANCE = 1e-3
+"""How far lengths of normals may be from 1 before they are scaled; it exceeds rounding to float32 and bytes."""
+# Points in parts without values get these; colours are white there, other kinds 0.
 _MISSING_VALUES = {"uv": np.nan, "scalar": np.nan, "label": -1}
-# the rows of the points of each part of a mesh, and its primitives
+# For each part of a mesh: the rows of its points, and its primitives.
 Written = list[tuple[slice, list[dict[str, Any]]]]
 
 
@@ -49,11 +51,11 @@ class GltfDocument:
 
     json: dict[str, Any]
     blob: bytes
-    places: tuple[tuple[int, int, int], ...]  # mesh, primitive and part of the asset of triangles
+    places: tuple[tuple[int, int, int], ...]  # the mesh, primitive and part of each place
     place_of_triangle: IntArray
     polygons: Polygons
-    uv_names: Mapping[int, str] = field(default_factory=dict)  # by the numbers in materials
-    former: object = None  # the previous document of another format
+    uv_names: Mapping[int, str] = field(default_factory=dict)  # names by the numbers in materials
+    former: object = None  # the document of another format, from which this one was made
     coloured: frozenset[tuple[int, str]] = frozenset()  # meshes with the keys of their colours, even if white
 
     @property
@@ -364,7 +366,7 @@ def _add_values(gltf: GltfData, key: str, attribute: Attribute) -> int:
     values, kind = attribute.coded.values, attribute.kind
     properties, extras = dict[str, Any](), dict[str, object]()
     if kind == "colour":
-        light = np.nan_to_num(linear_of(attribute.fractions), nan=1.0)  # nan becomes white
+        light = np.nan_to_num(linear_of(attribute.fractions.clip(0, 1)), nan=1.0)  # nan becomes white
         is_fine = values.dtype.kind == "f" or values.dtype.itemsize > 1
         values = light.astype(np.float32) if is_fine else np.rint(light * 65535).astype(np.uint16)
         if not is_fine:
@@ -380,12 +382,19 @@ def _add_values(gltf: GltfData, key: str, attribute: Attribute) -> int:
                 extras[word] = {str(code): entry for code, entry in of_code.items()}
     else:
         values = np.nan_to_num(_flip_v(values[:, :2])) if kind == "uv" else values
-        values = values.astype(np.float32)
+        values = (_unit(values) if key == "NORMAL" else values).astype(np.float32)
     if _named(key)[0] != attribute.name:
         extras["name"] = attribute.name
     if extras:
         properties["extras"] = extras
     return gltf.add_array(values, **properties)
+
+
+def _unit(normals: AnyArray) -> AnyArray:
+    """Scale normals to length 1, which validators require; where there is none, it points upwards."""
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    scaled = np.divide(normals, lengths, out=np.tile([0.0, 1.0, 0.0], (len(normals), 1)), where=lengths > 0)
+    return np.where(np.abs(lengths - 1) <= _UNIT_TOLERANCE, normals, scaled)
 
 
 def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[str, int]) -> str:

@@ -22,12 +22,12 @@ _MAP_INDICES = "indices into a colour map"
 class _Tables(NamedTuple):
     """The contents of a file."""
 
-    letters: str  # before OFF
+    letters: str  # the letters before OFF
     vertices: NumberRows
-    points: FloatArray  # (n, 3) positions
+    points: FloatArray  # (n, 3) positions of the vertices
     faces: NumberRows
-    corners: IntArray  # of all faces, one after another
-    sizes: IntArray  # of each face
+    corners: IntArray  # vertices of all faces, one after another
+    sizes: IntArray  # the number of corners of each face
     notes: list[str]
 
 
@@ -45,11 +45,15 @@ def read_asset(data: bytes, name: str) -> Asset:
     tables = _read_tables(_text.read_lines(name, data))
     rows, letters, notes, attributes = tables.vertices, tables.letters, tables.notes, []
     start, n_last = 4 if "4" in letters else 3, 2 if "ST" in letters else 0
-    if "N" in letters:
-        attributes.append(Attribute("normal", "point", "normal", rows.columns(start, 3)))
-        start += 3
-    n_left = int(rows.counts.max(initial=0)) - start - n_last
-    values = rows.columns(start, min(n_left, 4))
+    n_normal = 3 if "N" in letters else 0
+    n_left = int(rows.counts.max(initial=0)) - start - n_normal - n_last
+    normal, colour = start, start + n_normal
+    # MeshLab writes colours before normals.
+    if n_normal and "C" in letters and _text.are_bytes(rows.columns(start, 3)):
+        normal, colour = start + n_left, start
+    if n_normal:
+        attributes.append(Attribute("normal", "point", "normal", rows.columns(normal, 3)))
+    values = rows.columns(colour, min(n_left, 4))
     numbers = values[~np.isnan(values)]
     is_byte = (numbers == np.rint(numbers)).all() and (numbers <= 255).all()
     may_be_colours = (numbers >= 0).all() and (is_byte or (numbers <= 1).all())
@@ -59,7 +63,7 @@ def read_asset(data: bytes, name: str) -> Asset:
         what = _MAP_INDICES if "C" in letters and n_left == 1 else f"{n_left} numbers after the positions"
         notes.append(f"{what} of vertices are left out")
     if n_last:
-        attributes.append(Attribute("uv", "point", "uv", rows.columns(start + max(n_left, 0), 2)))
+        attributes.append(Attribute("uv", "point", "uv", rows.columns(start + n_normal + max(n_left, 0), 2)))
     n_left = int((tables.faces.counts - tables.sizes).max(initial=1)) - 1
     if n_left in (3, 4):
         values = tables.faces.columns(1 + tables.sizes, n_left)

@@ -5,7 +5,6 @@ The package plyfile 1.1 takes 4 to 30 times as long, has no integers of 64 bits,
 
 from __future__ import annotations
 
-import codecs
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,7 +18,7 @@ from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import FormatError, MeshError
 from isomatch._core.texts import encoding_of
 from isomatch.io.asset import Asset, Frame
-from isomatch.io.attribute import Attribute, Domain, Kind, guess_kind, number_equal_names, unused_name
+from isomatch.io.attribute import Attribute, Domain, Kind, guess_kind, number_equal_names, unused_names
 from isomatch.io.formats import _text
 from isomatch.io.formats._reading import content_beside, unexpected
 from isomatch.io.formats._text import TextLines
@@ -35,11 +34,11 @@ _TYPES = {
 _COUNT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4")
 _LETTERS = {kind: letters for letters, kind in reversed(_TYPES.items())}
 _BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_MAX_HEADER_BYTES = 2**18  # bytes
-_MAX_DECLARED = 1000  # elements and properties; real files have fewer than a hundred
-_MAX_ROW_BYTES = 2**31 - 1  # the limit of numpy types
+_MAX_HEADER_BYTES = 2**18  # A longer header is refused.
+_MAX_DECLARED = 1000  # A header has no more elements and properties; real ones have fewer than 100.
+_MAX_ROW_BYTES = 2**31 - 1  # numpy has no types of longer rows
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
-_POINT_PROPERTIES = ("vertex1", "vertex2", *_INDEX_LISTS)  # numbers of points in other elements
+_POINT_PROPERTIES = ("vertex1", "vertex2", *_INDEX_LISTS)  # properties of other elements that number points
 _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("normal", "normal", ("nx", "ny", "nz")),
     ("color", "colour", ("red", "green", "blue", "alpha")),
@@ -50,11 +49,12 @@ _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("uv", "uv", ("u", "v")),
     ("uv", "uv", ("texture_u", "texture_v")),
 )
-_KEEP_BYTES = "ply_header"  # keeps bytes that are not UTF-8, and escapes surrogates
+_NO_BYTE = re.compile("[\ud800-\udc7f\udd00-\udfff]")
+"""Surrogates that stand for no byte; the others stand for bytes that are not UTF-8."""
 _CORNER_UV = "texcoord"
 TEXTURE_NUMBER = "texnumber"
 """The property of faces with the number of their picture."""
-_TEXTURE = "comment TextureFile {}"  # names a picture
+_TEXTURE = "comment TextureFile {}"  # the comment that names a picture
 _JOINT = re.compile(r"joint (\S+) (\S+) ?(.*)")
 """Text of a comment that names an attribute of weights, one of its properties, and the joint that it is of."""
 
@@ -119,7 +119,7 @@ class Element:
 
 
 Names = Mapping[tuple[str, Domain], tuple[str, ...]]  # the properties of each attribute
-Declared = Mapping[str, tuple[int, list[Column]]]  # of each element, the number of rows and the columns
+Declared = Mapping[str, tuple[int, list[Column]]]  # the number of rows and the columns of each element
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class PlyDocument:
     """Contents of a PLY file beside points, polygons and attributes, and how it is written."""
 
     byte_order: str = "<"
-    encoding: str = "utf-8"  # of the names of properties
+    encoding: str = "utf-8"  # the encoding of the names of properties
     comments: tuple[str, ...] = ()
     positions: str = "f8"
     index_list: str = "vertex_indices"
@@ -135,7 +135,7 @@ class PlyDocument:
     of_points: tuple[Column, ...] = ()
     of_faces: tuple[Column, ...] = ()
     elements: Mapping[str, Element] = field(default_factory=dict)
-    files: Mapping[str, bytes] = field(default_factory=dict)  # pictures
+    files: Mapping[str, bytes] = field(default_factory=dict)  # the bytes of each picture by name
 
     @property
     def textures(self) -> tuple[str, ...]:
@@ -220,11 +220,6 @@ def keeps(attribute: Attribute) -> bool:
     return attribute.domain != "corner" or attribute.kind == "uv" or attribute.values.ndim == 1
 
 
-def keeps_names(attribute: Attribute) -> bool:
-    """Whether PLY keeps the names of an attribute: those of joints, not those of labels."""
-    return attribute.kind == "weights"
-
-
 def write(asset: Asset, binary: bool | None = None, single: bool = False) -> bytes:
     """Write a PLY file, by default as it was read; a new one is little endian and has doubles.
 
@@ -272,18 +267,9 @@ def _encode_header(header: list[str], encoding: str) -> list[bytes]:
         "".join(line for line in header if not _is_comment(line)).encode(encoding)
     except UnicodeEncodeError:
         encoding = "utf-8"
-    lines = (line.encode("utf-8" if _is_comment(line) else encoding, _KEEP_BYTES) for line in header)
-    return [octets + b"\n" for octets in lines]
-
-
-def _escape(error: UnicodeError) -> tuple[bytes | str, int]:
-    try:
-        return codecs.lookup_error("surrogateescape")(error)
-    except UnicodeError:
-        return codecs.lookup_error("backslashreplace")(error)
-
-
-codecs.register_error(_KEEP_BYTES, _escape)
+    lines = (_NO_BYTE.sub(lambda found: ascii(found[0])[1:-1], line) for line in header)
+    encodings = ((line, "utf-8" if _is_comment(line) else encoding) for line in lines)
+    return [line.encode(chosen, "surrogateescape") + b"\n" for line, chosen in encodings]
 
 
 def _is_comment(line: str) -> bool:
@@ -488,9 +474,9 @@ def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, Int
         sizes = np.bincount(strip[corners >= 0], minlength=1)
         triangles, _ = triangles_of_strips(corners[corners >= 0], sizes)
         return triangles.ravel(), np.full(len(triangles), 3), _INDEX_LISTS[0]
-    if "face" not in elements:
+    face = elements.get("face", Element())
+    if not face.columns and not face.n_rows:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), _INDEX_LISTS[0]
-    face = elements["face"]
     lists = [column for key in _INDEX_LISTS for column in face.columns if column.name == key]
     if not lists or lists[0].counts is None:
         names = ", ".join(column.name for column in face.columns) or "none"
@@ -579,6 +565,9 @@ def _properties(
     columns, comments = list[Column](), list[str]()
     for attribute, members in zip(attributes, former):
         values = attribute.plain
+        if attribute.kind == "colour" and not members and not np.isnan(values).any():
+            # Many programs read no other colours than bytes.
+            values = np.rint(255 * attribute.fractions.clip(0, 1)).astype(np.uint8)
         members = members or _name_members(attribute, values, taken)
         taken.update(members)
         if attribute.kind == "weights" and attribute.names:
@@ -600,10 +589,7 @@ def _word(name: str) -> str:
 def _name_members(attribute: Attribute, values: AnyArray, taken: set[str]) -> tuple[str, ...]:
     """Name the properties of a new attribute: usual names, names of joints, or its name with numbers."""
     if attribute.kind == "weights" and attribute.names:
-        of_joints = list[str]()
-        for joint in attribute.joint_names:
-            of_joints.append(unused_name(_word(joint), {*taken, *of_joints}))
-        return tuple(of_joints)
+        return tuple(unused_names(map(_word, attribute.joint_names), taken))
     width = values.shape[1] if values.ndim == 2 else 1
     is_corner, kind = attribute.domain == "corner", attribute.kind
     options: list[tuple[str, ...]] = [(_CORNER_UV,)] if is_corner and kind == "uv" else []

@@ -24,17 +24,17 @@ class MeshFormat:
     """The reader and writer of a format, and what it keeps."""
 
     read: Callable[[bytes, str], Mesh]  # takes the bytes of a file and its name, for messages
-    write: Callable[..., bytes]  # takes an asset, and options by keyword
-    options: frozenset[str] = frozenset()  # "binary" and "single" (precision)
-    read_asset: Callable[[bytes, str], Asset] | None = None  # by default only points and triangles
-    keeps: Callable[[Attribute], bool] = lambda attribute: False  # has a place for
-    single: frozenset[str] = frozenset()  # kinds with at most one attribute
-    has_parts: bool = False  # with transforms
-    keeps_names: Callable[[Attribute], bool] = lambda attribute: False  # of labels or joints
-    has_opacity: bool = True  # of colours
-    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # axes and units are words
-    axes: Axes | None = None  # of all its files
-    middles: Callable[[Asset], FloatArray] | None = None  # subtracted before rounding
+    write: Callable[..., bytes]  # takes an asset, and its options by keyword
+    options: frozenset[str] = frozenset()  # the keywords that ``write`` takes: "binary", "single"
+    read_asset: Callable[[bytes, str], Asset] | None = None  # without it, only points and triangles are read
+    keeps: Callable[[Attribute], bool] = lambda attribute: False  # whether it has a place for an attribute
+    single: frozenset[str] = frozenset()  # the kinds that it keeps at most once
+    has_parts: bool = False  # whether it keeps parts with transforms
+    keeps_names: Callable[[Attribute], bool] = lambda attribute: False  # whether it keeps their names
+    has_opacity: bool = True  # whether it keeps the opacity of colours
+    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # all keep words
+    axes: Axes | None = None  # the axes that all its files have
+    middles: Callable[[Asset], FloatArray] | None = None  # what is subtracted before rounding
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """List the properties that the format does not keep of an attribute."""
@@ -72,7 +72,11 @@ _ROUNDED: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
 _NAMED: dict[str, Any] = {"keeps_names": lambda attribute: True}
 _GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "middles": gltf.middles, **_NAMED}
 _GIFTI = {"keeps": gifti.keeps, "keeps_frame": lambda frame: True, **_NAMED, **_ROUNDED}
-_VTK: dict[str, Any] = {"keeps": vtk.keeps, "keeps_names": vtk.keeps_names, "options": _BINARY}
+_VTK: dict[str, Any] = {
+    "keeps": lambda attribute: attribute.domain != "corner",
+    "keeps_names": lambda attribute: attribute.values.dtype.kind == "U",
+    "options": _BINARY,
+}
 _FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume, "axes": "RAS", **_ROUNDED}
 
 FORMATS: dict[str, MeshFormat] = {
@@ -81,7 +85,12 @@ FORMATS: dict[str, MeshFormat] = {
         obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, **_NAMED, **_FEW_KINDS
     ),
     ".ply": MeshFormat(
-        ply.read, ply.write, _BINARY | {"single"}, ply.read_asset, ply.keeps, keeps_names=ply.keeps_names
+        ply.read,
+        ply.write,
+        _BINARY | {"single"},
+        ply.read_asset,
+        ply.keeps,
+        keeps_names=lambda a: a.kind == "weights",
     ),
     ".stl": _with_attributes(stl.read_asset, stl.write, options=_BINARY, keeps_frame=_fits_title, **_ROUNDED),
     ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),

@@ -13,8 +13,8 @@ from isomatch.io.polygons import Polygons
 from isomatch.surfaces import Mesh, weld_points
 
 _HEADER_BYTES = 84
-TITLE_BYTES = 80  # before the number of triangles
-_UNKNOWN_COUNTS = (0, 2**32 - 1)  # written by programs that do not know the number of triangles yet
+TITLE_BYTES = 80  # The title has this length; the number of triangles follows it.
+_UNKNOWN_COUNTS = (0, 2**32 - 1)  # Programs that do not know the number yet write these.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -26,7 +26,7 @@ def read_asset(data: bytes, name: str) -> Asset:
         (corners, notes), attributes = _read_text(read_lines(name, data.lower())), list[Attribute]()
     else:
         triangles, notes = _triangles(data, name)
-        with np.errstate(invalid="ignore"):  # of signalling nan
+        with np.errstate(invalid="ignore"):  # Signalling nan would warn.
             corners = triangles["corners"].astype(np.float64)
         attributes, left = _colours(data[:80], triangles["attribute"])
         notes += left
@@ -84,7 +84,8 @@ def _colours(header: bytes, words: AnyArray) -> tuple[list[Attribute], list[str]
     marked = words >= 2**15
     mark = header.find(b"COLOR=")
     if mark >= 0 and len(header) >= mark + 10:
-        octets[marked] = list(header[mark + 6 : mark + 9])  # the default colour
+        if not marked.all() or (words == words[:1]).all():  # MeshLab marks all triangles
+            octets[marked] = list(header[mark + 6 : mark + 9])  # the default colour
         return [Attribute("color", "face", "colour", octets.astype(np.uint8))], []
     if not marked.any():
         return [], ["the two bytes after each triangle are left out"] if words.any() else []

@@ -19,15 +19,15 @@ from isomatch._core.errors import FormatError, MeshError
 from isomatch._core.first_use import package
 from isomatch._core.memory import room_for
 from isomatch.io.asset import COMMENTS, SPACE, Asset, Frame
-from isomatch.io.attribute import Attribute, number_equal_names
+from isomatch.io.attribute import number_equal_names
 from isomatch.io.formats._reading import damaged, on_disk, reading
 from isomatch.io.libraries import ArrayDocument, is_attribute, named_attributes, polygons_of, to_pyvista
 
-# allowed time, more for large files; a triangle takes 0.5 s, a million points in 20 MB of VTP 1.9 s
+# Reading may take 60 s, and 1 s more for each megabyte. A triangle takes 0.5 s, 20 MB of VTP 1.9 s.
 MAX_SECONDS, BYTES_PER_SECOND = 60.0, 1e6
 _END_MARK = "isomatch_end"
-TITLE_BYTES = 255  # in the second line of a legacy file
-# after a legacy file: VTK reads into it if an array is too short, and then does not find the mark
+TITLE_BYTES = 255  # The title in the second line of a legacy file is at most this long.
+# This follows a legacy file: if an array is too short, VTK reads on into it, and does not find the mark.
 _END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _END_MARK.encode()
 _ENDED_EARLY = "the reader came to an end over it, as where more is declared than the file holds"
 _POLYGON_COUNT = {
@@ -101,22 +101,12 @@ def _named_arrays(stored: Mapping[str, AnyArray], domain: str) -> dict[str, AnyA
     return {name: stored[f"{domain}_{i}"] for i, name in names if name != _END_MARK}
 
 
-def keeps(attribute: Attribute) -> bool:
-    """Whether VTK has a place for an attribute."""
-    return attribute.domain != "corner"
-
-
-def keeps_names(attribute: Attribute) -> bool:
-    """Whether VTK keeps the names of an attribute: labels that are texts."""
-    return attribute.values.dtype.kind == "U"
-
-
 def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
     """Write a file of this suffix, binary or text."""
-    if suffix == ".vtu" and not len(asset.points):  # which would end the process of VTK
+    if suffix == ".vtu" and not len(asset.points):  # VTK would end the process.
         raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
     mesh = to_pyvista(asset)
-    if suffix == ".vtk":  # which has it in the title
+    if suffix == ".vtk":  # Its title has the frame.
         for name in (asset.frame or Frame()).named:
             mesh.field_data.pop(name, None)
     with on_disk(b"", suffix) as path:
