@@ -9,7 +9,7 @@ import numpy as np
 from isomatch._core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_rows
-from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite
+from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite, require_in_range
 from isomatch.surfaces import Mesh
 
 MAX_SHIFT_EDGES = 0.02  # largest change of a distance by the curvature correction in one triangle, in edges
@@ -39,13 +39,13 @@ class FastMarching(ColumnEngine):
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
         # The front ends where an earlier source is nearer, so that p successive sources cost about
         # log p full fronts.
-        self._require_in_range(np.array([source]))
+        require_in_range(np.array([source]), self.n_points, "sources")
         bound = nearest if self._unit == 1.0 else nearest / self._unit
         nearest[:] = np.minimum(bound, self._front(source, bound=bound)) * self._unit
 
     def pair_distances(self, pairs: IntArray) -> FloatArray:
         """Distances (m,) of m pairs of vertices; a front ends at its source's farthest partner."""
-        self._require_in_range(pairs.ravel())
+        require_in_range(pairs, self.n_points)
         pairs = pairs.astype(np.int64)
         sources, row_of_pair = np.unique(pairs[:, 0], return_inverse=True)
         order = np.argsort(row_of_pair, kind="stable")
@@ -62,7 +62,7 @@ class FastMarching(ColumnEngine):
 
     def balls(self, centres: IntArray, radius: float) -> Balls:
         """Vertices within a radius of m centres; a front ends at the radius."""
-        self._require_in_range(centres)
+        require_in_range(centres, self.n_points, "centres")
         parts: list[tuple[IntArray, FloatArray]] = [(TO_ALL, NO_BOUND)] * len(centres)
 
         def march(row: int) -> None:
@@ -81,7 +81,7 @@ class FastMarching(ColumnEngine):
             distances[row] = self._front(sources[row])
 
         parallel_rows(march, len(sources))
-        return distances if self._unit == 1.0 else distances * self._unit
+        return distances * self._unit if self._unit != 1.0 else distances
 
     def _front(
         self, source: int, bound: FloatArray = NO_BOUND, targets: IntArray = TO_ALL, farthest: float = np.inf
