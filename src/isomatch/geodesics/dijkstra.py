@@ -11,7 +11,7 @@ from isomatch.geodesics.protocol import ColumnEngine, require_finite, require_in
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-SOURCES_PER_TASK = 8  # a thread computes the columns of so many sources at once
+SOURCES_PER_TASK = 8  # a thread computes the columns of this many sources at once
 
 
 class Dijkstra(ColumnEngine):
@@ -35,7 +35,7 @@ class Dijkstra(ColumnEngine):
 
     def lower(self, nearest: FloatArray, source: int) -> None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
-        require_in_range(np.array([source]), self.n_points, "sources")
+        require_in_range(source, self.n_points, "sources")
         farthest = float(nearest.max(initial=0.0))
         column = scipy.sparse.csgraph.dijkstra(self._graph, indices=int(source), limit=farthest)
         np.minimum(nearest, column, out=nearest)

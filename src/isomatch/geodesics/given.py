@@ -25,7 +25,7 @@ DistanceFunction = Callable[[IntArray], ArrayLike]
 # Both are fractions of the largest distance.
 MAX_ASYMMETRY = 0.01  # distances from i to j and from j to i may differ by so much, as in fast marching
 MAX_DIAGONAL = 1e-6  # the distance of a point to itself counts as 0 up to this
-CHECKED_ROWS = 256  # so many rows of a matrix are checked at once
+CHECKED_ROWS = 256  # this many rows of a matrix are checked at once
 
 
 class GivenMatrix(ColumnEngine):
@@ -147,7 +147,7 @@ class RestrictedEngine(ColumnEngine):
 
     def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
-        require_in_range(np.array([source]), self.n_points, "sources")
+        require_in_range(source, self.n_points, "sources")
         whole = np.full(self._engine.n_points, -np.inf)
         np.maximum.at(whole, self._vertices, nearest * self._unit)
         whole[whole < 0] = np.inf  # no bound at other points: a front may pass there

@@ -14,9 +14,7 @@ from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine, require_in
 from isomatch.surfaces import Mesh, PrecisePoints
 
 MAX_SUM_ERROR = 1e-6  # the sum of the weights of a point may differ from 1 by so much
-MIN_WEIGHT = (
-    1e-12  # a corner of smaller weight is left out: the weight is rounding, and makes faces without area
-)
+MIN_WEIGHT = 1e-12  # a smaller weight of a corner is rounding, and would make faces without area
 
 
 def points_of(given: ArrayLike | PrecisePoints, n_vertices: int) -> PrecisePoints:
@@ -161,7 +159,7 @@ class _Division:
     def _place(self, vertex: int, corners: IntArray) -> FloatArray:
         """Weights (3,) of the corners of a face at a vertex in it or on its border."""
         if vertex < self._n:
-            return (corners == vertex).astype(np.float64)
+            return np.asarray(corners == vertex, dtype=np.float64)
         between, weights = self._added[vertex - self._n]
         return np.asarray((corners[:, None] == between) @ weights)
 

@@ -9,12 +9,12 @@ from typing import NamedTuple, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import MeshError, some
 from isomatch._core.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
 
-COLUMNS_AT_ONCE = 64  # so many columns are held in memory for pairs or balls of an engine without fronts
+COLUMNS_AT_ONCE = 64  # this many columns are held in memory for pairs or balls of an engine without fronts
 
 
 @runtime_checkable
@@ -165,10 +165,11 @@ def ordinary_unit(surface: Mesh | PointCloud) -> float:
 
 
 def require_in_range(
-    numbers: AnyArray, n: int, what: str = "vertices", whole: str = "the vertices of the surface"
+    numbers: ArrayLike, n: int, what: str = "vertices", whole: str = "the vertices of the surface"
 ) -> None:
     """Raise `MeshError` if numbers are not in 0…n − 1."""
-    bad = numbers[(numbers < 0) | (numbers >= n)]
+    given = np.asarray(numbers)
+    bad = given[(given < 0) | (given >= n)]
     if len(bad):
         raise MeshError(f"{what} {some(bad)} are outside 0…{n - 1}, {whole}")
 
