@@ -12,7 +12,7 @@ from isomatch.spectral.low_rank import (
     DensityWeighted,
     biharmonic_interpolant,
     choose_nodes,
-    fmds_basis,
+    interpolated_basis,
 )
 
 
@@ -44,7 +44,7 @@ def test_interpolant_does_not_depend_on_scale(mesh, sampling):
 
 def test_low_rank_form_is_the_average_of_both_interpolations(mesh, sampling):
     weights = np.ones(mesh.n_vertices)
-    basis = fmds_basis(mesh, sampling, weights, 80, "fast_marching")
+    basis = interpolated_basis(mesh, sampling, weights, 80, "fmds", "fast_marching")
     one_sided = biharmonic_interpolant(mesh, sampling.vertices) @ sampling.columns
     expected = (one_sided + one_sided.T) / 2
     np.testing.assert_allclose(basis.row(np.arange(mesh.n_vertices)), expected, atol=1e-8 * expected.max())

@@ -20,13 +20,11 @@ from isomatch._core.compiled import compiled
 Index: TypeAlias = int | np.int64
 
 FIRST, KIND, VERSION, MARK, PARENT = range(5)
-INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices
-# The weight of the plane through a boundary edge, relative to a face as large as the square on that
-# edge.
-BOUNDARY_WEIGHT = 1.0
-MIN_TURN_COSINE = 0.2  # cosine of the largest angle by which a face may turn in one collapse
-SLIVER_SHAPE = 0.2  # shape of a face, 4 √3 area / squared edges, below which it must not be halved
-N_BUCKETS = 128  # buckets that sort edges by cost; with 1024 the result is no better
+INSIDE, BOUNDARY, FIXED = range(3)  # the kinds of vertices; the higher kind is less free to move
+BOUNDARY_WEIGHT = 1.0  # of the plane through a boundary edge, relative to a face as large as the square on it
+MIN_TURN_COSINE = 0.2  # a face may not turn in one collapse by an angle of smaller cosine
+SLIVER_SHAPE = 0.2  # the shape of a face, 4 √3 area / squared edges, may not be halved below this
+N_BUCKETS = 128  # edges are sorted by cost into this many buckets; with 1024 the result is no better
 
 
 @compiled(error_model="numpy")
@@ -291,9 +289,8 @@ def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, 
                 return False
             is_closed |= marks[b, MARK] == opposite and marks[c, MARK] == opposite
         corner = corners[corner, 1]
-    if (
-        is_closed
-    ):  # a face at v has both opposite vertices: would a face at u coincide with it, as in a tetrahedron?
+    if is_closed:
+        # A face at v has both opposite vertices: would a face at u coincide with it, as in a tetrahedron?
         corner = marks[u, FIRST]
         while corner >= 0:
             b, c = other_vertices(corners, corner)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
@@ -24,21 +23,17 @@ from isomatch.decimation._collapse import (
 )
 from isomatch.surfaces import Mesh, in_spatial_order
 
-MAX_CACHED_VERTICES = (
-    2**16
-)  # a mesh with more vertices is decimated block by block, for the sake of the cache
-BLOCK_VERTICES = 2048  # a vertex takes about 250 bytes: half of a cache of 1 MB
-MAX_BLOCK_SHARE = 0.5  # share of the vertices of a block that are merged in one round
-# Share of the edges that a round may collapse. The next larger share follows a round that merged
-# fewer than MIN_PROGRESS_SHARE of the vertices.
-EDGE_SHARES = (0.4, 0.6, 0.8, 1.0)
-MIN_PROGRESS_SHARE = 0.02
-# Weight of squared distances to the merged vertices, relative to those to the planes of faces. If
-# no vertex may move, the smaller weight brings the volume of an animal nearer by 1 %, at a tenth of
-# its vertices.
+MAX_CACHED_VERTICES = 2**16  # a mesh with more vertices is decimated block by block, which a cache holds
+BLOCK_VERTICES = 2048  # a block has this many vertices, of about 250 bytes: half of a cache of 1 MB
+MAX_BLOCK_SHARE = 0.5  # at most this share of the vertices of a block is merged in one round
+EDGE_SHARES = (0.4, 0.6, 0.8, 1.0)  # a round may collapse this share of the edges, the cheapest
+MIN_PROGRESS_SHARE = 0.02  # if a round merged a smaller share of the vertices, the next share is tried
+# Both are weights of squared distances to the merged vertices, relative to distances to the planes
+# of faces. If no vertex may move, the smaller weight brings the volume of an animal nearer by 1 %,
+# at a tenth of its vertices.
 POINT_WEIGHT = 1e-2
 IN_PLACE_POINT_WEIGHT = 1e-3
-N_SAMPLED_FACES = 20_000  # faces whose edges give the distribution of costs
+N_SAMPLED_FACES = 20_000  # the edges of this many faces give the distribution of costs
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,7 +130,7 @@ def decimations(
     sizes = sizes[len(small) :]
     if not sizes:
         return small
-    rounds = _Rounds.of(mesh, in_place, weights)
+    rounds = _Rounds(mesh, in_place, weights)
     coarse = []
     for size in sizes:
         common = None
@@ -148,26 +143,13 @@ def decimations(
     return small + coarse
 
 
-@dataclass(eq=False)
 class _Rounds:
     """A mesh on its way to a coarser one: the arrays of `_collapse`, compact after every round."""
 
     # Each round collapses edges below a cost, the cheapest first; in a large mesh block by block.
-
-    n: int  # vertices left
-    vertices: FloatArray
-    marks: AnyArray
-    corners: AnyArray
-    owner: AnyArray  # (n_fine,) of int32: the vertex into which each vertex of the mesh was merged
-    in_place: bool
-    n_shares: int = 0  # number of EDGE_SHARES tried
-    n_collapsed: int = 0  # in the last round
-
-    @classmethod
-    def of(cls, mesh: Mesh, in_place: bool, weights: FloatArray | None) -> Self:
-        """Start with vertices and faces in spatial order."""
-        faces = _sound_faces(mesh)
-        n = mesh.n_vertices
+    # Vertices and faces are in spatial order.
+    def __init__(self, mesh: Mesh, in_place: bool, weights: FloatArray | None) -> None:
+        faces, n = _sound_faces(mesh), mesh.n_vertices
         points, faces, order = in_spatial_order(normalised(mesh.vertices)[0], faces)
         vertices, marks = np.zeros((n, 13)), np.zeros((n, 5), dtype=np.int32)
         vertices[:, :3] = points
@@ -182,7 +164,11 @@ class _Rounds:
             _describe_by_distances(vertices, weights[order])
         if in_place:
             marks[marks[:, KIND] == BOUNDARY, KIND] = FIXED
-        return cls(n, vertices, marks, corners, owner, in_place)
+        self.n = n  # number of vertices left
+        self.vertices, self.marks, self.corners = vertices, marks, corners
+        self.owner = owner  # int32 (n_fine,): the vertex into which each vertex of the mesh was merged
+        self.in_place = in_place
+        self.n_shares = self.n_collapsed = 0  # number of EDGE_SHARES tried, and collapses of the last round
 
     @property
     def is_over(self) -> bool:

@@ -14,13 +14,13 @@ from isomatch._core.threads import parallel_map
 from isomatch.decimation._collapse import Index, difference, link_corners, other_vertices
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_in_triangle
 
-MAX_STARTS = 8  # vertices of each group that are tried as the start of the search
-# A point is inside a face, and the search ends, if all weights exceed the first, far above
-# rounding, and its squared distance is at most the second, far below the size of a face of the
-# normalised mesh.
+MAX_STARTS = 8  # a search starts at the nearest of at most this many vertices of each group
+# A point is inside a face, and the search ends, if all its weights exceed the first bound, far
+# above rounding, and its squared distance is at most the second, far below the size of a face of
+# the normalised mesh.
 MIN_INSIDE_WEIGHT = 1e-9
 MAX_SQUARED_DISTANCE = 1e-20
-CHUNK_POINTS = 8192  # points of one task; fixed, so that results do not depend on the number of threads
+CHUNK_POINTS = 8192  # a task has this many points; fixed, so that the number of threads changes nothing
 
 
 class VertexGroups(NamedTuple):
@@ -42,8 +42,8 @@ class PlacedMesh:
     """A mesh and the places (n, 3) of its vertices in space, linear in between."""
 
     mesh: Mesh
-    places: FloatArray  # (n, 3) in [−1, 1], so that squares neither overflow nor underflow; nan if a vertex has none
-    groups: VertexGroups  # vertices of the mesh; a search starts in the groups near a position
+    places: FloatArray  # in [−1, 1], so that squares neither overflow nor underflow; nan if a vertex has none
+    groups: VertexGroups  # of the vertices of the mesh; a search starts in the groups near a position
 
     def inverse(self, positions: FloatArray, near: IntArray) -> PrecisePoints:
         """Find the points of the mesh whose places are nearest to positions (m, 3). O(m).
@@ -55,10 +55,8 @@ class PlacedMesh:
         """
         preimages = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
         arguments = positions, near, read_only(self.places), *self.groups, *self._linked_corners
-        n_groups = len(self.groups.start) - 1
-        by_group = VertexGroups.of(
-            near[:, 0], n_groups
-        ).members  # positions of a group together, for the cache
+        # Positions of a group come together, for the sake of the cache.
+        by_group = VertexGroups.of(near[:, 0], len(self.groups.start) - 1).members
 
         def chunk(first: int) -> None:
             _inverse_image(by_group[first : first + CHUNK_POINTS], *arguments, *preimages)

@@ -23,12 +23,12 @@ from isomatch.decimation.placed import (
 )
 from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
 
-# A face whose normal has a smaller cosine with the normal of the vertex, an angle of more than 60°,
-# counts as farther away: its squared distance grows by NORMAL_WEIGHT times the area of the coarse
-# vertex times the missing cosine.
+# A face counts as farther away if the cosine between its normal and the normal of the vertex is
+# smaller, an angle of more than 60°: its squared distance grows by NORMAL_WEIGHT times the area of
+# the coarse vertex times the missing cosine.
 MIN_FACING_COSINE = 0.5
 NORMAL_WEIGHT = 0.2
-MAX_ROUNDING = 1e-6  # error of positions in single precision
+MAX_ROUNDING = 1e-6  # positions in [−1, 1] are off by less than this in single precision
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,10 +108,8 @@ class Prolongation:
 def _faces_near(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
     """Faces around each vertex a, then those around its neighbours: ``near[start[a]:start[a + 1]]``."""
     marks, corners = linked_corners(mesh)
-    start, last_seen_by = (
-        np.zeros(mesh.n_vertices + 1, dtype=np.int64),
-        np.full(mesh.n_faces, -1, dtype=np.int32),
-    )
+    start = np.zeros(mesh.n_vertices + 1, dtype=np.int64)
+    last_seen_by = np.full(mesh.n_faces, -1, dtype=np.int32)
     _list_near(marks, corners, last_seen_by, start, np.empty(0, dtype=np.int32))
     near = np.empty(start[-1], dtype=np.int32)
     last_seen_by[:] = -1

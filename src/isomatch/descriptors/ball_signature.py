@@ -22,22 +22,18 @@ from isomatch.geodesics import (
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud
 
-# Radii in √area, from a wrist to a knee; larger balls reach other limbs where limbs touch:
-# decisions.md, ball signature
+# The default radii, in √area, from a wrist to a knee. Larger balls reach other limbs where limbs
+# touch (decisions.md, ball signature).
 RADII = (0.04, 0.06, 0.09)
-
 # Weights of the offset and the three extents in a comparison; the greatest extent tells little
 # (same page).
 WEIGHTS = (1.0, 0.0, 0.5, 1.0)
-
-MIN_RADIUS_EDGES = (
-    2.0  # mean edges that a radius must span; in a mesh of 5000 vertices the radius 0.04 spans 2.5
-)
-MAX_OVERHANG = 0.02  # length, in the unit, by which a ball may cross a boundary; its moments hardly change
-MIN_DEVIATION = 0.03  # smaller standard deviations are noise of the triangulation and must not be magnified
-MAX_SAMPLE_SPACINGS = 1.5  # a sample counts for vertices up to this distance, chosen so that most have one
-MIN_HALF_CELL = 1e-9  # half width, in the unit, of the cell of a vertex without area
-MAX_DIFFERENCE = 2.0  # larger differences, in standard deviations, count as this
+MIN_RADIUS_EDGES = 2.0  # a radius spans at least this many mean edges; with 5000 vertices 0.04 spans 2.5
+MAX_OVERHANG = 0.02  # a ball may cross a boundary by this length, in the unit; its moments hardly change
+MIN_DEVIATION = 0.03  # a smaller standard deviation is noise of the triangulation, and is not magnified
+MAX_SAMPLE_SPACINGS = 1.5  # a sample counts for vertices up to this many spacings away, so that most have one
+MIN_HALF_CELL = 1e-9  # the cell of a vertex without area has this half width, in the unit
+MAX_DIFFERENCE = 2.0  # a larger difference, in standard deviations, counts as this
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +45,10 @@ class BallSignature:
     of its covariance. They are divided by the radius.
     """
 
-    radii: FloatArray  # (r,)
-    values: FloatArray  # (n, r, 4)
-    to_boundary: FloatArray  # (n,) distance to the boundary; inf if there is none
-    finest: float = 0.0  # smaller balls have too few vertices to tell anything
+    radii: FloatArray  # increasing, (r,)
+    values: FloatArray  # offset and three extents of each ball, (n, r, 4)
+    to_boundary: FloatArray  # distance (n,) to the boundary; inf if there is none
+    finest: float = 0.0  # balls of a smaller radius have too few vertices to tell anything
 
     @cached_property
     def known(self) -> BoolArray:

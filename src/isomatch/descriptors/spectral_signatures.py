@@ -10,7 +10,7 @@ from isomatch.repair import without_seams
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh
 
-CLIPPED_SHARE = 0.02  # share of the values clipped at either end; curvature at sharp tips is noisy and large
+CLIPPED_SHARE = 0.02  # this share of the values is clipped at either end, as curvature at sharp tips is noisy
 
 
 def wave_kernel_signature(
@@ -122,7 +122,7 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
     # exp(−λ_i t), all scales count alike.
     scale = 4 * np.log(10)
     times = np.geomspace(scale / values[-1], scale / values[1], n_times)
-    decay = np.exp(-values[:, None] * times)  # (k, t)
+    decay = np.exp(-values[:, None] * times)  # of each function in each time, (k, n_times)
     return np.asarray(squares @ (decay / decay.sum(axis=0)))
 
 

@@ -19,8 +19,7 @@ from isomatch.surfaces import Mesh
 Solver = Callable[[int], FloatArray]
 """Distances from a vertex of a connected mesh to all its vertices, (n,)."""
 
-# Defects in the report of `check` that pygeodesic cannot handle: it crashes, or returns wrong
-# distances.
+# On a mesh that `check` reports to have one of these defects, pygeodesic crashes, or is wrong.
 _UNSUPPORTED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
 
 
@@ -37,7 +36,9 @@ class ComponentEngine(ColumnEngine):
         self.n_points = mesh.n_vertices
         self._unit = ordinary_unit(mesh)
         self._mesh = mesh.moved(mesh.vertices / self._unit)
-        self._solvers: dict[int, tuple[IntArray, Solver]] = {}  # by component, with its vertices, increasing
+        self._solvers: dict[
+            int, tuple[IntArray, Solver]
+        ] = {}  # vertices, increasing, and solver of a component
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = np.full((len(sources), self.n_points), np.inf)
@@ -111,22 +112,19 @@ class Heat(ComponentEngine):
         super().__init__(mesh)
 
     def _solver(self, component: Mesh) -> Solver:
+        unsolvable = MeshError(
+            f"the heat method cannot be solved on a component of {component.n_vertices} vertices and area "
+            f"{component.area:.3g}; look at check(mesh), or use another engine"
+        )
         try:
             solver = self._method(component.vertices, component.faces)
         except RuntimeError as error:
-            raise _unsolvable(component) from error
+            raise unsolvable from error
 
         def distances_from(source: int) -> FloatArray:
             distances = np.asarray(solver.compute_distance(source), dtype=np.float64)
             if not np.isfinite(distances).all():
-                raise _unsolvable(component)
+                raise unsolvable
             return np.maximum(distances, 0.0)
 
         return distances_from
-
-
-def _unsolvable(component: Mesh) -> MeshError:
-    return MeshError(
-        f"the heat method cannot be solved on a component of {component.n_vertices} vertices and area "
-        f"{component.area:.3g}; look at check(mesh), or use another engine"
-    )

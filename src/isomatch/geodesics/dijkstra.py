@@ -7,11 +7,11 @@ import scipy
 
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.threads import parallel_map
-from isomatch.geodesics.protocol import ColumnEngine, require_finite
+from isomatch.geodesics.protocol import ColumnEngine, require_finite, require_in_range
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-SOURCES_PER_TASK = 8  # of a thread
+SOURCES_PER_TASK = 8  # a thread computes the columns of this many sources at once
 
 
 class Dijkstra(ColumnEngine):
@@ -29,14 +29,13 @@ class Dijkstra(ColumnEngine):
         self.n_points = surface.n_vertices
         i, j = surface.edges.T
         directed = np.concatenate([i, j]), np.concatenate([j, i])
-        # coincident vertices are joined by an edge of length 0, which csr_array keeps as an
-        # explicit zero
+        # An edge of length 0 joins coincident vertices; csr_array keeps it as an explicit zero.
         lengths = np.tile(surface.edge_lengths, 2)
         self._graph = scipy.sparse.csr_array((lengths, directed), shape=(self.n_points,) * 2)
 
     def lower(self, nearest: FloatArray, source: int) -> None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
-        self._require_in_range(np.array([source]))
+        require_in_range(source, self.n_points, "sources")
         farthest = float(nearest.max(initial=0.0))
         column = scipy.sparse.csgraph.dijkstra(self._graph, indices=int(source), limit=farthest)
         np.minimum(nearest, column, out=nearest)

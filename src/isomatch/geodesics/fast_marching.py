@@ -8,15 +8,15 @@ import numpy as np
 
 from isomatch._core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from isomatch._core.compiled import compiled
-from isomatch._core.threads import parallel_rows
-from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite
+from isomatch._core.threads import parallel_map, parallel_rows
+from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite, require_in_range
 from isomatch.surfaces import Mesh
 
-MAX_SHIFT_EDGES = 0.02  # largest change of a distance by the curvature correction in one triangle, in edges
+MAX_SHIFT_EDGES = 0.02  # the correction for curvature changes a distance in a triangle by less, in edges
 MAX_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead
-TIE_STEPS = 1e-6  # paths that differ by less, in steps, count as equal; the first one found is kept
-MAX_UNFOLDED_FACES = 40  # faces crossed in search of a vertex that splits an obtuse angle
-RIGHT_ANGLE_COSINE = 1e-6  # an angle whose cosine is smaller in magnitude counts as right and needs no split
+TIE_STEPS = 1e-6  # paths count as equal if they differ by less than this many steps; the first one is kept
+MAX_UNFOLDED_FACES = 40  # this many faces are crossed in search of a vertex that splits an obtuse angle
+RIGHT_ANGLE_COSINE = 1e-6  # an angle counts as right, and is not split, if its cosine is smaller in magnitude
 NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)
 
 
@@ -39,13 +39,13 @@ class FastMarching(ColumnEngine):
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
         # The front ends where an earlier source is nearer, so that p successive sources cost about
         # log p full fronts.
-        self._require_in_range(np.array([source]))
+        require_in_range(source, self.n_points, "sources")
         bound = nearest if self._unit == 1.0 else nearest / self._unit
         nearest[:] = np.minimum(bound, self._front(source, bound=bound)) * self._unit
 
     def pair_distances(self, pairs: IntArray) -> FloatArray:
         """Distances (m,) of m pairs of vertices; a front ends at its source's farthest partner."""
-        self._require_in_range(pairs.ravel())
+        require_in_range(pairs, self.n_points)
         pairs = pairs.astype(np.int64)
         sources, row_of_pair = np.unique(pairs[:, 0], return_inverse=True)
         order = np.argsort(row_of_pair, kind="stable")
@@ -62,17 +62,14 @@ class FastMarching(ColumnEngine):
 
     def balls(self, centres: IntArray, radius: float) -> Balls:
         """Vertices within a radius of m centres; a front ends at the radius."""
-        self._require_in_range(centres)
-        parts: list[tuple[IntArray, FloatArray]] = [(TO_ALL, NO_BOUND)] * len(centres)
+        require_in_range(centres, self.n_points, "centres")
 
-        def march(row: int) -> None:
-            column = self._front(centres[row], farthest=radius / self._unit)
+        def ball(centre: int) -> tuple[IntArray, FloatArray]:
+            column = self._front(centre, farthest=radius / self._unit)
             inside = np.flatnonzero(column <= radius / self._unit)
-            parts[row] = inside, column[inside]
+            return inside, column[inside] * self._unit
 
-        parallel_rows(march, len(centres))
-        balls = Balls.of(parts)
-        return balls._replace(distances=balls.distances * self._unit)
+        return Balls.of(parallel_map(ball, centres))
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = np.zeros((len(sources), self.n_points))
@@ -81,7 +78,7 @@ class FastMarching(ColumnEngine):
             distances[row] = self._front(sources[row])
 
         parallel_rows(march, len(sources))
-        return distances if self._unit == 1.0 else distances * self._unit
+        return distances * self._unit if self._unit != 1.0 else distances
 
     def _front(
         self, source: int, bound: FloatArray = NO_BOUND, targets: IntArray = TO_ALL, farthest: float = np.inf
@@ -94,24 +91,28 @@ class FastMarching(ColumnEngine):
         distance, settled = np.full(n, np.inf), np.full(n, np.inf)
         awaited = np.zeros(n if len(targets) else 0, dtype=bool)
         awaited[targets] = True
-        scratch = np.zeros(n), np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
+        places = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
         goal = awaited, int(np.count_nonzero(awaited)), farthest
-        _advance(*self._stencil, source, distance, bound, *goal, settled, *scratch)
+        scratch = settled, np.zeros(n)
+        _advance(*self._stencil, source, distance, bound, *goal, *scratch, *places, np.empty(n + 1))
         return distance
 
 
 class Stencil(NamedTuple):
-    """Directed updates, grouped by the vertex that triggers them, in compressed sparse row form."""
+    """The updates of a mesh, by the vertex that triggers them and the vertex whose distance they lower."""
 
-    # Entry e in start[v]:start[v + 1] means: once the distance of v is known, the pair (v,
-    # other[e]) may update target[e]. In the plane of the triangle v is at (0, 0), the other vertex
-    # at (shape[e, 0], 0), and the target at (shape[e, 1], shape[e, 2]) with a positive ordinate, at
-    # the distance shape[e, 3] from v.
-    start: IntArray  # (n + 1,)
-    other: AnyArray  # (e,) int32
-    target: AnyArray  # (e,) int32
-    shape: Float32Array  # (e, 4), in mesh units
-    curvature: FloatArray  # (n,) Gaussian curvature, in 1 / squared mesh units
+    # Edges start[v]:start[v + 1] lead from v, real or virtual ones; edge e to target[e], of the
+    # length step[e]. Once the distance of v is known, the pair of v and other[u] may lower the
+    # distance of that target, for each u in first[e]:first[e + 1]. In the plane of their triangle v
+    # is at (0, 0), other[u] at (shape[u, 0], 0), and the target at (shape[u, 1], shape[u, 2]), with
+    # a positive ordinate. Lengths are in mesh units.
+    start: IntArray
+    target: AnyArray  # int32, as is other
+    step: Float32Array
+    first: AnyArray  # int32
+    other: AnyArray
+    shape: Float32Array
+    curvature: FloatArray  # the Gaussian curvature at each vertex, in 1 / squared mesh units
 
 
 def stencil_of(mesh: Mesh) -> Stencil:
@@ -120,7 +121,7 @@ def stencil_of(mesh: Mesh) -> Stencil:
     # then lies between neither pair of sides. Kimmel & Sethian 1998, section "extension to general
     # triangulations": the faces beyond the edge (a, b) are unfolded into the plane of the face
     # until a vertex d splits the angle at c into two acute ones. Then (a, d) and (d, b) update c as
-    # well: they are virtual edges with their lengths in the plane. O(faces) time, about 240 bytes
+    # well: they are virtual edges with their lengths in the plane. O(faces) time, about 260 bytes
     # per vertex. The mesh need not be manifold: unfolding ends at edges of one face or of more than
     # two.
     faces, points = mesh.sound_faces, mesh.vertices
@@ -128,41 +129,35 @@ def stencil_of(mesh: Mesh) -> Stencil:
     capacity = 2 * len(faces)  # a face has at most one obtuse corner, which gives at most two updates
     split = np.zeros((capacity, 3), dtype=np.int64), np.zeros((capacity, 3))
     n_split = _split_obtuse(points, faces.ravel(), opposite, *split)
-    # every corner c of every face, with its edge (a, b), as (c, a, b, |ab|, x, y)
-    c, a, b = (np.roll(faces, -turn, axis=1).ravel() for turn in range(3))
-    plain = np.column_stack([c, a, b]), _triangle(points[a], points[b], points[c])
-    corners, shape = (np.concatenate([whole, part[:n_split]]) for whole, part in zip(plain, split))
-    return _group(corners, shape, _gaussian_curvature(mesh, opposite))
+    # Side i of a face leads from corner i to corner i + 1. All below are (m, 3), by corner i of face f.
+    sides = points[np.roll(faces, -1, axis=1)] - points[faces]
+    doubled_area = np.repeat(2 * mesh.face_areas, 3).reshape(-1, 3)
+    inner = -np.einsum("fix,fix->fi", sides, np.roll(sides, 1, axis=1))  # of both sides at the corner
+    # Corner c is updated from the side ab that is opposite to it: in the plane of the face a is at
+    # (0, 0), b at (|ab|, 0), and c at x = ab · ac / |ab|, y = |ab × ac| / |ab|. Where a and b
+    # coincide, the axis is at right angles to ac.
+    length = np.linalg.norm(sides, axis=2)
+    along = np.roll(length, -1, axis=1)
+    safe = np.where(along > 0, along, 1.0)
+    x, y = np.roll(inner, -1, axis=1) / safe, np.where(along > 0, doubled_area / safe, length)
+    shape = np.column_stack([along.ravel(), x.ravel(), y.ravel()])
+    corners = np.column_stack([np.roll(faces, -turn, axis=1).ravel() for turn in range(3)])  # c, a, b
+    corners, shape = (np.concatenate([whole, part[:n_split]]) for whole, part in zip((corners, shape), split))
+    # arctan2(|u × v|, u · v) is accurate at angles near 0 and π, where arccos is not
+    return _group(corners, shape, _gaussian_curvature(mesh, np.arctan2(doubled_area, inner), opposite))
 
 
-def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
+def _gaussian_curvature(mesh: Mesh, angles: FloatArray, opposite: IntArray) -> FloatArray:
     """Angle defect 2π − Σ angles divided by vertex area, (n,); 0 on boundaries and at non-manifold edges."""
     # Gauss–Bonnet on the star of a vertex: ∫ K dA = 2π − Σ angles; K is the mean, divided by the
     # area of the vertex.
     faces = mesh.sound_faces
-    corner, following, before = (np.roll(faces, -turn, axis=1).ravel() for turn in range(3))
-    u, v = (mesh.vertices[end] - mesh.vertices[corner] for end in (following, before))
-    # arctan2(|u × v|, u · v) is accurate at angles near 0 and π, where arccos is not
-    angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
-    defect = 2 * np.pi - np.bincount(corner, angles, mesh.n_vertices)
-    boundary = opposite < 0  # corners that face a boundary edge, whose ends are the other two corners
-    defect[following[boundary]] = 0.0
-    defect[before[boundary]] = 0.0
+    defect = 2 * np.pi - np.bincount(faces.ravel(), angles.ravel(), mesh.n_vertices)
+    is_boundary = opposite.reshape(-1, 3) < 0  # sides opposite to a corner without another face there
+    for turn in (1, 2):  # the ends of such a side are the other two corners
+        defect[np.roll(faces, -turn, axis=1)[is_boundary]] = 0.0
     area = mesh.vertex_areas
     return np.asarray(np.divide(defect, area, out=np.zeros(mesh.n_vertices), where=area > 0))
-
-
-def _triangle(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Planar shapes (|ab|, x, y) of m triangles, (m, 3): a at the origin, b on the positive axis, c at (x, y), y ≥ 0."""
-    # x = ab · ac / |ab|, y = |ab × ac| / |ab|; where a and b coincide, the axis is at right angles
-    # to c
-    ab, ac = b - a, c - a
-    length = np.linalg.norm(ab, axis=1)
-    safe = np.where(length > 0, length, 1.0)
-    x = np.einsum("ij,ij->i", ab, ac) / safe
-    y = np.linalg.norm(np.cross(ab, ac), axis=1) / safe
-    y = np.where(length > 0, y, np.linalg.norm(ac, axis=1))
-    return np.column_stack([length, x, y])
 
 
 def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stencil:
@@ -171,17 +166,20 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
     target, a, b = corners.T
     # with b at the origin and a on the axis, the target is at (|ab| − x, y)
     mirrored = np.column_stack([shape[:, 0], shape[:, 0] - shape[:, 1], shape[:, 2]])
-    trigger = np.concatenate([a, b])
-    order = np.argsort(trigger, kind="stable")
-    shape = np.concatenate([shape, mirrored])[order]
-    start = np.append(0, np.cumsum(np.bincount(trigger, minlength=n)))
-    return Stencil(
-        start,
-        np.concatenate([b, a])[order].astype(np.int32),
-        np.concatenate([target, target])[order].astype(np.int32),
-        np.column_stack([shape, np.hypot(shape[:, 1], shape[:, 2])]).astype(np.float32),
-        curvature,
-    )
+    shape = np.concatenate([shape, mirrored])
+    step = np.hypot(shape[:, 1], shape[:, 2]).astype(np.float32)
+    trigger, other, target = np.concatenate([a, b]), np.concatenate([b, a]), np.concatenate([target, target])
+    # Updates of one target by one trigger belong to one edge, except that two virtual edges may
+    # have different lengths.
+    order = np.argsort(trigger * n + target, kind="stable")
+    trigger, other, target, step = trigger[order], other[order], target[order], step[order]
+    is_first = np.ones(len(order), dtype=bool)
+    is_first[1:] = (np.diff(trigger) != 0) | (np.diff(target) != 0) | (np.diff(step) != 0)
+    first = np.flatnonzero(is_first)
+    start = np.searchsorted(trigger[first], np.arange(n + 1))
+    update = other.astype(np.int32), shape[order].astype(np.float32)
+    edges = target[first].astype(np.int32), step[first], np.append(first, len(order)).astype(np.int32)
+    return Stencil(start, *edges, *update, curvature)
 
 
 def _opposite_corners(mesh: Mesh) -> IntArray:
@@ -276,7 +274,7 @@ def _product(points: FloatArray, a: int, b: int, c: int, d: int) -> float:
     return total
 
 
-@compiled(inline="always")
+@compiled(inline="always", error_model="numpy")
 def _excess(before: float, radius: float, step: float, gauss: float) -> float:
     """Excess of the front's curvature at distance ``radius``, if it was ``before`` one ``step`` earlier."""
     # A front at distance d in the plane has the curvature 1 / d of a circle. On a surface its
@@ -299,11 +297,13 @@ def _excess(before: float, radius: float, step: float, gauss: float) -> float:
     return min(max(bent, -MAX_FOCUS / step), 1.0 / step) - 1.0 / radius
 
 
-@compiled(fastmath={"contract", "arcp", "nsz"})
+@compiled(fastmath={"contract", "arcp", "nsz"}, error_model="numpy")
 def _advance(
     start: IntArray,
-    other: AnyArray,
     target: AnyArray,
+    length_of: Float32Array,
+    first: AnyArray,
+    other: AnyArray,
     shape: Float32Array,
     curvature: FloatArray,
     source: int,
@@ -316,36 +316,35 @@ def _advance(
     excess: FloatArray,
     slot: AnyArray,
     heap: AnyArray,
+    key: FloatArray,
 ) -> None:
-    # Dijkstra's order with an indexed binary heap: heap[:size] holds tentative vertices, slot[v]
-    # the place of v in it, −1 if v was never reached. settled[v] is the final distance, inf while
-    # tentative, −1 where an earlier source is nearer.
+    # Dijkstra's order with an indexed binary heap: heap[:size] holds tentative vertices, key[:size]
+    # their distances, and slot[v] the place of v in it, −1 if v was never reached. settled[v] is
+    # the final distance, inf while tentative, −1 where an earlier source is nearer.
     size = 1
     heap[0] = source
+    key[0] = 0.0
     slot[source] = 0
     distance[source] = 0.0
     while size > 0:
         v = heap[0]
-        dv = distance[v]
+        dv = key[0]
         if dv > farthest:
             return
         size -= 1
         if size > 0:  # sift the last entry down from the root
-            moved = heap[size]
-            key = distance[moved]
-            hole = 0
-            while True:
-                child = 2 * hole + 1
-                if child >= size:
+            moved, lowered = heap[size], key[size]
+            key[size] = np.inf  # so that the last entry may be the only child
+            hole, child = 0, 1
+            while child < size:
+                child += int(key[child + 1] < key[child])
+                if key[child] >= lowered:
                     break
-                if child + 1 < size and distance[heap[child + 1]] < distance[heap[child]]:
-                    child += 1
-                if distance[heap[child]] >= key:
-                    break
-                heap[hole] = heap[child]
+                heap[hole], key[hole] = heap[child], key[child]
                 slot[heap[hole]] = hole
                 hole = child
-            heap[hole] = moved
+                child = 2 * hole + 1
+            heap[hole], key[hole] = moved, lowered
             slot[moved] = hole
         if len(bound) and dv >= bound[v]:  # an earlier source is nearer: the front ends here
             distance[v] = np.inf
@@ -360,53 +359,58 @@ def _advance(
             c = target[e]
             if settled[c] != np.inf:
                 continue
-            step = np.float64(shape[e, 3])
-            candidate = radius = dv + step  # along the edge from v
-            bent = excess[v]
-            gauss = curvature[v]
-            w = other[e]
-            dw = settled[w]
-            if dw != np.inf and dw >= 0.0 and shape[e, 0] > 0.0:
-                length, x, y = np.float64(shape[e, 0]), np.float64(shape[e, 1]), np.float64(shape[e, 2])
-                # The update of Kimmel & Sethian, for spherical instead of plane fronts (Novotni &
-                # Klein 2002): the *virtual source* is the point of the triangle's plane at the
-                # distances dv and dw from v and w, on the other side of their edge. With v = (0,
-                # 0), w = (length, 0), c = (x, y), y > 0, it is (sx, −√squared) where
-                #   sx² + squared = dv²,  (sx − length)² + squared = dw²
-                # and the difference of the two gives sx. c lies height = y + √squared above it. If
-                # the straight line from there to c crosses the edge, c gets its length as distance;
-                # otherwise the way along the edge from v.
-                sx = 0.5 * (length + (dv * dv - dw * dw) / length)
-                squared = dv * dv - sx * sx
-                if squared > 0.0:  # else these circles do not meet: |dv − dw| > length, by curvature
-                    height = y + np.sqrt(squared)
-                    # abscissa at which the ray from there to c crosses the edge, times height
-                    crossing = sx * y + x * (height - y)
-                    if crossing >= 0.0 and crossing <= length * height:
-                        straight = np.sqrt((x - sx) ** 2 + height * height)
-                        part = crossing / (height * length)  # fraction of the edge from v
-                        mean = excess[v] + part * (excess[w] - excess[v])
-                        # Known distances of v and w contain the excess of the front, but the circle
-                        # through them does not bulge as the front does. Let ε be the excess between
-                        # them, L = length, t = part L where the ray crosses, and α its angle with
-                        # the edge. Along the edge the distance d of the front has the second
-                        # derivative d'' = κ sin²α, the distance of the circle sin²α / d, and both
-                        # agree at the ends: the difference δ'' = ε sin²α with δ(0) = δ(L) = 0 is
-                        # δ(t) = −½ ε sin²α t (L − t). The shift −δ is subtracted from the distance
-                        # to the virtual source; sin α = height / straight. Without it the error is
-                        # of first order in the edge length, and on rough meshes three times as
-                        # large.
-                        shift = 0.5 * mean * (height / straight) ** 2 * part * (1.0 - part) * length * length
-                        limit = MAX_SHIFT_EDGES * min(length, straight)
-                        shift = min(max(shift, -limit), limit)
-                        if straight - shift < candidate:
-                            candidate = straight - shift
-                            radius = straight
-                            step = straight * y / height  # length of the ray beyond the edge
-                            bent = mean
-                            gauss = curvature[v] + part * (curvature[w] - curvature[v])
-            if candidate < distance[c] - TIE_STEPS * step:
-                distance[c] = candidate
+            edge = np.float64(length_of[e])
+            nearest = distance[c]
+            lowered = False
+            radius = step = bent = gauss = 0.0
+            for u in range(first[e], first[e + 1]):
+                candidate = ray = dv + edge  # along the edge from v
+                beyond, mean, curved = edge, excess[v], curvature[v]
+                w = other[u]
+                dw = settled[w]
+                if dw != np.inf and dw >= 0.0 and shape[u, 0] > 0.0:
+                    length, x, y = np.float64(shape[u, 0]), np.float64(shape[u, 1]), np.float64(shape[u, 2])
+                    # The update of Kimmel & Sethian, for spherical instead of plane fronts (Novotni
+                    # & Klein 2002): the *virtual source* is the point of the triangle's plane at
+                    # the distances dv and dw from v and w, on the other side of their edge. With v
+                    # = (0, 0), w = (length, 0), c = (x, y), y > 0, it is (sx, −√squared) where
+                    #   sx² + squared = dv²,  (sx − length)² + squared = dw²
+                    # and the difference of the two gives sx. c lies height = y + √squared above it.
+                    # If the straight line from there to c crosses the edge, c gets its length as
+                    # distance; otherwise the way along the edge from v.
+                    sx = 0.5 * (length + (dv * dv - dw * dw) / length)
+                    squared = dv * dv - sx * sx
+                    if squared > 0.0:  # else these circles do not meet: |dv − dw| > length, by curvature
+                        height = y + np.sqrt(squared)
+                        # abscissa at which the ray from there to c crosses the edge, times height
+                        crossing = sx * y + x * (height - y)
+                        if crossing >= 0.0 and crossing <= length * height:
+                            straight = np.sqrt((x - sx) ** 2 + height * height)
+                            part = crossing / (height * length)  # fraction of the edge from v
+                            between = excess[v] + part * (excess[w] - excess[v])
+                            # Known distances of v and w contain the excess of the front, but the
+                            # circle through them does not bulge as the front does. Let ε be the
+                            # excess between them, L = length, t = part L where the ray crosses, and
+                            # α its angle with the edge. Along the edge the distance d of the front
+                            # has the second derivative d'' = κ sin²α, the distance of the circle
+                            # sin²α / d, and both agree at the ends: the difference δ'' = ε sin²α
+                            # with δ(0) = δ(L) = 0 is δ(t) = −½ ε sin²α t (L − t). The shift −δ is
+                            # subtracted from the distance to the virtual source; sin α = height /
+                            # straight. Without it the error is of first order in the edge length,
+                            # and on rough meshes three times as large.
+                            shift = 0.5 * between * (height / straight) ** 2
+                            shift *= part * (1.0 - part) * length * length
+                            limit = MAX_SHIFT_EDGES * min(length, straight)
+                            shift = min(max(shift, -limit), limit)
+                            if straight - shift < candidate:
+                                candidate, ray, mean = straight - shift, straight, between
+                                beyond = straight * y / height  # length of the ray beyond the edge
+                                curved = curvature[v] + part * (curvature[w] - curvature[v])
+                if candidate < nearest - TIE_STEPS * beyond:
+                    nearest, lowered = candidate, True
+                    radius, step, bent, gauss = ray, beyond, mean, curved
+            if lowered:
+                distance[c] = nearest
                 excess[c] = _excess(bent, radius, step, 0.5 * (gauss + curvature[c]))
                 hole = slot[c]  # insert c, or sift it up from where it is
                 if hole < 0:
@@ -414,10 +418,10 @@ def _advance(
                     size += 1
                 while hole > 0:
                     parent = (hole - 1) // 2
-                    if distance[heap[parent]] <= candidate:
+                    if key[parent] <= nearest:
                         break
-                    heap[hole] = heap[parent]
+                    heap[hole], key[hole] = heap[parent], key[parent]
                     slot[heap[hole]] = hole
                     hole = parent
-                heap[hole] = c
+                heap[hole], key[hole] = c, nearest
                 slot[c] = hole

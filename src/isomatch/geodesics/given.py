@@ -6,19 +6,26 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 
 from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import MeshError, SettingError, some
-from isomatch.geodesics.protocol import Balls, ColumnEngine, DistanceEngine, geodesic_balls, pair_distances
+from isomatch.geodesics.protocol import (
+    Balls,
+    ColumnEngine,
+    DistanceEngine,
+    geodesic_balls,
+    pair_distances,
+    require_in_range,
+)
 
 DistanceFunction = Callable[[IntArray], ArrayLike]
 """Maps sources (m,) to distance columns (m, n)."""
 
-# Fractions of the largest distance: fast marching from i to j and from j to i differs by less than
-# MAX_ASYMMETRY, and the distance of a point to itself counts as 0 up to MAX_DIAGONAL.
-MAX_ASYMMETRY = 0.01
-MAX_DIAGONAL = 1e-6
-CHECKED_ROWS = 256  # rows of a matrix that are checked at once
+# Both are fractions of the largest distance.
+MAX_ASYMMETRY = 0.01  # distances from i to j and from j to i may differ by so much, as in fast marching
+MAX_DIAGONAL = 1e-6  # the distance of a point to itself counts as 0 up to this
+CHECKED_ROWS = 256  # this many rows of a matrix are checked at once
 
 
 class GivenMatrix(ColumnEngine):
@@ -132,11 +139,7 @@ class RestrictedEngine(ColumnEngine):
                 f"vertices of shape {points.shape} and type {points.dtype} are not a list of points, "
                 "expected (n,) integers"
             )
-        bad = points[(points < 0) | (points >= engine.n_points)]
-        if len(bad):
-            raise MeshError(
-                f"vertices {some(bad)} are outside 0…{engine.n_points - 1}, the points of the engine"
-            )
+        require_in_range(points, engine.n_points, whole="the points of the engine")
         if not 0.0 < unit < np.inf:
             raise SettingError(f"unit = {unit} is not a positive length")
         self.name, self.n_points = engine.name, len(points)
@@ -144,9 +147,10 @@ class RestrictedEngine(ColumnEngine):
 
     def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
-        self._require_in_range(np.array([source]))
-        whole = np.full(self._engine.n_points, np.inf)  # no bound elsewhere: a front may pass there
-        whole[self._vertices] = nearest * self._unit
+        require_in_range(source, self.n_points, "sources")
+        whole = np.full(self._engine.n_points, -np.inf)
+        np.maximum.at(whole, self._vertices, nearest * self._unit)
+        whole[whole < 0] = np.inf  # no bound at other points: a front may pass there
         column = self._engine.lower(whole, int(self._vertices[source]))
         np.minimum(nearest, whole[self._vertices] / self._unit, out=nearest)
         return None if column is None else column[self._vertices] / self._unit
@@ -162,31 +166,15 @@ class WeldedEngine(RestrictedEngine):
         super().__init__(engine, point)
         self.notes = notes
 
-    def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
-        """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
-        self._require_in_range(np.array([source]))
-        bound = np.zeros(self._engine.n_points)
-        np.maximum.at(bound, self._vertices, nearest)
-        column = self._engine.lower(bound, int(self._vertices[source]))
-        np.minimum(nearest, bound[self._vertices], out=nearest)
-        return None if column is None else column[self._vertices]
-
     def pair_distances(self, pairs: IntArray) -> FloatArray:
         """Distances (m,) of m pairs of vertices."""
-        self._require_in_range(pairs.ravel())
         return pair_distances(self._engine, self._vertices[pairs])
 
     def balls(self, centres: IntArray, radius: float) -> Balls:
         """Vertices within a radius of m centres."""
-        self._require_in_range(centres)
-        balls = geodesic_balls(self._engine, self._vertices[centres], radius)
-        order = np.argsort(self._vertices, kind="stable")  # vertices, sorted by their point
-        ends = np.searchsorted(self._vertices[order], np.arange(self._engine.n_points + 1))
-        parts = []
-        for low, high in zip(balls.start, balls.start[1:]):
-            copies = [order[ends[point] : ends[point + 1]] for point in balls.points[low:high]]
-            vertices = np.concatenate([self._vertices[:0], *copies])
-            distances = np.repeat(balls.distances[low:high], [len(vertices) for vertices in copies])
-            increasing = np.argsort(vertices)
-            parts.append((vertices[increasing], distances[increasing]))
-        return Balls.of(parts)
+        require_in_range(centres, self.n_points, "centres")
+        start, points, distances = geodesic_balls(self._engine, self._vertices[centres], radius)
+        shape = len(centres), self._engine.n_points
+        balls = csr_array((distances, points, start), shape=shape)[:, self._vertices]
+        balls.sort_indices()
+        return Balls(balls.indptr.astype(np.int64), balls.indices.astype(np.int64), balls.data)

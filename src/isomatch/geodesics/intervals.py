@@ -20,10 +20,10 @@ class MissingRegion:
     It is sampled by q boundary vertices, evenly spread; there are none on a closed surface.
     """
 
-    samples: IntArray  # (q,)
-    columns: FloatArray  # (q, n) distances from the samples along the surface
-    straight: FloatArray  # (q, q) Euclidean distances between the samples
-    gap: float  # largest distance of a boundary vertex from the nearest sample
+    samples: IntArray  # vertices of the boundary, (q,)
+    columns: FloatArray  # distances (q, n) from the samples along the surface
+    straight: FloatArray  # Euclidean distances (q, q) between the samples
+    gap: float  # the largest Euclidean distance of a boundary vertex from the nearest sample
 
     @classmethod
     def of(cls, mesh: Mesh, engine: DistanceEngine, n_samples: int) -> MissingRegion:
@@ -53,8 +53,9 @@ class MissingRegion:
         # comes back last at c. Between b and c it lies in space, so that
         #   d(x, y) ≥ min(d_part(x, y), min over b, c of d_part(x, b) + ‖b − c‖ + d_part(c, y)).
         # Two minima, first over b and then over c, cost O(m q (q + r)).
-        before = (self.columns[:, sources].T[:, :, None] + self.straight).min(axis=1)  # (m, q)
-        after = self.columns[:, others]  # (q, r)
+        # (m, q, 1) + (q, q) -> (m, q), from each source to the point c of return
+        before = (self.columns[:, sources].T[:, :, None] + self.straight).min(axis=1)
+        after = self.columns[:, others]
         through = np.stack([(row[:, None] + after).min(axis=0) for row in before]) if len(before) else along
-        # a path may leave between two samples, for which the gap allows
+        # A path may leave between two samples, so that it is shorter by up to the gap.
         return np.asarray(np.minimum(along, np.maximum(through - self.gap, 0.0)))

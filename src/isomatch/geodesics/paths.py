@@ -12,19 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._core.arrays import AnyArray, FloatArray, IntArray
-from isomatch._core.cached import cached_property
 from isomatch._core.errors import FormatError, MeshError
 from isomatch._core.files import write_text
 from isomatch.geodesics.dijkstra import Dijkstra
-from isomatch.geodesics.points import DividedMesh, concatenate_points, insert_points, points_of
+from isomatch.geodesics.points import concatenate_points, insert_points, points_of
 from isomatch.geodesics.protocol import ordinary_unit, require_finite
 from isomatch.geodesics.windows import UnfoldedFaces, Windows, windows_from
 from isomatch.io import SurfaceLike, mesh_from
-from isomatch.repair import Repair, repair
+from isomatch.repair import repair
 from isomatch.surfaces import Mesh, PrecisePoints
 
-MAX_EXCESS_RATIO = 1e-9  # excess of an exact length over a known bound that rounding explains
-MIN_SEGMENT_RATIO = 1e-12  # a segment that is shorter, relative to its path, is rounding at a vertex
+MAX_EXCESS_RATIO = 1e-9  # an exact length may exceed a known bound by this fraction, because of rounding
+MIN_SEGMENT_RATIO = 1e-12  # a shorter segment, relative to its path, is rounding at a vertex and is left out
 PATH_SUFFIXES = (".obj", ".vtp")
 
 
@@ -130,7 +129,7 @@ def geodesic_paths(
         raise MeshError(
             f"{len(first.corners)} sources and {len(second.corners)} targets; give a target for each source"
         )
-    finder = _PathFinder.of(mesh, concatenate_points(first, second), weld)
+    finder = _PathFinder(mesh, concatenate_points(first, second), weld)
     return (finder.path(i, i + len(first.corners)) for i in range(len(first.corners)))
 
 
@@ -143,37 +142,18 @@ class _Stop(NamedTuple):
     face: int
 
 
-@dataclass(frozen=True, eq=False)
 class _PathFinder:
-    """A mesh prepared for paths between some of its points."""
+    """A mesh prepared for paths between some of its points: welded, without unsound faces, of ordinary size."""
 
-    original: Mesh
-    points: PrecisePoints
-    repair: Repair
-    division: DividedMesh
-    unit: float
-
-    @classmethod
-    def of(cls, mesh: Mesh, points: PrecisePoints, weld: bool) -> _PathFinder:
-        """Weld a mesh, leave out unsound faces, and make vertices of the points."""
+    def __init__(self, mesh: Mesh, points: PrecisePoints, weld: bool) -> None:
         require_finite(mesh)
-        welded = repair(Mesh(mesh.vertices, mesh.sound_faces), weld=weld, remove_unused=False, orient=False)
-        corners = welded.new_index[points.corners]
-        division = insert_points(welded.mesh, PrecisePoints(corners, points.barycentric))
-        return cls(mesh, points, welded, division, ordinary_unit(mesh))
-
-    @cached_property
-    def mesh(self) -> Mesh:
-        """The divided mesh, of ordinary size."""
-        return self.division.mesh.moved(self.division.mesh.vertices / self.unit)
-
-    @cached_property
-    def unfolded(self) -> UnfoldedFaces:
-        return UnfoldedFaces.of(self.mesh)
-
-    @cached_property
-    def along_edges(self) -> Dijkstra:
-        return Dijkstra(self.mesh)
+        self.original, self.points, self.unit = mesh, points, ordinary_unit(mesh)
+        sound = Mesh(mesh.vertices, mesh.sound_faces)
+        self.repair = repair(sound, weld=weld, remove_unused=False, orient=False)
+        corners = self.repair.new_index[points.corners]
+        self.division = insert_points(self.repair.mesh, PrecisePoints(corners, points.barycentric))
+        self.mesh = self.division.mesh.moved(self.division.mesh.vertices / self.unit)
+        self.unfolded, self.along_edges = UnfoldedFaces.of(self.mesh), Dijkstra(self.mesh)
 
     def path(self, i: int, j: int) -> GeodesicPath:
         """Find the path from one of the points to another."""
@@ -201,7 +181,7 @@ class _PathFinder:
             np.array([self.points.corners[i], *(row[0] for row in rows), self.points.corners[j]]),
             np.array([self.points.barycentric[i], *(row[1] for row in rows), self.points.barycentric[j]]),
         )
-        origin = self.original.vertices[points.corners[0, 0]]  # near it, coordinates have more digits
+        origin = self.original.vertices[points.corners[0, 0]]  # coordinates near 0 have more digits
         relative = points.interpolated((self.original.vertices - origin) / self.unit)
         length = float(np.linalg.norm(np.diff(relative, axis=0), axis=1).sum()) * self.unit
         index = self.repair.face_index[np.array(within, dtype=np.int64)]

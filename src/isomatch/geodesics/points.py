@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._core.arrays import AnyArray, FloatArray, IntArray
-from isomatch._core.errors import MeshError, some
-from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MeshError
+from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine, require_in_range
 from isomatch.surfaces import Mesh, PrecisePoints
 
-MAX_SUM_ERROR = 1e-6  # how far the sum of the weights of a point may differ from 1
-MIN_WEIGHT = 1e-12  # smaller weights of a corner are rounding, and would make faces without area
+MAX_SUM_ERROR = 1e-6  # the sum of the weights of a point may differ from 1 by so much
+MIN_WEIGHT = 1e-12  # a smaller weight of a corner is rounding, and would make faces without area
 
 
 def points_of(given: ArrayLike | PrecisePoints, n_vertices: int) -> PrecisePoints:
@@ -38,7 +38,7 @@ def points_of(given: ArrayLike | PrecisePoints, n_vertices: int) -> PrecisePoint
             f"points have corners of shape {corners.shape} and type {corners.dtype}, and weights of shape "
             f"{weights.shape}; expected (m, 3) vertices and (m, 3) numbers"
         )
-    _require_in_range(corners.ravel(), n_vertices)
+    require_in_range(corners, n_vertices)
     good = (weights >= 0).all(axis=1) & (np.abs(weights.sum(axis=1) - 1) <= MAX_SUM_ERROR)
     if not good.all():
         i = int(np.argmin(good))
@@ -54,7 +54,7 @@ def vertices_of(points: ArrayLike, n_vertices: int) -> IntArray:
     vertices = np.atleast_1d(np.asarray(points))
     if vertices.ndim != 1 or (vertices.size and vertices.dtype.kind not in "iu"):
         raise MeshError("points must be a one-dimensional array of vertex indices, or PrecisePoints")
-    _require_in_range(vertices, n_vertices)
+    require_in_range(vertices, n_vertices)
     return vertices.astype(np.int64)
 
 
@@ -63,20 +63,14 @@ def concatenate_points(*parts: PrecisePoints) -> PrecisePoints:
     return PrecisePoints(*(np.concatenate(arrays) for arrays in zip(*parts)))
 
 
-def _require_in_range(vertices: AnyArray, n_vertices: int) -> None:
-    bad = vertices[(vertices < 0) | (vertices >= n_vertices)]
-    if len(bad):
-        raise MeshError(f"vertices {some(bad)} are outside 0…{n_vertices - 1}, the vertices of the surface")
-
-
 @dataclass(frozen=True, eq=False)
 class DividedMesh:
     """A mesh with further points of its surface as vertices, after the original vertices."""
 
     mesh: Mesh  # faces with new points inside or on an edge are divided
-    vertex: IntArray  # (m,) vertex of each point; an original one, if the point is there
-    face_index: IntArray  # (n_faces,) original face that contains each face
-    places: PrecisePoints  # place of each vertex in the original mesh
+    vertex: IntArray  # the vertex (m,) of each point; an original one, if the point is there
+    face_index: IntArray  # the original face (n_faces,) that contains each face
+    places: PrecisePoints  # the place of each vertex in the original mesh
 
 
 def insert_points(mesh: Mesh, points: PrecisePoints) -> DividedMesh:
@@ -126,23 +120,22 @@ class _Division:
         self._mesh = mesh
         self._n = mesh.n_vertices
         self._faces_between = FacesBetween(mesh)
-        self._triangles: dict[int, tuple[int, int, int]] = {}  # parts of divided faces, by number
-        self._parts: dict[int, list[int]] = {}  # numbers of the parts of a face of the mesh
-        self._face_index: list[int] = []  # face of each part
-        self._added: list[tuple[IntArray, FloatArray]] = []  # corners and weights of each new vertex
+        self._parts: dict[int, list[tuple[int, ...]]] = {}  # triangles into which a face is divided
+        self._added: list[tuple[IntArray, FloatArray]] = []  # three corners and weights of each new vertex
         self._between: dict[tuple[int, ...], list[int]] = {}  # vertices added between the same corners
 
     def insert(self, corners: IntArray, weights: FloatArray) -> int:
         """Return the vertex of a point, given its distinct corners in order, and their weights."""
         if len(corners) == 1:
             return int(corners[0])
+        faces = self._faces_between(corners)
+        weights = np.pad(weights, (0, 3 - len(weights)))
         neighbours = self._between.setdefault(tuple(corners.tolist()), [])
         for vertex in neighbours:
             if abs(self._added[vertex - self._n][1] - weights).max() <= MIN_WEIGHT:
                 return vertex
-        faces = self._faces_between(corners)
         new = self._n + len(self._added)
-        self._added.append((corners, weights))
+        self._added.append((np.pad(corners, (0, 3 - len(corners)), mode="edge"), weights))
         neighbours.append(new)
         for face in faces:
             self._divide(int(face), new)
@@ -150,61 +143,36 @@ class _Division:
 
     def _divide(self, face: int, new: int) -> None:
         """Divide the part of a face that contains a new vertex, and its neighbour if that is on their edge."""
-        if face not in self._parts:
-            self._parts[face] = []
-            self._add_part(face, *self._mesh.faces[face].tolist())
         corners = self._mesh.faces[face]
-        point = self.place(new, corners)
-        weights = {part: self._weights(part, corners, point) for part in self._parts[face]}
-        inside = max(self._parts[face], key=lambda part: weights[part].min())
+        parts = self._parts.setdefault(face, [tuple(corners.tolist())])
+        place = self._place(new, corners)
+        bases = (np.array([self._place(vertex, corners) for vertex in part]) for part in parts)
+        weights = [np.linalg.solve(basis.T, place) for basis in bases]  # of the point in each part
+        inside = max(range(len(parts)), key=lambda i: weights[i].min())
         opposite = np.flatnonzero(weights[inside] < MIN_WEIGHT)  # corner opposite to the edge of the point
-        on_edge = len(opposite) == 1
-        edge = set(np.delete(self._triangles[inside], opposite).tolist()) if on_edge else set()
-        for part in list(self._parts[face]):
-            if part == inside or (on_edge and edge <= set(self._triangles[part])):
-                triangle = self._triangles.pop(part)
-                self._parts[face].remove(part)
-                for i in range(3):
-                    a, b = triangle[i], triangle[(i + 1) % 3]
-                    if {a, b} != edge:
-                        self._add_part(face, a, b, new)
+        edge = set(np.delete(parts[inside], opposite).tolist()) if len(opposite) == 1 else set()
+        divided = {part for part in parts if part == parts[inside] or (edge and edge <= set(part))}
+        sides = [side for part in parts if part in divided for side in zip(part, (*part[1:], part[0]))]
+        kept = [part for part in parts if part not in divided]
+        self._parts[face] = kept + [(*side, new) for side in sides if set(side) != edge]
 
-    def _add_part(self, face: int, a: int, b: int, c: int) -> None:
-        number = len(self._face_index)
-        self._face_index.append(face)
-        self._triangles[number] = (a, b, c)
-        self._parts[face].append(number)
-
-    def _weights(self, part: int, corners: IntArray, point: FloatArray) -> FloatArray:
-        """Barycentric coordinates of a point in a part of a face, from those in the face."""
-        basis = np.array([self.place(v, corners) for v in self._triangles[part]])
-        return np.asarray(np.linalg.solve(basis.T, point))
-
-    def place(self, vertex: int, corners: IntArray) -> FloatArray:
-        """Weights of the corners of a face at a vertex in it or on its border."""
-        weights = np.zeros(3)
+    def _place(self, vertex: int, corners: IntArray) -> FloatArray:
+        """Weights (3,) of the corners of a face at a vertex in it or on its border."""
         if vertex < self._n:
-            weights[corners == vertex] = 1.0
-        else:
-            for corner, weight in zip(*self._added[vertex - self._n]):
-                weights[corners == corner] = weight
-        return weights
+            return np.asarray(corners == vertex, dtype=np.float64)
+        between, weights = self._added[vertex - self._n]
+        return np.asarray((corners[:, None] == between) @ weights)
 
     def result(self, vertex: IntArray) -> DividedMesh:
-        mesh, n = self._mesh, self._n
-        whole = np.ones(mesh.n_faces, dtype=bool)
-        whole[list(self._parts)] = False
-        parts = sorted(self._triangles)
-        triangles = np.array([self._triangles[part] for part in parts], dtype=np.int64).reshape(-1, 3)
-        faces = np.concatenate([mesh.faces[whole], triangles])
-        index = np.concatenate([np.flatnonzero(whole), np.array(self._face_index, dtype=np.int64)[parts]])
-        corners = np.repeat(np.arange(n + len(self._added))[:, None], 3, axis=1)
-        weights = np.tile([1.0, 0.0, 0.0], (len(corners), 1))
-        for row, (added_corners, added_weights) in enumerate(self._added, start=n):
-            k = len(added_corners)
-            corners[row], weights[row] = added_corners[0], 0.0
-            corners[row, :k], weights[row, :k] = added_corners, added_weights
-        places = PrecisePoints(corners, weights)
+        """Return the mesh; faces that are divided come last."""
+        mesh = self._mesh
+        whole = np.delete(np.arange(mesh.n_faces), list(self._parts))
+        parts = [part for face_parts in self._parts.values() for part in face_parts]
+        divided = [face for face, face_parts in self._parts.items() for _ in face_parts]
+        faces = np.concatenate([mesh.faces[whole], np.array(parts, dtype=np.int64).reshape(-1, 3)])
+        index = np.concatenate([whole, np.array(divided, dtype=np.int64)])
+        added = PrecisePoints(*(np.array(values) for values in zip(*self._added)))
+        places = concatenate_points(PrecisePoints.at_vertices(np.arange(mesh.n_vertices)), added)
         return DividedMesh(Mesh(places.interpolated(mesh.vertices), faces), vertex, index, places)
 
 
@@ -218,7 +186,7 @@ class PointsInFaces(ColumnEngine):
         self._engine, self._n = engine, mesh.n_vertices
         self._corners = points.corners
         self._places = points.interpolated(mesh.vertices)
-        self._triangles = mesh.vertices[points.corners]  # (m, 3, 3)
+        self._triangles = mesh.vertices[points.corners]  # corners of the face of each point, (m, 3, 3)
         faces_between = FacesBetween(mesh)
         self._faces = [faces_between(merge_corners(*point)[0]).tolist() for point in zip(*points)]
         self._in_face: dict[int, list[int]] = defaultdict(list)  # points of a face

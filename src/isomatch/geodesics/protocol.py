@@ -14,7 +14,7 @@ from isomatch._core.errors import MeshError, some
 from isomatch._core.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
 
-COLUMNS_AT_ONCE = 64  # columns held in memory for pairs or balls of an engine that has only columns
+COLUMNS_AT_ONCE = 64  # this many columns are held in memory for pairs or balls of an engine without fronts
 
 
 @runtime_checkable
@@ -56,7 +56,7 @@ class ColumnEngine(ABC):
         sources = np.atleast_1d(np.asarray(sources))
         if sources.ndim != 1 or (sources.size and sources.dtype.kind not in "iu"):
             raise MeshError("sources must be a one-dimensional array of vertex indices")
-        self._require_in_range(sources)
+        require_in_range(sources, self.n_points, "sources")
         m = len(sources)
         require_memory(8.0 * m * self.n_points, f"{m} distance columns", "ask for fewer at once")
         return self._columns(sources.astype(np.int64))
@@ -66,13 +66,6 @@ class ColumnEngine(ABC):
         column: FloatArray = self.distances_from([source])[0]
         np.minimum(nearest, column, out=nearest)
         return column
-
-    def _require_in_range(self, sources: IntArray) -> None:
-        bad = sources[(sources < 0) | (sources >= self.n_points)]
-        if len(bad):
-            raise MeshError(
-                f"sources {some(bad)} are outside 0…{self.n_points - 1}, the vertices of the surface"
-            )
 
     @abstractmethod
     def _columns(self, sources: IntArray) -> FloatArray:
@@ -105,11 +98,7 @@ def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
         raise MeshError(
             f"pairs have shape {pairs.shape} and type {pairs.dtype}, expected (m, 2) integers: two vertices each"
         )
-    bad = pairs[((pairs < 0) | (pairs >= engine.n_points)).any(axis=1)].ravel()
-    if len(bad):
-        raise MeshError(
-            f"pairs of vertices {some(bad)} leave 0…{engine.n_points - 1}, the vertices of the surface"
-        )
+    require_in_range(pairs, engine.n_points, "ends of pairs")
     if hasattr(engine, "pair_distances"):
         return np.asarray(engine.pair_distances(pairs))
     sources, row_of_pair = np.unique(pairs[:, 0], return_inverse=True)
@@ -124,9 +113,9 @@ def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
 class Balls(NamedTuple):
     """The points within a radius of m centres; entries ``start[i]:start[i + 1]`` belong to centre i."""
 
-    start: IntArray  # (m + 1,)
-    points: IntArray  # (b,)
-    distances: FloatArray  # (b,) from the centre
+    start: IntArray  # where the entries of each centre begin, (m + 1,)
+    points: IntArray  # the points of all balls, (b,)
+    distances: FloatArray  # the distance of each from its centre, (b,)
 
     @classmethod
     def of(cls, parts: Sequence[tuple[IntArray, FloatArray]]) -> Self:
@@ -173,6 +162,16 @@ def ordinary_unit(surface: Mesh | PointCloud) -> float:
     """Length that keeps squares of coordinates divided by it from overflow and underflow; 1 at ordinary sizes."""
     extent = float(np.abs(surface.vertices).max(initial=0.0))
     return 1.0 if extent == 0.0 or 1e-10 < extent < 1e10 else extent
+
+
+def require_in_range(
+    numbers: ArrayLike, n: int, what: str = "vertices", whole: str = "the vertices of the surface"
+) -> None:
+    """Raise `MeshError` if numbers are not in 0…n − 1."""
+    given = np.asarray(numbers)
+    bad = given[(given < 0) | (given >= n)]
+    if len(bad):
+        raise MeshError(f"{what} {some(bad)} are outside 0…{n - 1}, {whole}")
 
 
 def require_finite(mesh: Mesh) -> None:

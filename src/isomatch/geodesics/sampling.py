@@ -21,8 +21,8 @@ from isomatch.surfaces import Mesh, PointCloud
 class Sampling:
     """Samples of a surface, in the order in which they were chosen, with the geodesic distances from each."""
 
-    vertices: IntArray  # (p,)
-    columns: FloatArray  # (p, n) distances from sample a to every vertex in row a, in mesh units
+    vertices: IntArray  # the samples, (p,)
+    columns: FloatArray  # distances (p, n) from sample a to every vertex in row a, in mesh units
 
 
 def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) -> Sampling:
@@ -82,7 +82,7 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
     # all threads. An engine that computes full columns anyway computes each only once.
     nearest = np.full(engine.n_points, np.inf)
     chosen = np.zeros(n_samples, dtype=np.int64)
-    columns = []  # from engines that compute full columns
+    columns = []  # of an engine that computes full columns
     sample = start
     for i in range(n_samples):
         if i and not 0.0 < nearest[sample] < np.inf:

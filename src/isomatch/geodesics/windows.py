@@ -12,39 +12,32 @@ from isomatch._core.compiled import compiled
 from isomatch._core.memory import memory_budget, require_memory
 from isomatch.surfaces import Mesh, count_fans
 
-# A vertex is reached again only by a path that is shorter by more than this fraction.
-MIN_GAIN_RATIO = 1e-14
-# A window is dropped only if the path that beats it is shorter by more than this fraction.
-MIN_LOSS_RATIO = 1e-12
-# A ray that misses a window by less than this fraction of the edge belongs to it; the path becomes
-# too short by the square of that.
-MAX_MISS_EDGES = 1e-9
-# Rays bend around a vertex only if its angle exceeds a straight one by more than this
-# fraction.
-MIN_BEND_RATIO = 1e-12
-# Windows narrower than this fraction of their edge come from rounding.
-MIN_WIDTH_EDGES = 1e-15
-# Smallest height of a face above a side, relative to its sides.
-MIN_HEIGHT_EDGES = 1e-13
-BYTES_PER_WINDOW = 270  # while the lists grow
+# All bounds below but the last are fractions, far above rounding and far below every length of a mesh.
+MIN_GAIN_RATIO = 1e-14  # a path to a vertex replaces another one only if it is shorter by this fraction
+MIN_LOSS_RATIO = 1e-12  # a window is dropped only if another path is shorter by this fraction
+MAX_MISS_EDGES = 1e-9  # a ray that misses a window by less than this fraction of the edge belongs to it
+MIN_BEND_RATIO = 1e-12  # rays bend at a vertex only if its angle exceeds a straight one by this fraction
+MIN_WIDTH_EDGES = 1e-15  # a window that is narrower, relative to its edge, comes from rounding
+MIN_HEIGHT_EDGES = 1e-13  # a face is unfolded at least this high above a side, relative to its sides
+BYTES_PER_WINDOW = 270  # memory that a window takes while the lists grow
 
 
 class UnfoldedFaces(NamedTuple):
-    """The faces of a mesh in the plane. Side 3 f + i of face f leads from corner i to corner i + 1."""
+    """The m faces of a mesh in the plane. Side 3 f + i of face f leads from corner i to corner i + 1.
 
-    faces: IntArray  # (m, 3)
-    length: FloatArray  # (3 m,) length of each side
-    apex: (
-        FloatArray  # (3 m, 2) third corner where the side is (0, 0) to (length, 0); its ordinate is positive
-    )
-    edge: IntArray  # (3 m,) edge of each side
-    first: IntArray  # (e + 1,) the sides of edge i are sides[first[i]:first[i + 1]]
-    sides: IntArray  # (3 m,)
-    corner_first: (
-        IntArray  # (n + 1,) the corners of vertex v are corners[corner_first[v]:corner_first[v + 1]]
-    )
-    corners: IntArray  # (3 m,)
-    bends: BoolArray  # (n,) whether a shortest path may bend at a vertex
+    The sides at edge i are ``sides[first[i]:first[i + 1]]``, and the corners at vertex v
+    ``corners[corner_first[v]:corner_first[v + 1]]``.
+    """
+
+    faces: IntArray  # the vertices (m, 3) of each face
+    length: FloatArray  # the length (3 m,) of each side
+    apex: FloatArray  # the third corner (3 m, 2), above the side from (0, 0) to (length, 0)
+    edge: IntArray  # the edge (3 m,) of each side
+    first: IntArray
+    sides: IntArray
+    corner_first: IntArray
+    corners: IntArray
+    bends: BoolArray  # whether a shortest path may bend at a vertex (n,)
 
     @classmethod
     def of(cls, mesh: Mesh) -> UnfoldedFaces:
@@ -80,17 +73,18 @@ class UnfoldedFaces(NamedTuple):
 
 
 class Windows(NamedTuple):
-    """The windows of rays from one vertex, and how each vertex is reached."""
+    """The w windows of rays from one vertex, and how each of n vertices is reached.
 
-    distance: (
-        FloatArray  # (n,) exact, ``inf`` where no path leads; only the target's entry, if there is a target
-    )
-    reached: IntArray  # (n,) the window through whose face a vertex is reached; −1 − u if along an edge from vertex u
-    side: IntArray  # (w,) side by which a window enters a face
-    before: IntArray  # (w,) face that it comes from
-    parent: IntArray  # (w,) window that it continues, or −1
-    root: IntArray  # (w,) vertex from which its rays come
-    source: FloatArray  # (w, 2) the root in the plane of the face entered, with the side from (0, 0) to (length, 0)
+    If a target was given, only its distance is exact.
+    """
+
+    distance: FloatArray  # the exact distance (n,), ``inf`` where no path leads
+    reached: IntArray  # the window by which a vertex (n,) is reached; −1 − u if along the edge from vertex u
+    side: IntArray  # the side (w,) by which a window enters a face
+    before: IntArray  # the face (w,) that it comes from
+    parent: IntArray  # the window (w,) that it continues, or −1
+    root: IntArray  # the vertex (w,) from which its rays come
+    source: FloatArray  # the root (w, 2) in the plane of the face entered, whose side begins at (0, 0)
 
 
 def windows_from(
@@ -223,9 +217,8 @@ def _propagate(
         key, item = heappop(queue)
         if target >= 0 and key > bound[target] * (1.0 + MIN_LOSS_RATIO):
             break
-        if (
-            item < 0
-        ):  # light spreads from a vertex, along the edges to neighbours and through the opposite sides
+        if item < 0:
+            # Light spreads from a vertex, along the edges to its neighbours and through the sides opposite.
             v = -1 - item
             sigma = distance[v]
             if spread_at[v] <= sigma:
@@ -237,15 +230,7 @@ def _propagate(
                 for j in range(1, 3):
                     u = faces[face, (i + j) % 3]
                     d = sigma + (length[3 * face + i] if j == 1 else length[3 * face + (i + 2) % 3])
-                    if d < distance[u] * (1.0 - MIN_GAIN_RATIO):
-                        distance[u] = d
-                        bound[u] = min(bound[u], d)
-                        reached[u] = -1 - v
-                        if bends[u]:
-                            more = (
-                                _distance_to_segment(points, u, u, 0.0, 0.0, target) if target >= 0 else 0.0
-                            )
-                            heappush(queue, (d + more, -1 - u))
+                    _reach(u, d, -1 - v, distance, reached, bends, queue, goal)
                 light = (0.0, length[exit_side], apex[exit_side, 0], apex[exit_side, 1], sigma)
                 _add(unfolded, windows, queue, goal, exit_side, light, v, -1, 0)
             continue
@@ -263,13 +248,7 @@ def _propagate(
         left, right = ray > low, ray < high
         if low - slack <= ray <= high + slack:
             d = sigma + np.hypot(x - px, y - py)
-            if d < distance[c] * (1.0 - MIN_GAIN_RATIO):
-                distance[c] = d
-                bound[c] = min(bound[c], d)
-                reached[c] = item
-                if bends[c]:
-                    more = _distance_to_segment(points, c, c, 0.0, 0.0, target) if target >= 0 else 0.0
-                    heappush(queue, (d + more, -1 - c))
+            _reach(c, d, item, distance, reached, bends, queue, goal)
             # "One angle, one split" (Chen & Han 1990): several windows may enter a face at one side
             # with light on both sides of its corner c. Only the one that reaches c first goes on at
             # both. Rays of another window beyond the first one's path to c would cross that path,
@@ -309,17 +288,33 @@ def _propagate(
             else:
                 light = ((1.0 - end) * reach, (1.0 - begin) * reach, reach - along, height, sigma)
             _add(unfolded, windows, queue, goal, exit_side, light, root, item, j - 1)
-    numbers = np.zeros((4, len(windows)), np.int64)
-    sources = np.zeros((len(windows), 2))
-    for k, window in enumerate(windows):
-        numbers[0, k], numbers[1, k], numbers[2, k], numbers[3, k] = (
-            window[0],
-            window[1],
-            window[2],
-            window[3],
-        )
-        sources[k, 0], sources[k, 1] = window[6], window[7]
-    return distance, reached, numbers[0], numbers[1], numbers[2], numbers[3], sources
+    numbers, sources = np.zeros((len(windows), 4), np.int64), np.zeros((len(windows), 2))
+    for k, (side, face, parent, root, _, _, px, py, _) in enumerate(windows):
+        numbers[k] = side, face, parent, root
+        sources[k] = px, py
+    return distance, reached, numbers[:, 0], numbers[:, 1], numbers[:, 2], numbers[:, 3], sources
+
+
+@compiled()
+def _reach(
+    vertex: int,
+    length: float,
+    by: int,
+    distance: FloatArray,
+    reached: IntArray,
+    bends: BoolArray,
+    queue: list[tuple[float, int]],
+    goal: tuple[FloatArray, int, FloatArray],
+) -> None:
+    """Note a path to a vertex by a window or a vertex if it is the shortest yet; rays may bend there."""
+    points, target, bound = goal
+    if length < distance[vertex] * (1.0 - MIN_GAIN_RATIO):
+        distance[vertex] = length
+        bound[vertex] = min(bound[vertex], length)
+        reached[vertex] = by
+        if bends[vertex]:
+            more = _distance_to_segment(points, vertex, vertex, 0.0, 0.0, target) if target >= 0 else 0.0
+            heappush(queue, (length + more, -1 - vertex))
 
 
 @compiled()

@@ -14,12 +14,10 @@ from isomatch.repair import LARGE_MESH, VertexTrace, find_outliers, prepare_for_
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-MIN_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
+MIN_VERTICES = 50  # a body has at least this many, which leave room for 8 columns and 20 functions
 LEFT_UNMATCHED = "are left unmatched"
-# Average distance of two points in a graph of unit size, about the same as in animals and people of
-# unit area.
-GRAPH_AVERAGE_DISTANCE = 0.75
-MIN_COMPONENT_SHARE = 0.001  # share of the area of a component matched separately, about an eye of a body
+GRAPH_AVERAGE_DISTANCE = 0.75  # mean distance of two points of a scaled graph, as in people of unit area
+MIN_COMPONENT_SHARE = 0.001  # a component is matched from this share of the area, about an eye of a body
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,9 +150,7 @@ class Level:
     surface: Surface  # centred, of unit area
     scale: float  # length of 1 in the units of the shape
     body_vertex: IntArray  # (n,) vertex of this level for each vertex of the shape; −1 if left out
-    user_vertex: (
-        IntArray  # (n_level,) vertex of the shape for each vertex of this level, the nearest if it is coarser
-    )
+    user_vertex: IntArray  # (n_level,) vertex of the shape, the nearest one, for each vertex of this level
     detail: Detail | None = None  # the body in full, if this level is coarser
     refining: Prolongation | None = None  # from the finer level, or the body in full, to this level
 

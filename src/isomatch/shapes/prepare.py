@@ -71,9 +71,9 @@ def prepare(
 
     Notes
     -----
-    About 0.8 s for 5 000 vertices on one thread, half of it for the Laplace–Beltrami basis, and 1.5
-    s for 50 000, which are matched on 5 000 of them (``config.resolution``). `match` prepares two
-    shapes at once.
+    About 0.5 s for 5 000 vertices on one thread, most of it for distances and the Laplace–Beltrami
+    basis, and 1.5 s for 50 000, which are matched on 5 000 of them (``config.resolution``). `match`
+    prepares two shapes at once.
     """
     config = config or Config()
 
@@ -83,9 +83,7 @@ def prepare(
         shape = surface_from(surface)
         generator(seed)  # refuses a bad seed
         settings = config.preparation
-        if (
-            distances is not None
-        ):  # they hold for the unchanged surface, and are not kept for other components
+        if distances is not None:  # hold for the unchanged surface, and are not kept for other components
             settings = replace(settings, sheet_distance=np.inf, most_components=0)
         prepared = prepare_body(shape, body_of(shape, settings), config, seed, timer, distances)
         timer.reach("done", 1.0)
@@ -195,8 +193,9 @@ def extremal_points(
     peaks = np.flatnonzero(average_distance >= highest - TIE_RATIO * average_distance.max())
     nearest = np.full(surface.n_vertices, np.inf)  # distance to the nearest extremity
     extremities: list[int] = []
+    columns = np.zeros((0, surface.n_vertices))
     while len(extremities) < limit and len(peaks := peaks[nearest[peaks] >= spacing]):
         extremities.append(int(peaks[first_largest(average_distance[peaks])]))
-        engine.lower(nearest, extremities[-1])
-    vertices = np.array(extremities, dtype=np.int64)
-    return vertices, engine.distances_from(vertices)
+        columns = np.concatenate([columns, engine.distances_from(np.array(extremities[-1:]))])
+        np.minimum(nearest, columns[-1], out=nearest)
+    return np.array(extremities, dtype=np.int64), columns

@@ -39,7 +39,7 @@ from isomatch.surfaces import Graph, Mesh, PointCloud
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-N_BALLS = 500  # vertices at which balls are computed; the other vertices get means of near ones
+N_BALLS = 500  # balls are computed at this many vertices; the other vertices get means of near ones
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

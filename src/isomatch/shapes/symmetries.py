@@ -28,26 +28,26 @@ from isomatch.correspondence import (
 )
 from isomatch.settings import SymmetrySettings
 
-# Numbers without another source: lab/benchmarks.md, symmetry.
-N_SAMPLES = 200  # samples of the search; chosen: spacing 0.08, less than SAME_SYMMETRY
+# Numbers without another source: lab/benchmarks.md, symmetry. Distances are in √area.
+N_SAMPLES = 200  # the search uses this many samples; chosen: spacing 0.08, less than SAME_SYMMETRY
 N_ANCHORS = 5  # samples far from each other: three determine an isometry of a surface, two more its errors
-BEAM_WIDTH = 60  # partial assignments that are kept
-N_ROUNDS, STEPS_PER_ROUND = 3, 4  # of iterations of closest points from each assignment
-SAME_START = 0.04  # √area: two maps with a smaller mean distance become one between rounds; half the spacing
-N_GENERATORS = 6  # symmetries whose products are tried, too; chosen, not measured
-MIN_ORIENTATION = 0.7  # mean cosine between normals, of either sign, from which a map is a symmetry
-MIN_MOVED = 0.15  # √area: less is a variant of the identity; selection.runner_up_distance
-SAME_SYMMETRY = 0.1  # √area: mean distance from which two maps differ; the spacing of the samples
+BEAM_WIDTH = 60  # this many partial assignments are kept
+N_ROUNDS, STEPS_PER_ROUND = 3, 4  # rounds of iterative closest points from each assignment, and steps of each
+SAME_START = 0.04  # two maps at a smaller mean distance, half the spacing, become one between rounds
+N_GENERATORS = 6  # products of this many of the best symmetries are tried; chosen, not measured
+MIN_ORIENTATION = 0.7  # a symmetry has at least this mean cosine between normals, of either sign
+MIN_MOVED = 0.15  # a map that moves samples by less on average is the identity; selection.runner_up_distance
+SAME_SYMMETRY = 0.1  # two maps at a smaller mean distance, about the spacing of the samples, are the same
 # Bounds of residuals, relative to the largest residual of a symmetry: the first for maps in
 # products, the second for maps whose orientation need not be clear, such as maps of one-sided
 # surfaces; chosen, not measured.
 GENERATOR_RESIDUAL_RATIO = 1.5
 EXACT_RESIDUAL_RATIO = 0.75
-# Residual among the samples of the search relative to all samples; near the bound 1.03 to 1.08 on
-# six bodies of FAUST.
+# The residual among the samples of the search may exceed the residual among all samples by this
+# factor. Near the bound it is 1.03 to 1.08 on six bodies of FAUST.
 SEARCH_RESIDUAL_RATIO = 1.2
-# Largest residual and number of assignments for near-symmetries, relative to symmetries. Half turns
-# of ants have 1.3, and are missed with the same number of assignments.
+# Near-symmetries have residuals up to this multiple, and this multiple of the assignments is tried. Half
+# turns of ants have 1.3, and are missed with the same number of assignments.
 NEAR_RESIDUAL_RATIO, NEAR_ASSIGNMENTS_RATIO = 2.0, 2.5
 EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)
 

@@ -30,14 +30,13 @@ from isomatch.spectral.low_rank import (
     DensityWeighted,
     density_of,
     exact_basis,
-    fmds_basis,
+    interpolated_basis,
     nystrom_basis,
     predicted_basis,
-    smds_basis,
 )
 from isomatch.surfaces import Mesh, PointCloud
 
-MAX_COLUMNS = 800  # columns of the largest basis that is tried to reach a tolerance
+MAX_COLUMNS = 800  # a basis that is to reach a tolerance is tried with at most this many columns
 
 
 def distance_basis(
@@ -189,8 +188,8 @@ def _build_basis(
         dense_engine = DensityWeighted(engine, density_of(shape, measure))
         sampling = farthest_point_sampling(dense_engine, n_columns, start)
         return predicted_basis(shape, sampling, measure, rank, engine.name)
-    interpolate = fmds_basis if method == "fmds" else smds_basis
-    return interpolate(shape, farthest_point_sampling(engine, n_columns, start), measure, rank, engine.name)
+    sampling = farthest_point_sampling(engine, n_columns, start)
+    return interpolated_basis(shape, sampling, measure, rank, method, engine.name)
 
 
 def _with_held_out(basis: DistanceBasis, engine: DistanceEngine, seed: int, count: int) -> DistanceBasis:

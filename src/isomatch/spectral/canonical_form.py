@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.spatial.distance import cdist
 
 from isomatch._core.arrays import FloatArray
-from isomatch._core.errors import MeshError, SettingError
-from isomatch._core.memory import require_memory
+from isomatch._core.errors import SettingError
 from isomatch._core.settings import require_one_of
 from isomatch._core.threads import serial_blas
 from isomatch.geodesics import MetricSpace, Sampling, farthest_point_sampling, metric_space, peripheral_vertex
@@ -19,7 +19,12 @@ from isomatch.repair import without_seams
 from isomatch.spectral.basis import Weighting, basis_domain
 from isomatch.spectral.distance_basis import orthonormalise
 from isomatch.spectral.laplacian import require_mesh_or_points
-from isomatch.spectral.low_rank import biharmonic_interpolant, leading_eigenpairs, swap_matrix
+from isomatch.spectral.low_rank import (
+    all_distances,
+    biharmonic_interpolant,
+    interpolated_factors,
+    nystrom_factors,
+)
 
 EmbeddingMethod = Literal["nystrom", "exact", "fmds"]
 
@@ -130,10 +135,7 @@ def canonical_form(
     n = distances.n_points
     with serial_blas():
         if method == "exact":
-            require_memory(24.0 * n * n, f"the exact canonical form of {n} points", "use method='nystrom'")
-            sampling = Sampling(np.arange(n), distances.distances_from(np.arange(n)))
-            if not np.isfinite(sampling.columns).all():
-                raise MeshError("some points cannot be reached from others; pass one connected component")
+            sampling = Sampling(np.arange(n), all_distances(distances, 24.0, "the exact canonical form"))
             points, values = classical_scaling(sampling.columns**2, measure, dim)
         else:
             start = peripheral_vertex(surface, distances, seed)
@@ -144,7 +146,8 @@ def canonical_form(
             f"only {int((values > 0).sum())} of {dim} eigenvalues are positive: the distances fit no space of that "
             "dimension; ask for a smaller dim"
         )
-    stress = _stress(points, sampling, measure)
+    residual = cdist(points[sampling.vertices], points) - sampling.columns
+    stress = float(np.sqrt((residual**2 @ measure).sum() / (sampling.columns**2 @ measure).sum()))
     if seams:
         return CanonicalForm(points[seams.new_index], values, stress, seams.changes)
     return CanonicalForm(points, values, stress)
@@ -189,26 +192,15 @@ def _low_rank_scaling(
     # Shamai, Zibulevsky & Kimmel, 3DOR 2015. Centring acts on S alone, J (S T Sᵀ) Jᵀ = (J S) T (J
     # S)ᵀ, so that ``orthonormalise`` gives the form Q Λ Qᵀ of −½ J D² Jᵀ, and X = Q Λ^½ for the
     # largest, positive eigenvalues.
-    squares, samples, p = sampling.columns**2, sampling.vertices, len(sampling.vertices)
+    squares, samples = sampling.columns**2, sampling.vertices
     if method == "fmds":
-        outer = np.hstack([biharmonic_interpolant(require_mesh_or_points(surface), samples), squares.T])
-        middle = swap_matrix(p)
+        interpolant = biharmonic_interpolant(require_mesh_or_points(surface), samples)
+        outer, middle = interpolated_factors(interpolant, squares)
     else:
-        among = squares[:, samples]
-        values, vectors = leading_eigenpairs((among + among.T) / 2, (p + 1) // 2)  # half, which regularises
-        outer, middle = squares.T @ vectors, np.diag(1 / values)
+        rank = (len(samples) + 1) // 2  # half of the columns, which regularises
+        outer, middle = nystrom_factors(squares, samples, rank)
     outer -= measure @ outer / measure.sum()
     form = orthonormalise(outer, -0.5 * middle, measure, method, "", samples)
     leading = np.argsort(-form.values, kind="stable")[:dim]
     values = form.values[leading]
     return form.vectors[:, leading] * np.sqrt(np.maximum(values, 0.0)), values
-
-
-def _stress(points: FloatArray, sampling: Sampling, measure: FloatArray) -> float:
-    """Relative stress over the columns of the samples, weighted by the points."""
-    error = total = 0.0
-    for sample, column in zip(sampling.vertices, sampling.columns):
-        straight = np.linalg.norm(points - points[sample], axis=1)
-        error += float(measure @ (straight - column) ** 2)
-        total += float(measure @ column**2)
-    return float(np.sqrt(error / total))

@@ -36,8 +36,8 @@ FORMAT = ArrayFormat(
     },
     filled=("n", "k"),
 )
-MIN_EIGENVALUE_RATIO = 1e-12  # smaller eigenvalues, relative to the largest, are rounding errors
-MIN_PAIRS_FOR_THREADS = 50_000  # for fewer pairs, starting threads costs more time than it saves
+MIN_EIGENVALUE_RATIO = 1e-12  # an eigenvalue that is smaller, relative to the largest, is a rounding error
+MIN_PAIRS_FOR_THREADS = 50_000  # starting threads for fewer pairs costs more time than it saves
 
 
 @dataclass(frozen=True, eq=False, repr=False)

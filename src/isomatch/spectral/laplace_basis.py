@@ -10,9 +10,9 @@ from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_array, csr_array
 
 from isomatch._core.arrays import AnyArray, FloatArray, single
-from isomatch._core.errors import MeshError, NotConvergedError, SettingError, some
+from isomatch._core.errors import MeshError, NotConvergedError, some
 from isomatch._core.memory import require_memory
-from isomatch._core.settings import generator
+from isomatch._core.settings import generator, require_one_of
 from isomatch._core.threads import row_product, serial_blas
 from isomatch.io import SurfaceLike, surface_from
 from isomatch.repair import without_seams
@@ -22,19 +22,24 @@ from isomatch.surfaces import Mesh, Surface
 
 Precision = Literal["double", "single"]
 
-# Vectors solved for at once. Larger blocks need more vectors to converge, smaller ones more time to
-# solve.
+# This many vectors are solved for at once in double precision. Larger blocks need more vectors to
+# converge, smaller ones more time to solve.
 BLOCK_VECTORS = 8
-# Largest residuals of converged eigenpairs, see `smallest_eigenpairs`; decisions.md, refinement cost
+# An eigenpair has converged if its relative residual, see `smallest_eigenpairs`, is below this
+# (decisions.md, refinement cost).
 MAX_RESIDUAL: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
-# Vectors per function before the first convergence test. With 2.4, the finest signature of a shape
-# and of its relabelled copy differ by up to 0.6 standard deviations, with 2.6 by 0.07.
+# The first test of convergence waits for this many vectors per function. With 2.4, the finest
+# signature of a shape and of its relabelled copy differ by up to 0.6 standard deviations, with 2.6
+# by 0.07.
 MIN_VECTORS_PER_FUNCTION = 2.6
-VECTORS_PER_TEST = 48  # a multiple of the width in either precision; a test costs an eigendecomposition
-MAX_DENSE_VERTICES = 1000  # for up to so large a surface a dense solver computes all eigenpairs
-SHIFT_RATIO = 0.1  # shift relative to the last eigenvalue; makes inverse iteration favour no single function
-# Shifts in 1 / area: the first makes the singular Laplacian definite. In single precision it is
-# near the second eigenvalue: with less, rounding of the largest part of the inverse covers others.
+VECTORS_PER_TEST = 48  # a test costs an eigendecomposition; a multiple of the width in either precision
+MAX_DENSE_VERTICES = 1000  # a surface of at most this many vertices is solved by a dense solver
+# Shift of the refined basis, relative to the last eigenvalue: large enough that inverse iteration
+# favours no single function.
+SHIFT_RATIO = 0.1
+# Shifts in 1 / area. The first makes the singular Laplacian definite. The second, in single
+# precision, is near the second eigenvalue: with less, rounding of the largest part of the inverse
+# hides the others.
 SHIFT = 1e-2
 SINGLE_SHIFT = 10.0
 
@@ -137,8 +142,7 @@ def laplace_basis(
     surface, seams = without_seams(surface_from(surface), weld)
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
-    if precision not in MAX_RESIDUAL:
-        raise SettingError(f"precision = {precision!r} is not 'double' or 'single'")
+    require_one_of("precision", precision, Precision)
     operator, weights = _unit_operator(surface)
     with serial_blas():
         values, vectors = smallest_eigenpairs(operator, k, seed, MAX_RESIDUAL[precision], np.dtype(precision))

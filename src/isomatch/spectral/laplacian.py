@@ -17,7 +17,7 @@ from isomatch.geodesics import MetricSpace
 from isomatch.spectral.basis import require_areas
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-WIDTH = 16  # right-hand sides solved for at once; 64 bytes of each row in single precision
+WIDTH = 16  # this many right-hand sides are solved for at once: 64 bytes of each row in single precision
 
 
 def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:

@@ -16,20 +16,20 @@ from isomatch._core.memory import require_memory
 from isomatch._core.threads import parallel_map, serial_blas
 from isomatch._core.ties import first_largest
 from isomatch.geodesics import DistanceEngine, Sampling
-from isomatch.spectral.basis import fix_signs
+from isomatch.spectral.basis import BasisMethod, fix_signs
 from isomatch.spectral.distance_basis import MIN_EIGENVALUE_RATIO, DistanceBasis, orthonormalise
 from isomatch.spectral.laplace_basis import LaplaceBasis, laplace_basis
 from isomatch.spectral.laplacian import factorise, stiffness_and_masses
 from isomatch.surfaces import Mesh, PointCloud, Surface
 
-RIDGE_RATIO = 1e-9  # ridge relative to the mean variance; conditions the system if samples nearly coincide
+RIDGE_RATIO = 1e-9  # the ridge, relative to the mean variance, helps where samples nearly coincide
 NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %
-MIN_NODES = 300
-MIN_AREA_RATIO = 1e-3  # smaller vertex areas, relative to the mean, count as this and do not attract samples
-BLOCK_ROWS = 4096  # rows of predicted columns held in memory
-# Weights μ of the values at the samples, at unit area. Above 1e4 the interpolant is practically
-# exact there; p functions that follow p values closely oscillate between the samples, hence the
-# lower spectral weight.
+MIN_NODES = 300  # a basis of few vectors has at least this many predicted columns
+MIN_AREA_RATIO = 1e-3  # a vertex area counts as at least this share of the mean, and attracts no sample
+BLOCK_ROWS = 4096  # this many rows of predicted columns are held in memory
+# Both are weights μ of the values at the samples, at unit area. Above 1e4 the interpolant is
+# practically exact there. The spectral weight is lower, because p functions that follow p values
+# closely oscillate between the samples.
 FIDELITY = 1e6
 SPECTRAL_FIDELITY = 1e4
 
@@ -41,6 +41,12 @@ def nystrom_basis(sampling: Sampling, weights: FloatArray, rank: int, engine: st
     the basis"; `match` uses it. O(n p k) time. ``engine`` is the name of the engine of the
     distances.
     """
+    factors = nystrom_factors(sampling.columns, sampling.vertices, rank)
+    return orthonormalise(*factors, weights, "nystrom", engine, sampling.vertices)
+
+
+def nystrom_factors(columns: FloatArray, samples: IntArray, rank: int) -> tuple[FloatArray, FloatArray]:
+    """Factors S (n, k) and T (k, k) of D ≈ S T Sᵀ from columns (p, n) of a symmetric matrix at the samples."""
     # Nyström: let C (n, p) be the columns of D at the samples and U (p, p) their rows at the
     # samples. If D is of rank p and its rows at the samples have full rank too, every other column
     # is a combination of C, and D = C U⁻¹ Cᵀ; otherwise this is an approximation that is exact on
@@ -49,11 +55,16 @@ def nystrom_basis(sampling: Sampling, weights: FloatArray, rank: int, engine: st
     # Only the k eigenpairs of largest magnitude enter the pseudoinverse U⁺: the truncation
     # regularises, because the small ones are mostly discretisation error, which M⁻¹ would magnify.
     # D is indefinite, so that M has both signs.
-    columns, samples = sampling.columns, sampling.vertices
     among = columns[:, samples]
     values, vectors = leading_eigenpairs((among + among.T) / 2, rank)
-    outer = columns.T @ vectors  # (n, p) (p, k) -> (n, k)
-    return orthonormalise(outer, np.diag(1 / values), weights, "nystrom", engine, samples)
+    return columns.T @ vectors, np.diag(1 / values)
+
+
+def interpolated_factors(interpolant: FloatArray, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Factors S (n, 2 p) and T (2 p, 2 p) of D ≈ ½ (M F + Fᵀ Mᵀ) = S T Sᵀ, from M (n, p) and F (p, n)."""
+    # S = [M, Fᵀ] and T = ½ [[0, I], [I, 0]]
+    p = len(columns)
+    return np.hstack([interpolant, columns.T]), np.roll(np.eye(2 * p), p, axis=0) / 2
 
 
 def exact_basis(engine: DistanceEngine, weights: FloatArray, rank: int) -> DistanceBasis:
@@ -64,11 +75,7 @@ def exact_basis(engine: DistanceEngine, weights: FloatArray, rank: int) -> Dista
     # A^(−½) V, QᵀAQ = VᵀV = I. O(n² log n) time for the distances and O(n² k) for the eigenpairs;
     # 16 n² bytes.
     n = engine.n_points
-    what = f"the exact distance basis of {n} points"
-    require_memory(16.0 * n * n, what, "use another method, such as 'nystrom'")
-    distances = engine.distances_from(np.arange(n))
-    if not np.isfinite(distances).all():
-        raise MeshError("some points cannot be reached from others; pass one connected component")
+    distances = all_distances(engine, 16.0, "the exact distance basis")
     root = np.sqrt(weights)
     operator = (distances + distances.T) * (0.5 * root[:, None]) * root
     if rank >= n - 1:  # too many for eigsh
@@ -79,6 +86,16 @@ def exact_basis(engine: DistanceEngine, weights: FloatArray, rank: int) -> Dista
     order = np.argsort(-np.abs(values), kind="stable")[:rank]
     basis = fix_signs(vectors[:, order] / root[:, None], weights)
     return DistanceBasis(basis, values[order], weights, "exact", engine.name, np.zeros(0, dtype=np.int64))
+
+
+def all_distances(engine: DistanceEngine, bytes_per_pair: float, what: str) -> FloatArray:
+    """Compute all n columns (n, n), if there is memory for what is made of them, and all are finite."""
+    n = engine.n_points
+    require_memory(bytes_per_pair * n * n, f"{what} of {n} points", "use another method, such as 'nystrom'")
+    distances = engine.distances_from(np.arange(n))
+    if not np.isfinite(distances).all():
+        raise MeshError("some points cannot be reached from others; pass one connected component")
+    return distances
 
 
 def leading_eigenpairs(symmetric: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
@@ -216,23 +233,19 @@ class DensityWeighted:
         return column
 
 
-def fmds_basis(
-    surface: Surface, sampling: Sampling, weights: FloatArray, rank: int, engine: str
+def interpolated_basis(
+    surface: Surface, sampling: Sampling, weights: FloatArray, rank: int, method: BasisMethod, engine: str
 ) -> DistanceBasis:
-    """Build the basis from rows of the distance matrix between the samples: D ≈ ½ (M F + Fᵀ Mᵀ)."""
-    interpolant = biharmonic_interpolant(surface, sampling.vertices)
-    return _symmetric_basis(interpolant, sampling, weights, rank, "fmds", engine)
-
-
-def smds_basis(
-    surface: Surface, sampling: Sampling, weights: FloatArray, rank: int, engine: str
-) -> DistanceBasis:
-    """Build the basis as ``fmds_basis``, with interpolants in the span of p Laplace eigenfunctions."""
-    # after Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic
-    # energy instead of theirs
-    basis = laplace_basis(surface, len(sampling.vertices), weld=False)
-    interpolant = basis.vectors @ spectral_interpolant(basis, sampling.vertices)
-    return _symmetric_basis(interpolant, sampling, weights, rank, "smds", engine)
+    """Build the basis from rows of the distance matrix between the samples, by "fmds" or by "smds"."""
+    if method == "fmds":
+        interpolant = biharmonic_interpolant(surface, sampling.vertices)
+    else:
+        # after Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic
+        # energy instead of theirs
+        laplace = laplace_basis(surface, len(sampling.vertices), weld=False)
+        interpolant = laplace.vectors @ spectral_interpolant(laplace, sampling.vertices)
+    factors = interpolated_factors(interpolant, sampling.columns)
+    return orthonormalise(*factors, weights, method, engine, sampling.vertices).truncated(rank)
 
 
 def biharmonic_interpolant(surface: Surface, samples: IntArray, fidelity: float = FIDELITY) -> FloatArray:
@@ -265,17 +278,3 @@ def spectral_interpolant(
     pull = fidelity * area * basis.vectors[samples, :p].T
     normal = np.diag((area * basis.values[:p]) ** 2) + pull @ basis.vectors[samples, :p]
     return np.asarray(cho_solve(cho_factor(normal), pull), dtype=np.float64)
-
-
-def swap_matrix(p: int) -> FloatArray:
-    """T = ½ [[0, I], [I, 0]], (2 p, 2 p), so that [X, Y] T [X, Y]ᵀ = ½ (X Yᵀ + Y Xᵀ)."""
-    return np.roll(np.eye(2 * p), p, axis=0) / 2
-
-
-def _symmetric_basis(
-    interpolant: FloatArray, sampling: Sampling, weights: FloatArray, rank: int, method: str, engine: str
-) -> DistanceBasis:
-    """Build the basis of ½ (M F + Fᵀ Mᵀ) = S T Sᵀ with S = [M, Fᵀ]."""
-    middle = swap_matrix(len(sampling.vertices))
-    outer = np.hstack([interpolant, sampling.columns.T])
-    return orthonormalise(outer, middle, weights, method, engine, sampling.vertices).truncated(rank)
