@@ -14,7 +14,7 @@ import os
 import sys
 import threading
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable
 from types import FrameType
 from typing import Any, TypeAlias
@@ -34,12 +34,11 @@ KINDS = {
     "holes": ("shrec16_holes", "holes_cat_shape_1", "null_cat"),
     "two parts": ("shrec16_parts", "cuts_cat_shape_1", "cuts_cat_shape_2"),
 }
-SHOWN_SHARE = 0.1  # the table shows the stages that take this share of the seconds of a pair, or more
+SHOWN_STAGES = 1  # the table shows, for each pair, this many of the stages that take most seconds
 UPDATE_BYTES = 6 * 24  # a front reads about six updates of 24 bytes when it settles a vertex
 ENTRY_BYTES = 12  # an entry of a sparse factor is a number of 8 bytes and an index of 4
 Row = dict[str, Any]
-Work: TypeAlias = tuple[int, float, float]
-"""What a call does at least: vertices that fronts settle, operations, and bytes that it reads."""
+Work: TypeAlias = tuple[int, float, float]  # vertices that fronts settle, operations, and bytes to read
 
 
 def _front(of: Row) -> Work:
@@ -103,8 +102,8 @@ class WorkCounter:
 
     def __init__(self) -> None:
         self.stage = ""
-        self.work = defaultdict[str, Counter[str]](Counter)
-        self.least = defaultdict[str, Counter[str]](Counter)
+        self.work: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
+        self.least: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
         self._rates = machine_rates()
 
     def __call__(self, frame: FrameType, event: str, _: Any) -> None:
@@ -116,7 +115,8 @@ class WorkCounter:
         if routine:
             bound, count = routine
             visits, operations, read = count(frame.f_locals)
-            self.work[self.stage].update(visits=visits, operations=operations)
+            self.work[self.stage]["visits"] += visits
+            self.work[self.stage]["operations"] += operations
             self.least[self.stage][bound] += max(read / self._rates[0], operations / self._rates[1])
 
     def run(self, function: Callable[[], Any]) -> None:
@@ -143,8 +143,7 @@ def _seconds_of(run: Callable[[], Any]) -> tuple[float, Any]:
 
 
 def _short(stage: str) -> str:
-    """Join the stages of both shapes, and those of components and faces that have numbers."""
-    return stage.removeprefix("prepare: ").rstrip(" 0123456789")
+    return stage.removeprefix("prepare: ").replace("done", "after preparing").rstrip(" 0123456789")
 
 
 def measure(kind: str, data: str) -> list[Row]:
@@ -152,33 +151,33 @@ def measure(kind: str, data: str) -> list[Row]:
     pair = benchmark_set(KINDS[kind][0], data).load(*KINDS[kind][1:])
     counter = WorkCounter()
     counter.run(lambda: match(pair.source, pair.target))
-    seconds, before = Counter[str](), ("", time.process_time())
+    seconds, before = defaultdict[str, float](float), ("", time.process_time())
 
     def progress(stage: str, share: float) -> None:
         nonlocal before
         now = time.process_time()
-        seconds[before[0]] += now - before[1]
+        if before[0]:
+            seconds[before[0]] += now - before[1]
         before = _short(stage), now
 
     spent, result = _seconds_of(lambda: match(pair.source, pair.target, progress=progress))
     rows = []
-    for stage in [stage for stage in seconds if stage not in ("", "done")]:
-        work, least = counter.work[stage], counter.least[stage]
-        row: Row = {"kind": kind, "stage": stage, "seconds": seconds[stage], "share": seconds[stage] / spent}
-        row |= {"visits": work["visits"], "operations": work["operations"]}
-        rows.append(row | {"bound by": max(least, key=least.__getitem__, default=""), "least": least.total()})
+    for rank, stage in enumerate(sorted(seconds, key=seconds.__getitem__, reverse=True)):
+        work, least = {"visits": 0.0, "operations": 0.0} | counter.work[stage], counter.least[stage]
+        row: Row = {"kind": kind, "rank": rank, "stage": stage, "seconds": seconds[stage], **work}
+        bound = max(least, key=least.__getitem__, default="")
+        rows.append(row | {"bound by": bound, "least": sum(least.values())})
     print(f"{kind}: {spent:.2f} s, error {mean_error(pair, result.map):.2f}", flush=True)
     return rows
 
 
 def shown(row: Row) -> dict[str, str]:
     """Write a row as the page shows it."""
-    counts = (row["visits"] / 1e6, "M visits"), (row["operations"] / 1e9, "G operations")
-    gap = f"{row['seconds'] / row['least']:.0f}" if row["least"] >= 0.005 else ""
     line = {"pair": row["kind"], "stage": row["stage"]}
-    line["work"] = ", ".join(f"{count:.1f} {unit}" for count, unit in counts if count >= 0.05)
-    line |= {"seconds": f"{row['seconds']:.2f}", "bound by": row["bound by"]}
-    return line | {"least": f"{row['least']:.2f}", "gap": gap}
+    for name, unit in (("visits", 1e6), ("operations", 1e9)):
+        line[name] = f"{row[name] / unit:.1f}" if row[name] > unit / 20 else ""
+    line |= {"seconds": f"{row['seconds']:.2f}", "bound by": row["bound by"], "least": f"{row['least']:.2f}"}
+    return line | {"gap": f"{row['seconds'] / row['least']:.0f}" if row["least"] >= 0.005 else ""}
 
 
 def main() -> None:
@@ -193,7 +192,7 @@ def main() -> None:
         except MissingFileError as error:
             print(f"{kind}: skipped, as {error}", flush=True)
     write_rows(asked.output / "budget.csv", None, rows)
-    write_table(asked.output / "budget_table.csv", [shown(r) for r in rows if r["share"] >= SHOWN_SHARE])
+    write_table(asked.output / "budget_table.csv", [shown(row) for row in rows if row["rank"] < SHOWN_STAGES])
 
 
 if __name__ == "__main__":
