@@ -7,7 +7,7 @@ from itertools import chain, permutations, product
 from typing import Self, cast
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import Float, FloatArray, Int, UserVertices
@@ -68,7 +68,7 @@ class _Components:
         if len(rows) == len(columns) == 1:
             return [self._match(0, 0)], False
         if joined.any():
-            chosen = zip(*linear_sum_assignment(-joined))
+            chosen = zip(*scipy.optimize.linear_sum_assignment(-joined))
             return [self._match(i, j) for i, j in chosen if joined[i, j]], False
         differences = np.array([[self._spectrum_difference(i, j) for j in columns] for i in rows])
         similar = differences <= differences.min() + COMPONENTS.same_spectrum_difference
@@ -101,7 +101,9 @@ class _Components:
         centres = {i: carrier.move(self.sources[i]).mean(axis=0) for i in rows}
         cost = np.array([[self._cost(carrier, centres[i], i, j) for j in columns] for i in rows])
         partners = [
-            (rows[a], columns[b]) for a, b in zip(*linear_sum_assignment(cost)) if cost[a, b] < NO_PARTNERS
+            (rows[a], columns[b])
+            for a, b in zip(*scipy.optimize.linear_sum_assignment(cost))
+            if cost[a, b] < NO_PARTNERS
         ]
         return [match for i, j in partners if (match := self._try_match(i, j, carrier))]
 

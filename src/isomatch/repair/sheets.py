@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -210,7 +210,7 @@ class _Partners:
             rows = slice(first[e], first[e] + edges.n_faces[e])
             along, against = (side[rows][direction[rows] == sign] for sign in (1, -1))
             likeness = (1 + normals[along // 3] @ normals[against // 3].T) ** 2 / 4
-            _, chosen = linear_sum_assignment(likeness, maximize=True)
+            _, chosen = scipy.optimize.linear_sum_assignment(likeness, maximize=True)
             self.partner[along], self.partner[against[chosen]] = against[chosen], along
             kept = likeness[:, chosen]
             loss = np.diag(kept)[:, None] + np.diag(kept) - kept - kept.T

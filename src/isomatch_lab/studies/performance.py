@@ -3,7 +3,7 @@
     python -m isomatch_lab.studies.performance -o OUT [--data DIR] [--largest N]
 
 matches pairs of creatures with different triangulations, each in a process of its own, and writes ``performance.csv``,
-its tables ``pairs_table.csv`` and ``stages_table.csv``, and a plot. Up to 60 000 vertices, pyFM matches the same pair in
+its table ``pairs_table.csv``, and a plot. Up to 60 000 vertices, pyFM matches the same pair in
 the same process; with ``--data``, also pairs of FAUST and TOSCA. Rows that are there already are not made again.
 """
 
@@ -24,7 +24,7 @@ import numpy as np
 
 import isomatch
 from isomatch import Mesh
-from isomatch._core.threads import processors, serial_blas
+from isomatch._core.threads import processors
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.shapes import prepare
 from isomatch_lab.procedural import creature
@@ -81,7 +81,6 @@ def main() -> None:
     flat = (row | row["stages"] for row in rows)
     write_rows(asked.output / "performance.csv", (*columns, *STAGES, *LATER_STAGES), flat)
     write_table(asked.output / "pairs_table.csv", pairs_table(rows))
-    write_table(asked.output / "stages_table.csv", stages_table(rows))
     _plot(rows, asked.output / "performance.svg")
 
 
@@ -104,7 +103,7 @@ def _asked_for() -> argparse.Namespace:
 
 
 def measure(name: str, data: str | None, output: Path, largest_for_pyfm: int) -> dict[str, Any]:
-    """Match one pair, warm, and return a row: seconds in the median, memory, error, stages and lower bounds."""
+    """Match one pair, warm, and return a row: seconds in the median, memory, error and stages."""
     pair = _pair(name, data, output)
     small = example_pair()
     isomatch.match(small[0].mesh, small[1].mesh)
@@ -127,9 +126,6 @@ def measure(name: str, data: str | None, output: Path, largest_for_pyfm: int) ->
         lambda: isomatch.match(shapes[0], shapes[1])
     )
     row["stages"] = stages | {stage: later.get(stage, 0.0) for stage in LATER_STAGES}
-    finer = shapes[0].finer
-    levels = shapes[0].body.n_vertices, finer.surface.n_vertices if finer else 0
-    row["bounds"] = lower_bounds(pair.source.n_vertices, *levels)
     if pair.source.n_vertices <= largest_for_pyfm:
         from isomatch_lab.baselines import pyfm_zoomout
 
@@ -182,40 +178,6 @@ def _peak() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 
 
-def lower_bounds(n: int, matched: int, polished: int, p: int = 100, k: int = 200) -> dict[str, float]:
-    """Seconds that the bytes and operations of each stage take at the rates of this machine, for two shapes."""
-    # every array is read and written once; a front reads six entries of 24 bytes for each vertex; a solve reads 40
-    # entries of 12 bytes for each vertex, twice; all other operations are products of matrices
-    bandwidth, flops = _rates()
-    shape, whole = 72 * n, polished or matched
-    products = {"functions": 4 * matched * (2.4 * k) ** 2, "polish": 2 * polished * k**2 * 7}
-    traffic = {
-        "body": 4 * shape,
-        "levels": 2 * shape if whole < n or polished else 0,
-        "distances": 2 * 6 * 24 * p * matched,
-        "functions": 2 * 2.4 * k * 2 * 40 * 12 * matched,
-        "polish": 2 * k * 2 * 40 * 12 * polished,
-        "carry": 4 * shape if whole < n else 0,
-    }
-    return {name: traffic[name] / bandwidth + products.get(name, 0.0) / flops for name in traffic}
-
-
-def _rates() -> tuple[float, float]:
-    """Bytes a second of a copy, and operations a second of a product in single precision, on one thread."""
-    large = np.ones(2**25)
-    best = min(_time_of(large.copy) for _ in range(5))
-    square = np.ones((1500, 1500), dtype=np.float32)
-    with serial_blas():
-        product = min(_time_of(lambda: square @ square) for _ in range(5))
-    return 2 * large.nbytes / best, 2 * 1500**3 / product
-
-
-def _time_of(run: Callable[[], Any]) -> float:
-    started = time.perf_counter()
-    run()
-    return time.perf_counter() - started
-
-
 def _line(row: dict[str, Any]) -> str:
     beside = f", pyFM {row['pyfm seconds']:.1f} s, {row['pyfm error']:.2f}" if "pyfm seconds" in row else ""
     return (
@@ -242,24 +204,6 @@ def pairs_table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
             numbers = row["pyfm seconds"], row["pyfm error"], row["pyfm seconds"] / row["seconds"]
             beside = dict(zip(beside, "{:.1f} {:.2f} {:.1f}".format(*numbers).split()))
         table.append(line | beside)
-    return table
-
-
-def stages_table(rows: list[dict[str, Any]]) -> list[dict[str, str]]:
-    """Seconds of each stage for each size of the creatures, the exponent of the size, and the bound of the largest."""
-    made = [row for row in rows if row["pair"].startswith("creature")]
-    sizes = np.array([row["vertices"] for row in made])
-    table = []
-    for stage in (*STAGES, *LATER_STAGES):
-        seconds = np.array([row["stages"][stage] for row in made])
-        spent = seconds > 0
-        exponent = ""
-        if spent.sum() > 2:
-            exponent = f"{np.polyfit(np.log(sizes[spent]), np.log(seconds[spent]), 1)[0]:.2f}"
-        bound = made[-1]["bounds"].get(stage)
-        cells = {f"{n / 1000:.0f}k": f"{value:.2f}" if value else "" for n, value in zip(sizes, seconds)}
-        ends = {"exponent": exponent, "lower bound": f"{bound:.2f}" if bound else ""}
-        table.append({"stage": stage} | cells | ends)
     return table
 
 

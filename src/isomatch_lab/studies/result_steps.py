@@ -76,6 +76,7 @@ STEPS = (
         folder="performance",
         speed="pairs_table.csv",
     ),
+    study("budget", 3, "budget.csv", folder="performance"),
     study("paper_deviations", 2, "deviations.csv", folder="dev/lab/paper", deviations="deviations_table.csv"),
     Step(
         "paper",

@@ -47,17 +47,6 @@ def error_after(damaged: DamagedPair, image: Correspondence) -> float:
 UNFLAGGED_OUTCOMES = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
 
 
-def summarise(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
-    """Mean, median and worst error of some maps, wrong maps, those called right, and their largest error."""
-    errors = np.array([row["error"] for row in rows])
-    sure = [row["error"] for row in rows if row["outcome"] in UNFLAGGED_OUTCOMES]
-    return {
-        "mean, median, worst": f"{errors.mean():.1f}, {np.median(errors):.1f}, {errors.max():.1f}",
-        "wrong": f"{(errors > 10).sum()} of {len(errors)}",
-        "called right, their worst": f"{len(sure)}, {max(sure, default=0):.1f}",
-    }
-
-
 Job = tuple[str, str, tuple[str, str]]  # folder of the sets, set, names of the pair
 HARD_PAIRS = Path(__file__).with_name("hard_pairs.txt")
 DAMAGES = ("noise", "decimation", "stretch")
