@@ -37,6 +37,7 @@ FIRST_UDIM_TILE, MAX_TILES = (
     1001,
     16,
 )  # more UDIM tiles than this mean that a picture repeats
+MIN_HIDDEN_SHARE = 5e-4  # smallest share of the surface under other parts in the picture that is reported
 SAME_PLACE_DISTANCE = 0.01  # √area; points of one texel that are farther apart are different places
 
 
@@ -150,9 +151,12 @@ def bake_texture(
     if not tiles:
         raise DescriptorError(f"no texel of {size} × {size} lies on the surface; bake a larger picture")
     notes = paint.notes
-    if hidden:
-        share = f"{hidden / receiver.mesh.area:.1%} of the surface"
-        notes += (f"{share} shows other parts, which have the same places in the picture and come first",)
+    hidden_share = hidden / receiver.mesh.area
+    if hidden_share >= MIN_HIDDEN_SHARE:
+        notes += (
+            f"texture coordinates overlap: {hidden_share:.1%} of the surface shares its place in the picture with "
+            "another part, and shows what is painted for that part",
+        )
     names = [f"baked_{tile}" for tile in tiles] if len(tiles) > 1 else ["baked"]
     pictures = dict(zip(names, map(png_of, tiles.values())))
     picture_of_triangle = np.searchsorted(list(tiles), tile_of_triangle).clip(0, len(tiles) - 1)
