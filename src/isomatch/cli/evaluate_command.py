@@ -53,10 +53,11 @@ def evaluate(
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
-    """Score a map of any tool: geodesic errors on the target, in √(target area), as in the Princeton benchmark.
+    """Say whether a map of any tool is right; with a truth, measure its errors.
 
-    Without a truth, ``isomatch evaluate MAP SOURCE TARGET`` says whether the map is right, doubtful or wrong: it matches
-    the shapes, and tells how much more the map costs than isomatch's own, and where it lies elsewhere.
+    ``isomatch evaluate MAP SOURCE TARGET`` matches the shapes and calls the map right, doubtful or wrong: it says where
+    the map differs from isomatch's own, and how much more it costs. ``isomatch evaluate MAP TRUTH SOURCE TARGET``
+    measures geodesic errors on the target, in √(target area), as the Princeton benchmark does.
 
     Args:
         map_file: The map: a text file with the target vertex of each source vertex, one a line (-1: unmatched), an .npy
@@ -189,7 +190,7 @@ def _say_judgement(judgement: isomatch.Judgement, record: dict[str, Any]) -> Non
         (name, *(f"{getattr(fit, field):{form}}" for fit in (judgement.given, judgement.reference)), meaning)
         for name, field, form, meaning in MEASURES
     ]
-    say_table([("", "this map", "reference", ""), *rows])
+    say_table([("", "this map", "isomatch's" if judgement.result else "reference", ""), *rows])
     say_notes(record["notes"])
     say_rows([("page", record["page"] or "")])
 

@@ -63,7 +63,7 @@ def page_of(
     body = template("report.html").substitute(
         **given,
         stage=stage_of(titles, "Both shapes in 3D", given["picture"]),
-        sureness=f'<p id="sureness">{escape(sureness)}</p>\n' if sureness else "",
+        sureness=f'<p id="sureness">{sureness}</p>\n' if sureness else "",
         pair=escape(" → ".join(f"{n} ({m.n_vertices:,} vertices)" for n, m in zip(names, shapes))),
         given=script_json(kept),
         scripts=scripts_of(scene, text_of("landmarks.js"), text_of("report.js")),
@@ -79,7 +79,7 @@ def parts_of(scene: Mapping[str, Any], result: MatchResult) -> dict[str, str]:
     return {
         "colour": outcome_colour(result.outcome),
         "headline": escape(summary.headline),
-        "sureness": summary.sureness,
+        "sureness": escape(summary.sureness),
         "advice": escape(summary.advice_in_python),
         "plain": "Points of the same colour correspond.",
         "maps": "".join(f"<option>{shown['name']}</option>" for shown in scene["maps"]),
