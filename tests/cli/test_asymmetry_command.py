@@ -46,7 +46,7 @@ def test_what_is_below_the_error_of_the_maps_is_not_shown():
     a, b, c = shape("a", 0.1, map_error=0.2), shape("b", 0.13, map_error=0.18), shape("c", 0.4, map_error=0.2)
     told, shown = _below_error([a, b])
     assert told.startswith("no asymmetry is shown: it is below the error of the maps")
-    assert (told[-33:], shown) == ("(0.1 to 0.13, errors 0.18 to 0.2)", [])
+    assert (told[-42:], shown) == ("(asymmetry 0.1 to 0.13, error 0.18 to 0.2)", [])
     told, shown = _below_error([a, c])
     assert told.startswith("no asymmetry is shown in a: ")
     assert shown == [c]
@@ -179,7 +179,7 @@ def test_a_map_that_is_not_sure_is_told_and_fails(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["asymmetry", str(tmp_path / "ball.ply"), "-o", str(out)]) == 4
     said = capsys.readouterr().err
-    assert "Left and right are not sure: ball (symmetry ambiguous)" in said
+    assert "The maps from left to right are doubtful in ball (symmetry ambiguous)" in said
     assert "--landmarks" in said
     page = (out / "index.html").read_text(encoding="utf-8")
     assert page.index("To look at first") < page.index("What was measured")

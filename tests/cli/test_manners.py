@@ -176,7 +176,7 @@ def test_a_folder_is_checked_in_a_table(tmp_path, capsys):
     assert any(line.startswith("  not fit for match: ") for line in lines[3:])
     assert max(map(len, lines[:-1])) <= 80
     assert main(["check", str(tmp_path), "--for", "match"]) == 1
-    assert "1 of 2 meshes are not fit: " in capsys.readouterr().err
+    assert "1 of 2 meshes are not fit for match: " in capsys.readouterr().err
     (tmp_path / "bad.off").write_text("nothing")
     assert main(["check", str(tmp_path)]) == 1
     assert re.search(r"(?m)^bad\.off +– +– +–  nothing\n  \S", capsys.readouterr().out)
@@ -233,7 +233,7 @@ def test_evaluate_with_a_reference_says_whether_a_map_is_right(shapes, monkeypat
     assert main([*command, "--fail-on", "wrong"]) == 4
     told = capsys.readouterr()
     assert "descriptor distance" in told.out
-    assert "wrong: it costs" in told.err
+    assert "wrong: it differs from the reference" in told.err
     assert main([*command, "--fail-on", "bad"]) == 1
     assert main([*command, "-o", f"{tmp_path}/other.html"]) == 1
 

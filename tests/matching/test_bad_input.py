@@ -60,8 +60,8 @@ def defective(mesh, defect):
     [
         ("nan", "finite"),
         ("infinite", "finite"),
-        ("out of range", r"out of range \(3\).*repair\(mesh\)"),
-        ("negative", r"out of range \(3\)"),
+        ("out of range", r"out of range \(number 3\).*repair\(mesh\)"),
+        ("negative", r"out of range \(number 3\)"),
         ("empty", "no (vertices|faces)"),
         ("points only", "no faces"),
         ("one point", "area"),

@@ -77,7 +77,9 @@ def test_maps_are_files_too_and_have_to_fit(judged, tmp_path):
     _, true, _, shapes = judged
     np.savetxt(tmp_path / "true.txt", true, fmt="%d")
     by_file = judge(*shapes, tmp_path / "true.txt", reference=str(tmp_path / "true.txt"))
-    assert str(by_file).startswith("right: it costs 1 times as much as the reference")
+    assert str(by_file).startswith(
+        "right: it agrees with the reference on 100.0% of the surface, and costs as much"
+    )
     assert f"cost={verify(*shapes, tmp_path / 'true.txt').cost:.4g}" in repr(by_file.given)
     with pytest.raises(MapError, match="expected one integer target vertex"):
         judge(*shapes, true[:-1], reference=true)

@@ -66,26 +66,32 @@ def test_relabelling_changes_no_count(specimen):
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("nan", "vertices with NaN or infinite coordinates (0): no distance is defined there; repair"),
+        ("nan", "vertices with NaN or infinite coordinates (number 0): no distance is defined there; repair"),
         (
             "wild",
-            "faces with a vertex index out of range (12, 13): the surface is undefined there; repair(mesh)",
+            "faces with a vertex index out of range (numbers 12, 13): the surface is undefined there; repair(mesh)",
         ),
         ("no_faces", "no faces, so there is no surface to measure distances on; give a mesh with faces"),
         ("point", "no sound face of positive area, so there is no surface to measure"),
         (
             "repeated_index",
-            "faces with a repeated vertex (12): they have no area and no normal; repair(mesh)",
+            "faces with a repeated vertex (number 12): they have no area and no normal; repair(mesh)",
         ),
-        ("duplicate", "faces with the vertices of an earlier face (4): their area counts twice"),
-        ("flat_face", "faces of zero area (0): distances across them are less accurate; remesh"),
-        ("needle", "sliver faces (0): distances across them are less accurate; remesh"),
-        ("unused_vertex", "finite vertices that no sound face uses (12): their distance to all"),
-        ("seam", "vertices at the position of an earlier vertex (12, 13, 14): distances, bases and"),
+        ("duplicate", "faces with the vertices of an earlier face (number 4): their area counts twice"),
+        ("flat_face", "faces of zero area (number 0): distances across them are less accurate; remesh"),
+        ("needle", "sliver faces (number 0): distances across them are less accurate; remesh"),
+        ("unused_vertex", "finite vertices that no sound face uses (number 12): their distance to all"),
+        ("seam", "vertices at the position of an earlier vertex (numbers 12, 13, 14): distances, bases and"),
         ("book", "edges of more than two faces (0–1): paths may cross from one sheet"),
-        ("touching_tetrahedra", "vertices where several fans of faces meet (0): sheets touch at a single"),
+        (
+            "touching_tetrahedra",
+            "vertices where several fans of faces meet (number 0): sheets touch at a single",
+        ),
         ("rewound_face", "edges whose two faces have opposite winding (0–1, 0–2, 1–2): normals"),
-        ("inward", "closed components with faces oriented inward (0): left and right are exchanged; repair"),
+        (
+            "inward",
+            "closed components with faces oriented inward (number 0): left and right are exchanged; repair",
+        ),
         ("two_tetrahedra", "2 components with 50.0%, 50.0% of the area: distances between them are infinite"),
     ],
 )

@@ -14,12 +14,19 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from isomatch import Config, Mesh, Outcome, Quality
+from isomatch import Config, Mesh, Outcome, Quality, judge
 from isomatch._core.errors import DescriptorError, LandmarkError
 from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import Alternative, DoubtfulRegion, MatchResult
-from isomatch.visualization import HEADLINES, position_colours, report, summary_of, write_report
+from isomatch.visualization import (
+    HEADLINES,
+    position_colours,
+    report,
+    summary_of,
+    write_judgement,
+    write_report,
+)
 from isomatch.visualization.colours import to_screen
 from isomatch.visualization.measures import MEASURES, quality_bounds, quality_measures
 from isomatch.visualization.scene import scene_of, stretch
@@ -266,6 +273,19 @@ def test_the_map_that_was_given_is_shown_and_drawn_with_the_alternatives(pair, r
     assert re.fullmatch(r"The map that was given Differs on (\d\d|100)% of the surface\.", first)
 
 
+def test_the_page_of_a_judgement_has_the_map_that_was_judged_beside_the_own_one(pair, result, tmp_path):
+    source, target, truth = pair
+    wrong = np.roll(truth.vertices, 900)
+    judged = dataclasses.replace(judge(source, target, wrong, reference=truth), result=result)
+    write_judgement(tmp_path / "page.html", source, target, judged)
+    page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
+    assert page.by_id("outcome")["text"].startswith("Wrong: it differs from the reference")
+    assert "isomatch's own" in page.by_id("sureness")["text"]
+    cells = [each["text"] for each in page.all("td") if each.get("data-is") in ("vertex", "other image")]
+    assert len(cells) == 2 * len(judged.regions) > 0
+    assert [int(cell) for cell in cells[1::2]] == [wrong[int(vertex)] for vertex in cells[::2]]
+
+
 def test_every_measure_of_quality_has_words():
     assert {field.name for field in dataclasses.fields(Quality)} == set(MEASURES)
     assert all(measure.name and measure.meaning.endswith(".") for measure in MEASURES.values())
@@ -406,7 +426,7 @@ def test_the_script_is_sound_javascript():
         (2.04, np.inf, "The best other map fits 2.0 times worse"),
         (np.inf, 0.4, "A mirror image fits better"),
         (np.inf, 1.2, "A mirror image fits about as well"),
-        (np.nan, np.nan, "Choose one if"),
+        (np.nan, np.nan, "If the map above looks wrong"),
     ],
 )
 def test_alternatives_are_told_by_how_near_they_come(result, runner_up, mirrored, words):

@@ -49,10 +49,11 @@ def evaluate(
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
-    """Score a map of any tool: geodesic errors on the target, in √(target area), as in the Princeton benchmark.
+    """Say whether a map of any tool is right; with a truth, measure its errors.
 
-    Without a truth, ``isomatch evaluate MAP SOURCE TARGET`` says whether the map is right, doubtful or wrong: it matches
-    the shapes, and tells how much more the map costs than isomatch's own, and where it lies elsewhere.
+    ``isomatch evaluate MAP SOURCE TARGET`` matches the shapes and calls the map right, doubtful or wrong: it says where
+    the map differs from isomatch's own, and how much more it costs. ``isomatch evaluate MAP TRUTH SOURCE TARGET``
+    measures geodesic errors on the target, in √(target area), as the Princeton benchmark does.
 
     Args:
         map_file: The map: a text file with the target vertex of each source vertex, one a line (-1: unmatched), an .npy
@@ -172,10 +173,10 @@ def _judge(
 def _say_judgement(judgement: isomatch.Judgement, record: dict[str, Any]) -> None:
     say(str(judgement), VERDICT_COLOURS[judgement.verdict])
     say_rows(("region", str(region)) for region in judgement.regions)
-    rows: list[tuple[str, ...]] = [("", "this map", "reference", "")]
-    for field, form, meaning in MEASURES:
+    rows: list[tuple[str, ...]] = [("", "this map", "isomatch's" if judgement.result else "reference", "")]
+    for name, field, form, meaning in MEASURES:
         values = (f"{getattr(fit, field):{form}}" for fit in (judgement.given, judgement.reference))
-        rows.append((field.replace("_", " "), *values, meaning))
+        rows.append((name, *values, meaning))
     say_table(rows)
     say_notes(record["notes"])
     say_rows([("page", record["page"] or "")])

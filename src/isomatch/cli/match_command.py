@@ -198,7 +198,7 @@ def match(
     for matched in filter(None, (result, back)):
         if (outcome := matched.outcome) in failing_outcomes:
             raise NotConvergedError(
-                f"{outcome.value} ({matched.map!r}); the files are in {output}. {outcome.advice}"
+                f"the outcome is {outcome.name.lower().replace('_', '-')}; the files are in {output}. {outcome.advice}"
             )
 
 

@@ -68,7 +68,8 @@ def check(
     Talk(json=json, quiet=quiet).result(plain if several else plain[0], summary)
     bad = {record["file"]: reason for record in records if (reason := _reason_against(record, verb))}
     if several and bad:
-        raise isomatch.MeshError(f"{len(bad)} of {len(paths)} meshes are not fit: {', '.join(bad)}")
+        what = f"not fit for {verb}" if verb else "unreadable, or distances are undefined on them"
+        raise isomatch.MeshError(f"{len(bad)} of {len(paths)} meshes are {what}: {', '.join(bad)}")
     for name, reason in bad.items():
         raise isomatch.MeshError(f"{name}: {reason}")
 

@@ -287,8 +287,10 @@ def say_result(result: isomatch.MatchResult, details: bool = False) -> None:
     if details:
         _say_details(result)
     else:
-        more = len(result.notes) - MAX_NOTES
-        say_rows(("note", in_shell(note)) for note in result.notes[:MAX_NOTES])
+        # notes on the map come before notes on one of the shapes
+        notes = sorted(result.notes, key=lambda note: note.startswith(("source: ", "target: ")))
+        more = len(notes) - MAX_NOTES
+        say_rows(("note", in_shell(note)) for note in notes[:MAX_NOTES])
         say_rows([("", f"{more} more {'note' if more == 1 else 'notes'}: --details")] if more > 0 else [])
 
 

@@ -262,7 +262,11 @@ def _log_on(console: Console) -> Iterator[None]:
 
 def part(tell: Tell, first: float, last: float) -> Tell:
     """Map the progress of a part of the work to the range of shares ``first`` to ``last``."""
-    return lambda stage, share: tell(stage, first + (last - first) * share)
+
+    def tell_part(stage: str, share: float) -> None:  # the end of a part is not the end of the work
+        tell("finishing" if stage == "done" else stage, first + (last - first) * share)
+
+    return tell_part
 
 
 TALK = Talk()

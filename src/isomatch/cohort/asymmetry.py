@@ -230,7 +230,8 @@ def _match_sides(
         notes += [f"{name}: {note}" for note in result.notes if note.endswith("are left unmatched")]
         if result.outcome.sureness < Outcome.PARTIAL.sureness:
             unsure.append(f"{name} ({result.outcome.value})")
-    return maps, about, f"Left and right are not sure: {', '.join(unsure)}. {REMEDY}" if unsure else ""
+    doubt = f"The maps from left to right are doubtful in {', '.join(unsure)}. {REMEDY}" if unsure else ""
+    return maps, about, doubt
 
 
 def _onto(mesh: Mesh, images: FloatArray) -> Correspondence:
@@ -377,7 +378,8 @@ def _below_error(lines: list[dict[str, Any]]) -> tuple[str, list[dict[str, Any]]
         ranges.append(least if least == most else f"{least} to {most}")
     named = "" if len(below) == len(lines) else f" in {', '.join(line['name'] for line in below)}"
     sentence = f"no asymmetry is shown{named}: it is below the error of the maps from left to right"
-    return f"{sentence} ({ranges[0]}, errors {ranges[1]})", [line for line in lines if line not in below]
+    shown = [line for line in lines if line not in below]
+    return f"{sentence} (asymmetry {ranges[0]}, error {ranges[1]})", shown
 
 
 def _sentences(record: dict[str, Any]) -> list[str]:
@@ -396,7 +398,7 @@ def _sentences(record: dict[str, Any]) -> list[str]:
             else "nothing was measured twice: errors of measurement and of maps are part of the fluctuating asymmetry",
             *([ALIKE] if record["in_one_topology"] else []),
             f"{record['share']:.1%} of the asymmetry is directional, p = {record['p_value']:.4g} "
-            f"({record['n_permutations']} ways of exchanging sides; the smallest possible p is {2.0 ** (1 - n):.2g})",
+            f"({record['n_permutations']} ways of exchanging sides; the smallest possible p is {2.0 ** (1 - n):.4g})",
         ]
     if record["size_anova"]:
         sides = record["size_anova"][1]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, KDTree
 from scipy.spatial.transform import Rotation
 
-from isomatch._core.arrays import FloatArray
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import SettingError
 from isomatch.decimation import decimate
@@ -60,6 +60,7 @@ LANDMARKS = {
 DARK, LIGHT = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)  # red, green, blue of the stripes
 N_TEXELS = 512  # width of the picture of the stripes
 STRIPES = 26.0  # phase of the stripes, in radians per unit of direction
+POLE_SQUARE_SIDE = 0.14  # width of a square outside the disc, in a corner of the picture, which is 1 wide
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,7 @@ class AnimalHead:
         weights = np.stack([neck, (1 - neck) * (1 - self._jaw), (1 - neck) * self._jaw], axis=1)
         places = {"neck": 0.8 * self._at(throat), "head": np.zeros(3), "jaw": self._hinge}
         data = [
-            Attribute("uv", "point", "uv", _flattened(self.directions)),
+            Attribute("uv", "corner", "uv", _flattened(self.directions, self.mesh.faces).reshape(-1, 2)),
             Attribute("weights", "point", "weights", weights, names=dict(enumerate(places))),
         ]
         if keys:
@@ -185,14 +186,23 @@ def _spread(n: int, seed: int) -> FloatArray:
     return np.asarray(spiral @ Rotation.random(random_state=seed).as_matrix())
 
 
-def _flattened(directions: FloatArray) -> FloatArray:
-    """Texture coordinates (n, 2): the sphere as a disc around the forehead, whose rim is the neck."""
+def _flattened(directions: FloatArray, faces: IntArray) -> FloatArray:
+    """Texture coordinates (m, 3, 2) of corners: the sphere as a disc around the forehead, whose rim is the neck.
+
+    Faces at the pole of the neck would lie across the whole disc, so they have a place in a corner of the picture.
+    """
     # In this azimuthal equidistant projection, the distance from the middle is the angle from the axis
     # opposite to the neck.
     x, y, z = (directions @ _axes()).T
     radius = np.arccos(np.clip(z, -1, 1)) / np.pi
     ring = np.maximum(np.hypot(x, y), np.finfo(float).tiny)
-    return np.asarray(0.5 + 0.5 * radius[:, None] * np.stack([x, y], axis=1) / ring[:, None])
+    corners = (0.5 + 0.5 * radius[:, None] * np.stack([x, y], axis=1) / ring[:, None])[faces]
+    (a, b), (c, d) = (corners[:, i].T - corners[:, 0].T for i in (1, 2))
+    at_pole = a * d <= b * c
+    seen_from_neck = np.stack([-x, y], axis=1)[faces[at_pole]]
+    half_side = 0.5 * POLE_SQUARE_SIDE
+    corners[at_pole] = half_side * (1 + seen_from_neck / np.abs(seen_from_neck).max(initial=0.1))
+    return np.asarray(corners)
 
 
 def _axes() -> FloatArray:

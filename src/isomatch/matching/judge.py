@@ -69,7 +69,7 @@ class Judgement(Shown):
     >>> from isomatch.datasets import example_pair
     >>> pose = example_pair()[0].mesh
     >>> print(judge(pose, pose, np.arange(pose.n_vertices), reference=np.arange(pose.n_vertices)))
-    right: it costs 1 times as much as the reference, and lies elsewhere on 0.0% of the surface
+    right: it agrees with the reference on 100.0% of the surface, and costs as much
     """
 
     verdict: Verdict
@@ -205,16 +205,20 @@ class _Comparison:
 
     def _verdict(self, elsewhere: float, result: MatchResult | None) -> tuple[Verdict, str]:
         name = "the reference" if result is None else "isomatch's own map"
-        cost = f"it costs {self.ratio:.3g} times as much as {name}"
-        place = f"lies elsewhere on {elsewhere:.1%} of the surface"
+        times = f"{self.ratio:.3g}"
+        cost = "costs as much" if times == "1" else f"costs {times} times as much"
+        difference = f"it differs from {name} on {elsewhere:.1%} of the surface"
         if result and result.outcome.is_doubtful:
-            return "doubtful", f"{cost}, which is not sure itself ({result.outcome.value}), and {place}"
+            doubt = f"that map is itself in doubt ({result.outcome.value})"
+            return "doubtful", f"{difference}, and {cost}; {doubt}"
         if elsewhere <= JUDGING.min_region_area:
-            verdict: Verdict = "right" if self.ratio <= JUDGING.max_right_ratio else "doubtful"
-            return verdict, f"{cost}, and {place}"
+            agreement = f"it agrees with {name} on {1 - elsewhere:.1%} of the surface"
+            if self.ratio <= JUDGING.max_right_ratio:
+                return "right", f"{agreement}, and {cost}"
+            return "doubtful", f"{agreement}, but {cost}"
         if self.ratio <= JUDGING.min_wrong_ratio:
-            return "doubtful", f"{cost}, but {place}: either map may be right there"
-        return "wrong", f"{cost}, and {place}"
+            return "doubtful", f"{difference}, but {cost}; either map may be right there"
+        return "wrong", f"{difference}, and {cost}"
 
     def _regions(
         self, differs: BoolArray, distance: FloatArray, areas: FloatArray
@@ -225,4 +229,4 @@ class _Comparison:
         for members, share in islice(found, JUDGING.max_regions):
             if share >= JUDGING.min_region_area:
                 users = source.user_vertex[members[np.argsort(-distance[members], kind="stable")]]
-                yield DoubtfulRegion(users, share, "the reference sends it elsewhere", other[users])
+                yield DoubtfulRegion(users, share, "the two maps send it to different places", other[users])

@@ -389,6 +389,6 @@ class MeshReport:
 def _where(defects: IntArray) -> str:
     """Write at most five vertices, faces or edges, and how many there are if there are more."""
     if defects.ndim == 1:
-        return some(defects)
+        return f"number {defects[0]}" if len(defects) == 1 else f"numbers {some(defects)}"
     head = ", ".join(f"{i}–{j}" for i, j in defects[:5].tolist())
     return head if len(defects) <= 5 else f"{head}, … ({len(defects)} in all)"

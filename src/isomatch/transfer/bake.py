@@ -35,6 +35,7 @@ UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey, for unmatched places and unread
 SIZE_LIMITS = (8, 16384)  # smallest and largest width of a picture, in texels
 FIRST_UDIM_TILE = 1001
 MAX_TILES = 16  # A picture repeats if the coordinates are in more UDIM tiles than this.
+MIN_HIDDEN_SHARE = 5e-4  # smallest share of the surface under other parts in the picture that is reported
 SAME_PLACE_DISTANCE = 0.01  # √area; two points of one texel that are farther apart are different places
 
 
@@ -138,9 +139,12 @@ def bake_texture(
     if not tiles:
         raise DescriptorError(f"no texel of {size} × {size} lies on the surface; bake a larger picture")
     notes = paint.notes
-    if hidden:
-        share = f"{hidden / receiver.mesh.area:.1%} of the surface"
-        notes += (f"{share} shows other parts, which have the same places in the picture and come first",)
+    hidden_share = hidden / receiver.mesh.area
+    if hidden_share >= MIN_HIDDEN_SHARE:
+        notes += (
+            f"texture coordinates overlap: {hidden_share:.1%} of the surface shares its place in the picture with "
+            "another part, and shows what is painted for that part",
+        )
     names = [f"baked_{tile}" for tile in tiles] if len(tiles) > 1 else ["baked"]
     pictures = dict(zip(names, map(png_of, tiles.values())))
     picture_of_triangle = np.searchsorted(list(tiles), tile_of_triangle).clip(0, len(tiles) - 1)

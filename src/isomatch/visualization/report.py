@@ -162,7 +162,11 @@ def write_judgement(
             "the map was judged by a reference; judge it without, for a page of isomatch's own map"
         )
     notes = str(judgement), *judgement.result.notes
-    result = replace(judgement.result, regions=judgement.regions, notes=notes)
+    # the page shows isomatch's own map, so the map that was given is the other one
+    regions = tuple(
+        replace(region, runner_up=judgement.map.vertices[region.vertices]) for region in judgement.regions
+    )
+    result = replace(judgement.result, regions=regions, notes=notes)
     write_report(
         path,
         source,

@@ -193,8 +193,11 @@ def describe_alternatives(result: MatchResult) -> str:
         near.append(f"A mirror image fits {'better' if mirrored < 1 else 'about as well'}.")
     if not near and not isnan(runner_up):
         near.append("No other map came near this one.")
-    when = "Choose one if its picture looks right where the map above looks wrong, or has the sides that you want."
-    rough = "Those that were only searched are shown before refinement, with rough borders."
+    when = (
+        "If the map above looks wrong, or exchanges the sides that you want, choose the alternative whose picture looks "
+        "right."
+    )
+    rough = "Alternatives are drawn before refinement, with rough borders, unless they were refined in the search."
     return " ".join([*near, when, rough])
 
 
