@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 from isomatch._core.compiled import compiled
+from isomatch.surfaces._faces import sort_lists
 
 
 @dataclass(frozen=True)
@@ -26,29 +27,75 @@ class EdgeTable:
 class Meetings:
     """The k pairs of faces that meet at edges; the r sides of an edge form a chain of r - 1 pairs."""
 
-    sides: IntArray  # (k, 2) the sides of both faces at the edge
-    edge: IntArray  # (k,) the edge at which they meet
+    sides: IntArray  # (k, 2) on the same edge
+    edge: IntArray  # (k,)
     is_pair: BoolArray  # (k,) whether exactly two faces meet at the edge
-    same_direction: BoolArray  # (k,) whether both sides have one direction, as in `EdgeTable.clash`
+    same_direction: BoolArray  # (k,) as `EdgeTable.clash`
 
 
 def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
-    """Group the sides of faces with valid indices into edges: O(m log m) time."""
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    keys = np.minimum(start, end) * n_vertices + np.maximum(start, end)
-    sides = np.argsort(keys, kind="stable").astype(np.int32)
-    keys = keys[sides]
-    is_new = np.append(True, keys[1:] != keys[:-1])[: len(keys)]
-    first = np.flatnonzero(is_new)
-    n_faces = np.diff(first, append=len(keys)).astype(np.int32)
-    pairs = first[n_faces == 2]
-    one, other = sides[pairs], sides[pairs + 1]
-    opposite = np.full(len(keys), -1, dtype=np.int32)
-    opposite[one], opposite[other] = other, one
-    clash = np.zeros(len(first), dtype=bool)
-    clash[n_faces == 2] = start[one] == start[other]
-    ends = np.column_stack(np.divmod(keys[first], max(n_vertices, 1)))
+    """Group the sides of faces with valid indices into edges: O(n + m) time, O(k^1.5) for k at one vertex."""
+    faces = read_only(faces)
+    start, keys = np.zeros(n_vertices + 2, dtype=np.int64), np.empty(faces.size, dtype=np.int64)
+    sides, opposite = np.empty(faces.size, dtype=np.int32), np.empty(faces.size, dtype=np.int32)
+    n_edges = _sort_sides(faces, start, keys, sides)
+    ends, n_faces = np.empty((n_edges, 2), dtype=np.int64), np.zeros(n_edges, dtype=np.int32)
+    clash = np.zeros(n_edges, dtype=bool)
+    _group_sides(faces, start, keys, sides, ends, n_faces, opposite, clash)
     return EdgeTable(ends, n_faces, sides, opposite, clash)
+
+
+@compiled()
+def _sort_sides(faces: IntArray, start: IntArray, keys: IntArray, sides: AnyArray) -> int:
+    """Sort sides by their smaller vertex, then by the other one (the key) and number; count the edges."""
+    n = len(start) - 2
+    for f in range(len(faces)):
+        for i in range(3):
+            start[min(faces[f, i], faces[f, (i + 1) % 3]) + 2] += 1
+    for v in range(n):
+        start[v + 2] += start[v + 1]
+    for f in range(len(faces)):
+        for i in range(3):
+            a, b = faces[f, i], faces[f, (i + 1) % 3]
+            row = start[min(a, b) + 1]
+            keys[row], sides[row] = max(a, b), 3 * f + i
+            start[min(a, b) + 1] += 1
+    sort_lists(start, keys, sides)
+    count = 0
+    for v in range(n):
+        for row in range(start[v], start[v + 1]):
+            count += int(row == start[v] or keys[row] != keys[row - 1])
+    return count
+
+
+@compiled()
+def _group_sides(
+    faces: IntArray,
+    start: IntArray,
+    keys: IntArray,
+    sides: AnyArray,
+    ends: IntArray,
+    n_faces: AnyArray,
+    opposite: AnyArray,
+    clash: BoolArray,
+) -> None:
+    """Fill the table of edges from the sorted sides."""
+    count = -1
+    for v in range(len(start) - 2):
+        for row in range(start[v], start[v + 1]):
+            if row == start[v] or keys[row] != keys[row - 1]:
+                count += 1
+                ends[count, 0], ends[count, 1] = v, keys[row]
+            n_faces[count] += 1
+            side = sides[row]
+            opposite[side] = -1
+            if n_faces[count] == 2:
+                other = sides[row - 1]
+                opposite[side], opposite[other] = other, side
+                clash[count] = faces[side // 3, side % 3] == faces[other // 3, other % 3]
+            elif n_faces[count] == 3:
+                opposite[sides[row - 1]] = opposite[sides[row - 2]] = -1
+                clash[count] = False
 
 
 def lengths(points: FloatArray, ends: IntArray) -> FloatArray:
@@ -135,12 +182,50 @@ def count_fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
 
     Two corners at a vertex are in the same fan if their faces share an edge of that vertex.
     """
+    count = np.zeros(n_vertices, dtype=np.int64)
+    if (edges.n_faces <= 2).all():
+        _count_fans(read_only(faces), edges.opposite, count)
+        return count
     met = meetings(edges, faces)
     links = corner_links(met.sides[:, 0], met.sides[:, 1], met.same_direction)
     n_fans, labels = label_components(faces.size, *links)
     vertex_of_fan = np.zeros(n_fans, dtype=np.int64)
     vertex_of_fan[labels] = faces.ravel()
     return np.bincount(vertex_of_fan, minlength=n_vertices)
+
+
+@compiled()
+def _count_fans(faces: IntArray, opposite: AnyArray, count: IntArray) -> None:
+    """Walk around each vertex, both ways from a corner, from face to face across common sides."""
+    # Opposite sides have the same direction where faces are wound inconsistently, so at_start keeps
+    # track of the end of the side at which the vertex is.
+    seen = np.zeros(faces.size, np.bool_)
+    for corner in range(faces.size):
+        if seen[corner]:
+            continue
+        seen[corner] = True
+        count[faces[corner // 3, corner % 3]] += 1
+        for way in range(2):
+            at_start = way == 0
+            side = corner if at_start else _before(corner)
+            while opposite[side] >= 0:
+                next_side = opposite[side]
+                at_start ^= faces[next_side // 3, next_side % 3] != faces[side // 3, side % 3]
+                next_corner = next_side if at_start else _after(next_side)
+                if seen[next_corner]:
+                    break
+                seen[next_corner] = True
+                side, at_start = _before(next_corner) if at_start else next_corner, not at_start
+
+
+@compiled(inline="always")
+def _after(corner: int) -> int:
+    return corner - 2 if corner % 3 == 2 else corner + 1
+
+
+@compiled(inline="always")
+def _before(corner: int) -> int:
+    return corner + 2 if corner % 3 == 0 else corner - 1
 
 
 def corner_links(

@@ -13,7 +13,7 @@ from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 
 QUERIES_PER_CHUNK = 1000
-MIN_TRIANGLES_PER_BOX = 4  # A box holds at least 4 triangles, and fewer than 8.
+MIN_TRIANGLES_PER_BOX = 4  # a box has fewer than twice as many
 
 
 def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> PrecisePoints:

@@ -11,7 +11,7 @@ from isomatch._core.arrays import FloatArray, IntArray, array_of, numbers_of, re
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MeshError
 from isomatch.surfaces._edges import EdgeTable, edge_table, label_components, lengths
-from isomatch.surfaces._faces import cross_products, norms, require_vertices, vertex_normals
+from isomatch.surfaces._faces import areas_of, cross_products, require_vertices, vertex_normals
 from isomatch.surfaces._shared import Plotted, hash_of
 
 
@@ -76,7 +76,7 @@ class Mesh(Plotted):
     @cached_property
     def face_areas(self) -> FloatArray:
         """(m,) area of each face, in squared mesh units."""
-        return 0.5 * norms(self.face_cross)[:, 0]
+        return areas_of(read_only(self.vertices), read_only(self.sound_faces))
 
     @cached_property
     def vertex_areas(self) -> FloatArray:

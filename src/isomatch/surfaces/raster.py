@@ -8,7 +8,6 @@ import numpy as np
 
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch._core.compiled import compiled
-from isomatch.surfaces.precise_points import PrecisePoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +25,9 @@ class Raster:
 
     def interpolated(self, values: FloatArray, faces: IntArray) -> FloatArray:
         """Interpolate (n, q) vertex values in the covered pixels: (n_covered, q), in row order."""
-        shown = self.covered
-        return PrecisePoints(faces[self.face[shown]], self.barycentric[shown]).interpolated(values)
+        seen = np.empty((int(self.covered.sum()), values.shape[1]))
+        _interpolate(self.face, self.barycentric, faces, np.ascontiguousarray(values, dtype=np.float64), seen)
+        return seen
 
 
 def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> Raster:
@@ -43,6 +43,24 @@ def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> R
     )
     _fill(points, faces, raster.face, raster.barycentric, raster.depth)
     return raster
+
+
+@compiled()
+def _interpolate(
+    face: IntArray, barycentric: FloatArray, faces: IntArray, values: FloatArray, seen: FloatArray
+) -> None:
+    height, width = face.shape
+    pixel = 0
+    for row in range(height):
+        for column in range(width):
+            f = face[row, column]
+            if f < 0:
+                continue
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            u, v, w = barycentric[row, column, 0], barycentric[row, column, 1], barycentric[row, column, 2]
+            for q in range(values.shape[1]):
+                seen[pixel, q] = u * values[a, q] + v * values[b, q] + w * values[c, q]
+            pixel += 1
 
 
 @compiled()
