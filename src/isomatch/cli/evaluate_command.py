@@ -174,9 +174,9 @@ def _say_judgement(judgement: isomatch.Judgement, record: dict[str, Any]) -> Non
     say(str(judgement), VERDICT_COLOURS[judgement.verdict])
     say_rows(("region", str(region)) for region in judgement.regions)
     rows: list[tuple[str, ...]] = [("", "this map", "isomatch's" if judgement.result else "reference", "")]
-    for name, field, form, meaning in MEASURES:
+    for field, form, meaning in MEASURES:
         values = (f"{getattr(fit, field):{form}}" for fit in (judgement.given, judgement.reference))
-        rows.append((name, *values, meaning))
+        rows.append((field.replace("_", " "), *values, meaning))
     say_table(rows)
     say_notes(record["notes"])
     say_rows([("page", record["page"] or "")])
