@@ -1,8 +1,6 @@
 """Why something is computed again, in the ledger and in what a run tells."""
 
 import json
-import logging
-import shutil
 from dataclasses import replace
 
 import pytest
@@ -10,8 +8,6 @@ import pytest
 import isomatch
 from isomatch.cli import main
 from isomatch.cohort import Collection, plan
-from isomatch.datasets import example_pair
-from isomatch.decimation import decimate
 from small_collections import run
 
 
@@ -29,20 +25,6 @@ def other_version(monkeypatch):
     plan._settings.cache_clear()
     yield
     plan._settings.cache_clear()
-
-
-@pytest.mark.long
-def test_contents(small, copied, tmp_path, caplog):
-    shapes = [shutil.copy(path, tmp_path) for path in sorted(small.shapes.iterdir())]
-    collection = Collection.create(copied.folder, shapes, pairs="all", config=small.config)
-    isomatch.write_mesh(shapes[2], decimate(example_pair()[0].mesh, 300).mesh)
-    with caplog.at_level(logging.INFO, "isomatch"):
-        found = reasons(collection)
-    assert found == {(f"s{i}", f"s{j}"): ("the contents of s2 changed",) for i, j in ((0, 2), (1, 2), (2, 3))}
-    assert collection.rows().shapes["s2"].again == ("the contents of s2 changed",)
-    assert "s0 and s2: again, because the contents of s2 changed" in caplog.text
-    shutil.copy(small.shapes / "s0.ply", shapes[0])  # written, but as it was
-    assert reasons(collection) == {}
 
 
 @pytest.mark.long
@@ -69,14 +51,6 @@ def test_reflection(small, copied):
     assert reasons(turned) == {pair: ("s3 is matched as its mirror image",) for pair in pairs}
     back = replace(turned, reflect=())
     assert reasons(back) == {pair: ("s3 is not matched as its mirror image any more",) for pair in pairs}
-
-
-@pytest.mark.long
-def test_what_is_new_is_not_done_again(small, copied, tmp_path):
-    isomatch.write_mesh(tmp_path / "new.ply", decimate(example_pair()[0].mesh, 250).mesh)
-    shapes = [*sorted(small.shapes.iterdir()), tmp_path / "new.ply"]
-    grown = Collection.create(copied.folder, shapes, pairs="all", config=small.config)
-    assert reasons(grown) == dict.fromkeys([(f"s{i}", "new") for i in range(4)], ())
 
 
 @pytest.mark.long

@@ -1,6 +1,7 @@
 """What a run does, and what it does not do again."""
 
 import json
+import logging
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -89,7 +90,7 @@ def test_a_file_that_is_lost_or_cut_short_is_made_again(copied):
 
 
 @pytest.mark.long
-def test_a_shape_that_changed_is_done_again_with_its_pairs_only(small, copied, tmp_path):
+def test_a_shape_that_changed_is_done_again_with_its_pairs_only(small, copied, tmp_path, caplog):
     work = Work(copied)
     shapes = [tmp_path / f"s{i}.ply" for i in range(len(N))]
     for path in shapes:
@@ -99,7 +100,13 @@ def test_a_shape_that_changed_is_done_again_with_its_pairs_only(small, copied, t
     assert work.done() == NOTHING  # other files with the same contents
     isomatch.write_mesh(shapes[2], decimate(example_pair()[0].mesh, 300).mesh)
     pairs = {("s0", "s2"), ("s1", "s2"), ("s2", "s3")}
-    assert {event.name for event in run(collection)} == {"s2", *pairs}
+    with caplog.at_level(logging.INFO, "isomatch"):
+        events = run(collection)
+    reason = ("the contents of s2 changed",)
+    assert {event.name: event.row.again for event in events} == dict.fromkeys(["s2", *pairs], reason)
+    rows = collection.rows()
+    assert {row.again for row in (rows.shapes["s2"], *(rows.pairs[pair] for pair in pairs))} == {reason}
+    assert "s0 and s2: again, because the contents of s2 changed" in caplog.text
     assert work.done() == (1, pairs)
 
 
@@ -109,7 +116,11 @@ def test_a_shape_that_is_added(small, copied, tmp_path):
     isomatch.write_mesh(tmp_path / "new.ply", decimate(example_pair()[0].mesh, 250).mesh)
     shapes = [*sorted(small.shapes.iterdir()), tmp_path / "new.ply"]
     collection = Collection.create(copied.folder, shapes, pairs="all", config=small.config)
-    assert len(run(collection)) == 1 + len(N)
+    events = run(collection)
+    assert {event.name: event.row.again for event in events if event.what == "pair"} == {
+        (f"s{i}", "new"): () for i in range(len(N))
+    }
+    assert len(events) == 1 + len(N)
     assert work.done() == (1, {(f"s{i}", "new") for i in range(len(N))})
 
 

@@ -24,7 +24,7 @@ from isomatch.cohort.subjects import (
     subject_collections,
     subject_doubts,
 )
-from shapes import icosphere
+from shapes import flat_grid, icosphere
 from small_collections import QUICK, lines_of, lopsided_blob
 
 SUBJECTS = ("s1", "s2", "s3", "s4", "s5")
@@ -298,10 +298,8 @@ def test_after_a_disk_was_full_at_any_file_subjects_are_continued(tmp_path, monk
 
 def sheets(shift):
     """A flat bone and a smaller sheet over it, in two subjects; in the second the sheet's points slip along it."""
-    x, y = np.meshgrid(np.arange(20.0), np.arange(20.0), indexing="ij")
-    flat = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
-    corner = np.arange(400).reshape(20, 20)[:-1, :-1].reshape(-1, 1)
-    faces = np.concatenate([np.add(corner, other) for other in ([0, 20, 21], [0, 21, 1])])
+    grid = flat_grid(20, 20)
+    flat, faces = grid.vertices, grid.faces
     small = flat * [0.5, 0.5, 1] + [5, 5, 0.3]
     slipped = small + shift * np.sin(flat[:, :1] * np.pi / 19) * [1, 0, 0]
     bone = CorrespondedShapes(("a", "b"), np.array([flat, flat]), faces)

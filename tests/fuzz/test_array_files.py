@@ -7,7 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mutations import fuzzed, mutated
 
@@ -153,6 +153,14 @@ def test_the_seeds_are_sound(seeds, path, kind, write):
 @given(data=st.data())
 def test_changed_bytes(seeds, path, kind, write, data):
     attempt(kind, path, data.draw(mutated(as_file(seeds[kind], write))))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", LOADERS)
+@settings(fuzzed, max_examples=300)
+@given(data=st.data())
+def test_many_changed_bytes(seeds, path, kind, data):
+    attempt(kind, path, data.draw(mutated(as_file(seeds[kind]))))
 
 
 @st.composite

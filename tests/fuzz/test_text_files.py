@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mutations import fuzzed, mutated
 from scipy.io import savemat
@@ -128,6 +128,14 @@ def test_the_seeds_are_sound(folder, name):
 @given(data=st.data())
 def test_a_changed_file(folder, name, data):
     attempt(folder, name, data.draw(mutated(FILES[name][0])))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", OURS)
+@settings(fuzzed, max_examples=300)
+@given(data=st.data())
+def test_many_changed_files(folder, name, data):
+    attempt(folder, name, data.draw(mutated(FILES[name][0]) | st.binary(max_size=80)))
 
 
 @pytest.mark.parametrize("name", OURS)
