@@ -88,7 +88,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         √(s g · s′ g′)
 
     A map that omits a limb has a large g′; a map that exchanges limbs has a large s. Among the maps that are bent to
-    the end, the one that verifies best is selected.
+    the end, the one with the least product of √score and cost by `verify` is selected.
 
     Examples
     --------
@@ -157,7 +157,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         proposals: Proposals[StretchedFit],
         timer: StageTimer,
     ) -> Ranking[StretchedFit]:
-        """Select the map that verifies best."""
+        """Select the map of least cost."""
         fits = sorted(maps, key=attrgetter("score"))
         distances = distances_between([fit.image for fit in fits], self.target.mean_distances)
         tie = ELASTIC_FIT.prior_tie_ratio if len(self.priors.initial_pairs) else 1.0
@@ -176,8 +176,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return self.found.coordinates if self.found and self.keeps_lengths(best) else self.everywhere(best)
 
     def cost(self, fit: StretchedFit) -> float:
-        """Cost of a map by `verify`."""
-        return self.verified(fit).cost
+        """Cost by `verify` × a power of the score, which measures the bending once more."""
+        return float(self.verified(fit).cost * fit.score**ELASTIC_FIT.score_exponent)
 
     def image(self, best: StretchedFit) -> Int[BodyVertices, "n_s"]:
         """Target vertex for each source vertex, bent at the lower resolution."""
@@ -380,7 +380,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         quality = measure_quality(self.pair, points)
         quality = replace(quality, runner_up=ranking.runner_up, bending_cost=winner.score)
         n_bent = 1 + len(ranking.others)
-        reason = f"verified best of {match.proposals.n_tried} elastic maps, {n_bent} bent"
+        reason = f"least cost of {match.proposals.n_tried} elastic maps, {n_bent} bent"
         return Measured(points, quality, distance, reason, winner.origin, note=FAR_NOTE)
 
     def sum_up(
