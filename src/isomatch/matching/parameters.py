@@ -191,8 +191,8 @@ class ElasticFitParameters:
     # positions of the bent shapes count beside joint coordinates
     position_weight: float = 15.0  # weight
     # the cost by `verify` is multiplied by this power of the score, because both measure the bending
-    # with independent errors; from 0.1 to 1.5, all values select the same maps in 23 pairs, of which
-    # 0 selects a wrong one in one, dog_02–cow_03
+    # with independent errors; from 0.1 to 1.5, all values select the same maps in 23 pairs;
+    # 0 selects a wrong map in one of them, dog_02–cow_03
     score_exponent: float = 0.5  # exponent
     # an isometric map is kept if bending by it stretches the shapes less
     max_isometric_stretch: float = 0.085  # stretch
