@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray, PartVertices
 from isomatch._core.cached import cached_method, cached_property
-from isomatch.correspondence import Embedding, IntervalCost
+from isomatch.correspondence import Embedding, IntervalCost, Intervals
 from isomatch.descriptors import RADII, BallSignature, ball_signature, mean_curvature
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.assessment.confidence import nearest_of
@@ -100,17 +100,15 @@ class PartPair:
         """Area of the part over the area of the whole."""
         return self.unit**2
 
-    def intervals(
-        self, vertices: Int[PartVertices, "q"]
-    ) -> tuple[Float[FloatArray, "m q"], Float[FloatArray, "m q"]]:
-        """Lower and upper bounds of distances between the anchors and some vertices."""
-        return self.lower[:, vertices] * self.unit, self.along[:, vertices] * self.unit
+    def intervals(self, vertices: Int[PartVertices, "q"]) -> Intervals:
+        """Bounds (m, q) of distances on the whole between the anchors and some vertices."""
+        return Intervals(self.lower[:, vertices] * self.unit, self.along[:, vertices] * self.unit)
 
     @cached_property
-    def anchor_intervals(self) -> tuple[Float[FloatArray, "m m"], Float[FloatArray, "m m"]]:
-        """Lower and upper bounds of distances between anchors, symmetric."""
+    def anchor_intervals(self) -> Intervals:
+        """Bounds (m, m) of distances on the whole between anchors, symmetric."""
         lower, upper = self.intervals(self.anchors)
-        return np.minimum(lower, lower.T), 0.5 * (upper + upper.T)
+        return Intervals(np.minimum(lower, lower.T), 0.5 * (upper + upper.T))
 
     @cached_property
     def known_share(self) -> float:

@@ -237,12 +237,6 @@ class PartFit(Fit):
         of_part = self.pair.signature.at(self.refinement.vertices)
         return of_part.descriptor_distance(of_whole.at(self.image), deviation_of(of_whole))
 
-    @property
-    def descriptor_distance(self) -> float:
-        """Mean descriptor distance, or 0 if nothing is known."""
-        distances = self.descriptor_distances[np.isfinite(self.descriptor_distances)]
-        return float(distances.mean()) if len(distances) else 0.0
-
     @cached_property
     def bent(self) -> BentPart:
         """The part bent onto the whole by the map, at a lower resolution."""
@@ -271,13 +265,14 @@ class PartFit(Fit):
         #       o ≈ 1 − 2t. The fine refinement repairs small twists, so they are penalised only by
         #       1 / √o ≈ 1 + t. This is at most 1 / √0.1 ≈ 3.2, slightly above `PartSettings.hopeless`,
         #       from which a map is dropped. Mirror images, o < 0, were dropped before.
-        #   m   mean descriptor distance, w = `PartSettings.descriptor_weight`. If the log ratio of
+        #   m   mean known descriptor distance, or 0, w = `PartSettings.descriptor_weight`. If the log ratio of
         #       its densities at right and wrong images is linear in m, exp(w Δm) is the likelihood
         #       ratio of two maps. The mean is over the whole part, because rough maps differ nearly
         #       everywhere; fine maps are compared only where they differ (`weigh_costs`).
         twist = max(self.orientation, PART_FIT.min_orientation)
-        weight = self.pair.config.parts.descriptor_weight
-        return float(self.cost / np.sqrt(twist) * np.exp(weight * self.descriptor_distance))
+        known = self.descriptor_distances[np.isfinite(self.descriptor_distances)]
+        unlike = self.pair.config.parts.descriptor_weight * float(known.mean()) if len(known) else 0.0
+        return float(self.cost / np.sqrt(twist) * np.exp(unlike))
 
 
 class PartFits:

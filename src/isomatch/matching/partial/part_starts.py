@@ -51,7 +51,7 @@ class PartStart:
         """Map vertices of the part by trilateration from the images of all anchors."""
         whole = self.pair.whole
         to_samples = whole.distances.between(self.images, whole.sample_vertices)
-        return _trilaterate_points(self.pair, Intervals(*self.pair.intervals(vertices)), to_samples)
+        return _trilaterate_points(self.pair, self.pair.intervals(vertices), to_samples)
 
 
 def _trilaterate_points(pair: PartPair, points: Intervals, to_samples: FloatArray) -> BodyVertices:
@@ -71,7 +71,7 @@ def complete_anchors(
     to_samples = to_samples or partial(pair.whole.distances.between, columns=pair.whole.sample_vertices)
     for _ in range(rounds):
         rows = np.flatnonzero(images >= 0)
-        points = Intervals(*pair.anchor_intervals).at(rows, np.arange(len(pair.anchors)))
+        points = pair.anchor_intervals.at(rows, np.arange(len(pair.anchors)))
         images = _trilaterate_points(pair, points, to_samples(BodyVertices(images[rows])))
         images[: len(pair.landmarks)] = pair.landmarks
     return images
@@ -144,7 +144,7 @@ class PartStarts:
     def _sides(self, pair: PartPair) -> tuple[Intervals, Intervals]:
         """Distances between the anchors, and between the candidates."""
         distances = self._pair.whole.distances_between(self._candidates)
-        return Intervals(*pair.anchor_intervals), Intervals(distances, distances)
+        return pair.anchor_intervals, Intervals(distances, distances)
 
     def _descriptor_distances(
         self, pair: PartPair, of_whole: BallSignature
