@@ -76,7 +76,9 @@ def test_a_constant_that_cites_a_decision_names_its_record():
     for file in (ROOT / "src").rglob("*.py"):
         text = re.sub(r"\n( *# *| +)", " ", file.read_text(encoding="utf-8"))
         for cited in text.split("decisions.md")[1:]:
-            assert cited.startswith(tuple(f", {heading.lower()}" for heading in headings)), f"{file}: {cited[:40]}"
+            assert cited.startswith(tuple(f", {heading.lower()}" for heading in headings)), (
+                f"{file}: {cited[:40]}"
+            )
 
 
 def test_every_name_of_the_public_face_is_in_the_reference():

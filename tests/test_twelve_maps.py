@@ -11,7 +11,8 @@ PAGE = (DOCS / "when_not.md").read_text(encoding="utf-8")
 ROW = re.compile(r"^\| (\d+) \| (.+) \| `(\w+)` \| ([\d.]+) \|$", re.MULTILINE)
 HALF_TURNS = 2, 8  # numbers of maps of shapes that half a turn carries onto themselves
 FIRST, ADVICE = (
-    ROW.findall(part) for part in (PAGE.partition("### After the advice")[0], PAGE.partition("### After the advice")[2])
+    ROW.findall(part)
+    for part in (PAGE.partition("### After the advice")[0], PAGE.partition("### After the advice")[2])
 )
 
 

@@ -5,8 +5,7 @@ import pytest
 
 from isomatch import Config, Graph, Outcome, PointCloud, SettingError, match, prepare
 from isomatch.matching import prepare_pair
-from isomatch.matching.proposals.anchors import relax_spectrally, starts_from_anchors
-from isomatch.matching.proposals.from_priors import start_from_pairs
+from isomatch.matching.proposals.starts import relax_spectrally, start_from_pairs, starts_from_anchors
 from isomatch_lab.procedural import organ, organ_truth
 from isomatch_lab.sets import relabelled
 from shapes import box, cylinder, disguised, flat_grid, icosphere

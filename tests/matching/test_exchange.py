@@ -6,7 +6,7 @@ import pytest
 from isomatch import geodesic_distances
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import prepare_pair
-from isomatch.matching.exchange import exchange_regions
+from isomatch.matching.isometric.both_sides import exchange_regions
 from isomatch.matching.verify import Verifier, on_bodies
 
 LIMB = 0.25  # √area, length of the limbs that are exchanged

@@ -9,7 +9,7 @@ from broken_ring import error_of, ring
 from isomatch import Config, match
 from isomatch.datasets import example_pair
 from isomatch.matching import prepare_pair
-from isomatch.matching.proposals.pose import starts_from_poses
+from isomatch.matching.proposals.starts import starts_from_poses
 from isomatch.settings import SearchSettings
 
 WITHOUT = Config(search=SearchSettings(near_rigid=0.0))

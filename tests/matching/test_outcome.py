@@ -118,7 +118,7 @@ def test_a_cap_that_goes_to_the_other_pole_is_torn_off():
 def test_a_way_that_finds_no_map_is_told(prepared_example, monkeypatch):
     solving = importlib.import_module("isomatch.matching.strategies")
 
-    def broken(problem, attempts, timer):
+    def broken(tried):
         raise NotConvergedError("nothing turned up")
 
     strategies = solving.Strategy("broken", "whole", "always", broken), solving.ISOMETRIC

@@ -29,7 +29,7 @@ def match_part(part, whole, config):
         score=best.cost_with_bending,
         pair=best.pair,
         bent=found.coordinates,
-        share=best.share,
+        share=found.model.fits.local_unit(best.pair, best.image) ** 2,
         runner_up=ranking.runner_up,
     )
 
@@ -79,7 +79,7 @@ def test_a_part_is_bent_onto_the_whole(found, bodies, prepared):
     """Its lengths are kept where they may be, and it lies where it should."""
     part, best = found
     truth = prepared.body_vertex[bodies[2][part.original]]
-    mesh, _ = best.pair.meshes
+    mesh = best.pair.part.mesh_body
     stretch = best.bent.mesh.edge_lengths / (best.pair.unit * mesh.edge_lengths)
     assert np.median(np.abs(np.log(stretch))) < 0.05
     rows = best.pair.part.sample_vertices[: len(best.fits[0].image)]

@@ -6,12 +6,10 @@ import pytest
 from isomatch.correspondence import iterative_closest_points
 from isomatch.datasets import ground_truth
 from isomatch.matching import Candidate, default_starts, prepare_pair
-from isomatch.matching.isometric.search import search
+from isomatch.matching.isometric.candidates import search
 from isomatch.matching.problem import search_pairs
 from isomatch.matching.proposals.flips import find_flips
-from isomatch.matching.proposals.from_priors import start_from_pairs
-from isomatch.matching.proposals.pose import starts_from_poses
-from isomatch.matching.proposals.starts import starts_from_extremities
+from isomatch.matching.proposals.starts import start_from_pairs, starts_from_extremities, starts_from_poses
 from isomatch_lab.procedural import creature
 
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from data import real_file
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.matching import prepare_pair
-from isomatch.matching.proposals.composed import symmetric_variants
+from isomatch.matching.proposals.flips import symmetric_variants
 from isomatch.settings import SearchSettings, SymmetrySettings
 from isomatch.shapes.symmetries import MIN_MOVED
 from isomatch_lab.procedural import creature

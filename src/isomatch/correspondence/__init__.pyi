@@ -1,104 +1,52 @@
-from isomatch.correspondence.alignment import (
-    Alignment,
-    SignedPoints,
-    alignment_from_functions,
-    alignment_residual,
-    alignments_from_points,
-    closest_point_images,
-    iterative_closest_points,
-    nearest_under_rotation,
-    signed_procrustes,
-)
-from isomatch.correspondence.correspondence import Correspondence, read_map
-from isomatch.correspondence.functional_maps import (
-    Embedding,
-    FunctionalMap,
-    SampledBasis,
-    SpectralPair,
-    fit_functional_map,
-    spectral_embedding,
-)
-from isomatch.correspondence.interval_matching import (
-    IntervalCost,
-    Intervals,
-    assign_points,
-    grow_regions,
-    pin_first,
-    trilaterate,
-)
-from isomatch.correspondence.map_arrays import UNMATCHED
-from isomatch.correspondence.map_files import PAIR_FORMAT, SIDES, IndexBase, index_base, pair_parts
-from isomatch.correspondence.median_map import geometric_median, median_map
-from isomatch.correspondence.nearest import (
-    SurfaceIndex,
-    VertexCells,
-    faces_around_vertices,
-    nearest_of_few,
-    nearest_points,
-    nearest_rows,
-)
-from isomatch.correspondence.poses import Pose, carry_along, nearest_rotation, poses_between
-from isomatch.correspondence.registration import (
-    RigidRegistration,
-    nearest_with_normals,
-    register_nonrigid,
-    with_normals,
-)
-from isomatch.correspondence.template_bending import Boundary
-from isomatch.correspondence.wrapping import Wrapped, WrapQuality, welded_map, wrap
-from isomatch.surfaces import PrecisePoints, nearest_in_triangle
-
-__all__ = [
-    "PAIR_FORMAT",
-    "SIDES",
-    "UNMATCHED",
-    "Alignment",
-    "Boundary",
-    "Correspondence",
-    "Embedding",
-    "FunctionalMap",
-    "IndexBase",
-    "IntervalCost",
-    "Intervals",
-    "Pose",
-    "PrecisePoints",
-    "RigidRegistration",
-    "SampledBasis",
-    "SignedPoints",
-    "SpectralPair",
-    "SurfaceIndex",
-    "VertexCells",
-    "WrapQuality",
-    "Wrapped",
-    "alignment_from_functions",
-    "alignment_residual",
-    "alignments_from_points",
-    "assign_points",
-    "carry_along",
-    "closest_point_images",
-    "faces_around_vertices",
-    "fit_functional_map",
-    "geometric_median",
-    "grow_regions",
-    "index_base",
-    "iterative_closest_points",
-    "median_map",
-    "nearest_in_triangle",
-    "nearest_of_few",
-    "nearest_points",
-    "nearest_rotation",
-    "nearest_rows",
-    "nearest_under_rotation",
-    "nearest_with_normals",
-    "pair_parts",
-    "pin_first",
-    "poses_between",
-    "read_map",
-    "register_nonrigid",
-    "signed_procrustes",
-    "spectral_embedding",
-    "trilaterate",
-    "welded_map",
-    "with_normals",
-    "wrap",
-]
+from isomatch.correspondence.alignment import Alignment as Alignment
+from isomatch.correspondence.alignment import SignedPoints as SignedPoints
+from isomatch.correspondence.alignment import alignment_from_functions as alignment_from_functions
+from isomatch.correspondence.alignment import alignment_residual as alignment_residual
+from isomatch.correspondence.alignment import alignments_from_points as alignments_from_points
+from isomatch.correspondence.alignment import closest_point_images as closest_point_images
+from isomatch.correspondence.alignment import iterative_closest_points as iterative_closest_points
+from isomatch.correspondence.alignment import nearest_under_rotation as nearest_under_rotation
+from isomatch.correspondence.alignment import signed_procrustes as signed_procrustes
+from isomatch.correspondence.correspondence import Correspondence as Correspondence
+from isomatch.correspondence.correspondence import read_map as read_map
+from isomatch.correspondence.functional_maps import Embedding as Embedding
+from isomatch.correspondence.functional_maps import FunctionalMap as FunctionalMap
+from isomatch.correspondence.functional_maps import SampledBasis as SampledBasis
+from isomatch.correspondence.functional_maps import SpectralPair as SpectralPair
+from isomatch.correspondence.functional_maps import fit_functional_map as fit_functional_map
+from isomatch.correspondence.functional_maps import spectral_embedding as spectral_embedding
+from isomatch.correspondence.interval_matching import IntervalCost as IntervalCost
+from isomatch.correspondence.interval_matching import Intervals as Intervals
+from isomatch.correspondence.interval_matching import assign_points as assign_points
+from isomatch.correspondence.interval_matching import grow_regions as grow_regions
+from isomatch.correspondence.interval_matching import pin_first as pin_first
+from isomatch.correspondence.interval_matching import trilaterate as trilaterate
+from isomatch.correspondence.map_arrays import UNMATCHED as UNMATCHED
+from isomatch.correspondence.map_files import PAIR_FORMAT as PAIR_FORMAT
+from isomatch.correspondence.map_files import SIDES as SIDES
+from isomatch.correspondence.map_files import IndexBase as IndexBase
+from isomatch.correspondence.map_files import index_base as index_base
+from isomatch.correspondence.map_files import pair_parts as pair_parts
+from isomatch.correspondence.median_map import geometric_median as geometric_median
+from isomatch.correspondence.median_map import median_map as median_map
+from isomatch.correspondence.nearest import SurfaceIndex as SurfaceIndex
+from isomatch.correspondence.nearest import VertexCells as VertexCells
+from isomatch.correspondence.nearest import faces_around_vertices as faces_around_vertices
+from isomatch.correspondence.nearest import nearest_of_few as nearest_of_few
+from isomatch.correspondence.nearest import nearest_points as nearest_points
+from isomatch.correspondence.nearest import nearest_rows as nearest_rows
+from isomatch.correspondence.poses import Pose as Pose
+from isomatch.correspondence.poses import carry_along as carry_along
+from isomatch.correspondence.poses import nearest_rotation as nearest_rotation
+from isomatch.correspondence.poses import poses_between as poses_between
+from isomatch.correspondence.registration import RigidRegistration as RigidRegistration
+from isomatch.correspondence.registration import nearest_with_normals as nearest_with_normals
+from isomatch.correspondence.registration import register_nonrigid as register_nonrigid
+from isomatch.correspondence.registration import with_normals as with_normals
+from isomatch.correspondence.template_bending import Boundary as Boundary
+from isomatch.correspondence.wrapping import Wrapped as Wrapped
+from isomatch.correspondence.wrapping import WrapQuality as WrapQuality
+from isomatch.correspondence.wrapping import welded_map as welded_map
+from isomatch.correspondence.wrapping import wrap as wrap
+from isomatch.surfaces import PrecisePoints as PrecisePoints
+from isomatch.surfaces import nearest_in_triangle as nearest_in_triangle

@@ -1,23 +1,11 @@
-from isomatch.descriptors.ball_signature import RADII, BallSignature, ball_signature, deviation_of
-from isomatch.descriptors.gdd import GeodesicDistanceDescriptor, geodesic_distance_descriptor
-from isomatch.descriptors.spectral_signatures import (
-    heat_kernel_signature,
-    mean_curvature,
-    standardised,
-    wave_kernel_map,
-    wave_kernel_signature,
-)
-
-__all__ = [
-    "RADII",
-    "BallSignature",
-    "GeodesicDistanceDescriptor",
-    "ball_signature",
-    "deviation_of",
-    "geodesic_distance_descriptor",
-    "heat_kernel_signature",
-    "mean_curvature",
-    "standardised",
-    "wave_kernel_map",
-    "wave_kernel_signature",
-]
+from isomatch.descriptors.ball_signature import RADII as RADII
+from isomatch.descriptors.ball_signature import BallSignature as BallSignature
+from isomatch.descriptors.ball_signature import ball_signature as ball_signature
+from isomatch.descriptors.ball_signature import deviation_of as deviation_of
+from isomatch.descriptors.gdd import GeodesicDistanceDescriptor as GeodesicDistanceDescriptor
+from isomatch.descriptors.gdd import geodesic_distance_descriptor as geodesic_distance_descriptor
+from isomatch.descriptors.spectral_signatures import heat_kernel_signature as heat_kernel_signature
+from isomatch.descriptors.spectral_signatures import mean_curvature as mean_curvature
+from isomatch.descriptors.spectral_signatures import standardised as standardised
+from isomatch.descriptors.spectral_signatures import wave_kernel_map as wave_kernel_map
+from isomatch.descriptors.spectral_signatures import wave_kernel_signature as wave_kernel_signature

@@ -1,43 +1,18 @@
-from isomatch.evaluation.map_errors import (
-    LIMIT,
-    SHARES,
-    THRESHOLDS,
-    SidedErrors,
-    area_under_curve,
-    counted,
-    coverage,
-    cumulative_curve,
-    cycle_errors,
-    geodesic_errors,
-    sided_errors,
-    smallest,
-)
-from isomatch.evaluation.truth_files import (
-    Truth,
-    counted_from,
-    read_indices,
-    read_marked,
-    read_numbers,
-    read_truth,
-)
-
-__all__ = [
-    "LIMIT",
-    "SHARES",
-    "THRESHOLDS",
-    "SidedErrors",
-    "Truth",
-    "area_under_curve",
-    "counted",
-    "counted_from",
-    "coverage",
-    "cumulative_curve",
-    "cycle_errors",
-    "geodesic_errors",
-    "read_indices",
-    "read_marked",
-    "read_numbers",
-    "read_truth",
-    "sided_errors",
-    "smallest",
-]
+from isomatch.evaluation.map_errors import LIMIT as LIMIT
+from isomatch.evaluation.map_errors import SHARES as SHARES
+from isomatch.evaluation.map_errors import THRESHOLDS as THRESHOLDS
+from isomatch.evaluation.map_errors import SidedErrors as SidedErrors
+from isomatch.evaluation.map_errors import area_under_curve as area_under_curve
+from isomatch.evaluation.map_errors import counted as counted
+from isomatch.evaluation.map_errors import coverage as coverage
+from isomatch.evaluation.map_errors import cumulative_curve as cumulative_curve
+from isomatch.evaluation.map_errors import cycle_errors as cycle_errors
+from isomatch.evaluation.map_errors import geodesic_errors as geodesic_errors
+from isomatch.evaluation.map_errors import sided_errors as sided_errors
+from isomatch.evaluation.map_errors import smallest as smallest
+from isomatch.evaluation.truth_files import Truth as Truth
+from isomatch.evaluation.truth_files import counted_from as counted_from
+from isomatch.evaluation.truth_files import read_indices as read_indices
+from isomatch.evaluation.truth_files import read_marked as read_marked
+from isomatch.evaluation.truth_files import read_numbers as read_numbers
+from isomatch.evaluation.truth_files import read_truth as read_truth

@@ -1,57 +1,26 @@
-from isomatch.geodesics.component_engines import ComponentEngine
-from isomatch.geodesics.dijkstra import distance_along_edges_to_nearest
-from isomatch.geodesics.engines import (
-    ENGINES,
-    MetricSpace,
-    distance_engine,
-    engine_names,
-    geodesic_distances,
-    metric_space,
-)
-from isomatch.geodesics.given import RestrictedEngine
-from isomatch.geodesics.intervals import MissingRegion
-from isomatch.geodesics.paths import PATH_SUFFIXES, GeodesicPath, geodesic_path, geodesic_paths, write_paths
-from isomatch.geodesics.points import points_of
-from isomatch.geodesics.protocol import (
-    Balls,
-    ColumnEngine,
-    DistanceEngine,
-    geodesic_balls,
-    ordinary_unit,
-    pair_distances,
-)
-from isomatch.geodesics.sampling import (
-    Sampling,
-    euclidean_farthest_points,
-    farthest_point_sampling,
-    peripheral_vertex,
-)
-
-__all__ = [
-    "ENGINES",
-    "PATH_SUFFIXES",
-    "Balls",
-    "ColumnEngine",
-    "ComponentEngine",
-    "DistanceEngine",
-    "GeodesicPath",
-    "MetricSpace",
-    "MissingRegion",
-    "RestrictedEngine",
-    "Sampling",
-    "distance_along_edges_to_nearest",
-    "distance_engine",
-    "engine_names",
-    "euclidean_farthest_points",
-    "farthest_point_sampling",
-    "geodesic_balls",
-    "geodesic_distances",
-    "geodesic_path",
-    "geodesic_paths",
-    "metric_space",
-    "ordinary_unit",
-    "pair_distances",
-    "peripheral_vertex",
-    "points_of",
-    "write_paths",
-]
+from isomatch.geodesics.component_engines import ComponentEngine as ComponentEngine
+from isomatch.geodesics.dijkstra import distance_along_edges_to_nearest as distance_along_edges_to_nearest
+from isomatch.geodesics.engines import ENGINES as ENGINES
+from isomatch.geodesics.engines import MetricSpace as MetricSpace
+from isomatch.geodesics.engines import distance_engine as distance_engine
+from isomatch.geodesics.engines import engine_names as engine_names
+from isomatch.geodesics.engines import geodesic_distances as geodesic_distances
+from isomatch.geodesics.engines import metric_space as metric_space
+from isomatch.geodesics.given import RestrictedEngine as RestrictedEngine
+from isomatch.geodesics.intervals import MissingRegion as MissingRegion
+from isomatch.geodesics.paths import PATH_SUFFIXES as PATH_SUFFIXES
+from isomatch.geodesics.paths import GeodesicPath as GeodesicPath
+from isomatch.geodesics.paths import geodesic_path as geodesic_path
+from isomatch.geodesics.paths import geodesic_paths as geodesic_paths
+from isomatch.geodesics.paths import write_paths as write_paths
+from isomatch.geodesics.points import points_of as points_of
+from isomatch.geodesics.protocol import Balls as Balls
+from isomatch.geodesics.protocol import ColumnEngine as ColumnEngine
+from isomatch.geodesics.protocol import DistanceEngine as DistanceEngine
+from isomatch.geodesics.protocol import geodesic_balls as geodesic_balls
+from isomatch.geodesics.protocol import ordinary_unit as ordinary_unit
+from isomatch.geodesics.protocol import pair_distances as pair_distances
+from isomatch.geodesics.sampling import Sampling as Sampling
+from isomatch.geodesics.sampling import euclidean_farthest_points as euclidean_farthest_points
+from isomatch.geodesics.sampling import farthest_point_sampling as farthest_point_sampling
+from isomatch.geodesics.sampling import peripheral_vertex as peripheral_vertex

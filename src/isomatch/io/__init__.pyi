@@ -1,111 +1,58 @@
-from isomatch.io.appearance import (
-    looks_of,
-    prepare_for_writing,
-    unreadable_files,
-    with_looks_of,
-    with_texture,
-    with_tiles,
-)
-from isomatch.io.asset import TURN, Asset, Axes, Frame, Part
-from isomatch.io.attribute import (
-    Attribute,
-    Domain,
-    Kind,
-    linear_of,
-    number_equal_names,
-    srgb_of,
-    without_labels,
-)
-from isomatch.io.formats.gifti import with_structure_of
-from isomatch.io.formats.gltf import with_key_weights_of, with_skeleton
-from isomatch.io.formats.gltf_carried import animation_channels, is_posed, with_skin_of
-from isomatch.io.formats.ply import with_names_of
-from isomatch.io.formats.registry import FORMATS, MeshFormat
-from isomatch.io.libraries import asset_from, to_meshio, to_open3d, to_pyvista, to_trimesh
-from isomatch.io.materials import (
-    Layer,
-    Look,
-    Looks,
-    Picture,
-    multiply_colours,
-    pixels_of,
-    png_of,
-    sample_texture,
-    unreadable_pictures,
-)
-from isomatch.io.polygons import Polygons, Renumbering
-from isomatch.io.surface_files import (
-    SurfaceLike,
-    files_beside,
-    mesh_from,
-    meshes_among,
-    read_as_far_as_possible,
-    read_asset,
-    read_mesh,
-    read_point_cloud,
-    surface_from,
-    write_asset,
-    write_mesh,
-)
-from isomatch.io.values import holds_values, read_attributes, write_attribute, write_attributes
-
-__all__ = [
-    "FORMATS",
-    "TURN",
-    "Asset",
-    "Attribute",
-    "Axes",
-    "Domain",
-    "Frame",
-    "Kind",
-    "Layer",
-    "Look",
-    "Looks",
-    "MeshFormat",
-    "Part",
-    "Picture",
-    "Polygons",
-    "Renumbering",
-    "SurfaceLike",
-    "animation_channels",
-    "asset_from",
-    "files_beside",
-    "holds_values",
-    "is_posed",
-    "linear_of",
-    "looks_of",
-    "mesh_from",
-    "meshes_among",
-    "multiply_colours",
-    "number_equal_names",
-    "pixels_of",
-    "png_of",
-    "prepare_for_writing",
-    "read_as_far_as_possible",
-    "read_asset",
-    "read_attributes",
-    "read_mesh",
-    "read_point_cloud",
-    "sample_texture",
-    "srgb_of",
-    "surface_from",
-    "to_meshio",
-    "to_open3d",
-    "to_pyvista",
-    "to_trimesh",
-    "unreadable_files",
-    "unreadable_pictures",
-    "with_key_weights_of",
-    "with_looks_of",
-    "with_names_of",
-    "with_skeleton",
-    "with_skin_of",
-    "with_structure_of",
-    "with_texture",
-    "with_tiles",
-    "without_labels",
-    "write_asset",
-    "write_attribute",
-    "write_attributes",
-    "write_mesh",
-]
+from isomatch.io.appearance import looks_of as looks_of
+from isomatch.io.appearance import prepare_for_writing as prepare_for_writing
+from isomatch.io.appearance import unreadable_files as unreadable_files
+from isomatch.io.appearance import with_looks_of as with_looks_of
+from isomatch.io.appearance import with_texture as with_texture
+from isomatch.io.appearance import with_tiles as with_tiles
+from isomatch.io.asset import TURN as TURN
+from isomatch.io.asset import Asset as Asset
+from isomatch.io.asset import Axes as Axes
+from isomatch.io.asset import Frame as Frame
+from isomatch.io.asset import Part as Part
+from isomatch.io.attribute import Attribute as Attribute
+from isomatch.io.attribute import Domain as Domain
+from isomatch.io.attribute import Kind as Kind
+from isomatch.io.attribute import linear_of as linear_of
+from isomatch.io.attribute import number_equal_names as number_equal_names
+from isomatch.io.attribute import srgb_of as srgb_of
+from isomatch.io.attribute import without_labels as without_labels
+from isomatch.io.formats.gifti import with_structure_of as with_structure_of
+from isomatch.io.formats.gltf import with_key_weights_of as with_key_weights_of
+from isomatch.io.formats.gltf import with_skeleton as with_skeleton
+from isomatch.io.formats.gltf_carried import animation_channels as animation_channels
+from isomatch.io.formats.gltf_carried import is_posed as is_posed
+from isomatch.io.formats.gltf_carried import with_skin_of as with_skin_of
+from isomatch.io.formats.ply import with_names_of as with_names_of
+from isomatch.io.formats.registry import FORMATS as FORMATS
+from isomatch.io.formats.registry import MeshFormat as MeshFormat
+from isomatch.io.libraries import asset_from as asset_from
+from isomatch.io.libraries import to_meshio as to_meshio
+from isomatch.io.libraries import to_open3d as to_open3d
+from isomatch.io.libraries import to_pyvista as to_pyvista
+from isomatch.io.libraries import to_trimesh as to_trimesh
+from isomatch.io.materials import Layer as Layer
+from isomatch.io.materials import Look as Look
+from isomatch.io.materials import Looks as Looks
+from isomatch.io.materials import Picture as Picture
+from isomatch.io.materials import multiply_colours as multiply_colours
+from isomatch.io.materials import pixels_of as pixels_of
+from isomatch.io.materials import png_of as png_of
+from isomatch.io.materials import sample_texture as sample_texture
+from isomatch.io.materials import unreadable_pictures as unreadable_pictures
+from isomatch.io.polygons import Polygons as Polygons
+from isomatch.io.polygons import Renumbering as Renumbering
+from isomatch.io.surface_files import SurfaceLike as SurfaceLike
+from isomatch.io.surface_files import files_beside as files_beside
+from isomatch.io.surface_files import mesh_from as mesh_from
+from isomatch.io.surface_files import meshes_among as meshes_among
+from isomatch.io.surface_files import read_as_far_as_possible as read_as_far_as_possible
+from isomatch.io.surface_files import read_asset as read_asset
+from isomatch.io.surface_files import read_mesh as read_mesh
+from isomatch.io.surface_files import read_point_cloud as read_point_cloud
+from isomatch.io.surface_files import surface_from as surface_from
+from isomatch.io.surface_files import write_asset as write_asset
+from isomatch.io.surface_files import write_mesh as write_mesh
+from isomatch.io.values import holds_values as holds_values
+from isomatch.io.values import read_attributes as read_attributes
+from isomatch.io.values import write_attribute as write_attribute
+from isomatch.io.values import write_attributes as write_attributes

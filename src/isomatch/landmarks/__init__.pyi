@@ -1,30 +1,16 @@
-from isomatch.landmarks.curves import draw_curve, equally_spaced, spread_on_surface
-from isomatch.landmarks.landmark_writers import write_landmarks, write_specimens, writer_of
-from isomatch.landmarks.landmarks import (
-    Curve,
-    Landmarks,
-    median_landmarks,
-    nearest_landmarks,
-    read_landmarks,
-    with_frame,
-)
-from isomatch.landmarks.specimens import is_of_landmarks, join_places, read_landmark_pairs, read_specimens
-
-__all__ = [
-    "Curve",
-    "Landmarks",
-    "draw_curve",
-    "equally_spaced",
-    "is_of_landmarks",
-    "join_places",
-    "median_landmarks",
-    "nearest_landmarks",
-    "read_landmark_pairs",
-    "read_landmarks",
-    "read_specimens",
-    "spread_on_surface",
-    "with_frame",
-    "write_landmarks",
-    "write_specimens",
-    "writer_of",
-]
+from isomatch.landmarks.curves import draw_curve as draw_curve
+from isomatch.landmarks.curves import equally_spaced as equally_spaced
+from isomatch.landmarks.curves import spread_on_surface as spread_on_surface
+from isomatch.landmarks.landmark_writers import write_landmarks as write_landmarks
+from isomatch.landmarks.landmark_writers import write_specimens as write_specimens
+from isomatch.landmarks.landmark_writers import writer_of as writer_of
+from isomatch.landmarks.landmarks import Curve as Curve
+from isomatch.landmarks.landmarks import Landmarks as Landmarks
+from isomatch.landmarks.landmarks import median_landmarks as median_landmarks
+from isomatch.landmarks.landmarks import nearest_landmarks as nearest_landmarks
+from isomatch.landmarks.landmarks import read_landmarks as read_landmarks
+from isomatch.landmarks.landmarks import with_frame as with_frame
+from isomatch.landmarks.specimens import is_of_landmarks as is_of_landmarks
+from isomatch.landmarks.specimens import join_places as join_places
+from isomatch.landmarks.specimens import read_landmark_pairs as read_landmark_pairs
+from isomatch.landmarks.specimens import read_specimens as read_specimens

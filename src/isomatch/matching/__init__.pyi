@@ -1,84 +1,51 @@
-from isomatch.matching.assessment.confidence import DoubtfulRegion, expected_errors
-from isomatch.matching.assessment.evidence import (
-    Evidence,
-    Solution,
-    lower_outcome,
-    measured_evidence,
-    outcome_of,
-    result_of,
-)
-from isomatch.matching.assessment.quality import contradicted_landmarks, covered_share, measure_quality
-from isomatch.matching.assessment.questions import Question, questions
-from isomatch.matching.coordinates import joint_coordinates
-from isomatch.matching.elastic.elastic import Elastic
-from isomatch.matching.isometric.candidates import first_map
-from isomatch.matching.isometric.isometry import Isometry
-from isomatch.matching.judge import Judgement, judge
-from isomatch.matching.maps import Candidate, Fit
-from isomatch.matching.match import BothDirections, continue_with, match, match_both
-from isomatch.matching.model import Match, MatchingModel, Proposals, RefiningModel
-from isomatch.matching.partial.part import Part
-from isomatch.matching.partial.two_parts import TwoParts
-from isomatch.matching.pipeline import match_under, search_under
-from isomatch.matching.priors import Priors
-from isomatch.matching.problem import Joint, Problem, Refinement, Start, prepare_pair
-from isomatch.matching.proposals.starts import default_starts
-from isomatch.matching.refinements import REFINEMENTS, check_refinement
-from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
-from isomatch.matching.strategies import STRATEGIES, select_strategies
-from isomatch.matching.verify import Verification, verify
-from isomatch.settings import COVERAGE_RADIUS
-
-__all__ = [
-    "COVERAGE_RADIUS",
-    "REFINEMENTS",
-    "STRATEGIES",
-    "Alternative",
-    "BothDirections",
-    "Candidate",
-    "DoubtfulRegion",
-    "Elastic",
-    "Evidence",
-    "Fit",
-    "Isometry",
-    "Joint",
-    "Judgement",
-    "Match",
-    "MatchResult",
-    "MatchingModel",
-    "Outcome",
-    "Part",
-    "Priors",
-    "Problem",
-    "Proposals",
-    "Quality",
-    "Question",
-    "Refinement",
-    "RefiningModel",
-    "Solution",
-    "Start",
-    "TwoParts",
-    "Verification",
-    "check_refinement",
-    "continue_with",
-    "contradicted_landmarks",
-    "covered_share",
-    "default_starts",
-    "expected_errors",
-    "first_map",
-    "joint_coordinates",
-    "judge",
-    "lower_outcome",
-    "match",
-    "match_both",
-    "match_under",
-    "measure_quality",
-    "measured_evidence",
-    "outcome_of",
-    "prepare_pair",
-    "questions",
-    "result_of",
-    "search_under",
-    "select_strategies",
-    "verify",
-]
+from isomatch.matching.assessment.confidence import DoubtfulRegion as DoubtfulRegion
+from isomatch.matching.assessment.confidence import expected_errors as expected_errors
+from isomatch.matching.assessment.evidence import Evidence as Evidence
+from isomatch.matching.assessment.evidence import Solution as Solution
+from isomatch.matching.assessment.evidence import lower_outcome as lower_outcome
+from isomatch.matching.assessment.evidence import measured_evidence as measured_evidence
+from isomatch.matching.assessment.evidence import outcome_of as outcome_of
+from isomatch.matching.assessment.evidence import result_of as result_of
+from isomatch.matching.assessment.quality import contradicted_landmarks as contradicted_landmarks
+from isomatch.matching.assessment.quality import covered_share as covered_share
+from isomatch.matching.assessment.quality import measure_quality as measure_quality
+from isomatch.matching.assessment.questions import Question as Question
+from isomatch.matching.assessment.questions import questions as questions
+from isomatch.matching.coordinates import joint_coordinates as joint_coordinates
+from isomatch.matching.elastic.elastic import Elastic as Elastic
+from isomatch.matching.isometric.candidates import first_map as first_map
+from isomatch.matching.isometric.isometry import Isometry as Isometry
+from isomatch.matching.judge import Judgement as Judgement
+from isomatch.matching.judge import judge as judge
+from isomatch.matching.maps import Candidate as Candidate
+from isomatch.matching.maps import Fit as Fit
+from isomatch.matching.match import BothDirections as BothDirections
+from isomatch.matching.match import continue_with as continue_with
+from isomatch.matching.match import match as match
+from isomatch.matching.match import match_both as match_both
+from isomatch.matching.model import Match as Match
+from isomatch.matching.model import MatchingModel as MatchingModel
+from isomatch.matching.model import Proposals as Proposals
+from isomatch.matching.model import RefiningModel as RefiningModel
+from isomatch.matching.partial.part import Part as Part
+from isomatch.matching.partial.two_parts import TwoParts as TwoParts
+from isomatch.matching.pipeline import match_under as match_under
+from isomatch.matching.pipeline import search_under as search_under
+from isomatch.matching.priors import Priors as Priors
+from isomatch.matching.problem import Joint as Joint
+from isomatch.matching.problem import Problem as Problem
+from isomatch.matching.problem import Refinement as Refinement
+from isomatch.matching.problem import Start as Start
+from isomatch.matching.problem import prepare_pair as prepare_pair
+from isomatch.matching.proposals.starts import default_starts as default_starts
+from isomatch.matching.refinements import REFINEMENTS as REFINEMENTS
+from isomatch.matching.refinements import check_refinement as check_refinement
+from isomatch.matching.result import Alternative as Alternative
+from isomatch.matching.result import MatchResult as MatchResult
+from isomatch.matching.result import Outcome as Outcome
+from isomatch.matching.result import Quality as Quality
+from isomatch.matching.strategies import STRATEGIES as STRATEGIES
+from isomatch.matching.strategies import select_strategies as select_strategies
+from isomatch.matching.verify import Verification as Verification
+from isomatch.matching.verify import verify as verify
+from isomatch.settings import COVERAGE_RADIUS as COVERAGE_RADIUS

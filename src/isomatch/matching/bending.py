@@ -23,7 +23,7 @@ from isomatch.decimation import Prolongation, decimate
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
 
-MIN_EDGE = 1e-9  # √area: shorter edges have this length, so that logarithms are finite
+MIN_EDGE = 1e-9  # √area; shorter edges are raised to this length, so that logarithms are finite
 
 HardLandmarks: TypeAlias = tuple[Int[IntArray, "l"], Float[FloatArray, "l 3"]]
 """Vertices of the bent shape, and the positions to which they are drawn."""
@@ -164,24 +164,22 @@ def bend_onto(
     most_scaled: float = 1.0,
 ) -> BentShape:
     """Bend a shape onto a surface, starting from positions that a map gives its vertices."""
-    moved = registration(
-        onto.mesh, onto.index, start, lengths, onto.unit, held=landmarks, most_scaled=most_scaled
-    )
+    surface = onto.mesh, onto.index
+    moved = registration(*surface, start, lengths, onto.unit, held=landmarks, most_scaled=most_scaled)
     return BentShape(registration.source, registration.source.moved(moved), onto)
 
 
 class ElasticBending(Bending):
     """Bends one shape of a pair onto the other one."""
 
-    # back: whether the target is bent onto the source; landmarks: pairs of source and target
-    # vertices
+    # back: whether the target is bent onto the source; landmarks: pairs of source and target vertices
     def __init__(
         self, shape: PreparedShape, onto: PreparedShape, n_vertices: int, back: bool, landmarks: BodyVertices
     ) -> None:
         super().__init__(unit_area_mesh(shape), n_vertices)
         self._onto = Surroundings(unit_area_mesh(onto), onto.index)
-        self._back, self._landmarks = back, landmarks
-        self._all_vertices = np.arange(shape.body.n_vertices)
+        self._back, self._all_vertices = back, np.arange(shape.body.n_vertices)
+        self._landmarks, self._held = landmarks, self._hard_landmarks(landmarks)
 
     def lay(
         self,
@@ -193,18 +191,16 @@ class ElasticBending(Bending):
         """Bend coarsely, starting from nearest points; ``held`` pairs are further landmarks."""
         of_shape, of_surface = coordinates[::-1] if self._back else coordinates
         start = self._onto.mesh.vertices[self._onto.index.vertices(of_surface, of_shape[self.vertices])]
-        pairs = self._landmarks if held is None else np.concatenate([self._landmarks, held])
-        return self.bend_coarsely(self._onto, start, lengths, self._hard_landmarks(pairs), most_scaled)
+        hold = self._held if held is None else self._hard_landmarks(np.concatenate([self._landmarks, held]))
+        return self.bend_coarsely(self._onto, start, lengths, hold, most_scaled)
 
     def bend_further(self, bent: BentShape, lengths: tuple[float, ...]) -> BentShape:
         """Bend the shape further at the lower resolution."""
-        return self.bend_coarsely(
-            self._onto, bent.mesh.vertices, lengths, self._hard_landmarks(self._landmarks)
-        )
+        return self.bend_coarsely(self._onto, bent.mesh.vertices, lengths, self._held)
 
     def lay_in_full(self, bent: BentShape, lengths: tuple[float, ...], most_scaled: float) -> BentShape:
         """Bend the shape at full resolution, starting from its bent coarse version."""
-        return self.bend_in_full(bent, lengths, self._hard_landmarks(self._landmarks), most_scaled)
+        return self.bend_in_full(bent, lengths, self._held, most_scaled)
 
     def pairs(self, bent: BentShape) -> Int[BodyVertices, "n 2"]:
         """Pairs of all vertices and their images, as source and target vertices."""

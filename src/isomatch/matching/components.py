@@ -72,10 +72,8 @@ class _Components:
             return [self._match(i, j) for i, j in chosen if joined[i, j]], False
         differences = np.array([[self._spectrum_difference(i, j) for j in columns] for i in rows])
         similar = differences <= differences.min() + COMPONENTS.same_spectrum_difference
-        matches: dict[tuple[int, int], ComponentMatch] = {}
-        for i, j in np.argwhere(similar).tolist():
-            if match := self._try_match(i, j):
-                matches[i, j] = match
+        tried = {(i, j): self._try_match(i, j) for i, j in np.argwhere(similar).tolist()}
+        matches = {ij: match for ij, match in tried.items() if match}
         if not matches:
             return [self._match(0, 0)], False
         assigned = ([matches[ij] for ij in pairs if ij in matches] for pairs in _assignments(*similar.shape))
@@ -100,12 +98,11 @@ class _Components:
             return []
         centres = {i: carrier.move(self.sources[i]).mean(axis=0) for i in rows}
         cost = np.array([[self._cost(carrier, centres[i], i, j) for j in columns] for i in rows])
-        partners = [
-            (rows[a], columns[b])
-            for a, b in zip(*scipy.optimize.linear_sum_assignment(cost))
-            if cost[a, b] < NO_PARTNERS
+        pairs = [
+            (a, b) for a, b in zip(*scipy.optimize.linear_sum_assignment(cost)) if cost[a, b] < NO_PARTNERS
         ]
-        return [match for i, j in partners if (match := self._try_match(i, j, carrier))]
+        tried = [self._try_match(rows[a], columns[b], carrier) for a, b in pairs]
+        return [match for match in tried if match]
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
         """Cost of two partners by place, size and spectrum; negative if priors join them."""
@@ -148,9 +145,8 @@ class _Components:
 
     def _match_near_place(self, pair: Problem, carrier: Carrier) -> ComponentMatch:
         """Match two components that are close when one is carried along."""
-        # A rigid component, such as an eye or a helmet, lies where it is carried; any other map
-        # starts there. If the component is close to what carries it, its place decides between
-        # symmetric maps.
+        # A rigid component, such as an eye or a helmet, lies where it is carried; any other map starts
+        # there. If the component is close to what carries it, its place decides between symmetric maps.
         is_held = carrier.gap(pair.target) <= COMPONENTS.max_held_distance
         placed = self._place_rigidly(pair, carrier)
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
@@ -193,11 +189,8 @@ def _assignment_rank(matches: list[ComponentMatch]) -> tuple[int, int, float]:
     residuals = np.nan_to_num([match.solution.quality.spectral_residual for match in matches], nan=np.inf)
     sureness = min(match.solution.outcome.sureness for match in matches)
     spread = np.std([np.log(match.pair.source.scale / match.pair.target.scale) for match in matches])
-    return (
-        -len(matches),
-        -sureness,
-        float(np.maximum(residuals, TIES.spectral_residual_noise).mean() + spread),
-    )
+    residual = np.maximum(residuals, TIES.spectral_residual_noise).mean()
+    return -len(matches), -sureness, float(residual + spread)
 
 
 def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:
@@ -235,9 +228,8 @@ def compose_matches(
     # the result is no surer than the map of any component that is large or has priors
     deciding = (m for m in matches if m is main or m.share > bounds.large_component or m.with_priors)
     counted = [match.solution.all_evidence for match in deciding]
-    unmatched = [
-        _find_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES
-    ]
+    sides = {side: [getattr(match.pair, side) for match in matches] for side in SIDES}
+    unmatched = [_find_unpartnered(side, matched, pair) for side, matched in sides.items()]
     large = max(left_out for left_out, _ in unmatched) > bounds.large_component
     evidence = (*chain(*counted), Evidence(partial=large, ambiguous=tied))
     notes = [*main.solution.notes, *(_describe_match(match) for match in others)]

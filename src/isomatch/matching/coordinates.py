@@ -3,15 +3,70 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
 from isomatch._core.arrays import BodyVertices, FloatArray, Int, IntArray, single
+from isomatch._core.cached import cached_property
 from isomatch._core.threads import parallel_map, row_product
-from isomatch.correspondence import Embedding, nearest_of_few, register_nonrigid
-from isomatch.matching.smooth_pair import SmoothPair
+from isomatch.correspondence import Embedding, SpectralPair, nearest_of_few, register_nonrigid
+from isomatch.settings import Config
+from isomatch.shapes import SmoothShape
 from isomatch.surfaces import PrecisePoints, vertex_normals
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothPair:
+    """Two bodies with their smooth functions."""
+
+    source: SmoothShape
+    target: SmoothShape
+    config: Config
+    functions: Embedding | None = None  # weighted values at the users' vertices
+
+    @cached_property
+    def refinement_vertices(self) -> Int[BodyVertices, "r"]:
+        """Source vertices whose images refinements compute."""
+        return BodyVertices(self.source.sample_vertices[: self.source.config.n_refine])
+
+    @cached_property
+    def signatures(self) -> Embedding:
+        """Point signatures that both shapes have, and known functions."""
+        both = self.source.signatures, self.target.signatures
+        n_common = min(signatures.shape[1] for signatures in both)
+        return Embedding(
+            *(single(np.hstack([x[:, :n_common], functions])) for x, functions in zip(both, self.known))
+        )
+
+    @cached_property
+    def known(self) -> Embedding:
+        """The known functions on the bodies, without columns if there are none."""
+        if self.functions is None:
+            return Embedding(*(np.zeros((shape.body.n_vertices, 0)) for shape in (self.source, self.target)))
+        source, target = self.functions
+        return Embedding(self.source.restrict(source), self.target.restrict(target))
+
+    @cached_property
+    def spectra(self) -> SpectralPair:
+        """The Laplace–Beltrami bases, for maps from refinement vertices to target vertices."""
+        return SpectralPair(
+            self.source.sampled_basis(self.source.config.n_refine),
+            self.target.laplace.vectors,
+            self.target.index.vertices,
+        )
+
+    @property
+    def n_functions(self) -> int:
+        """Number of Laplace–Beltrami functions that both shapes have."""
+        return min(len(self.source.laplace.values), len(self.target.laplace.values))
+
+    @property
+    def oriented(self) -> bool:
+        """Whether both shapes have an inside, so that normals and curvature can be compared."""
+        return self.source.triangles is not None and self.target.triangles is not None
+
 
 # steps of the registration that ends the smooth refinement; lab/benchmarks.md, smoothness
 SMOOTH_REGISTRATION_STEPS = 8
@@ -100,13 +155,11 @@ def joint_coordinates(
     They are spectral coordinates of the first k functions, signatures, and, unless ``side`` is 0, positions and
     normals. O(n K²).
     """
-    # Let f be the map of the refinement vertices R, and Φ the Laplace–Beltrami functions (K
-    # columns).
+    # Let f be the map of the refinement vertices R, and Φ the Laplace–Beltrami functions (K columns).
     #   F = arg min ‖Φ_s[R, :k] F − Φ_t[f, :k]‖   (k, k): functional map (Ovsjanikov et al. 2012)
     #   c = arg min ‖Φ_s[R, :k] c − x_t[f]‖       (k, 3): target positions on the source
-    # The indicator of a vertex has the row of Φ as coefficients, and F carries the row of f(i) to
-    # the row of i. So the spectral coordinates, for k grown by 5 as in ZoomOut (Melzi et al. 2019),
-    # are
+    # The indicator of a vertex has the row of Φ as coefficients, and F carries the row of f(i) to the row
+    # of i. So the spectral coordinates, for k grown by 5 as in ZoomOut (Melzi et al. 2019), are
     #   Φ_s[i]  and  Φ_t[f(i)] Fᵀ.
     # Positions and normals are further columns, as in Smooth Shells (Eisenberger et al. 2020):
     #   Φ_s c  and  Φ_t Φ_t⁺ x_t,

@@ -155,8 +155,7 @@ def _weights(
     kernel /= kernel[landmarks].diagonal()
     among = kernel[landmarks]
     inverse = np.linalg.pinv(among, rcond=HELD_LANDMARKS.min_singular_value / float(np.linalg.norm(among, 2)))
-    weights: FloatArray = np.maximum(kernel @ inverse - HELD_LANDMARKS.min_weight, 0.0) / (
-        1 - HELD_LANDMARKS.min_weight
-    )
+    least = HELD_LANDMARKS.min_weight
+    weights: FloatArray = np.maximum(kernel @ inverse - least, 0.0) / (1 - least)
     weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
     return weights

@@ -19,7 +19,7 @@ from isomatch.correspondence import Correspondence
 from isomatch.io import SurfaceLike
 from isomatch.matching.assessment.confidence import DoubtfulRegion
 from isomatch.matching.match import match
-from isomatch.matching.parameters import JUDGING
+from isomatch.matching.parameters import JUDGING, MAP_DISTANCE
 from isomatch.matching.problem import Problem
 from isomatch.matching.result import MatchResult
 from isomatch.matching.verify import (
@@ -180,9 +180,10 @@ class _Comparison:
             nearest = np.full(len(images), np.inf)
             np.fmin.at(nearest, cell, distance)
             distance = np.where(both, nearest[cell], np.nan)
-        differs = (distance > JUDGING.other_place) | ((given < 0) & (reference >= 0))
+        differs = (distance > MAP_DISTANCE.other_place) | ((given < 0) & (reference >= 0))
         areas = source.body.vertex_areas / source.body.area
         elsewhere = float(areas[differs].sum())
+        maps = [Correspondence(image, self.pair.target.surface.n_vertices) for image in self.images]
         verdict, sentence = self._verdict(elsewhere, result)
         if is_coarse:
             sentence += f"; it is coarse, with {len(images)} different images of {len(given)} vertices"
@@ -195,13 +196,10 @@ class _Comparison:
             distance=np.where(source.body_vertex >= 0, distance[source.body_vertex], np.nan),
             elsewhere=elsewhere,
             regions=tuple(self._regions(differs, np.nan_to_num(distance, nan=np.inf), areas)),
-            map=self._map(0),
-            reference_map=self._map(1),
+            map=maps[0],
+            reference_map=maps[1],
             result=result,
         )
-
-    def _map(self, which: int) -> Correspondence:
-        return Correspondence(self.images[which], self.pair.target.surface.n_vertices)
 
     def _verdict(self, elsewhere: float, result: MatchResult | None) -> tuple[Verdict, str]:
         name = "the reference" if result is None else "isomatch's own map"

@@ -141,9 +141,8 @@ def match(
         with serial_blas():
             timer.start("prepare")
             prepared = prepare_pair(source, target, config, seed, timer)
-            problem = _complete_problem(prepared, functions, refinement, starts, relation)
-            require_landmarks_to_hold(problem, landmarks)
             priors = landmarks, initial_map, initial_descriptors
+            problem = _complete_problem(prepared, priors, functions, refinement, starts, relation)
             if via is None:
                 solution = solve_prepared(problem, priors, timer)
             else:
@@ -163,12 +162,18 @@ def match(
 
 def _complete_problem(
     problem: Problem,
+    priors: UserPriors,
     functions: tuple[ArrayLike, ArrayLike] | None,
     refinement: Refinement | None,
     starts: Sequence[Start] | None,
     relation: Callable[[Problem], MatchingModel[Any, Any]] | None,
 ) -> Problem:
-    """Add functions, starts, relation, and a refinement, by default from the settings."""
+    """Add functions, starts, relation, and a refinement, by default from the settings.
+
+    Raise `SettingError` if landmarks must hold and none were given.
+    """
+    if problem.config.pin is not None and priors[0] is None:
+        raise SettingError(f"pin = {problem.config.pin}, but no landmarks were given that could be held")
     return replace(
         problem,
         functions=known_functions(problem.source, problem.target, functions, problem.config),
@@ -176,12 +181,6 @@ def _complete_problem(
         starts=starts,
         relation=relation,
     )
-
-
-def require_landmarks_to_hold(problem: Problem, landmarks: ArrayLike | None) -> None:
-    """Raise `SettingError` if landmarks must hold and none were given."""
-    if problem.config.pin is not None and landmarks is None:
-        raise SettingError(f"pin = {problem.config.pin}, but no landmarks were given that could be held")
 
 
 def solve_prepared(problem: Problem, user_priors: UserPriors, timer: StageTimer) -> Solution:
@@ -213,7 +212,7 @@ def _note_stages(problem: Problem, refinement: Refinement | None) -> list[str]:
     return [f"stages handed in: {stages}"] if stages else []
 
 
-FIRST_DIRECTION_SHARE = 0.75  # share of the time: preparation and the map from source to target
+FIRST_DIRECTION_SHARE = 0.75  # the share of the time that the preparation and the map there take
 
 
 class BothDirections(NamedTuple):
@@ -277,11 +276,9 @@ def match_both(
         with serial_blas():
             timer.start("prepare")
             prepared = prepare_pair(source, target, config, seed, timer)
-            problem = _complete_problem(prepared, functions, refinement, starts, relation)
-            require_landmarks_to_hold(problem, landmarks)
-            return _match_both_ways(
-                problem, (landmarks, initial_map, initial_descriptors), timer, timer_back, seed
-            )
+            priors = landmarks, initial_map, initial_descriptors
+            problem = _complete_problem(prepared, priors, functions, refinement, starts, relation)
+            return _match_both_ways(problem, priors, timer, timer_back, seed)
 
     both = in_background(run)
     report("done", 1.0)
@@ -297,26 +294,19 @@ def _match_both_ways(
     if not (problem.oriented and (source.others or target.others)):
         problem = replace(problem, priors=Priors.of(source, target, *user_priors))
         searched = not problem.priors.any and problem.config.hypotheses == "all" and problem.relation is None
-        attempts = Attempts() if searched and not side_to_turn(problem) else None
-    if attempts is None:
-        solution_there = solve_prepared(problem, user_priors, timer)
-    else:
-        solution_there = try_strategies(problem, attempts, timer)
+        attempts = Attempts(problem, timer) if searched and not side_to_turn(problem) else None
+    solution_there = try_strategies(attempts) if attempts else solve_prepared(problem, user_priors, timer)
     result = result_of(solution_there, timer, seed)
     timer_back.restart()
-    ways = {
-        ISOMETRIC.name: (ISOMETRIC,),
-        BOTH_SIDES.name: (ISOMETRIC,),
-        ELASTIC.name: (ISOMETRIC, ELASTIC),
-    }
+    ways = {ISOMETRIC.name: (ISOMETRIC,), BOTH_SIDES.name: (ISOMETRIC,), ELASTIC.name: (ISOMETRIC, ELASTIC)}
     if attempts is None or solution_there.way not in ways:
         solution = solve_prepared(problem_back, priors_back, timer_back)
         note = "the shapes were prepared for both directions at once; the map was found by itself"
     else:
         found = attempts.matches.get(BOTH_SIDES.name, attempts.matches[ISOMETRIC.name])
         hypotheses = _reverse_hypotheses(found, problem, problem_back)
-        attempts_back = Attempts(hypotheses, only=ways[solution_there.way])
-        solution = try_strategies(problem_back, attempts_back, timer_back)
+        way_back = ways[solution_there.way]
+        solution = try_strategies(Attempts(problem_back, timer_back, hypotheses, way_back))
         solution = solution.with_evidence(Evidence.of(solution_there.outcome))
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
@@ -359,7 +349,7 @@ def _reverse_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Pro
     return [Candidate(alignment, origin) for alignment, origin in zip(aligned, origins, strict=True)]
 
 
-FORMER_PREFIX = "the map before, "  # of the origin of a map that was replaced
+FORMER_PREFIX = "the map before, "  # begins the origin of a map that was replaced
 
 
 def continue_with(

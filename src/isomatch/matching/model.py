@@ -17,13 +17,11 @@ from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding
 from isomatch.descriptors import deviation_of
-from isomatch.matching.assessment.evidence import Solution
-from isomatch.matching.assessment.measured import Measured
+from isomatch.matching.assessment.evidence import Measured, Solution
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.priors import Priors
 from isomatch.matching.problem import Problem, Refinement
-from isomatch.matching.proposals.anchors import starts_from_anchors
-from isomatch.matching.proposals.starts import default_starts, first_maps_of
+from isomatch.matching.proposals.starts import default_starts, first_maps_of, starts_from_anchors
 from isomatch.matching.selection import Ranking, weigh_costs
 from isomatch.matching.verify import Verification, verifier_of
 from isomatch.shapes import PreparedShape
@@ -218,10 +216,6 @@ class RefiningModel(MatchingModel[F, C]):
             return self.refine_jointly(fits)
         return parallel_map(self._refine_by_user, fits)
 
-    def refine_again(self, fit: F) -> F:
-        """Refine a map again that was moved after its refinement."""
-        return self.refine_jointly_again(fit) if self.refinement.in_rounds else self._refine_by_user(fit)
-
     def _refine_by_user(self, fit: F) -> F:
         """Refine a map by a refinement that ignores the model, and check and measure the result."""
         image = np.asarray(self.refinement(self.pair, fit))
@@ -279,10 +273,6 @@ class RefiningModel(MatchingModel[F, C]):
     @abstractmethod
     def refine_jointly(self, fits: Sequence[F]) -> list[F]:
         """Refine maps by joint coordinates: functions, signatures, positions and normals."""
-
-    def refine_jointly_again(self, fit: F) -> F:
-        """Refine a map again by joint coordinates."""
-        return self.refine_jointly([fit])[0]
 
     @abstractmethod
     def measure_fit(self, fit: F, image: Int[BodyVertices, "r"]) -> F:

@@ -75,8 +75,7 @@ class ScreeningParameters:
     # a map is sure if its measures are below this fraction of the bounds of a poor map;
     # decisions.md, given up and tried again
     sure_fraction: float = 0.75  # fraction of outcome.poor_…
-    # maps of the orientation that is not allowed are refined for comparison; chosen
-    max_mirrored: int = 3  # maps
+    max_mirrored: int = 3  # maps of the orientation that is not allowed are refined for comparison; chosen
     # a shape with at least this many rotations is round: no automatic map can be told from the
     # others; discs and balls have 11 to 40, bodies at most 6
     min_rotations_of_round: int = 11  # symmetries
@@ -92,17 +91,14 @@ class AnchorsParameters:
     n_candidates: int = 200  # search vertices
     # signatures count beside distances; lab/robustness.md, shapes without limbs
     signature_weight: float = 0.25  # weight
-    # the beam search keeps this many partial assignments; chosen
-    beam_width: int = 200  # partial assignments
+    beam_width: int = 200  # the beam search keeps this many partial assignments; chosen
     # assignments that are closer are the same; chosen: 0.1 with 80 starts is no better
     same_assignment_distance: float = 0.15  # average distances, mean
-    # the best assignments become first maps; chosen: as many as extremities give at most
-    n_starts: int = 48  # assignments
+    n_starts: int = 48  # the best assignments become first maps; chosen: as many as extremities give at most
     # a first map is relaxed in this many functions; equal to the first of
     # ScreeningParameters.upsampling_sizes
     n_relaxation_functions: int = 20  # functions
-    # a first map is relaxed this often; lab/robustness.md, shapes without limbs
-    n_relaxation_steps: int = 10  # steps
+    n_relaxation_steps: int = 10  # a first map is relaxed this often; lab/robustness.md, shapes without limbs
 
 
 @dataclass(frozen=True)
@@ -126,22 +122,20 @@ class ElasticSearchParameters:
 
     # those without another source: chosen together on pairs of animals
 
-    n_coarse_samples: int = 300  # samples: of each shape in the coarse fit; enough for 30 functions
-    signature_weight: float = 0.05  # weight: signatures count beside canonical coordinates
-    normal_weight: float = 0.05  # weight: normals count in the coarse fit
-    landmark_weight: float = 30.0  # samples: a landmark counts as this many samples; chosen
-    n_anchors: int = 12  # points: of the source, assigned to candidates of the target
-    n_candidates: int = 150  # points: of the target, about 0.09 √area apart
-    beam_width: int = 600  # partial assignments: the beam search keeps this many
+    n_coarse_samples: int = 300  # samples of each shape are fitted coarsely; they suffice for 30 functions
+    signature_weight: float = 0.05  # signatures have this weight beside canonical coordinates
+    normal_weight: float = 0.05  # normals have this weight in the coarse fit
+    landmark_weight: float = 30.0  # a landmark counts as much as this many samples; chosen
+    n_anchors: int = 12  # points of the source are assigned to points of the target
+    n_candidates: int = 150  # points of the target may be assigned; they lie about 0.09 √area apart
+    beam_width: int = 600  # partial assignments are kept by the beam search
     # assignments that are closer are the same; as for parts
     same_assignment_distance: float = 0.12  # average distances, mean
     # the error of a distance costs at most this, see `IntervalCost`
     max_distance_cost: float = 0.6  # average distances
-    # shorter distances count less, see `IntervalCost`
-    short_distance: float = 0.2  # average distances
-    # an anchor's remoteness counts: the share of the area that is less remote
-    remoteness_weight: float = 0.5  # weight
-    anchor_signature_weight: float = 0.1  # weight: an anchor's signatures count in the assignment
+    short_distance: float = 0.2  # average distances: shorter distances count less, see `IntervalCost`
+    remoteness_weight: float = 0.5  # an anchor's remoteness counts: the share of the area that is less remote
+    anchor_signature_weight: float = 0.1  # the signatures of an anchor have this weight in the assignment
     # an anchor's distance from its mirror image counts in the assignment; chosen
     mirror_distance_weight: float = 1.0  # weight
     # a longer distance from the mirror image counts no more; chosen
@@ -153,7 +147,7 @@ class ElasticSearchParameters:
     max_mirror_spectral_residual: float = 0.26  # spectral residual
     # such a map has at least this agreement of its normals with the mirror image
     min_mirror_orientation: float = 0.5  # cosine, mean
-    n_mirror_starts: int = 24  # starts: first maps of a shape to itself are tried; chosen
+    n_mirror_starts: int = 24  # first maps of a shape to itself are tried; chosen
     # between a shape and its mirror image, lengths may differ by this share; chosen: less than
     # elastic.forgiven, because both are nearly isometric
     forgiven_of_mirror: float = 0.1  # share
@@ -161,10 +155,8 @@ class ElasticSearchParameters:
     n_mirror_maps_kept: tuple[int, ...] = (12, 4, 4)  # maps
     # coarse fits are kept after each step, and the last are bent; decisions.md, elastic choice
     n_maps_kept: tuple[int, ...] = (90, 40, 8)  # maps
-    # a map may be this asymmetric, because shapes are
-    asymmetry_unit: float = 0.1  # canonical coordinates
-    # asymmetry counts with this power beside the spectral residual
-    asymmetry_exponent: float = 0.25  # exponent
+    asymmetry_unit: float = 0.1  # canonical coordinates: a map may be this asymmetric, because shapes are
+    asymmetry_exponent: float = 0.25  # asymmetry counts with this power beside the spectral residual
     # a coarse fit with a lower orientation is dropped; selection.orientation_threshold
     min_orientation: float = 0.3  # cosine, mean
 
@@ -175,8 +167,7 @@ class ElasticFitParameters:
 
     # those without another source: decisions.md, elastic steps
 
-    # halfway, a map is given up if its score is above this multiple of the best
-    hopeless_ratio: float = 1.5  # score over the least
+    hopeless_ratio: float = 1.5  # halfway, a map is given up if its score is above this multiple of the best
     # normals count beside canonical coordinates in the last step;
     # decisions.md, elastic steps
     fine_normal_weight: float = 0.15  # weight
@@ -188,11 +179,10 @@ class ElasticFitParameters:
     full_lengths: tuple[float, ...] = (0.05, 0.04, 0.03)  # √area
     # normals count where images are taken from the bent source: they only separate close sheets
     normal_weight: float = 0.05  # √area
-    # positions of the bent shapes count beside joint coordinates
-    position_weight: float = 15.0  # weight
-    # the cost by `verify` is multiplied by this power of the score, because both measure the bending
-    # with independent errors; from 0.1 to 1.5, all values select the same maps in 23 pairs;
-    # 0 selects a wrong map in one of them, dog_02–cow_03
+    position_weight: float = 15.0  # positions of the bent shapes count beside joint coordinates
+    # The cost by `verify` is multiplied by this power of the score, because both measure the bending with
+    # independent errors. From 0.1 to 1.5, all values select the same maps in 23 pairs; 0 selects a wrong map
+    # in one of them, dog_02–cow_03.
     score_exponent: float = 0.5  # exponent
     # an isometric map is kept if bending by it stretches the shapes less
     max_isometric_stretch: float = 0.085  # stretch
@@ -208,13 +198,11 @@ class PartUnitParameters:
 
     # the error of a distance costs at most this, see `IntervalCost`
     max_distance_cost: float = 0.6  # √area of the part
-    # shorter distances count less, see `IntervalCost`
-    short_distance: float = 0.18  # √area of the part
-    n_boundary_vertices: int = 60  # vertices: paths may leave the part through these
-    n_anchors: int = 50  # distance columns: a start consists of their images
-    # scale = "auto" keeps the unit of the files if fewer distances are known
-    min_known_share: float = 0.07  # share of the distances between anchors
-    unit_step_ratio: float = 1.1  # ratio: of consecutive units that are tried
+    short_distance: float = 0.18  # √area of the part: shorter distances count less, see `IntervalCost`
+    n_boundary_vertices: int = 60  # boundary vertices are points at which paths may leave the part
+    n_anchors: int = 50  # distance columns have anchors; a start consists of the images of these
+    min_known_share: float = 0.07  # scale = "auto" keeps the unit of the files if fewer distances are known
+    unit_step_ratio: float = 1.1  # consecutive units that are tried have this ratio
     # the smallest part if the units of the files say nothing; single views show 16 % and more
     min_area_share: float = 0.1  # share of the whole's area
     # the unit differs from the unit of the files at most by this factor; remeshed bodies of one
@@ -222,14 +210,13 @@ class PartUnitParameters:
     max_unit_ratio: float = 1.4  # ratio
     # a part is no larger than the whole; the excess allows for errors of the measurement
     max_unit: float = 1.05  # √area of the whole
-    unit_spacing: float = 0.02  # logarithm of a ratio: units are rounded to this grid
+    unit_spacing: float = 0.02  # units are rounded to a grid of this spacing in the logarithm
     # a distance counts as known if its bounds agree at least so well
     known_ratio: float = 0.97  # lower over upper bound
     min_distance: float = 0.3  # √area of the part: shorter distances do not measure the unit
-    min_known_distances: int = 40  # distances: fewer do not measure the unit
-    # ball signatures are interpolated between radii of this ratio
-    radius_step_ratio: float = 1.25  # ratio
-    n_energies: int = 20  # energies: of the wave signatures
+    min_known_distances: int = 40  # known distances are needed to measure the unit
+    radius_step_ratio: float = 1.25  # ball signatures are interpolated between radii of this ratio
+    n_energies: int = 20  # energies sample the wave signatures
     boundary_reach: float = 4.0  # 1/√eigenvalue: a boundary disturbs functions up to this distance
     # a boundary disturbs the curvature of a smoothed surface up to this distance
     curvature_boundary_reach: float = 3.0  # 1/√eigenvalue
@@ -241,29 +228,28 @@ class PartSearchParameters:
 
     # those without another source: chosen together on shapes with cuts and holes
 
-    n_assigned_anchors: int = 16  # anchors: assigned by the beam search
-    n_candidates: int = 300  # points of the whole: where an anchor may go
-    beam_width: int = 1000  # partial assignments: the beam search keeps this many
+    n_assigned_anchors: int = 16  # anchors are assigned by the beam search
+    n_candidates: int = 300  # points of the whole may be images of an anchor
+    beam_width: int = 1000  # partial assignments are kept by the beam search
     # with landmarks, assignments that are closer are the same; chosen between the right limbs of a
     # twisted body
     same_assignment_with_landmarks: float = 0.04  # √area, mean
-    n_trilaterated: int = 80  # assignments: the best are completed
-    n_starts: int = 16  # assignments: the best completed ones become starts
+    n_trilaterated: int = 80  # assignments of least cost are completed
+    n_starts: int = 16  # completed assignments of least cost become starts
     # starts, together with those composed with maps of the whole onto itself
     n_starts_with_composed: int = 24  # starts
-    signature_weight: float = 0.25  # weight: signatures of anchors count in the assignment
+    signature_weight: float = 0.25  # signatures of anchors have this weight in the assignment
     # areas of balls of these radii are compared; factors of about √2
     ball_radii: tuple[float, ...] = (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9)  # √area
-    ball_tolerance: float = 0.15  # share: areas of balls may differ by this
-    max_ball_cost: float = 0.7  # cost: the area of a ball costs at most this
+    ball_tolerance: float = 0.15  # areas of two balls may differ by this share without a cost
+    max_ball_cost: float = 0.7  # the area of a ball costs at most this
     # a unit that differs from the unit of the files costs this × the squared logarithm of the
     # ratio; chosen on single views, not measured
     unit_change_weight: float = 0.05  # cost
-    # regions are grown from this many anchors; chosen with all below on single views
-    n_roots: int = 24  # anchors
-    n_root_candidates: int = 24  # candidates: of each root; chosen on single views
-    max_grown_regions: int = 60  # regions: the best are completed; chosen on single views
-    n_starts_from_regions: int = 12  # starts: made from regions; chosen on single views
+    n_roots: int = 24  # regions are grown from this many anchors; chosen with all below on single views
+    n_root_candidates: int = 24  # candidates are tried for each root; chosen on single views
+    max_grown_regions: int = 60  # regions of most gain are completed; chosen on single views
+    n_starts_from_regions: int = 12  # starts are made from regions; chosen on single views
     # in a region, a distance weighs 1 / (this + distance); chosen on single views
     near_distance: float = 0.2  # √area of the whole
     # an anchor whose distances cost this adds nothing to a region; chosen on single views
@@ -272,8 +258,7 @@ class PartSearchParameters:
     descriptor_gain: float = 2.0  # weight
     # a descriptor distance that says nothing; right images have about 0.4, random ones about 0.8
     neutral_descriptor_distance: float = 0.6  # descriptor distance
-    # the neutral value counts as this many known radii; chosen on single views
-    neutral_weight: float = 1.0  # radii
+    neutral_weight: float = 1.0  # the neutral value counts as this many known radii; chosen on single views
 
 
 @dataclass(frozen=True)
@@ -285,28 +270,26 @@ class PartFitParameters:
     # a boundary needs more functions of the part than the share of the area suggests: eigenvalues
     # up to this multiple
     function_ratio: float = 1.75  # ratio
-    extra_functions: int = 3  # functions: added to those
+    extra_functions: int = 3  # functions of the part are added to those
     # distances from landmarks are coordinates up to this; lab/robustness.md, parts
     landmark_reach: float = 0.3  # √area
     # the unit of a map is measured by distances between these bounds
     min_near_distance: float = 0.08  # √area of the part
-    max_near_distance: float = 0.3  # √area of the part: the upper bound
-    n_rough_vertices: int = 500  # vertices: of the part, mapped by the rough refinement
-    rough_sizes: tuple[int, ...] = (20, 40, 70)  # functions of the whole: in the rough refinement
+    max_near_distance: float = 0.3  # √area of the part: the upper bound of these distances
+    n_rough_vertices: int = 500  # vertices of the part are mapped by the rough refinement
+    rough_sizes: tuple[int, ...] = (20, 40, 70)  # functions of the whole, for each rough step
     # a rough map compares normals of the whole through this many functions
     n_rough_normal_functions: int = 40  # functions of the whole
-    # a fine map compares normals of the whole through this many functions
-    n_fine_normal_functions: int = 60  # functions of the whole
+    n_fine_normal_functions: int = 60  # a fine map compares normals of the whole through this many functions
     # the images of the anchors under a fine map are computed through this many functions
     n_anchor_functions: int = 200  # functions of the whole
     # the best maps are refined from the bent part this often; lab/robustness.md, parts
     n_bending_rounds: int = 2  # times
     # stress counts with this power in the cost; 0.15 to 0.4 choose alike, decisions.md, cost of a part
     stress_exponent: float = 0.25  # exponent
-    # a rough map with a lower orientation is not penalised more
-    min_orientation: float = 0.1  # cosine, mean
-    n_composed: int = 4  # maps: the best rough ones are composed with maps of the whole onto itself
-    n_contenders: int = 8  # maps: the best rough ones are refined to the end
+    min_orientation: float = 0.1  # cosine, mean: a rough map with a lower orientation is not penalised more
+    n_composed: int = 4  # rough maps of least cost are composed with maps of the whole onto itself
+    n_contenders: int = 8  # rough maps of least cost are refined to the end
     # the best map is bent at full resolution by the last of parts.bending; with 3 and with 10, four
     # parts have no smaller errors
     n_final_lengths: int = 5  # lengths
@@ -321,30 +304,27 @@ class SeedsParameters:
 
     # those without another source: chosen together on pairs of parts of SHREC'16
 
-    n_samples: int = 600  # vertices: of each part that are mapped; chosen
-    max_landmarks: int = 50  # landmarks: used in the search; all are used in the refinement
+    n_samples: int = 600  # vertices of each part are mapped; chosen
+    max_landmarks: int = 50  # landmarks are used in the search; the refinement uses all
     # √area of the body over the root mean square √area of its parts; sets the unit of the bounds
     body_ratio: float = 1.25  # ratio
     # if √area of the parts differs more in the units of the files, their areas are taken as equal
     max_length_ratio: float = 4.0  # ratio
     # radii of the balls that are compared: smaller ones are noise, larger ones cross the boundary
     moment_radii: tuple[float, ...] = (0.06, 0.09, 0.13, 0.18, 0.24)  # lengths
-    max_overhang: float = 0.02  # length: a ball may cross a boundary by this and still count
-    # a descriptor distance of candidates that says nothing
-    neutral_moment_distance: float = 0.25  # cost
-    neutral_moment_weight: float = 1.5  # radii: the neutral distance counts as this many
+    max_overhang: float = 0.02  # length by which a ball may cross a boundary and still count
+    neutral_moment_distance: float = 0.25  # a descriptor distance of candidates that says nothing
+    neutral_moment_weight: float = 1.5  # the neutral distance counts as much as this many radii
     # a difference of the areas of balls that says nothing
     neutral_area_difference: float = 0.15  # logarithm of areas
-    max_area_difference: float = 1.0  # logarithm of areas: a larger difference counts no more
-    neutral_area_weight: float = 2.0  # areas: the neutral difference counts as this many
-    moment_weight: float = 0.6  # weight: descriptor distances of candidates
-    area_weight: float = 0.5  # weight: differences of the areas of their balls
-    # values that differ more count as any two
-    max_descriptor_distance: float = 2.0  # standard deviations
-    # the descriptor distance where nothing is known
-    neutral_descriptor_distance: float = 0.5  # descriptor distance
-    neutral_descriptor_weight: float = 0.5  # radii: the neutral distance counts as this many
-    smoothing_length: float = 0.12  # length: descriptor distances are averaged over this radius
+    max_area_difference: float = 1.0  # areas whose logarithms differ by more cost no more
+    neutral_area_weight: float = 2.0  # the neutral difference counts as much as this many areas
+    moment_weight: float = 0.6  # descriptor distances of candidates have this weight
+    area_weight: float = 0.5  # differences between areas of their balls have this weight
+    max_descriptor_distance: float = 2.0  # standard deviations: values that differ more count as any two
+    neutral_descriptor_distance: float = 0.5  # the descriptor distance where nothing is known
+    neutral_descriptor_weight: float = 0.5  # the neutral distance counts as much as this many radii
+    smoothing_length: float = 0.12  # length of the radius over which descriptor distances are averaged
     # ranks of samples of the target begin here, so that the best one has a finite surprise
     rank_offset: int = 3  # samples
     # images with a smaller mean surprise may be random; for uniform ranks the mean is 1
@@ -355,36 +335,35 @@ class SeedsParameters:
     uncovered_distance: float = 0.08  # length
     # the area that should have an image and has none counts against a region
     left_out_weight: float = 1.0  # evidence over area
-    n_neighbours: int = 8  # samples: around each, whose triangles are compared
-    n_anchors: int = 56  # samples: of the source, from which regions consist while they grow
-    n_candidates: int = 300  # samples: of the target, where an anchor may go
-    n_roots: int = 40  # anchors: the ones deepest inside, from which regions grow
-    n_root_candidates: int = 30  # candidates: of each root
-    near_distance: float = 0.2  # length: see `grow_regions`
-    max_distance_cost: float = 0.09  # cost: see `grow_regions`; a dearer anchor is not assigned
-    beam_width: int = 4  # partial regions: see `grow_regions`
-    same_variant_distance: float = 0.12  # length, mean: see `grow_regions`
+    n_neighbours: int = 8  # samples around each sample form the triangles that are compared
+    n_anchors: int = 56  # samples of the source make up regions while these grow
+    n_candidates: int = 300  # samples of the target may be images of an anchor
+    n_roots: int = 40  # anchors, the deepest inside, are roots from which regions grow
+    n_root_candidates: int = 30  # candidates are tried for each root
+    near_distance: float = 0.2  # length: `near` of `grow_regions`
+    max_distance_cost: float = 0.09  # an anchor that costs more is not assigned, see `grow_regions`
+    beam_width: int = 4  # partial regions are kept, see `grow_regions`
+    same_variant_distance: float = 0.12  # length: closer variants are the same on average, see `grow_regions`
     # regions are grown with each weight of the descriptor distance beside distances
     descriptor_gains: tuple[float, ...] = (2.0, 0.5)  # weights
-    same_region_distance: float = 0.1  # length, mean: regions whose images are closer are the same
-    min_common_anchors: int = 3  # anchors: regions with fewer in common are different
-    # maps are the same if this share of their samples is in both
-    same_map_overlap: float = 0.7  # share of samples
-    max_screened: int = 400  # regions: extended to more samples
+    same_region_distance: float = 0.1  # length: regions whose images are closer on average are the same
+    min_common_anchors: int = 3  # anchors: regions that have fewer in common are different
+    same_map_overlap: float = 0.7  # maps are the same if this share of their samples is in both
+    max_screened: int = 400  # regions are extended to more samples
     # regions are extended in several steps: to how many samples, in how many rounds, and how many
     # regions are kept
     extensions: tuple[tuple[int, int, int], ...] = ((150, 1, 80), (300, 2, 30))  # samples, …
-    max_sample_cost: float = 0.06  # cost: a dearer sample does not belong to a region
+    max_sample_cost: float = 0.06  # a sample that costs more does not belong to a region
     # the same with landmarks, which leave little that can be wrong
     max_sample_cost_with_landmarks: float = 0.12  # cost
     # a sample that returns farther from where it began does not belong to a region
     max_round_trip: float = 0.12  # length
-    trilateration_distance: float = 0.15  # length: see `trilaterate`
-    n_first_anchors: int = 50  # samples: others are trilaterated from these at first
-    n_next_anchors: int = 90  # samples: others are trilaterated from these afterwards
+    trilateration_distance: float = 0.15  # length: the reach of `trilaterate`
+    n_first_anchors: int = 50  # samples are those from which others are trilaterated at first
+    n_next_anchors: int = 90  # samples are those from which others are trilaterated afterwards
     min_accepted: int = 8  # samples: a smaller region is dropped while it is extended
     min_samples: int = 25  # samples: a smaller region is dropped in the end
-    min_orientation: float = 0.2  # sign of triangles, mean: a region below is a mirror image
+    min_orientation: float = 0.2  # a region whose triangles have a lower mean sign is a mirror image
 
 
 @dataclass(frozen=True)
@@ -396,17 +375,16 @@ class TwoPartsParameters:
     # in each round, the best regions are grown again: how many, up to which cost of a sample, and
     # whether they are refined roughly
     rounds: tuple[tuple[int, float, bool], ...] = ((4, 0.05, True), (2, 0.045, False))  # regions, …
-    region_margin: float = 0.05  # length: a region reaches this far beyond its samples
+    region_margin: float = 0.05  # length by which a region reaches beyond its samples
     # a landmark holds if its image is no farther from its target
     landmark_tolerance: float = 0.1  # √area of the target
-    # a sample that looks less like its image does not place others
-    max_descriptor_distance: float = 0.6  # descriptor distance
+    max_descriptor_distance: float = 0.6  # a sample that looks less like its image does not place others
     # a bent vertex that is no farther from the target is in common
     surface_tolerance: float = 0.04  # √area of the target
     # the same where the nearest point lies on the boundary of the target
     boundary_tolerance: float = 0.02  # √area of the target
-    n_rough_functions: int = 100  # functions: a rough refinement ranks regions as a full one does
-    n_final_lengths: int = 3  # lengths: the last of parts.bending, for the best region
+    n_rough_functions: int = 100  # functions are enough: rough regions are ranked as full ones are
+    n_final_lengths: int = 3  # lengths, the last of parts.bending, bend the best region in full
 
 
 @dataclass(frozen=True)
@@ -418,13 +396,11 @@ class ComponentsParameters:
     # a component that is at least so large is tried as a partner of the largest; brain hemispheres
     # pass, clothes do not
     min_runner_up_area: float = 0.5  # area over the area of the largest component
-    # the logarithms of the first eigenvalues are compared; chosen
-    n_eigenvalues: int = 20  # eigenvalues
+    n_eigenvalues: int = 20  # the logarithms of the first eigenvalues are compared; chosen
     # components are tried as partners if their spectra differ by at most this more than the most
     # similar ones; poses differ by 0.03, two halves by 0.13
     same_spectrum_difference: float = 0.1  # difference of logarithms, mean
-    # a component moves rigidly if it then lies this close to its partner; half the spacing of the
-    # samples
+    # a component moves rigidly if it then lies this close to its partner; half the spacing of the samples
     same_place_distance: float = 0.02  # √area, mean
     # a component is carried at most this far from its partner; two eyes differ by 0.9
     max_carried_distance: float = 0.7  # √area and distance from the carriers
@@ -441,15 +417,15 @@ class HeldLandmarksParameters:
     # the bump around a landmark is this many shifts wide: a steeper one turns faces over;
     # docs/priors.md, 1.5 to 3 alike
     width_per_shift: float = 2.0  # width over the distance moved
-    min_width: float = 0.1  # √area: of a bump; docs/priors.md
-    max_width: float = 0.2  # √area: of a bump; docs/priors.md
+    min_width: float = 0.1  # √area: a bump is at least this wide; docs/priors.md
+    max_width: float = 0.2  # √area: a bump is at most this wide; docs/priors.md
     # smaller weights become 0, so that vertices far from landmarks do not move at all; chosen
     min_weight: float = 0.02  # weight
     # landmarks too close to be separated move together: smaller singular values of the kernel
     # between landmarks are dropped; chosen
     min_singular_value: float = 0.1  # singular value
-    function_weight: float = 0.3  # √area: functions count beside positions; chosen
-    n_functions: int = 20  # functions: they separate sheets that are close in space; chosen
+    function_weight: float = 0.3  # √area: functions have this weight beside positions; chosen
+    n_functions: int = 20  # functions separate sheets that are close in space; chosen
 
 
 @dataclass(frozen=True)
@@ -465,23 +441,19 @@ class ErrorsParameters:
     # expected errors have the mean error of faust_r and creatures;
     # isomatch_lab.studies.vertex_confidence
     error_scale: float = 0.32  # factor
-    # a reason is given for a region if it holds on this share of it; chosen
-    min_reason_share: float = 0.25  # share of a region
-    # the mean of a neighbourhood is known if this share of it is known; chosen
-    min_known_share: float = 0.5  # share of a neighbourhood
-    min_region_area: float = 0.005  # share of the surface: smaller ones are not named; chosen: half a hand
-    # vertices that look unlike their images have this error; lab/benchmarks.md, regions of
-    # doubt
+    min_reason_share: float = 0.25  # a reason is given for a region if it holds on this share of it; chosen
+    min_known_share: float = 0.5  # the mean of a neighbourhood is known if this share of it is known; chosen
+    min_region_area: float = 0.005  # share of the surface: smaller regions are not named; chosen: half a hand
+    # vertices that look unlike their images have this error; lab/benchmarks.md, regions of doubt
     unlike_error: float = 0.5  # mean error over √(area of the region)
-    max_named_landmarks: int = 5  # landmarks: named in a note; chosen
+    max_named_landmarks: int = 5  # landmarks are named in a note; chosen
     # normals are compared on surfaces smoothed to this many functions; chosen with
     # outcome.poor_orientation
     n_normal_functions: int = 60  # functions
-    n_question_vertices: int = 400  # vertices: questions choose among these; chosen
+    n_question_vertices: int = 400  # vertices are those that questions may ask for; chosen
     # two places that are farther apart can be told apart by eye; chosen: twice a hand
     other_place: float = 0.1  # √area
-    # two questions that are closer say less; chosen
-    question_distance: float = 0.3  # √area of the source
+    question_distance: float = 0.3  # √area of the source: two questions that are closer say less; chosen
 
 
 @dataclass(frozen=True)
@@ -493,21 +465,19 @@ class ExchangeParameters:
 
     # of the maps that tie in a search from the target, this many contend; chosen
     max_maps_from_target: int = 2  # maps
-    # images of one vertex that are farther apart lie at different places; chosen: two thirds of a
-    # limb
+    # images of one vertex that are farther apart lie at different places; chosen: two thirds of a limb
     other_place: float = 0.1  # √area
-    min_region_area: float = 0.01  # share of the area: a smaller region is kept; chosen
+    min_region_area: float = 0.01  # share of the area: a smaller region is not exchanged; chosen
     # a larger region makes another map, which is verified as a whole; chosen
     max_region_area: float = 0.4  # share of the area
-    max_regions: int = 6  # regions: the largest that differ from one other map; chosen
+    max_regions: int = 6  # regions, the largest that differ from another map, are tried; chosen
     # a region is tried if its descriptor distance is at most this multiple of the present one;
     # right limbs have 1.09, hopeless ones 2.7
     max_unlikeness_ratio: float = 1.25  # ratio of mean descriptor distances
-    # an exchange is kept if the cost falls at least to this; chosen
-    max_cost_ratio: float = 0.97  # cost over the present one
-    max_exchanges: int = 4  # exchanges: one after the other; chosen
-    n_coarse_vertices: int = 400  # vertices: bent for a first verification of a region; chosen
-    n_compared_vertices: int = 60  # vertices: of a region, whose images are compared; chosen
+    max_cost_ratio: float = 0.97  # an exchange is kept if the cost falls at least to this; chosen
+    max_exchanges: int = 4  # exchanges are made, one after the other; chosen
+    n_coarse_vertices: int = 400  # vertices are bent when a region is first verified; chosen
+    n_compared_vertices: int = 60  # vertices of a region have their images compared; chosen
     # two regions are exchanged together if this share of the images of one lies where the
     # other has its images; chosen
     min_overlap: float = 0.3  # share of the images
@@ -525,7 +495,7 @@ class SymmetricParameters:
     max_energy_ratio: float = 1.75  # energy over the winner's
     # a map that differs more is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
     min_turned_distance: float = 0.2  # √area, mean
-    max_maps: int = 4  # maps: refined; chosen
+    max_maps: int = 4  # maps are refined; chosen
     # a map fits as well as the winner up to this ratio; right maps cost at most 1.46 times as much
     # as half turns of ants, wrong maps of animals at least 1.59 times as much as right ones
     max_cost_ratio: float = 1.5  # cost of `verify` over the winner's
@@ -535,9 +505,6 @@ class SymmetricParameters:
 class JudgingParameters:
     """A map of any tool beside a reference, see `judge`."""
 
-    # images of one vertex that are farther apart lie at different places; chosen: more than the
-    # error of a right map, less than the width of a limb
-    other_place: float = 0.08  # √area
     # a map agrees with the reference if it sends less elsewhere, and smaller regions are not named;
     # chosen: a hand
     min_region_area: float = 0.01  # share of the area
@@ -550,7 +517,7 @@ class JudgingParameters:
     # a map with fewer different images is coarse, and only the vertex nearest to each image is
     # judged; chosen
     coarse_image_share: float = 0.25  # different images over vertices
-    max_regions: int = 5  # regions: the largest are named; chosen
+    max_regions: int = 5  # regions, the largest, are named; chosen
 
 
 @dataclass(frozen=True)
@@ -559,8 +526,8 @@ class SpectralParameters:
 
     # a functional map grows from each of these sizes; lab/paper.md
     first_sizes: tuple[int, ...] = (15, 20, 30, 40)  # functions
-    choice_size: int = 50  # functions: the best is chosen at this size; chosen: equal to the rank
-    size_step: int = 5  # functions: added in each step; Melzi et al. 2019
+    choice_size: int = 50  # functions: the best map is chosen at this size; chosen: equal to the rank
+    size_step: int = 5  # functions are added in each step; Melzi et al. 2019
     # the plain alignment of descriptors takes this many iterations on the refinement vertices, then
     # two on all vertices; chosen
     n_distance_steps: int = 15  # iterations

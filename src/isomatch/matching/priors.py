@@ -9,15 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._core.arrays import (
-    BodyVertices,
-    Float,
-    FloatArray,
-    Int,
-    UserVertices,
-    array_of,
-    numbers_of,
-)
+from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, UserVertices, array_of, numbers_of
 from isomatch._core.errors import DescriptorError, LandmarkError, MapError, some
 from isomatch.correspondence import UNMATCHED, Embedding
 from isomatch.geodesics import distance_along_edges_to_nearest
@@ -31,7 +23,7 @@ UserPriors = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLik
 _NOTHING = np.zeros((0, 2), dtype=np.int64)
 NO_LANDMARKS, NO_USER_LANDMARKS = BodyVertices(_NOTHING), UserVertices(_NOTHING)
 NO_FUNCTIONS = np.zeros((0, 0)), np.zeros((0, 0))
-MIN_POINTS = 3  # corresponding points: fewer determine no map
+MIN_POINTS = 3  # corresponding points; fewer determine no map
 
 
 @dataclass(frozen=True, eq=False)

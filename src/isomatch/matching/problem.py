@@ -12,16 +12,15 @@ import numpy as np
 from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray, SearchRows
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError
-from isomatch._core.stage_timer import MATCHING_SHARES, Progress, StageTimer
+from isomatch._core.stage_timer import MATCHING_SHARES, StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.io import SurfaceLike
-from isomatch.matching.coordinates import refine_images
+from isomatch.matching.coordinates import SmoothPair, refine_images
 from isomatch.matching.maps import Fit
 from isomatch.matching.parameters import SCREENING
 from isomatch.matching.priors import Priors
 from isomatch.matching.proposals.extremities import extremity_assignments
-from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 
@@ -304,22 +303,16 @@ def prepare_pair(
             if timer:
                 timer.reach(f"prepare: {stage}", MATCHING_SHARES["components"] * sum(shares) / 2)
 
-        return _prepare_shape(side, shape, settings, seed, report)
+        if isinstance(shape, PreparedShape):
+            shape.require_prepared_for(settings, side)
+            return shape
+        try:
+            return prepare(shape, settings, seed, progress=report)
+        except (MeshError, MemoryBudgetError, NotConvergedError) as error:
+            raise type(error)(f"{side}: {error}") from error
 
     first, second = parallel_map(prepare_side, range(2))
     for (side, surface), shape in zip(sides, (first, second)):
         if timer and shape is not surface:
             timer.beside(side, {stage: spent for stage, spent in shape.timings.items() if stage != "total"})
     return Problem(first, second, settings)
-
-
-def _prepare_shape(
-    side: str, shape: SurfaceLike | PreparedShape, config: Config, seed: int, progress: Progress
-) -> PreparedShape:
-    if isinstance(shape, PreparedShape):
-        shape.require_prepared_for(config, side)
-        return shape
-    try:
-        return prepare(shape, config, seed, progress=progress)
-    except (MeshError, MemoryBudgetError, NotConvergedError) as error:
-        raise type(error)(f"{side}: {error}") from error

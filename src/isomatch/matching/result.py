@@ -20,6 +20,7 @@ from isomatch._core.cached import cached_property
 from isomatch._core.errors import FormatError, InputError
 from isomatch._core.first_use import Shown, visualization
 from isomatch._core.settings import Settings
+from isomatch._core.threads import serial_blas
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.io import Asset, Attribute, SurfaceLike, mesh_from, to_pyvista
 from isomatch.matching.assessment.confidence import DoubtfulRegion, pack_regions, unpack_regions
@@ -34,7 +35,7 @@ MAP_ARRAYS = {
     "faces": Stored("integer", ("n", 3)),
     "barycentric": Stored("float", ("n", 3)),
 }
-HALF_CONFIDENCE_ERROR = 0.05  # √area: an expected error with a confidence of ½
+HALF_CONFIDENCE_ERROR = 0.05  # √area; an image with this expected error has a confidence of ½
 FORMAT = ArrayFormat(
     what="a match result",
     writer="MatchResult.save",
@@ -133,7 +134,8 @@ class Alternative:
     @cached_property
     def map(self) -> Correspondence:
         """Source → target, extended by its functional map, not refined."""
-        return self.extend()
+        with serial_blas():
+            return self.extend()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the map itself, and not the shapes from which it is computed."""

@@ -162,9 +162,8 @@ def weigh_costs(
             if region.mean() >= TIES.min_region_share:
                 exponent[i, j] = weight * differences[region].mean()
                 exponent[j, i] = -exponent[i, j]
-    # R depends on the pair, so three maps may beat each other in a cycle. The best is the eligible
-    # map with the least worst ratio, min_i max_j c_i exp(e_ij) / c_j; all costs are weighed against
-    # it.
+    # R depends on the pair, so three maps may beat each other in a cycle. The best is the eligible map
+    # with the least worst ratio, min_i max_j c_i exp(e_ij) / c_j; all costs are weighed against it.
     weighed = np.array(costs)[:, None] * np.exp(exponent)
     ratios = weighed / np.maximum(costs, np.finfo(float).tiny)
     may_win = sorted(np.flatnonzero(eligible).tolist(), key=lambda i: costs[i])
@@ -217,8 +216,7 @@ class Ranking(Generic[M]):
 
     best: M
     others: tuple[M, ...]  # all others, best first
-    # score of the runner-up over the winner's; 1: tie, inf: no other map is close, nan: none was
-    # tried
+    # score of the runner-up over the winner's; 1: tie, inf: no other map is close, nan: none was tried
     runner_up: float
     mirrored: float  # score of the best map of the other orientation over the winner's
     against: M | None = None  # the runner-up: the best map that differs from the winner

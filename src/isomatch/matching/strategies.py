@@ -18,7 +18,7 @@ from isomatch.matching.assessment.evidence import Evidence, Solution
 from isomatch.matching.elastic.elastic import Elastic, far_from_isometric, may_be_far
 from isomatch.matching.isometric.both_sides import BothSides
 from isomatch.matching.isometric.candidates import is_sure
-from isomatch.matching.isometric.isometry import IsometricMatch, Isometry, find_torn_vertices, image_of
+from isomatch.matching.isometric.isometry import Isometry, find_torn_vertices, image_of
 from isomatch.matching.maps import Candidate
 from isomatch.matching.model import Match, MatchingModel, origin_of
 from isomatch.matching.parameters import MAP_DISTANCE, SCREENING, STRATEGY
@@ -49,15 +49,17 @@ USER_ENGINES = {"matrix", "function"}  # engines of distances that the user comp
 
 @dataclass(eq=False)
 class Attempts:
-    """The results of the strategies tried so far."""
+    """A problem, and the results of the strategies tried on it so far."""
 
+    problem: Problem
+    timer: StageTimer
     hypotheses: Sequence[Candidate] | None = None  # given ones replace the search of an isometry
+    only: tuple[Strategy, ...] = ()  # strategies to try; by default all that suit the problem
     solutions: list[Solution] = field(default_factory=list)
     matches: dict[str, Match[Any, Any]] = field(default_factory=dict)  # by the name of the strategy
     failures: list[str] = field(default_factory=list)  # why strategies found no map
     # names of strategies whose maps are completed only if they are returned
     incomplete: list[str] = field(default_factory=list)
-    only: tuple[Strategy, ...] = ()  # strategies to try; by default all that suit the problem
 
     @property
     def is_unsure(self) -> bool:
@@ -77,19 +79,19 @@ class Strategy:
     overlap: Overlap
     why: str  # when it is tried, in words
     # builds the model, perhaps of a variant of the shapes; None if there is no such variant
-    model: Callable[[Problem, Attempts, StageTimer], MatchingModel[Any, Any] | None]
+    model: Callable[[Attempts], MatchingModel[Any, Any] | None]
     # whether the shapes and the settings suit it
     fits: Callable[[Problem], bool] = lambda problem: True
     # whether the results so far call for it
-    applies: Callable[[Problem, Attempts], bool] = lambda problem, attempts: True
+    applies: Callable[[Attempts], bool] = lambda tried: True
     # whether its solution ends the search
-    is_enough: Callable[[Problem, Attempts, Solution], bool] = lambda problem, attempts, solution: (
+    is_enough: Callable[[Attempts, Solution], bool] = lambda tried, solution: (
         solution.outcome in SURE_OUTCOMES
     )
     # whether another strategy is tried although its solution is enough
-    continues: Callable[[Problem, Attempts], bool] = lambda problem, attempts: False
-    # builds the model of a further variant from its match; the better map is kept
-    next_model: Callable[[Problem, Match[Any, Any], StageTimer], MatchingModel[Any, Any] | None] | None = None
+    continues: Callable[[Attempts], bool] = lambda tried: False
+    # models built, each after the match of the one before; the first one without a better map ends this
+    most_models: int = 1
     is_guess: bool = False  # whether its map is never sure
     replaces: Strategy | None = None  # the strategy whose map it improves and replaces
 
@@ -117,10 +119,9 @@ def has_own_distances(problem: Problem) -> bool:
 def handles_of(problem: Problem) -> tuple[int, int]:
     """Count the handles of both shapes, if they may come from self-contacts."""
     settings = problem.config.preparation
-    looks_for_contacts = (
-        problem.oriented and problem.refinement.searches_further and settings.self_contact_concavity
-    )
-    if not looks_for_contacts or problem.priors.has_functions or has_own_distances(problem):
+    is_searched = problem.refinement.searches_further and settings.self_contact_concavity
+    is_excluded = problem.priors.has_functions or has_own_distances(problem)
+    if is_excluded or not (problem.oriented and is_searched):
         return 0, 0
     handles = problem.source.handles, problem.target.handles
     return handles if max(handles) <= settings.most_self_contacts else (0, 0)
@@ -140,33 +141,34 @@ def _isometry_of(
     return Isometry(replace(problem, source=source, target=target, config=config, priors=priors))
 
 
-def _cap_holes(problem: Problem, timer: StageTimer) -> Isometry:
+def _cap_holes(tried: Attempts) -> Isometry:
     """Cap the holes of both shapes."""
-    timer.start("prepare")
-    search = problem.config.search
+    tried.timer.start("prepare")
+    problem, search = tried.problem, tried.problem.config.search
     flipped = replace(search, flipped=max(STRATEGY.n_flipped, search.flipped))
     source, target = parallel_map(capped_shape, (problem.source, problem.target))
     return _isometry_of(problem, source, target, replace(problem.config, search=flipped))
 
 
-def _cut_self_contacts(problem: Problem, most: tuple[int, int], timer: StageTimer) -> Isometry | None:
+def _cut_self_contacts(tried: Attempts, most: tuple[int, int]) -> Isometry | None:
     """Cut the shapes along at most ``most`` self-contacts, and cap them; None without any."""
-    timer.start("prepare")
-    shapes = problem.source, problem.target
+    tried.timer.start("prepare")
+    shapes = tried.problem.source, tried.problem.target
     variants = [cut_shape(shape, n) for shape, n in zip(shapes, most)]
     if not any(variants):
         return None
     source, target = (variant or capped_shape(shape) for variant, shape in zip(variants, shapes))
-    return _isometry_of(problem, source, target)
+    return _isometry_of(tried.problem, source, target)
 
 
-def _cut_creases(problem: Problem, before: IsometricMatch | None, timer: StageTimer) -> Isometry | None:
-    """Cut the shape with more handles along its creases, or those that a map tears."""
+def _cut_creases(tried: Attempts) -> Isometry | None:
+    """Cut the shape with more handles along its creases, or those that the map before tears."""
     # a natural fold is a crease, too; if both of its sides have close images, it is no self-contact
+    problem, before = tried.problem, tried.matches.get(CUT_CREASES.name)
     surplus, shapes = surplus_of(problem), (problem.source, problem.target)
     side = int(surplus[1] > surplus[0])
     loose = find_torn_vertices(before, side, STRATEGY.self_contact_distance) if before else None
-    timer.start("prepare")
+    tried.timer.start("prepare")
     creased = creased_shape(shapes[side], surplus[side], loose)
     if creased is None:
         return None
@@ -174,27 +176,27 @@ def _cut_creases(problem: Problem, before: IsometricMatch | None, timer: StageTi
     return _isometry_of(problem, *((other, creased) if side else (creased, other)))
 
 
-def _open_limbs(problem: Problem, timer: StageTimer) -> Part | None:
+def _open_limbs(tried: Attempts) -> Part | None:
     """Take a source with more handles for a part, with its self-contacts and creases opened."""
     # Surface is missing where limbs touch, so distances are bounded by the distances on fused and
     # on separated limbs. A target is not taken for a part: much of the source would have no image.
-    timer.start("prepare")
-    opened = opened_shape(problem.source, surplus_of(problem)[0])
-    return Part(replace(problem, source=opened)) if opened else None
+    tried.timer.start("prepare")
+    opened = opened_shape(tried.problem.source, surplus_of(tried.problem)[0])
+    return Part(replace(tried.problem, source=opened)) if opened else None
 
 
-def _elastic(problem: Problem, attempts: Attempts, timer: StageTimer) -> Elastic | None:
+def _stretch_limbs(tried: Attempts) -> Elastic | None:
     """Let limbs stretch, starting from the best isometry; None if that is good enough."""
-    elastic = Elastic(problem, attempts.matches[ISOMETRIC.name])
-    timer.start("bending")
+    elastic = Elastic(tried.problem, tried.matches[ISOMETRIC.name])
+    tried.timer.start("bending")
     return None if elastic.is_needless else elastic
 
 
-def _part_from_closed(problem: Problem, attempts: Attempts) -> Part:
+def _part_from_closed(tried: Attempts) -> Part:
     """Take one shape for a part, and start from the map with the holes capped."""
-    match, side = attempts.matches[CAPPED.name], cast(PartSide, part_of(problem))
-    origin = origin_of(problem, match.ranking.best)
-    return Part(problem, side, (image_of(match, side), origin, match.ranking.runner_up))
+    match, side = tried.matches[CAPPED.name], cast(PartSide, part_of(tried.problem))
+    origin = origin_of(tried.problem, match.ranking.best)
+    return Part(tried.problem, side, (image_of(match, side), origin, match.ranking.runner_up))
 
 
 def _may_be_searched_from_target(problem: Problem) -> bool:
@@ -202,45 +204,46 @@ def _may_be_searched_from_target(problem: Problem) -> bool:
     return problem.starts is None and problem.refinement.searches_further and problem.is_sided
 
 
-def _is_unsure_isometry(problem: Problem, attempts: Attempts) -> bool:
+def _is_unsure_isometry(tried: Attempts) -> bool:
     """Whether another isometry may be right, and no other strategy is sure."""
-    match = attempts.matches.get(ISOMETRIC.name)
-    if match is None or attempts.hypotheses is not None:
+    match = tried.matches.get(ISOMETRIC.name)
+    if match is None or tried.hypotheses is not None:
         return False
-    others = (solution for solution in attempts.solutions if solution.way != ISOMETRIC.name)
+    others = (solution for solution in tried.solutions if solution.way != ISOMETRIC.name)
     nothing_else_is_sure = all(solution.outcome not in SURE_OUTCOMES for solution in others)
     return nothing_else_is_sure and not is_sure(cast(Isometry, match.model), match.ranking)
 
 
-def _is_clear(problem: Problem, solution: Solution) -> bool:
+def _is_clear_part(tried: Attempts, solution: Solution) -> bool:
     """Whether a map of a part is good enough to be final."""
-    bound = STRATEGY.final_doubt_fraction * problem.config.parts.poor_doubt
+    bound = STRATEGY.final_doubt_fraction * tried.problem.config.parts.poor_doubt
     return solution.outcome is Outcome.PARTIAL and solution.quality.doubt <= bound
 
 
-def _is_far(problem: Problem, attempts: Attempts) -> bool:
+def _is_far(tried: Attempts) -> bool:
     """Whether no isometry fits well, so that an elastic map should be sought."""
-    match = attempts.matches.get(ISOMETRIC.name)
-    return match is not None and far_from_isometric(problem, match.measured.quality)
+    match = tried.matches.get(ISOMETRIC.name)
+    return match is not None and far_from_isometric(tried.problem, match.measured.quality)
+
+
+def _may_be_wrong_isometry(tried: Attempts) -> bool:
+    """Whether an isometry may be wrong though it looks sure: limbs may be fused, or may stretch."""
+    unsure = _may_be_searched_from_target(tried.problem) and _is_unsure_isometry(tried)
+    return max(handles_of(tried.problem)) > 0 or _is_far(tried) or unsure
 
 
 ISOMETRIC = Strategy(
     "isometry",
     "whole",
     "always, unless one shape is a part",
-    lambda problem, attempts, timer: Isometry(problem, attempts.hypotheses),
-    # a wrong isometry may look sure if limbs are fused to a handle, or if shapes are not isometric
-    continues=lambda problem, attempts: (
-        max(handles_of(problem)) > 0
-        or _is_far(problem, attempts)
-        or (_may_be_searched_from_target(problem) and _is_unsure_isometry(problem, attempts))
-    ),
+    lambda tried: Isometry(tried.problem, tried.hypotheses),
+    continues=_may_be_wrong_isometry,
 )
 BOTH_SIDES = Strategy(
     "isometry from both sides",
     "whole",
     "if other isometries may be right, and nothing else is sure",
-    lambda problem, attempts, timer: BothSides(attempts.matches[ISOMETRIC.name]),
+    lambda tried: BothSides(tried.matches[ISOMETRIC.name]),
     _may_be_searched_from_target,
     _is_unsure_isometry,
     replaces=ISOMETRIC,
@@ -250,66 +253,66 @@ CUT_EXTRA_HANDLES = Strategy(
     "self-contacts cut",
     "whole",
     "if nothing before is sure, as one shape has more handles",
-    lambda problem, attempts, timer: _cut_self_contacts(problem, surplus_of(problem), timer),
+    lambda tried: _cut_self_contacts(tried, surplus_of(tried.problem)),
     lambda problem: max(surplus_of(problem)) > 0,
 )
 CUT_ALL_HANDLES = Strategy(
     "all self-contacts cut",
     "whole",
     "if nothing before is sure, as both shapes have handles",
-    lambda problem, attempts, timer: _cut_self_contacts(problem, handles_of(problem), timer),
+    lambda tried: _cut_self_contacts(tried, handles_of(tried.problem)),
     lambda problem: min(handles_of(problem)) > 0,
 )
 CUT_CREASES = Strategy(
     "creases cut",
     "whole",
     "if nothing is sure, as one shape has more handles",
-    lambda problem, attempts, timer: _cut_creases(problem, None, timer),
-    lambda problem: max(surplus_of(problem)) > 0,
-    lambda problem, attempts: attempts.is_unsure,
-    next_model=_cut_creases,
+    _cut_creases,
+    CUT_EXTRA_HANDLES.fits,
+    lambda tried: tried.is_unsure,
+    most_models=STRATEGY.max_crease_cuts,
 )
 OPEN_LIMBS = Strategy(
     "limbs apart",
     "part",
     "if nothing is sure, as the source has more handles",
-    lambda problem, attempts, timer: _open_limbs(problem, timer),
+    _open_limbs,
     lambda problem: surplus_of(problem)[0] > 0 and problem.config.orientation == "preserve",
-    lambda problem, attempts: attempts.is_unsure,
+    lambda tried: tried.is_unsure,
     is_guess=True,
 )
-ELASTIC = Strategy("elastic", "whole", "if no isometry fits", _elastic, may_be_far, _is_far)
+ELASTIC = Strategy("elastic", "whole", "if no isometry fits", _stretch_limbs, may_be_far, _is_far)
 PART = Strategy(
     "part",
     "part",
     "one shape is a part of the other: it has a long boundary, or the settings say so",
-    lambda problem, attempts, timer: Part(problem, cast(PartSide, part_of(problem))),
-    is_enough=lambda problem, attempts, solution: _is_clear(problem, solution),
+    lambda tried: Part(tried.problem, cast(PartSide, part_of(tried.problem))),
+    is_enough=_is_clear_part,
 )
 CAPPED = Strategy(
     "holes closed",
     "whole",
     "a part with its holes capped, unless it is sure before",
-    lambda problem, attempts, timer: _cap_holes(problem, timer),
+    _cap_holes,
     lambda problem: problem.config.parts.close and not has_own_distances(problem),
-    is_enough=lambda problem, attempts, solution: False,
+    is_enough=lambda tried, solution: False,
 )
 PART_FROM_CLOSED = Strategy(
     "part, from the holes closed",
     "part",
     "as a part, from the map with its holes capped",
-    lambda problem, attempts, timer: _part_from_closed(problem, attempts),
+    _part_from_closed,
     CAPPED.fits,
-    lambda problem, attempts: CAPPED.name in attempts.matches,
-    lambda problem, attempts, solution: not attempts.is_unsure,
+    lambda tried: CAPPED.name in tried.matches,
+    lambda tried, solution: not tried.is_unsure,
 )
 OVERLAPPING = Strategy(
     "two parts",
     "parts",
     "if no isometry is sure, as both shapes have long boundaries",
-    lambda problem, attempts, timer: TwoParts(problem),
+    lambda tried: TwoParts(tried.problem),
 )
-VIA = Strategy("via", "parts", "wholes are given", lambda *_: None)  # see `solve_via`
+VIA = Strategy("via", "parts", "wholes are given", lambda tried: None)  # see `solve_via`
 
 # Strategies in the order in which they are tried
 COMPLETE = ISOMETRIC, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, OPEN_LIMBS, ELASTIC, BOTH_SIDES
@@ -361,17 +364,18 @@ def select_strategies(problem: Problem) -> list[tuple[str, str]]:
     return [(strategy.name, strategy.why) for strategy in strategies_of(problem) if strategy.fits(problem)]
 
 
-def try_strategies(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
+def try_strategies(tried: Attempts) -> Solution:
     """Try one strategy after the other until one is sure; return the map that verifies best."""
+    problem, timer = tried.problem, tried.timer
     if problem.relation is not None:
         return _match_by_relation(problem, timer)
     failure = None
-    for strategy in attempts.only or strategies_of(problem):
-        if not (strategy.fits(problem) and strategy.applies(problem, attempts)):
+    for strategy in tried.only or strategies_of(problem):
+        if not (strategy.fits(problem) and strategy.applies(tried)):
             continue
         try:
             with nullcontext() if strategy is ISOMETRIC else timer.within(strategy.name):
-                solution = _attempt(strategy, problem, attempts, timer)
+                solution = _attempt(strategy, tried)
         except (MeshError, NotConvergedError) as error:
             solution, reason = None, f"the way {strategy.name!r} found no map"
             if strategy is CAPPED:  # a shape with caps may be no surface
@@ -380,43 +384,41 @@ def try_strategies(problem: Problem, attempts: Attempts, timer: StageTimer) -> S
                 raise
             else:
                 failure = error
-            attempts.failures.append(f"{reason}: {error}")
+            tried.failures.append(f"{reason}: {error}")
         if solution is not None:
             replaced = strategy.replaces and strategy.replaces.name
-            attempts.solutions = [before for before in attempts.solutions if before.way != replaced]
-            attempts.solutions.append(replace(solution, pair=problem, way=strategy.name))
-            if strategy.is_enough(problem, attempts, solution) and not strategy.continues(problem, attempts):
+            tried.solutions = [before for before in tried.solutions if before.way != replaced]
+            tried.solutions.append(replace(solution, pair=problem, way=strategy.name))
+            if strategy.is_enough(tried, solution) and not strategy.continues(tried):
                 break
-    if not attempts.solutions:
+    if not tried.solutions:
         raise failure or NotConvergedError("no way found a map; give three to five landmarks")
-    is_only = len(attempts.solutions) == 1
-    solution = attempts.solutions[0] if is_only else _select_verified(problem, attempts, timer)
-    if solution.way in attempts.incomplete:
-        match = attempts.matches[solution.way]
+    solution = tried.solutions[0] if len(tried.solutions) == 1 else _select_verified(tried)
+    if solution.way in tried.incomplete:
+        match = tried.matches[solution.way]
         solution = match.model.complete(match, solution, timer)
-    return replace(solution, notes=(*solution.notes, *attempts.failures))
+    return replace(solution, notes=(*solution.notes, *tried.failures))
 
 
-def _attempt(strategy: Strategy, problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
+def _attempt(strategy: Strategy, tried: Attempts) -> Solution | None:
     """Match by a strategy; None if it makes no model of the problem."""
-    model = strategy.model(problem, attempts, timer)
-    if model is None:
-        return None
-    match = search_under(model, timer)
-    for _ in range(STRATEGY.max_crease_cuts - 1 if strategy.next_model else 0):
-        model = strategy.next_model and strategy.next_model(problem, match, timer)
+    match: Match[Any, Any] | None = None
+    for _ in range(strategy.most_models):
+        model = strategy.model(tried)
         if model is None:
             break
-        other = search_under(model, timer)
-        if other.ranking.best.score > match.ranking.best.score:
+        other = search_under(model, tried.timer)
+        if match and other.ranking.best.score > match.ranking.best.score:
             break
-        match = other
-    attempts.matches[strategy.name] = match
-    partial = strategy.overlap == "whole" and part_of(problem) in ("source", "target")
-    is_last = not strategy.continues(problem, attempts)
+        tried.matches[strategy.name] = match = other
+    if match is None:
+        return None
+    partial = strategy.overlap == "whole" and part_of(tried.problem) in ("source", "target")
+    is_last = not strategy.continues(tried)
     if not is_last:
-        attempts.incomplete.append(strategy.name)
-    return finish(match, timer, is_last).with_evidence(Evidence(poor=strategy.is_guess, partial=partial))
+        tried.incomplete.append(strategy.name)
+    solution = finish(match, tried.timer, is_last)
+    return solution.with_evidence(Evidence(poor=strategy.is_guess, partial=partial))
 
 
 def _match_by_relation(problem: Problem, timer: StageTimer) -> Solution:
@@ -430,10 +432,10 @@ def _match_by_relation(problem: Problem, timer: StageTimer) -> Solution:
     return replace(match_under(model, timer), way=model.way)
 
 
-def _select_verified(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
+def _select_verified(tried: Attempts) -> Solution:
     """Select the map that verifies best, and the surest of ties; limit its lead."""
-    timer.start("quality")
-    solutions, target = attempts.solutions, problem.target
+    tried.timer.start("quality")
+    problem, solutions, target = tried.problem, tried.solutions, tried.problem.target
     images = [on_bodies(problem, UserVertices(solution.map.vertices)) for solution in solutions]
     costs = [verifier_of(problem)(image).cost for image in images]
     tied = [i for i, cost in enumerate(costs) if cost <= problem.config.outcome.tie * min(costs)]
@@ -455,15 +457,16 @@ def _select_verified(problem: Problem, attempts: Attempts, timer: StageTimer) ->
     cost_list = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
     # a lead of nan, where nothing can be verified, counts as 1
     solution = solutions[best].with_lead(lead if lead > 1.0 else 1.0)
-    capped, is_sure_map = attempts.matches.get(CAPPED.name), solution.outcome in SURE_OUTCOMES
-    if capped and not is_sure_map and _mirror_image_fits(problem, capped, costs[best], timer):
+    is_sure_map = solution.outcome in SURE_OUTCOMES
+    if CAPPED.name in tried.matches and not is_sure_map and _mirror_image_fits(tried, costs[best]):
         solution = solution.with_evidence(Evidence(mirrored=True))
     return replace(solution, reason=f"{solution.reason}; of several ways it verifies best (cost {cost_list})")
 
 
-def _mirror_image_fits(problem: Problem, capped: IsometricMatch, cost: float, timer: StageTimer) -> bool:
+def _mirror_image_fits(tried: Attempts, cost: float) -> bool:
     """Whether the mirror image of the source verifies clearly better, for a part."""
     # the best map between the capped shapes that reverses the orientation is refined as a part
+    problem, capped = tried.problem, tried.matches[CAPPED.name]
     if problem.priors.any:
         return False
     model, side = cast(Isometry, capped.model), cast(PartSide, part_of(problem))
@@ -473,7 +476,7 @@ def _mirror_image_fits(problem: Problem, capped: IsometricMatch, cost: float, ti
         return False
     mirrored = replace(problem, source=mirror_image(problem.source))
     image = image_of(replace(capped, ranking=replace(capped.ranking, best=best)), side)
-    solution = match_under(Part(mirrored, side, (image, best.origin, np.inf)), timer)
+    solution = match_under(Part(mirrored, side, (image, best.origin, np.inf)), tried.timer)
     image = on_bodies(mirrored, UserVertices(solution.map.vertices))
     return verifier_of(mirrored)(image).cost < problem.config.outcome.mirror_image * cost
 
@@ -490,14 +493,14 @@ def solve(problem: Problem, timer: StageTimer) -> Solution:
     """Match two shapes; if one seems inside out, also turn its faces, and keep the better map."""
     side = side_to_turn(problem)
     if side is None:
-        return try_strategies(problem, Attempts(), timer)
+        return try_strategies(Attempts(problem, timer))
     turned = replace(problem, **{side: turned_over(getattr(problem, side))})  # type: ignore[arg-type]
     found: list[tuple[float, str, Solution]] = []
     failures: list[str] = []
     for how, variant in (("as they are", problem), ("turned over", turned)):
         try:
             with timer.within(f"faces {how}"):
-                solution = try_strategies(variant, Attempts(), timer)
+                solution = try_strategies(Attempts(variant, timer))
                 image = on_bodies(variant, UserVertices(solution.map.vertices))
                 cost = verifier_of(variant)(image).cost
             found.append((cost, how, solution))

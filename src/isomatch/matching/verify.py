@@ -29,19 +29,20 @@ from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, label_components
 
 # Numbers without another source: decisions.md, one verification
-BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area: the shape resists bending below these
-N_BENT_VERTICES = 1000  # of the bent shape; with 500, costs are 1.1 to 1.5 times as high
-DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0  # 3 to 10 and 1 to 3 choose alike
-# the unit, in radians, is about the median turning of right maps;
+BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area; step by step, a shape resists bending below these
+N_BENT_VERTICES = 1000  # vertices of a bent shape; with 500, costs are 1.1 to 1.5 times as high
+# in the cost; weights of 3 to 10 and exponents of 1 to 3 choose the same maps
+DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0
+# a turning of one unit, in radians, leaves the cost as it is; right maps turn as much in the median,
 # decisions.md, turning
 TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
-COVERAGE_DISTANCE = 0.05  # √area: a vertex this close to an image has a counterpart
-MIN_DISTANCE, MAX_DISTANCE = 0.08, 0.3  # √area of the source: distances that measure the unit
-N_SAMPLES, MIN_MEASURED = 300, 40  # samples that measure the unit, fewest distances that do
-MAX_UNIT_RATIO = 1.3  # the measured unit over the unit of the files
-MAX_LENGTH_RATIO = 4.0  # parts that differ more in the units of the files are taken as equal
-MIN_PIECE = 30  # vertices: a smaller piece is not bent
-MIN_DIVISOR = 1e-9
+COVERAGE_DISTANCE = 0.05  # √area; a vertex that is at most this far from an image has a counterpart
+MIN_DISTANCE, MAX_DISTANCE = 0.08, 0.3  # √area of the source; only distances between these measure the unit
+N_SAMPLES, MIN_MEASURED = 300, 40  # these samples measure the unit, by at least this number of distances
+MAX_UNIT_RATIO = 1.3  # the measured unit and the unit of the files differ at most by this factor
+MAX_LENGTH_RATIO = 4.0  # parts whose √area differs by more in the files are taken as equally large
+MIN_PIECE = 30  # vertices; a piece of a shape with fewer is not bent
+MIN_DIVISOR = 1e-9  # √area; shorter distances are raised to this, so that ratios are finite
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -240,9 +241,8 @@ class Verifier:
     def _balls(self) -> tuple[tuple[BallSignature, BallSignature], FloatArray]:
         """The ball signatures of both bodies, in √area of the larger one, and their deviations."""
         lengths = self.unit, 1.0
-        source, target = (
-            _ball_signature(shape, length / max(lengths)) for shape, length in zip(self.shapes, lengths)
-        )
+        units = [length / max(lengths) for length in lengths]
+        source, target = (_ball_signature(shape, unit) for shape, unit in zip(self.shapes, units))
         return (source, target), deviation_of(source, target)
 
     def descriptor_distances(self, image: Int[BodyVertices, "n"], way: int = 0) -> Float[FloatArray, "n"]:

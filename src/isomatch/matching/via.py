@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -11,12 +11,10 @@ import numpy as np
 
 from isomatch._core.arrays import UserVertices
 from isomatch._core.errors import MeshError, SettingError
-from isomatch.correspondence import Correspondence
 from isomatch.io import SurfaceLike
 from isomatch.matching.assessment.evidence import Evidence, Solution
-from isomatch.matching.assessment.quality import covered_share
+from isomatch.matching.assessment.quality import covered_share, quality_of
 from isomatch.matching.problem import Problem
-from isomatch.matching.result import Quality
 from isomatch.matching.strategies import VIA
 from isomatch.matching.verify import Verification, on_bodies, verifier_of
 from isomatch.shapes import PreparedShape, prepare
@@ -60,7 +58,7 @@ def _match_along_chain(
     problem: Problem, chain: Sequence[PreparedShape], solve: Callable[[Problem], Solution]
 ) -> tuple[Solution, Verification]:
     """Match each shape to the next, and compose the maps; the least sure one counts."""
-    pair, shapes = problem, [problem.source, *chain, problem.target]
+    shapes = [problem.source, *chain, problem.target]
     legs = [solve(replace(problem, source=source, target=target)) for source, target in pairwise(shapes)]
     image, errors = legs[0].map, legs[0].expected_error
     for leg in legs[1:]:
@@ -71,15 +69,26 @@ def _match_along_chain(
         leg_errors = image.pull_back(leg.expected_error)
         errors = np.hypot(unit * errors, np.where(np.isnan(leg_errors), largest, leg_errors))
         image = image.then(leg.map, leg.pair.source.surface, leg.pair.target.surface)
-    found, bounds = _verify(pair, image), problem.config.parts
+    bodies, bounds = on_bodies(problem, UserVertices(image.vertices)), problem.config.parts
+    found = verifier_of(problem)(bodies)
+    quality = quality_of(  # measures that only a search gives are unknown
+        mirrored=np.inf,
+        runner_up=min(leg.quality.runner_up for leg in legs),
+        orientation=min(leg.quality.orientation for leg in legs),
+        coverage=covered_share(
+            problem.target.body, bodies[bodies >= 0], problem.config.outcome.coverage_radius
+        ),
+        matched=float(image.matched.mean()),
+        descriptor_distance=found.descriptor_distance,
+    )
     least = min((leg.outcome for leg in legs), key=lambda outcome: outcome.sureness)
     is_poor = found.cost > bounds.poor_via
     evidence = Evidence.of(least), Evidence(poor=is_poor, partial=not image.matched.all())
     between = "1 other shape" if len(legs) == 2 else f"{len(legs) - 1} other shapes"
     solution = Solution(
-        pair,
+        problem,
         image,
-        _quality(pair, legs, image, found),
+        quality,
         evidence,
         np.where(image.matched, errors, np.nan),
         notes=tuple(f"map {i}: {note}" for i, leg in enumerate(legs, start=1) for note in leg.notes),
@@ -89,26 +98,3 @@ def _match_along_chain(
         way=VIA.name,
     )
     return solution, found
-
-
-def _verify(pair: Problem, image: Correspondence) -> Verification:
-    return verifier_of(pair)(on_bodies(pair, UserVertices(image.vertices)))
-
-
-def _quality(pair: Problem, legs: Sequence[Solution], image: Correspondence, found: Verification) -> Quality:
-    """Measure a composed map; measures that only a search gives are unknown."""
-    bodies = on_bodies(pair, UserVertices(image.vertices))
-    unknown = dict.fromkeys((field.name for field in fields(Quality)), np.nan)
-    return Quality(
-        **{
-            **unknown,
-            "mirrored": np.inf,
-            "runner_up": min(leg.quality.runner_up for leg in legs),
-            "orientation": min(leg.quality.orientation for leg in legs),
-            "coverage": covered_share(
-                pair.target.body, bodies[bodies >= 0], pair.config.outcome.coverage_radius
-            ),
-            "matched": float(image.matched.mean()),
-            "descriptor_distance": found.descriptor_distance,
-        }
-    )

@@ -1,43 +1,22 @@
-from isomatch.repair._winding import seems_inside_out
-from isomatch.repair.caps import close_holes
-from isomatch.repair.check import MeshReport, check
-from isomatch.repair.draft import Draft, VertexTrace
-from isomatch.repair.for_matching import LARGE_MESH, prepare_for_matching
-from isomatch.repair.outer import inner_faces
-from isomatch.repair.outliers import find_outliers
-from isomatch.repair.repair import Repair, repair, without_seams
-from isomatch.repair.self_contacts import (
-    Cut,
-    count_handles,
-    cut_along,
-    cut_self_contacts,
-    ends_of,
-    find_creases,
-)
-from isomatch.repair.sheets import Separation, separate_sheets
-from isomatch.repair.walls import double_walled_share
-
-__all__ = [
-    "LARGE_MESH",
-    "Cut",
-    "Draft",
-    "MeshReport",
-    "Repair",
-    "Separation",
-    "VertexTrace",
-    "check",
-    "close_holes",
-    "count_handles",
-    "cut_along",
-    "cut_self_contacts",
-    "double_walled_share",
-    "ends_of",
-    "find_creases",
-    "find_outliers",
-    "inner_faces",
-    "prepare_for_matching",
-    "repair",
-    "seems_inside_out",
-    "separate_sheets",
-    "without_seams",
-]
+from isomatch.repair._winding import seems_inside_out as seems_inside_out
+from isomatch.repair.caps import close_holes as close_holes
+from isomatch.repair.check import MeshReport as MeshReport
+from isomatch.repair.check import check as check
+from isomatch.repair.draft import Draft as Draft
+from isomatch.repair.draft import VertexTrace as VertexTrace
+from isomatch.repair.for_matching import LARGE_MESH as LARGE_MESH
+from isomatch.repair.for_matching import prepare_for_matching as prepare_for_matching
+from isomatch.repair.outer import inner_faces as inner_faces
+from isomatch.repair.outliers import find_outliers as find_outliers
+from isomatch.repair.repair import Repair as Repair
+from isomatch.repair.repair import repair as repair
+from isomatch.repair.repair import without_seams as without_seams
+from isomatch.repair.self_contacts import Cut as Cut
+from isomatch.repair.self_contacts import count_handles as count_handles
+from isomatch.repair.self_contacts import cut_along as cut_along
+from isomatch.repair.self_contacts import cut_self_contacts as cut_self_contacts
+from isomatch.repair.self_contacts import ends_of as ends_of
+from isomatch.repair.self_contacts import find_creases as find_creases
+from isomatch.repair.sheets import Separation as Separation
+from isomatch.repair.sheets import separate_sheets as separate_sheets
+from isomatch.repair.walls import double_walled_share as double_walled_share

@@ -1,39 +1,17 @@
-from isomatch.settings.config import (
-    Config,
-    Hypotheses,
-    MatchSettings,
-    Orientation,
-    RefinementName,
-    Resolution,
-    Start,
-)
-from isomatch.settings.matching import (
-    COVERAGE_RADIUS,
-    ElasticSettings,
-    OutcomeSettings,
-    PartSettings,
-    RefinementSettings,
-    SearchSettings,
-    SelectionSettings,
-)
-from isomatch.settings.shape import LevelSettings, PreparationSettings, SymmetrySettings
-
-__all__ = [
-    "COVERAGE_RADIUS",
-    "Config",
-    "ElasticSettings",
-    "Hypotheses",
-    "LevelSettings",
-    "MatchSettings",
-    "Orientation",
-    "OutcomeSettings",
-    "PartSettings",
-    "PreparationSettings",
-    "RefinementName",
-    "RefinementSettings",
-    "Resolution",
-    "SearchSettings",
-    "SelectionSettings",
-    "Start",
-    "SymmetrySettings",
-]
+from isomatch.settings.config import Config as Config
+from isomatch.settings.config import Hypotheses as Hypotheses
+from isomatch.settings.config import MatchSettings as MatchSettings
+from isomatch.settings.config import Orientation as Orientation
+from isomatch.settings.config import RefinementName as RefinementName
+from isomatch.settings.config import Resolution as Resolution
+from isomatch.settings.config import Start as Start
+from isomatch.settings.matching import COVERAGE_RADIUS as COVERAGE_RADIUS
+from isomatch.settings.matching import ElasticSettings as ElasticSettings
+from isomatch.settings.matching import OutcomeSettings as OutcomeSettings
+from isomatch.settings.matching import PartSettings as PartSettings
+from isomatch.settings.matching import RefinementSettings as RefinementSettings
+from isomatch.settings.matching import SearchSettings as SearchSettings
+from isomatch.settings.matching import SelectionSettings as SelectionSettings
+from isomatch.settings.shape import LevelSettings as LevelSettings
+from isomatch.settings.shape import PreparationSettings as PreparationSettings
+from isomatch.settings.shape import SymmetrySettings as SymmetrySettings

@@ -1,39 +1,21 @@
-from isomatch.shapes.body import body_of
-from isomatch.shapes.prepare import prepare
-from isomatch.shapes.prepared_shape import N_BALLS, PreparedShape
-from isomatch.shapes.smooth_shape import CURVATURE_WEIGHT, WAVE_WEIGHT, SmoothShape, orientation_of
-from isomatch.shapes.symmetries import EXACTLY, SAME_SYMMETRY, Symmetry, describe_symmetries, farthest_rows
-from isomatch.shapes.variants import (
-    capped_shape,
-    components_of,
-    creased_shape,
-    cut_shape,
-    mirror_image,
-    opened_shape,
-    region_of,
-    turned_over,
-)
-
-__all__ = [
-    "CURVATURE_WEIGHT",
-    "EXACTLY",
-    "N_BALLS",
-    "SAME_SYMMETRY",
-    "WAVE_WEIGHT",
-    "PreparedShape",
-    "SmoothShape",
-    "Symmetry",
-    "body_of",
-    "capped_shape",
-    "components_of",
-    "creased_shape",
-    "cut_shape",
-    "describe_symmetries",
-    "farthest_rows",
-    "mirror_image",
-    "opened_shape",
-    "orientation_of",
-    "prepare",
-    "region_of",
-    "turned_over",
-]
+from isomatch.shapes.body import body_of as body_of
+from isomatch.shapes.prepare import prepare as prepare
+from isomatch.shapes.prepared_shape import N_BALLS as N_BALLS
+from isomatch.shapes.prepared_shape import PreparedShape as PreparedShape
+from isomatch.shapes.smooth_shape import CURVATURE_WEIGHT as CURVATURE_WEIGHT
+from isomatch.shapes.smooth_shape import WAVE_WEIGHT as WAVE_WEIGHT
+from isomatch.shapes.smooth_shape import SmoothShape as SmoothShape
+from isomatch.shapes.smooth_shape import orientation_of as orientation_of
+from isomatch.shapes.symmetries import EXACTLY as EXACTLY
+from isomatch.shapes.symmetries import SAME_SYMMETRY as SAME_SYMMETRY
+from isomatch.shapes.symmetries import Symmetry as Symmetry
+from isomatch.shapes.symmetries import describe_symmetries as describe_symmetries
+from isomatch.shapes.symmetries import farthest_rows as farthest_rows
+from isomatch.shapes.variants import capped_shape as capped_shape
+from isomatch.shapes.variants import components_of as components_of
+from isomatch.shapes.variants import creased_shape as creased_shape
+from isomatch.shapes.variants import cut_shape as cut_shape
+from isomatch.shapes.variants import mirror_image as mirror_image
+from isomatch.shapes.variants import opened_shape as opened_shape
+from isomatch.shapes.variants import region_of as region_of
+from isomatch.shapes.variants import turned_over as turned_over

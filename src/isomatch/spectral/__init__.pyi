@@ -1,25 +1,15 @@
-from isomatch.spectral.basis import BasisMethod, Weighting, basis_domain
-from isomatch.spectral.build import distance_basis
-from isomatch.spectral.canonical_form import CanonicalForm, canonical_form, classical_scaling
-from isomatch.spectral.distance_basis import DistanceBasis
-from isomatch.spectral.laplace_basis import LaplaceBasis, laplace_basis, refined_laplace_basis
-from isomatch.spectral.laplacian import factorise_for_threads, stiffness_and_masses
-from isomatch.spectral.low_rank import nystrom_basis, spectral_interpolant
-
-__all__ = [
-    "BasisMethod",
-    "CanonicalForm",
-    "DistanceBasis",
-    "LaplaceBasis",
-    "Weighting",
-    "basis_domain",
-    "canonical_form",
-    "classical_scaling",
-    "distance_basis",
-    "factorise_for_threads",
-    "laplace_basis",
-    "nystrom_basis",
-    "refined_laplace_basis",
-    "spectral_interpolant",
-    "stiffness_and_masses",
-]
+from isomatch.spectral.basis import BasisMethod as BasisMethod
+from isomatch.spectral.basis import Weighting as Weighting
+from isomatch.spectral.basis import basis_domain as basis_domain
+from isomatch.spectral.build import distance_basis as distance_basis
+from isomatch.spectral.canonical_form import CanonicalForm as CanonicalForm
+from isomatch.spectral.canonical_form import canonical_form as canonical_form
+from isomatch.spectral.canonical_form import classical_scaling as classical_scaling
+from isomatch.spectral.distance_basis import DistanceBasis as DistanceBasis
+from isomatch.spectral.laplace_basis import LaplaceBasis as LaplaceBasis
+from isomatch.spectral.laplace_basis import laplace_basis as laplace_basis
+from isomatch.spectral.laplace_basis import refined_laplace_basis as refined_laplace_basis
+from isomatch.spectral.laplacian import factorise_for_threads as factorise_for_threads
+from isomatch.spectral.laplacian import stiffness_and_masses as stiffness_and_masses
+from isomatch.spectral.low_rank import nystrom_basis as nystrom_basis
+from isomatch.spectral.low_rank import spectral_interpolant as spectral_interpolant

@@ -1,53 +1,27 @@
-from isomatch.surfaces._coincident import first_equal, weld_points
-from isomatch.surfaces._edges import (
-    EdgeTable,
-    Meetings,
-    connected_regions,
-    corner_links,
-    count_fans,
-    edge_table,
-    find_root,
-    join_trees,
-    label_components,
-    meetings,
-)
-from isomatch.surfaces._faces import UnsoundFaces, unsound_faces, vertex_normals
-from isomatch.surfaces._shared import surface_in_use
-from isomatch.surfaces._spatial_order import in_spatial_order
-from isomatch.surfaces.closest_point import nearest_on_surface
-from isomatch.surfaces.graph import Graph
-from isomatch.surfaces.mesh import Mesh
-from isomatch.surfaces.point_cloud import PointCloud
-from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
-from isomatch.surfaces.raster import Raster, rasterise
-from isomatch.surfaces.surface import Surface, reflected
-
-__all__ = [
-    "EdgeTable",
-    "Graph",
-    "Meetings",
-    "Mesh",
-    "PointCloud",
-    "PrecisePoints",
-    "Raster",
-    "Surface",
-    "UnsoundFaces",
-    "connected_regions",
-    "corner_links",
-    "count_fans",
-    "edge_table",
-    "find_root",
-    "first_equal",
-    "in_spatial_order",
-    "join_trees",
-    "label_components",
-    "meetings",
-    "nearest_in_triangle",
-    "nearest_on_surface",
-    "rasterise",
-    "reflected",
-    "surface_in_use",
-    "unsound_faces",
-    "vertex_normals",
-    "weld_points",
-]
+from isomatch.surfaces._coincident import first_equal as first_equal
+from isomatch.surfaces._coincident import weld_points as weld_points
+from isomatch.surfaces._edges import EdgeTable as EdgeTable
+from isomatch.surfaces._edges import Meetings as Meetings
+from isomatch.surfaces._edges import connected_regions as connected_regions
+from isomatch.surfaces._edges import corner_links as corner_links
+from isomatch.surfaces._edges import count_fans as count_fans
+from isomatch.surfaces._edges import edge_table as edge_table
+from isomatch.surfaces._edges import find_root as find_root
+from isomatch.surfaces._edges import join_trees as join_trees
+from isomatch.surfaces._edges import label_components as label_components
+from isomatch.surfaces._edges import meetings as meetings
+from isomatch.surfaces._faces import UnsoundFaces as UnsoundFaces
+from isomatch.surfaces._faces import unsound_faces as unsound_faces
+from isomatch.surfaces._faces import vertex_normals as vertex_normals
+from isomatch.surfaces._shared import surface_in_use as surface_in_use
+from isomatch.surfaces._spatial_order import in_spatial_order as in_spatial_order
+from isomatch.surfaces.closest_point import nearest_on_surface as nearest_on_surface
+from isomatch.surfaces.graph import Graph as Graph
+from isomatch.surfaces.mesh import Mesh as Mesh
+from isomatch.surfaces.point_cloud import PointCloud as PointCloud
+from isomatch.surfaces.precise_points import PrecisePoints as PrecisePoints
+from isomatch.surfaces.precise_points import nearest_in_triangle as nearest_in_triangle
+from isomatch.surfaces.raster import Raster as Raster
+from isomatch.surfaces.raster import rasterise as rasterise
+from isomatch.surfaces.surface import Surface as Surface
+from isomatch.surfaces.surface import reflected as reflected

@@ -1,50 +1,31 @@
-from isomatch.visualization.camera import camera_of, turn_to_target
-from isomatch.visualization.colours import position_colours, to_screen
-from isomatch.visualization.measures import Measure, quality_bounds, quality_measures
-from isomatch.visualization.notebook import ResultView, html_of, show_result
-from isomatch.visualization.picture import ValuePanel, arranged_panels, colour_scale
-from isomatch.visualization.plots import draw_map, drawable, plot_basis, plot_surface
-from isomatch.visualization.report import (
-    MOST_ALTERNATIVES,
-    write_judgement,
-    write_landmark_picker,
-    write_report,
-)
-from isomatch.visualization.summary import HEADLINES, Summary, summary_of
-from isomatch.visualization.surface_image import surface_image
-from isomatch.visualization.viewer import DrawnSurface, html_page, html_table, scripts_of, stage_of
-from isomatch.visualization.work_page import WorkPage
-
-__all__ = [
-    "HEADLINES",
-    "MOST_ALTERNATIVES",
-    "DrawnSurface",
-    "Measure",
-    "ResultView",
-    "Summary",
-    "ValuePanel",
-    "WorkPage",
-    "arranged_panels",
-    "camera_of",
-    "colour_scale",
-    "draw_map",
-    "drawable",
-    "html_of",
-    "html_page",
-    "html_table",
-    "plot_basis",
-    "plot_surface",
-    "position_colours",
-    "quality_bounds",
-    "quality_measures",
-    "scripts_of",
-    "show_result",
-    "stage_of",
-    "summary_of",
-    "surface_image",
-    "to_screen",
-    "turn_to_target",
-    "write_judgement",
-    "write_landmark_picker",
-    "write_report",
-]
+from isomatch.visualization.camera import camera_of as camera_of
+from isomatch.visualization.camera import turn_to_target as turn_to_target
+from isomatch.visualization.colours import position_colours as position_colours
+from isomatch.visualization.colours import to_screen as to_screen
+from isomatch.visualization.measures import Measure as Measure
+from isomatch.visualization.measures import quality_bounds as quality_bounds
+from isomatch.visualization.measures import quality_measures as quality_measures
+from isomatch.visualization.notebook import ResultView as ResultView
+from isomatch.visualization.notebook import html_of as html_of
+from isomatch.visualization.notebook import show_result as show_result
+from isomatch.visualization.picture import ValuePanel as ValuePanel
+from isomatch.visualization.picture import arranged_panels as arranged_panels
+from isomatch.visualization.picture import colour_scale as colour_scale
+from isomatch.visualization.plots import draw_map as draw_map
+from isomatch.visualization.plots import drawable as drawable
+from isomatch.visualization.plots import plot_basis as plot_basis
+from isomatch.visualization.plots import plot_surface as plot_surface
+from isomatch.visualization.report import MOST_ALTERNATIVES as MOST_ALTERNATIVES
+from isomatch.visualization.report import write_judgement as write_judgement
+from isomatch.visualization.report import write_landmark_picker as write_landmark_picker
+from isomatch.visualization.report import write_report as write_report
+from isomatch.visualization.summary import HEADLINES as HEADLINES
+from isomatch.visualization.summary import Summary as Summary
+from isomatch.visualization.summary import summary_of as summary_of
+from isomatch.visualization.surface_image import surface_image as surface_image
+from isomatch.visualization.viewer import DrawnSurface as DrawnSurface
+from isomatch.visualization.viewer import html_page as html_page
+from isomatch.visualization.viewer import html_table as html_table
+from isomatch.visualization.viewer import scripts_of as scripts_of
+from isomatch.visualization.viewer import stage_of as stage_of
+from isomatch.visualization.work_page import WorkPage as WorkPage

@@ -14,9 +14,9 @@ from isomatch._core.errors import InputError
 from isomatch._core.threads import row_product
 from isomatch.correspondence import UNMATCHED, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.coordinates import SmoothPair
 from isomatch.matching.parameters import ERRORS
 from isomatch.matching.problem import Problem
-from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import connected_regions
 
@@ -41,8 +41,8 @@ def expected_errors(
     # lab/benchmarks.md, confidence
     source = pair.source
     k = pair.n_functions
-    functions = source.functions[:, :k]  # (n_s, K)
-    pulled_back = single(points.interpolated(pair.target.functions[:, :k]))  # (n_s, n_t) @ (n_t, K)
+    functions = source.functions[:, :k]
+    pulled_back = single(points.interpolated(pair.target.functions[:, :k]))
     coefficients = pair.spectra.source.fit(pulled_back[pair.refinement_vertices].astype(np.float64), k)
     fit = row_product(functions, coefficients)
     lengths = np.maximum(source.body.edge_lengths, MIN_LENGTH)
@@ -173,11 +173,8 @@ def regions_of_doubt(
         if share <= ERRORS.min_region_area:
             break
         vertices = vertices[np.argsort(-greatest[vertices], kind="stable")]
-        reasons = [
-            reason
-            for reason, doubt in doubts.items()
-            if (doubt[vertices] > 1.0).mean() > ERRORS.min_reason_share
-        ]
+        held = {reason: (doubt[vertices] > 1.0).mean() for reason, doubt in doubts.items()}
+        reasons = [reason for reason in held if held[reason] > ERRORS.min_reason_share]
         images = runner_up[vertices] if runner_up is not None and ANOTHER_MAP in reasons else None
         regions.append(DoubtfulRegion(vertices, share, " and ".join(reasons), images))
     return tuple(regions)
@@ -188,9 +185,8 @@ def average_around(shape: PreparedShape, values: Float[FloatArray, "n"]) -> Floa
     finite = np.isfinite(values)
     total = diffuse(shape, np.where(finite, values, 0.0), ERRORS.smoothing_radius)
     weight = diffuse(shape, finite.astype(float), ERRORS.smoothing_radius)
-    return np.where(
-        weight > ERRORS.min_known_share, total / np.maximum(weight, ERRORS.min_known_share), np.nan
-    )
+    least = ERRORS.min_known_share
+    return np.where(weight > least, total / np.maximum(weight, least), np.nan)
 
 
 def lift_regions(

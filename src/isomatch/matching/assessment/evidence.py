@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from isomatch._core.arrays import Float, FloatArray
+from isomatch._core.arrays import Bool, BoolArray, Float, FloatArray
 from isomatch._core.stage_timer import StageTimer
-from isomatch.correspondence import Correspondence
-from isomatch.matching.assessment.confidence import ANOTHER_MAP, UNLIKE_ITS_IMAGE, DoubtfulRegion
+from isomatch.correspondence import Correspondence, PrecisePoints
+from isomatch.matching.assessment.confidence import (
+    ANOTHER_MAP,
+    UNLIKE_ITS_IMAGE,
+    DoubtfulRegion,
+    lift_regions,
+)
+from isomatch.matching.assessment.quality import contradicted_landmarks, mean_known
+from isomatch.matching.coordinates import SmoothPair
+from isomatch.matching.maps import Fit
 from isomatch.matching.problem import Problem
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries
 
-MIN_LEAD = 1e-9  # makes the doubt of a tie finite
+MIN_LEAD = 1e-9  # a smaller lead is raised to this, so that the doubt of a tie is finite
 
 # the outcome of each flag of evidence, the least sure first
 OUTCOME_OF_FLAG = {
@@ -128,8 +136,7 @@ def contradicts(quality: Quality, bound: float) -> bool:
 
 def part_contradicts(landmark_errors: Float[FloatArray, "m"], initial_map_error: float, bound: float) -> bool:
     """Whether the map of a part is far from most of its landmarks, or from the initial map."""
-    # a right map may miss single landmarks: where limbs touch, the nearest vertex may be on another
-    # limb
+    # a right map may miss single landmarks: where limbs touch, the nearest vertex may be on another limb
     misses_most = len(landmark_errors) and np.median(landmark_errors) > bound
     return bool(initial_map_error > bound or misses_most)
 
@@ -278,6 +285,57 @@ class Solution:
     def with_evidence(self, *more: Evidence) -> Self:
         """Add evidence."""
         return replace(self, evidence=(*self.evidence, *more))
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A measured map of the source's body."""
+
+    points: PrecisePoints  # images of the vertices
+    quality: Quality
+    descriptor_distance: Float[FloatArray, "n_s"] | None  # see `descriptor_distance_of`
+    reason: str = ""  # why the map was selected, in a sentence
+    origin: str = ""
+    matched: Bool[BoolArray, "n_s"] | None = None  # vertices that have an image, if not all have one
+    fit: Fit | None = None  # the refined map from which polishing starts; None for elastic maps
+    note: str = ""  # a note if the shapes are far from isometric
+    is_last: bool = True  # whether no other strategy follows, so that the map is completed at once
+
+    def evidence(self, pair: Problem, far: bool) -> Evidence:
+        """Compare the measures with the bounds, see `measured_evidence`."""
+        quality, wanted = self._with_distance(pair), pair.config.orientation
+        return measured_evidence(pair, quality, wanted, pair.priors.any, far)
+
+    def _with_distance(self, pair: Problem) -> Quality:
+        mean = mean_known(self.descriptor_distance, pair.source.body.vertex_areas)
+        return replace(self.quality, descriptor_distance=mean)
+
+    def solution(
+        self,
+        pair: Problem,
+        errors: Float[FloatArray, "n_s"],  # expected errors
+        evidence: tuple[Evidence, ...],
+        notes: Sequence[str],
+        level: SmoothPair | None = None,  # the level to which the points belong; by default the pair
+        points: PrecisePoints | None = None,
+        regions: Sequence[DoubtfulRegion] = (),
+    ) -> Solution:
+        """Sum up the map in the users' vertices; a vertex without image has no expected error."""
+        source, between, distances = pair.source, level or pair, self.descriptor_distance
+        result = between.source.correspondence(between.target, points or self.points, self.matched)
+        known = None if distances is None else np.where(result.matched, source.lift(distances), np.nan)
+        return Solution(
+            pair,
+            result,
+            replace(self._with_distance(pair), matched=float(result.matched.mean())),
+            evidence,
+            np.where(result.matched, source.lift_smooth(errors), np.nan),
+            notes=(*pair.notes, *pair.priors.notes, *notes, *contradicted_landmarks(pair, self.points)),
+            origin=self.origin,
+            reason=self.reason,
+            descriptor_distance=known,
+            regions=lift_regions(regions, source, pair.target),
+        )
 
 
 def result_of(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:

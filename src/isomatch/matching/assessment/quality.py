@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -31,9 +32,8 @@ def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] 
     distortion = np.abs(source.columns[:, vertices] - of_images)
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     positions = image_positions(source.body, target.body, points)
-    landmark_error, initial_map_error = prior_errors(
-        pair, image, pair.priors.landmarks, pair.priors.initial_pairs
-    )
+    priors = pair.priors
+    landmark_error, initial_map_error = prior_errors(pair, image, priors.landmarks, priors.initial_pairs)
     orientation = np.nan
     if pair.oriented:
         basis = pair.spectra.source
@@ -53,6 +53,11 @@ def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] 
         landmark_error=landmark_error,
         initial_map_error=initial_map_error,
     )
+
+
+def quality_of(**known: float) -> Quality:
+    """Collect the measures of a map; those that are not given are unknown."""
+    return Quality(**{field.name: known.get(field.name, np.nan) for field in fields(Quality)})
 
 
 def descriptor_distance_of(

@@ -16,8 +16,7 @@ from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, with_normals
 from isomatch.matching.assessment.confidence import doubt_in, expected_errors, regions_of_doubt
-from isomatch.matching.assessment.evidence import Solution, fits_badly, mirror_image_fits
-from isomatch.matching.assessment.measured import Measured
+from isomatch.matching.assessment.evidence import Measured, Solution, fits_badly, mirror_image_fits
 from isomatch.matching.assessment.quality import descriptor_distance_of, measure_quality
 from isomatch.matching.bending import BentShape, ElasticBending
 from isomatch.matching.coordinates import refine_images, register_map
@@ -36,12 +35,12 @@ from isomatch.matching.maps import Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel
 from isomatch.matching.parameters import ELASTIC_FIT, ELASTIC_SEARCH, MAP_DISTANCE, TIES
 from isomatch.matching.problem import Problem, search_pairs
-from isomatch.matching.proposals.from_priors import starts_from_priors
+from isomatch.matching.proposals.starts import starts_from_priors
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import Ranking, Rules, distances_between, keep_distinct, select
 
 LAST_STEP = Step(200, 0.0005, 2, False)  # the fit by all functions, before shapes are bent in full
-MIN_SCORE = 1e-12  # makes ratios of scores finite
+MIN_SCORE = 1e-12  # a lower score is raised to this, so that ratios of scores are finite
 
 FAR_NOTE = (
     "the shapes are far from isometric, so a map was sought that lets limbs stretch; it may be wrong in places: look at "
@@ -59,8 +58,7 @@ class StretchedFit(Fit):
 
     coefficients: Coefficients  # of the smooth maps both ways
     images: Images | None = None  # images of the samples of the coarse fit, both ways
-    # the source bent onto the target, and the target bent onto the source; empty before they are
-    # bent
+    # the source bent onto the target, and the target bent onto the source; empty before they are bent
     bent: tuple[BentShape, ...] = ()
     is_isometric: bool = False  # whether it is the map found under the isometric model
     is_initial_map: bool = False  # whether it is the user's initial map, which holds large pieces
@@ -131,13 +129,11 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         timer.start("search")
         starts = self._starts()
         first = partial(self._draw, self._coarse, COARSE_STEPS[0])
-        kept = [first(start, origin) for start, origin in starts]
+        kept, distances = [first(start, origin) for start, origin in starts], self.target.mean_distances
         for step, most in zip(COARSE_STEPS, ELASTIC_SEARCH.n_maps_kept):
             moved = parallel_map(partial(self._step, step=step), kept)
             order = sorted((fit for fit in moved if fit), key=attrgetter("score"))
-            kept = keep_distinct(
-                order, lambda fit: fit.image, self.target.mean_distances, MAP_DISTANCE.same_map, most
-            )
+            kept = keep_distinct(order, lambda fit: fit.image, distances, MAP_DISTANCE.same_map, most)
         timer.start("bending")
         if self.isometric_map is not None:
             kept.append(replace(self._draw_fit(self.isometric_map), is_isometric=True))
@@ -224,9 +220,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     @cached_property
     def _shapes(self) -> tuple[ElasticShape, ElasticShape]:
         config = self.pair.config
-        source, target = parallel_map(
-            lambda shape: find_mirror_images(shape, config), (self.source, self.target)
-        )
+        both = self.source, self.target
+        source, target = parallel_map(lambda shape: find_mirror_images(shape, config), both)
         return source, target
 
     @cached_property
@@ -237,9 +232,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     @cached_property
     def _fine(self) -> ElasticFit:
         source, target = (shape.sample(self.pair.config.n_refine, True) for shape in self._shapes)
-        return replace(
-            self._coarse, source=source, target=target, normal_weight=ELASTIC_FIT.fine_normal_weight
-        )
+        weight = ELASTIC_FIT.fine_normal_weight
+        return replace(self._coarse, source=source, target=target, normal_weight=weight)
 
     @cached_property
     def _bendings(self) -> tuple[ElasticBending, ElasticBending]:
@@ -260,9 +254,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         coefficients, images = coarse.run(fit.coefficients, (step,), images)
         if images.orientation < ELASTIC_SEARCH.min_orientation:
             return None
-        # score = spectral residual × (unit + asymmetry)^exponent: among equally good fits, a map
-        # that commutes with the mirror images is right; an asymmetry below the unit may come from
-        # the shapes
+        # score = spectral residual × (unit + asymmetry)^exponent: among equally good fits, a map that
+        # commutes with the mirror images is right; an asymmetry below the unit may come from the shapes
         asymmetry = ELASTIC_SEARCH.asymmetry_unit + coarse.asymmetry(images)
         penalty = asymmetry**ELASTIC_SEARCH.asymmetry_exponent
         image, residual = BodyVertices(coarse.target.targets[images.forth]), images.spectral_residual
@@ -330,10 +323,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         map known before if both are the same: bending finds limbs, and the refinement details.
         """
         pair, bent = self.pair, self._bend_in_full(fit)
-        positions = Embedding(
-            with_normals(bent.mesh, ELASTIC_FIT.normal_weight),
-            with_normals(bent.onto.mesh, ELASTIC_FIT.normal_weight),
-        )
+        both = bent.mesh, bent.onto.mesh
+        positions = Embedding(*(with_normals(mesh, ELASTIC_FIT.normal_weight) for mesh in both))
         image = self._nearest_images(positions)
         known = self._known_before(fit, image)
         if known is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -28,7 +28,7 @@ from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.problem import Problem
 from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
-from isomatch.surfaces import Mesh, vertex_normals
+from isomatch.surfaces import vertex_normals
 
 RIDGE = 1e-9  # added to the diagonal of normal equations
 
@@ -41,11 +41,6 @@ class ElasticShape:
     settings: ElasticSettings
     # ``values`` at the mirror image of each vertex, smoothed; None without mirror images
     mirrored: Float[FloatArray, "n values"] | None = None
-
-    @property
-    def mesh(self) -> Mesh:
-        """The body."""
-        return self.prepared.mesh_body
 
     @cached_property
     def canonical(self) -> Float[FloatArray, "n d"]:
@@ -68,19 +63,19 @@ class ElasticShape:
     @cached_property
     def values(self) -> Float[FloatArray, "n values"]:
         """Canonical coordinates and positions in space, which a map to this shape pulls back."""
-        return np.hstack([self.canonical, self.mesh.vertices])
+        return np.hstack([self.canonical, self.prepared.mesh_body.vertices])
 
     @cached_property
     def mirror_distance(self) -> Float[FloatArray, "n"]:
         """Distance of each vertex from its mirror image in canonical coordinates, or 0."""
         if self.mirrored is None:
-            return np.zeros(self.mesh.n_vertices)
+            return np.zeros(len(self.canonical))
         d = self.canonical.shape[1]
         return np.asarray(np.linalg.norm(self.canonical - self.mirrored[:, :d], axis=1))
 
     def sample(self, count: int, everywhere: bool) -> Samples:
         """Take ``count`` samples; the candidates are these, or all vertices."""
-        vertices, mesh = BodyVertices(self.prepared.sample_vertices[:count]), self.mesh
+        vertices, mesh = BodyVertices(self.prepared.sample_vertices[:count]), self.prepared.mesh_body
         if everywhere:
             ring, sought, faces = np.arange(mesh.n_vertices), np.arange(mesh.n_vertices), mesh.faces
         else:
@@ -161,11 +156,8 @@ class Images(NamedTuple):
     orientation: float
 
 
-class _Copy(NamedTuple):
-    """A shape copied to the candidates of another by a smooth map."""
-
-    canonical: Float[FloatArray, "c d"]
-    normals: Float[FloatArray, "c 3"]
+# canonical coordinates and normals of a shape, copied to the candidates of another by a smooth map
+_Copy: TypeAlias = tuple[Float[FloatArray, "c d"], Float[FloatArray, "c 3"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,8 +239,10 @@ class ElasticFit:
         nearest = self._nearest_anywhere if source.everywhere else self._nearest_samples
         forth, back, spectral_residual = nearest(copies)
         cosines = [
-            np.einsum("ij,ij->i", copy.normals[onto.row], other.normals[image]).mean()
-            for copy, onto, other, image in zip(copies, (source, target), (target, source), (forth, back))
+            np.einsum("ij,ij->i", normals[onto.row], other.normals[image]).mean()
+            for (_, normals), onto, other, image in zip(
+                copies, (source, target), (target, source), (forth, back)
+            )
         ]
         return Images(forth, back, spectral_residual, self.side * float(np.mean(cosines)))
 
@@ -267,20 +261,11 @@ class ElasticFit:
 
     def _embedding_by_maps(self, copies: tuple[_Copy, _Copy]) -> Embedding:
         """Coordinates that depend on the maps, without signatures."""
-        source, target, (target_copy, source_copy) = self.source, self.target, copies
-        side, weight = self.side * self.normal_weight, self.normal_weight
-        of_source = (
-            target_copy.canonical,
-            source.canonical,
-            side * target_copy.normals,
-            weight * source.normals,
-        )
-        of_target = (
-            target.canonical,
-            source_copy.canonical,
-            weight * target.normals,
-            side * source_copy.normals,
-        )
+        source, target, weight = self.source, self.target, self.normal_weight
+        (x_target, n_target), (x_source, n_source) = copies  # coordinates and normals
+        side = self.side * weight
+        of_source = x_target, source.canonical, side * n_target, weight * source.normals
+        of_target = target.canonical, x_source, weight * target.normals, side * n_source
         return Embedding(np.hstack(of_source), np.hstack(of_target))
 
     @cached_property
@@ -331,7 +316,7 @@ def _copy_shape(onto: Samples, coefficients: FloatArray) -> _Copy:
     k = len(coefficients)
     canonical = onto.functions_sought[:, :k] @ coefficients[:, :-3]
     normals = vertex_normals(onto.functions[:, :k] @ coefficients[:, -3:], onto.faces)
-    return _Copy(canonical, normals[onto.sought])
+    return canonical, normals[onto.sought]
 
 
 def _fit_smooth(
@@ -361,8 +346,7 @@ def anchor_starts(
     shapes: tuple[ElasticShape, ElasticShape] | None = None,
 ) -> list[Int[BodyVertices, "_ 2"]]:
     """Assign anchors of the source to points of the target."""
-    # A distance d that should be u costs (`IntervalCost` with lower = upper = u, in average
-    # distances)
+    # A distance d that should be u costs (`IntervalCost` with lower = upper = u, in average distances)
     #     min(max(|d − u| − forgiven u, 0) + inside |d − u|, most) / (soft + u).
     # It is small up to a factor, because limbs stretch, and bounded, so that a tail of twice the
     # length does not outweigh everything else. Limbs of any length agree in their remoteness, as a
@@ -385,22 +369,18 @@ def anchor_starts(
             np.minimum(shape.mirror_distance / shape.prepared.intrinsic_scale, most) for shape in shapes
         )
         unlike = np.abs(of_source[anchors, None] - of_target[candidates])
-        kinds = [
-            (unary + ELASTIC_SEARCH.mirror_distance_weight * unlike, settings.n_starts),
-            (unary, ELASTIC_SEARCH.n_plain_starts),
-        ]
+        with_distance = unary + ELASTIC_SEARCH.mirror_distance_weight * unlike
+        kinds = [(with_distance, settings.n_starts), (unary, ELASTIC_SEARCH.n_plain_starts)]
 
     of_candidates = target.distances_between(candidates) / target.intrinsic_scale
     sides = Intervals(between, between), Intervals(of_candidates, of_candidates)
-    cost = IntervalCost(
-        settings.forgiven, settings.inside, ELASTIC_SEARCH.max_distance_cost, ELASTIC_SEARCH.short_distance
-    )
+    bounds = ELASTIC_SEARCH.max_distance_cost, ELASTIC_SEARCH.short_distance
+    cost = IntervalCost(settings.forgiven, settings.inside, *bounds)
+    beam = ELASTIC_SEARCH.beam_width, ELASTIC_SEARCH.same_assignment_distance
     starts: list[BodyVertices] = []
     for unary, count in kinds:
         pin_first(unary, np.searchsorted(candidates, landmarks[:, 1]))
-        rows, _ = assign_points(
-            *sides, unary, cost, ELASTIC_SEARCH.beam_width, ELASTIC_SEARCH.same_assignment_distance
-        )
+        rows, _ = assign_points(*sides, unary, cost, *beam)
         starts += [BodyVertices(np.column_stack([anchors, candidates[row]])) for row in rows[:count]]
     return starts
 
@@ -439,17 +419,11 @@ def find_mirror_images(prepared: PreparedShape, config: Config) -> ElasticShape:
         images = fit.images(coefficients)
         return None if images.orientation < 0 else (coefficients, images)
 
-    few_starts = replace(
-        config,
-        elastic=replace(
-            settings, forgiven=ELASTIC_SEARCH.forgiven_of_mirror, n_starts=ELASTIC_SEARCH.n_mirror_starts
-        ),
-    )
+    forgiven, n_starts = ELASTIC_SEARCH.forgiven_of_mirror, ELASTIC_SEARCH.n_mirror_starts
+    few_starts = replace(config, elastic=replace(settings, forgiven=forgiven, n_starts=n_starts))
     vertices = prepared.sample_vertices[: prepared.config.n_search]
-    symmetries = [
-        BodyVertices(np.column_stack([vertices, vertices[symmetry.image_row]]))
-        for symmetry in prepared.symmetries
-    ]
+    rows = [symmetry.image_row for symmetry in prepared.symmetries]
+    symmetries = [BodyVertices(np.column_stack([vertices, vertices[row]])) for row in rows]
     starts = [*anchor_starts(Problem(prepared, prepared, few_starts), NO_LANDMARKS), *symmetries]
     maps = [map_ for map_ in parallel_map(first, starts) if map_]
     for step, most in zip(COARSE_STEPS, ELASTIC_SEARCH.n_mirror_maps_kept):

@@ -1,7 +1,8 @@
-"""Candidates: hypotheses with their energy, orientation and agreement with priors."""
+"""Hypotheses of an isometry, and candidates: with energy, orientation and agreement with priors."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -9,18 +10,63 @@ import numpy as np
 
 from isomatch._core.arrays import BodyVertices, Int, IntArray, SearchRows
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import Embedding, alignment_residual, signed_procrustes, spectral_embedding
+from isomatch.correspondence import (
+    Embedding,
+    alignment_residual,
+    iterative_closest_points,
+    signed_procrustes,
+    spectral_embedding,
+)
 from isomatch.matching.assessment.quality import mean_known
-from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import MatchingModel, RefiningModel
 from isomatch.matching.parameters import SCREENING
-from isomatch.matching.problem import Problem
-from isomatch.matching.proposals.from_priors import start_from_pairs
-from isomatch.matching.proposals.pose import starts_from_pose
+from isomatch.matching.problem import Problem, Start, name_of
+from isomatch.matching.proposals.flips import Pool, find_flips
+from isomatch.matching.proposals.starts import (
+    default_starts,
+    first_maps_of,
+    start_from_pairs,
+    starts_from_anchors,
+    starts_from_pose,
+    starts_from_priors,
+)
 from isomatch.matching.selection import Ranking, rank_candidates
 from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
+
+
+def hypotheses_from_priors(pair: Problem) -> list[Candidate]:
+    """Hypotheses from priors, improved by iterative closest points."""
+    # landmarks at extremities do not separate front and back of a thin body: with hypotheses =
+    # "given", flips of the map from landmarks contend, otherwise automatic hypotheses do
+    settings = pair.config.search
+    from_priors = []
+    for start, origin in starts_from_priors(pair):
+        moved = iterative_closest_points(*pair.search_points, start[None], SCREENING.n_prior_steps)
+        from_priors.append(Candidate(moved[0], origin))
+    from_landmarks = [start for start in from_priors if start.origin == "landmarks"]
+    if not from_landmarks or not settings.flip_landmarks or pair.config.hypotheses == "all":
+        return from_priors
+    best = min(from_landmarks, key=lambda start: start.alignment.residual)
+    return [*from_priors, *find_flips(pair, best, from_priors)]
+
+
+def search(
+    pair: Problem, from_priors: list[Candidate], starts: Sequence[Start] | None = None
+) -> list[Candidate]:
+    """Collect distinct hypotheses from priors, starts and flips; least residual first."""
+    settings, starts = pair.config.search, default_starts if starts is None else starts
+    pool = Pool(pair, SCREENING.max_hypotheses_without_limbs if pair.limbless else settings.n_hypotheses)
+    pool.merge(from_priors)
+    for start in starts:
+        rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
+        # closest points do not converge reliably on round shapes, and `relax_spectrally` has
+        # already improved the maps from anchors
+        pool.add(rows, 0 if start is starts_from_anchors else settings.start_steps, name_of(start))
+    if any(start in default_starts for start in starts):  # a user's own starts are not flipped
+        pool.flip(pool.hypotheses[: settings.flipped], "flip")
+    return pool.hypotheses
 
 
 class Screening:
@@ -48,9 +94,8 @@ class Screening:
     def _candidate(self, hypothesis: Candidate) -> Candidate:
         pair, settings = self._pair, self._pair.config.selection
         spectra = pair.search_spectra
-        target_row = SearchRows(
-            spectra.image(spectra.fit_and_upsample(hypothesis.target_row, SCREENING.upsampling_sizes))
-        )
+        upsampled = spectra.fit_and_upsample(hypothesis.target_row, SCREENING.upsampling_sizes)
+        target_row = SearchRows(spectra.image(upsampled))
         target_vertex = BodyVertices(pair.target_vertices[target_row])
         energy = energy_of(pair, pair.source_vertices, target_vertex, pair.config.search.rank)
         basis, n = spectra.source, settings.normal_functions
@@ -76,9 +121,8 @@ def energy_of(
     rank: int | None = None,
 ) -> float:
     """Energy of a map of body vertices: descriptor residual × curvature difference²."""
-    # E = R · M². The residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors (Shamai &
-    # Kimmel 2017) finds every error except near-symmetries, which keep distances. These are found
-    # by
+    # E = R · M². The residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors (Shamai & Kimmel
+    # 2017) finds every error except near-symmetries, which keep distances. These are found by
     #   M = mean |H_t(f(i)) − H_s(i)| + mean ‖known_t(f(i)) − known_s(i)‖₁ / weight,
     # H the standardised signed mean curvature, because a mirror image or a twist puts hollows on
     # bumps. Without curvature, the first term is 1. The weight is the one of the joint refinement.
@@ -107,13 +151,11 @@ def extend_map(
     pair: Problem, target_row: Int[SearchRows, "m_s"], source_vertex: Int[BodyVertices, "q"]
 ) -> Int[BodyVertices, "q"]:
     """Extend a map of the search vertices to given source vertices, through a few functions."""
-    # F = Φ_s⁺ Φ_t(f) (k, k) on the search vertices; the image of i is the row of Φ_t Fᵀ nearest to
-    # Φ_s(i)
+    # F = Φ_s⁺ Φ_t(f) (k, k) on the search vertices; the image of i is the row of Φ_t Fᵀ nearest to Φ_s(i)
     k = min(pair.config.selection.extension_functions, pair.n_functions)
     functional_map = pair.search_spectra.functional_map(target_row, k)
-    of_source, of_target = spectral_embedding(
-        functional_map, pair.source.laplace.vectors[source_vertex], pair.target.laplace.vectors
-    )
+    functions = pair.source.laplace.vectors[source_vertex], pair.target.laplace.vectors
+    of_source, of_target = spectral_embedding(functional_map, *functions)
     return BodyVertices(pair.target.index.vertices(of_target, of_source))
 
 

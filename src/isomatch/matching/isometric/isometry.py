@@ -13,36 +13,27 @@ import numpy as np
 from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, SearchRows
 from isomatch._core.errors import SettingError
 from isomatch._core.stage_timer import StageTimer
-from isomatch._core.threads import parallel_map, serial_blas
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, Correspondence, Embedding, PrecisePoints
-from isomatch.matching.assessment.confidence import (
-    doubt_in,
-    doubt_of,
-    expected_errors,
-    regions_of_doubt,
-)
-from isomatch.matching.assessment.evidence import Evidence, Solution
-from isomatch.matching.assessment.measured import Measured
-from isomatch.matching.assessment.quality import (
-    descriptor_distance_of,
-    measure_quality,
-)
-from isomatch.matching.coordinates import joint_coordinates, refine_images, register_map
+from isomatch.matching.assessment.confidence import doubt_in, doubt_of, expected_errors, regions_of_doubt
+from isomatch.matching.assessment.evidence import Evidence, Measured, Solution
+from isomatch.matching.assessment.quality import descriptor_distance_of, measure_quality
+from isomatch.matching.coordinates import SmoothPair, joint_coordinates, refine_images, register_map
 from isomatch.matching.isometric.candidates import (
     Screening,
     energy_of,
     extend_map,
+    hypotheses_from_priors,
     is_another,
     is_sure,
     residual_of,
+    search,
 )
-from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.parameters import MAP_DISTANCE, SCREENING, SYMMETRIC, TIES
 from isomatch.matching.problem import Problem
-from isomatch.matching.proposals.composed import near_symmetric_variants, symmetric_variants
-from isomatch.matching.proposals.flips import keep_distinct_maps
+from isomatch.matching.proposals.flips import keep_distinct_maps, near_symmetric_variants, symmetric_variants
 from isomatch.matching.result import Alternative, Outcome
 from isomatch.matching.selection import (
     Ranking,
@@ -54,7 +45,6 @@ from isomatch.matching.selection import (
     select_contenders,
     select_survivors,
 )
-from isomatch.matching.smooth_pair import SmoothPair
 
 AMBIGUITY_NOTE = (
     "a shape has a symmetry about as near to exact as the shapes are alike, and the map composed with it fits about as "
@@ -116,9 +106,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
         may_win, only_runners_up = self.hypotheses() if self._found is None else (list(self._found), [])
         timer.start("selection")
         screened = self.candidates(may_win, only_runners_up)
-        contend = [
-            self.begin(select_contenders(order, config.orientation, config.selection)) for order in screened
-        ]
+        bounds = config.orientation, config.selection
+        contend = [self.begin(select_contenders(order, *bounds)) for order in screened]
         eligible, runners_up = map(tuple, screened)
         return Proposals(contend[0], len(eligible) + len(runners_up), contend[1], eligible, runners_up)
 
@@ -249,8 +238,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _reconsider_dropped(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
         """If the winner is not sure, refine dropped candidates, and add maps that differ."""
-        # a half turn of an ant is dropped at 1.15 times the spectral residual, but ties by its
-        # score
+        # a half turn of an ant is dropped at 1.15 times the spectral residual, but ties by its score
         first, config = ranking.best, self.pair.config
         if not self.pair.is_sided or first.candidate is None or is_sure(self, ranking):
             return ranking
@@ -263,8 +251,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _verify_tied(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
         """Select the best verified map among ties."""
-        # capped shapes are not verified: their distances cross the caps; decisions.md, both
-        # sides
+        # capped shapes are not verified: their distances cross the caps; decisions.md, both sides
         first = ranking.best
         capped = any(shape.original for shape in (self.source, self.target))
         tied = [first] if capped or not self.pair.is_sided else self.find_tied(ranking)
@@ -341,9 +328,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _rank_candidates(self, candidates: Sequence[Candidate], with_priors: bool = False) -> list[Candidate]:
         """Rank candidates; with priors, drop candidates that contradict landmarks."""
         landmarks = with_priors and len(self.priors.landmarks) > 0
-        return rank_candidates(
-            candidates, self.pair.config.orientation, self.pair.config.selection, landmarks
-        )
+        config = self.pair.config
+        return rank_candidates(candidates, config.orientation, config.selection, landmarks)
 
     def measure(self, match: IsometricMatch) -> Measured:
         """Map vertices to the nearest points, and measure the map."""
@@ -433,8 +419,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         ]
         if not turned:
             return []
-        # the winner and its rivals are compared after the same refinement, even if the winner was
-        # bent
+        # the winner and its rivals are compared after the same refinement, even if the winner was bent
         first = map_.fit or self.refine(self.begin([winner]))[0]
         fits = self.refine(self.begin(keep_distinct_maps(pair, turned, SYMMETRIC.max_maps)))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
@@ -482,15 +467,13 @@ class Isometry(RefiningModel[Fit, Embedding]):
         refined = [fit.candidate for fit in (ranking.best, *ranking.others) if fit.candidate]
         order = [*refined[:1], *rivals, *refined[1:], *match.proposals.eligible, *match.proposals.runners_up]
         kept = keep_distinct_maps(pair, order, 1 + settings.most_alternatives)
-        maps = (partial(_extend_to_all, pair, candidate.target_row) for candidate in kept[1:])
         return tuple(
-            Alternative(extend, candidate.energy, candidate.orientation, candidate.origin)
-            for extend, candidate in zip(maps, kept[1:])
+            Alternative(partial(_extend_to_all, pair, c.target_row), c.energy, c.orientation, c.origin)
+            for c in kept[1:]
         )
 
 
 def _extend_to_all(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Correspondence:
     """Extend a map of the search vertices to all vertices."""
-    with serial_blas():
-        image = extend_map(pair, target_row, BodyVertices(np.arange(pair.source.body.n_vertices)))
-        return pair.source.correspondence(pair.target, image)
+    image = extend_map(pair, target_row, BodyVertices(np.arange(pair.source.body.n_vertices)))
+    return pair.source.correspondence(pair.target, image)

@@ -16,12 +16,13 @@ from isomatch.descriptors import BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.assessment.confidence import nearest_of
 from isomatch.matching.parameters import MAP_DISTANCE, PART_UNIT, SEEDS
-from isomatch.matching.partial.part_pair import areas_of_samples
+from isomatch.matching.partial.part_pair import areas_of_samples, shrink_to_neutral
 from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.selection import keep_distinct
 from isomatch.shapes import PreparedShape
 
-AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # lengths: radii of balls whose areas are compared
+AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # lengths; balls of these radii have their areas compared
+# cost of a distance outside its interval; chosen together with the numbers of `SEEDS`
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
 
 
@@ -43,9 +44,8 @@ class BothSide:
     @cached_property
     def _missing(self) -> MissingRegion:
         mesh = self.shape.mesh_body
-        return MissingRegion.of(
-            mesh, distance_engine(mesh, self.shape.config.engine, weld=False), PART_UNIT.n_boundary_vertices
-        )
+        engine = distance_engine(mesh, self.shape.config.engine, weld=False)
+        return MissingRegion.of(mesh, engine, PART_UNIT.n_boundary_vertices)
 
     @cached_property
     def to_boundary(self) -> Float[FloatArray, "n"]:
@@ -136,11 +136,6 @@ def _sum_over_radii(
     return total, known.sum(axis=2)
 
 
-def _shrink_to_neutral(total: FloatArray, count: IntArray, neutral: float, prior: float) -> FloatArray:
-    # mean of ``count`` known values with the given total, and of ``prior`` neutral values
-    return np.asarray((total + neutral * prior) / (count + prior))
-
-
 @dataclass(frozen=True, eq=False)
 class CommonRegion:
     """A region of the source with its images."""
@@ -166,36 +161,28 @@ class CommonRegions:
     @cached_property
     def _around(self) -> Float[FloatArray, "s_s s_s"]:
         """Weight of each sample of the source in the neighbourhood of each other."""
-        return np.asarray(
-            np.exp(-((self.source.intervals.upper / SEEDS.smoothing_length) ** 2)) * self.source.areas
-        )
+        lengths = self.source.intervals.upper / SEEDS.smoothing_length
+        return np.asarray(np.exp(-(lengths**2)) * self.source.areas)
 
     def descriptor_distances(
         self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]
     ) -> Float[FloatArray, "q"]:
         """Descriptor distance in the neighbourhood of samples of the source and their images."""
         # means over close samples of the region, with neutral values where little is known
-        of_source, of_target = (
-            self.source.moments.at(self.source.vertices[rows]),
-            self.target.moments.at(images),
-        )
+        of_source = self.source.moments.at(self.source.vertices[rows])
+        of_target = self.target.moments.at(images)
         count = (of_source.known & of_target.known).sum(axis=1)
         total = np.nan_to_num(of_source.descriptor_distance(of_target, self._deviation)) * count
         around = self._around[np.ix_(rows, rows)]
-        return np.asarray(
-            (around @ (total + SEEDS.neutral_descriptor_distance * SEEDS.neutral_descriptor_weight))
-            / (around @ (count + SEEDS.neutral_descriptor_weight))
-        )
+        neutral, weight = SEEDS.neutral_descriptor_distance, SEEDS.neutral_descriptor_weight
+        return np.asarray((around @ (total + neutral * weight)) / (around @ (count + weight)))
 
     @cached_property
     def _pair_distances(self) -> Float[FloatArray, "s_s s_t"]:
         """Descriptor distance between each sample of the source and each sample of the target."""
         of_source, of_target = (side.moments.at(side.vertices) for side in (self.source, self.target))
-        return _shrink_to_neutral(
-            *_sum_over_radii(of_source, of_target, self._deviation),
-            SEEDS.neutral_moment_distance,
-            SEEDS.neutral_moment_weight,
-        )
+        known = _sum_over_radii(of_source, of_target, self._deviation)
+        return shrink_to_neutral(*known, SEEDS.neutral_moment_distance, SEEDS.neutral_moment_weight)
 
     @cached_property
     def _surprise(self) -> Float[FloatArray, "s_s s_t"]:
@@ -245,12 +232,9 @@ class CommonRegions:
         (of_source, source_whole), (of_target, target_whole) = self.source.ball_areas, self.target.ball_areas
         both = source_whole[rows][:, None] & target_whole[columns][None]
         difference = np.abs(of_source[rows][:, None] - of_target[columns][None])
-        areas = _shrink_to_neutral(
-            (np.minimum(difference, SEEDS.max_area_difference) * both).sum(axis=2),
-            both.sum(axis=2),
-            SEEDS.neutral_area_difference,
-            SEEDS.neutral_area_weight,
-        )
+        total = (np.minimum(difference, SEEDS.max_area_difference) * both).sum(axis=2)
+        neutral = SEEDS.neutral_area_difference, SEEDS.neutral_area_weight
+        areas = shrink_to_neutral(total, both.sum(axis=2), *neutral)
         return SEEDS.moment_weight * self._pair_distances[np.ix_(rows, columns)] + SEEDS.area_weight * areas
 
     def grow(self) -> list[Int[SampleRows, "m"]]:
@@ -285,13 +269,8 @@ class CommonRegions:
             common = both.sum(axis=1)
             return np.where(common >= SEEDS.min_common_anchors, total / np.maximum(common, 1), np.inf)
 
-        return keep_distinct(
-            map(SampleRows, regions),
-            lambda region: region,
-            distances,
-            SEEDS.same_region_distance,
-            SEEDS.max_screened,
-        )
+        least, most = SEEDS.same_region_distance, SEEDS.max_screened
+        return keep_distinct(map(SampleRows, regions), lambda region: region, distances, least, most)
 
     def _extend_from(self, start: tuple[SampleRows, SampleRows], n: int, rounds: int) -> CommonRegion | None:
         """Extend a region to the first n samples by trilateration; None if few samples agree."""
@@ -313,17 +292,12 @@ class CommonRegions:
         source, target = self.source, self.target
         all_rows, all_columns = (np.arange(min(n, len(side.vertices))) for side in (source, target))
         of_source, of_target = source.intervals.at(rows, all_rows), target.intervals.at(columns, all_columns)
-        # a sample whose true image is missing is placed somewhere, but this point does not map back
-        # to it
+        # a sample whose true image is missing is placed somewhere, but this point does not map back to it
         placed, costs = trilaterate(of_source, of_target, COST, SEEDS.trilateration_distance)
         accepted = costs < most
         images, of_image = np.unique(placed[accepted], return_inverse=True)
-        back, _ = trilaterate(
-            of_target.map_bounds(lambda bound: bound[:, images]),
-            of_source,
-            COST,
-            SEEDS.trilateration_distance,
-        )
+        of_images = of_target.map_bounds(lambda bound: bound[:, images])
+        back, _ = trilaterate(of_images, of_source, COST, SEEDS.trilateration_distance)
         round_trip = source.intervals.upper[all_rows[accepted], back[of_image]]
         accepted[accepted] = round_trip < SEEDS.max_round_trip
         marks = np.arange(len(source.landmarks))
@@ -342,10 +316,8 @@ class CommonRegions:
 
     def find_best(self, count: int) -> list[CommonRegion]:
         """Find the regions with most evidence, extending the best step by step to all samples."""
-        starts = [
-            (rows := SampleRows(np.flatnonzero(region >= 0)), SampleRows(region[rows]))
-            for region in self.grow()
-        ]
+        grown = self.grow()
+        starts = [(rows := SampleRows(np.flatnonzero(x >= 0)), SampleRows(x[rows])) for x in grown]
         marks = SampleRows(np.arange(len(self.source.landmarks)))
         if len(marks):
             starts.insert(0, (marks, marks))
@@ -370,16 +342,15 @@ class CommonRegions:
     def _keep_different(self, regions: list[CommonRegion]) -> list[CommonRegion]:
         """Keep the first regions whose images differ."""
         target, kept = self.target, list[CommonRegion]()
+
+        def is_same(region: CommonRegion, other: CommonRegion) -> bool:
+            both = region.accepted & other.accepted
+            distance = target.unit * target.shape.distance(region.images[both], other.images[both])
+            overlaps = both.sum() > SEEDS.same_map_overlap * region.accepted.sum()
+            return bool(overlaps and distance.mean() < MAP_DISTANCE.same_map)
+
         for region in regions:
-            for other in kept:
-                both = region.accepted & other.accepted
-                far = target.unit * target.shape.distance(region.images[both], other.images[both])
-                if (
-                    both.sum() > SEEDS.same_map_overlap * region.accepted.sum()
-                    and far.mean() < MAP_DISTANCE.same_map
-                ):
-                    break
-            else:
+            if not any(is_same(region, other) for other in kept):
                 kept.append(region)
         return kept
 

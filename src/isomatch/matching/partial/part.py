@@ -25,12 +25,11 @@ from isomatch._core.arrays import (
 from isomatch._core.cached import cached_method, cached_property
 from isomatch._core.errors import NotConvergedError, SettingError
 from isomatch._core.stage_timer import StageTimer
-from isomatch._core.threads import parallel_map, serial_blas
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.assessment.confidence import expected_errors
-from isomatch.matching.assessment.evidence import Evidence, PartDoubt, Solution, part_contradicts
-from isomatch.matching.assessment.measured import Measured
+from isomatch.matching.assessment.evidence import Evidence, Measured, PartDoubt, Solution, part_contradicts
 from isomatch.matching.assessment.quality import (
     covered_share,
     descriptor_distance_of,
@@ -38,7 +37,9 @@ from isomatch.matching.assessment.quality import (
     edge_stretch,
     image_positions,
     prior_errors,
+    quality_of,
 )
+from isomatch.matching.coordinates import SmoothPair
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.parameters import MAP_DISTANCE, PART_FIT, TIES
 from isomatch.matching.partial.part_pair import PartPair
@@ -51,8 +52,8 @@ from isomatch.matching.partial.part_registration import (
 )
 from isomatch.matching.partial.part_starts import PartStarts, find_self_maps
 from isomatch.matching.problem import Problem
-from isomatch.matching.proposals.pose import nearest_in_pose
-from isomatch.matching.result import Alternative, Quality
+from isomatch.matching.proposals.starts import nearest_in_pose
+from isomatch.matching.result import Alternative
 from isomatch.matching.selection import (
     Ranking,
     Rules,
@@ -61,7 +62,6 @@ from isomatch.matching.selection import (
     nearest_to_priors,
     select,
 )
-from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.shapes import PreparedShape
 
 PartSide = Literal["source", "target"]
@@ -119,9 +119,9 @@ class Part(RefiningModel[PartFit, BentPart]):
         """Refine maps of a part by functions of the whole that are pulled back to it."""
         return parallel_map(self.fits.refine, fits)
 
-    def refine_jointly_again(self, fit: PartFit) -> PartFit:
-        """Run the last steps of the refinement again."""
-        return self.fits.refine_again(fit)
+    def refine_again(self, fit: PartFit) -> PartFit:
+        """Refine a map again that was moved after its refinement."""
+        return self.fits.refine_again(fit) if self.refinement.in_rounds else self._refine_by_user(fit)
 
     def measure_fit(self, fit: PartFit, image: Int[BodyVertices, "r"]) -> PartFit:
         """Measure a map of the part."""
@@ -189,10 +189,8 @@ class Part(RefiningModel[PartFit, BentPart]):
 
     def _verify_if_in_doubt(self, ranking: Ranking[PartFit]) -> Ranking[PartFit]:
         best = ranking.best
-        fits, doubt = (
-            self._keep_distinct([best, *ranking.others], PART_FIT.n_contenders),
-            self._doubt_of(ranking),
-        )
+        fits = self._keep_distinct([best, *ranking.others], PART_FIT.n_contenders)
+        doubt = self._doubt_of(ranking)
         if doubt.evidence.poor or doubt.evidence.ambiguous:
             fits = self._by_verification(fits)
         ranking = replace(ranking, distinct=tuple(fits[1:]))
@@ -202,10 +200,8 @@ class Part(RefiningModel[PartFit, BentPart]):
         return replace(ranking, best=fits[0], runner_up=ratio)
 
     def _doubt_of(self, ranking: Ranking[PartFit]) -> PartDoubt:
-        best = ranking.best
-        return PartDoubt(
-            best.cost_with_bending, ranking.runner_up, best.pair.known_share, self.pair.config.parts
-        )
+        best, settings = ranking.best, self.pair.config.parts
+        return PartDoubt(best.cost_with_bending, ranking.runner_up, best.pair.known_share, settings)
 
     def descriptor_distance(self, fit: PartFit) -> Float[FloatArray, "r"]:
         """Descriptor distance of each vertex and its image, by balls."""
@@ -224,9 +220,8 @@ class Part(RefiningModel[PartFit, BentPart]):
 
     def coordinates(self, best: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, at full resolution."""
-        return best.bending.lay_in_full(
-            best.bent, self.pair.config.parts.bending[-PART_FIT.n_final_lengths :]
-        )
+        lengths = self.pair.config.parts.bending[-PART_FIT.n_final_lengths :]
+        return best.bending.lay_in_full(best.bent, lengths)
 
     def cost(self, fit: PartFit) -> float:
         """Cost of a map, see `PartFit.cost`."""
@@ -237,22 +232,19 @@ class Part(RefiningModel[PartFit, BentPart]):
         return self.fits.bending.images(best.bent, np.arange(self.source.body.n_vertices))
 
     def _keep_distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
-        return keep_distinct(
-            fits, lambda fit: fit.image, self.target.mean_distances, MAP_DISTANCE.other_map, count
-        )
+        least = MAP_DISTANCE.other_map
+        return keep_distinct(fits, lambda fit: fit.image, self.target.mean_distances, least, count)
 
     def _rough_fits(self, first_maps: list[tuple[PartPair, BodyVertices, str]]) -> list[PartFit]:
         """Refine starts and first maps roughly, also composed with self-maps; best first."""
-        rough_cost, fits_of = attrgetter("rough_cost"), self.fits
-        fits = [
-            *(self._refined_starts if self.known_map is None else []),
-            *parallel_map(lambda x: fits_of.refine_roughly(*x), first_maps),
-        ]
+        rough_cost, by = attrgetter("rough_cost"), self.fits
+        fits = self._refined_starts if self.known_map is None else []
+        fits = [*fits, *parallel_map(lambda x: by.refine_roughly(*x), first_maps)]
         rough = sorted((fit for fit in fits if fit), key=rough_cost)
         if self.known_map:
             return rough
         best = self._keep_distinct(rough, PART_FIT.n_composed)
-        composed = parallel_map(lambda x: fits_of.compose(*x), list(product(best, self._self_maps)))
+        composed = parallel_map(lambda x: by.compose(*x), list(product(best, self._self_maps)))
         return sorted([*rough, *(fit for fit in composed if fit)], key=rough_cost)
 
     @cached_property
@@ -277,12 +269,9 @@ class Part(RefiningModel[PartFit, BentPart]):
         if self.fits.given is not None:
             origin = "initial map" if len(self.priors.initial_pairs) else "pose"
             images.append((self.fits.given, origin))
-        handed_in = self.first_maps_handed_in()
-        images += [
-            (fill_images(self.source, pairs_to_whole(pairs, self.side))[0], name) for pairs, name in handed_in
-        ]
-        rough = self.source.sample_vertices[: PART_FIT.n_rough_vertices]
-        pair = self.fits.pair
+        for pairs, origin in self.first_maps_handed_in():
+            images.append((fill_images(self.source, pairs_to_whole(pairs, self.side))[0], origin))
+        rough, pair = self.source.sample_vertices[: PART_FIT.n_rough_vertices], self.fits.pair
         return [(pair.in_unit_of(image), BodyVertices(image[rough]), origin) for image, origin in images]
 
     @cached_property
@@ -306,9 +295,8 @@ class Part(RefiningModel[PartFit, BentPart]):
         )
 
     def _map_of(self, fit: PartFit) -> Correspondence:
-        with serial_blas():
-            points, matched, _ = self._directed(fit, self.coordinates(fit))
-            return self.problem.source.correspondence(self.problem.target, points, matched)
+        points, matched, _ = self._directed(fit, self.coordinates(fit))
+        return self.problem.source.correspondence(self.problem.target, points, matched)
 
     def _directed(self, fit: PartFit, bent: BentPart) -> tuple[PrecisePoints, Bool[BoolArray, "n_s"], float]:
         """Map of a bent part in the problem's direction, which vertices it maps, its unit."""
@@ -334,15 +322,15 @@ class Part(RefiningModel[PartFit, BentPart]):
             errors = errors[measured.points.corners[:, 0]] / best.pair.unit
         else:
             _, covered = bent.onto_part()
-        area = best.pair.meshes[1].vertex_areas[covered].sum()
+        area = best.pair.whole.mesh_body.vertex_areas[covered].sum()
+        share = self.fits.local_unit(best.pair, best.image) ** 2
         notes = [
-            f"the {self.side} was matched as a part: it has {best.share:.0%} of the area of the other shape and covers "
+            f"the {self.side} was matched as a part: it has {share:.0%} of the area of the other shape and covers "
             f"{area:.0%}"
         ]
         evidence = (contradiction_evidence(self.problem, measured),)
-        solution = measured.solution(self.problem, errors, evidence, notes).with_doubt(
-            self._doubt_of(match.ranking)
-        )
+        solution = measured.solution(self.problem, errors, evidence, notes)
+        solution = solution.with_doubt(self._doubt_of(match.ranking))
         return replace(solution, alternatives=self._alternatives(match.ranking.distinct))
 
 
@@ -381,17 +369,13 @@ def measure_part(
     initial_pairs = BodyVertices(priors.initial_pairs[matched[priors.initial_pairs[:, 0]]])
     landmark_error, initial_map_error = prior_errors(problem, image, priors.landmarks, initial_pairs)
     positions, bounds = image_positions(source.body, target.body, points), problem.config.outcome
-    quality = Quality(
+    quality = quality_of(
         spectral_residual=fit.spectral_residual,
         runner_up=np.inf,
         mirrored=np.inf,
-        residual=np.nan,
         stretch=edge_stretch(source.body, positions, bounds.torn, unit, matched),
         orientation=fit.orientation,
-        distortion_mean=np.nan,
-        distortion_p95=np.nan,
         coverage=covered_share(target.body, image[matched], bounds.coverage_radius),
-        matched=np.nan,
         landmark_error=landmark_error,
         initial_map_error=initial_map_error,
         stress=fit.stress,

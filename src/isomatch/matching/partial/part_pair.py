@@ -9,16 +9,15 @@ import numpy as np
 
 from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray, PartVertices
 from isomatch._core.cached import cached_method, cached_property
-from isomatch.correspondence import Embedding, IntervalCost
+from isomatch.correspondence import Embedding, IntervalCost, Intervals
 from isomatch.descriptors import RADII, BallSignature, ball_signature, mean_curvature
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.assessment.confidence import nearest_of
+from isomatch.matching.coordinates import SmoothPair
 from isomatch.matching.parameters import PART_UNIT
 from isomatch.matching.priors import NO_LANDMARKS
-from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.settings import Config
 from isomatch.shapes import CURVATURE_WEIGHT, N_BALLS, WAVE_WEIGHT, PreparedShape
-from isomatch.surfaces import Mesh
 
 
 @dataclass(frozen=True)
@@ -68,9 +67,8 @@ class PartPair:
         if part.origin is None:
             lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
         else:
-            # Fused limbs were separated by a cut of no width. A path through the cut continues on
-            # its other side, so D is at least the distance on the fused surface, whose vertices are
-            # welded.
+            # Fused limbs were separated by a cut of no width. A path through the cut continues on its
+            # other side, so D is at least the distance on the fused surface, whose vertices are welded.
             fused = distance_engine(mesh, part.config.engine)
             lower = np.minimum(fused.distances_from(anchors), along)
         functions = functions or SmoothPair(part, whole, config).known
@@ -81,9 +79,8 @@ class PartPair:
         # r / least unit, in small steps; `signature` interpolates between these for any unit.
         units = pair.units
         first, last = RADII[0] / max(*units, PART_UNIT.max_unit), RADII[-1] / min(units)
-        radii = np.geomspace(
-            first, last, 2 + round(np.log(last / first) / np.log(PART_UNIT.radius_step_ratio))
-        )
+        n_steps = round(np.log(last / first) / np.log(PART_UNIT.radius_step_ratio))
+        radii = np.geomspace(first, last, 2 + n_steps)
         return replace(pair, radii=tuple(radii.tolist()))
 
     def with_unit(self, unit: float) -> PartPair:
@@ -91,36 +88,27 @@ class PartPair:
         return replace(self, unit=unit)
 
     @property
-    def meshes(self) -> tuple[Mesh, Mesh]:
-        """The bodies of part and whole."""
-        return self.part.mesh_body, self.whole.mesh_body
-
-    @property
     def cost(self) -> IntervalCost:
         """Cost of distances on the whole."""
-        # c(D; l, u) = min(v + inside |D − u|, most) / (soft + u). As most and soft are multiplied
-        # by the unit t like l and u, c(t D; t l, t u) = c(D; l, u), so costs in different units can
-        # be compared.
-        return IntervalCost(
-            most=PART_UNIT.max_distance_cost * self.unit, soft=PART_UNIT.short_distance * self.unit
-        )
+        # c(D; l, u) = min(v + inside |D − u|, most) / (soft + u). As most and soft are multiplied by the
+        # unit t like l and u, c(t D; t l, t u) = c(D; l, u), so costs in different units can be compared.
+        unit = self.unit
+        return IntervalCost(most=PART_UNIT.max_distance_cost * unit, soft=PART_UNIT.short_distance * unit)
 
     @property
     def share(self) -> float:
         """Area of the part over the area of the whole."""
         return self.unit**2
 
-    def intervals(
-        self, vertices: Int[PartVertices, "q"]
-    ) -> tuple[Float[FloatArray, "m q"], Float[FloatArray, "m q"]]:
-        """Lower and upper bounds of distances between the anchors and some vertices."""
-        return self.lower[:, vertices] * self.unit, self.along[:, vertices] * self.unit
+    def intervals(self, vertices: Int[PartVertices, "q"]) -> Intervals:
+        """Bounds (m, q) of distances on the whole between the anchors and some vertices."""
+        return Intervals(self.lower[:, vertices] * self.unit, self.along[:, vertices] * self.unit)
 
     @cached_property
-    def anchor_intervals(self) -> tuple[Float[FloatArray, "m m"], Float[FloatArray, "m m"]]:
-        """Lower and upper bounds of distances between anchors, symmetric."""
+    def anchor_intervals(self) -> Intervals:
+        """Bounds (m, m) of distances on the whole between anchors, symmetric."""
         lower, upper = self.intervals(self.anchors)
-        return np.minimum(lower, lower.T), 0.5 * (upper + upper.T)
+        return Intervals(np.minimum(lower, lower.T), 0.5 * (upper + upper.T))
 
     @cached_property
     def known_share(self) -> float:
@@ -181,9 +169,8 @@ class PartPair:
 
     def unit_of(self, images: Int[BodyVertices, "m"]) -> float:
         """Measure the unit by images of anchors whose distances on the whole are known."""
-        # If a distance is known, its ratio to the distance of the images is the error of the unit.
-        # The median tolerates up to half of the images being wrong. Short distances are mostly
-        # noise.
+        # If a distance is known, its ratio to the distance of the images is the error of the unit. The
+        # median tolerates up to half of the images being wrong. Short distances are mostly noise.
         lower, upper = self.anchor_intervals
         exact = (lower >= PART_UNIT.known_ratio * upper) & (upper > PART_UNIT.min_distance * self.unit)
         if exact.sum() < PART_UNIT.min_known_distances:
@@ -217,6 +204,11 @@ def areas_of_samples(shape: PreparedShape, samples: Int[IntArray, "q"]) -> Float
     return np.asarray(areas, dtype=np.float64)
 
 
+def shrink_to_neutral(total: FloatArray, count: IntArray, neutral: float, weight: float) -> FloatArray:
+    """Mean of ``count`` known values with a total, and of a neutral value that counts ``weight`` times."""
+    return np.asarray((total + neutral * weight) / (count + weight))
+
+
 class PartSignatures(NamedTuple):
     """Signatures of a part, and weights from 0 at the boundary to 1 far from it."""
 
@@ -238,8 +230,7 @@ class WholeSignatures:
 
     # The wave kernel signature of Aubry, Schlickewei & Cremers (ICCV Workshops 2011) is
     #     Σ_k φ_k(x)² f_e(λ_k) / Σ_k f_e(λ_k),   f_e(λ) = exp(−(e − log λ)² / 2σ²).
-    # The denominator is a sum over the spectrum, which differs between part and whole; it is
-    # omitted.
+    # The denominator is a sum over the spectrum, which differs between part and whole; it is omitted.
     def _waves(
         self, vectors: Float[FloatArray, "n k"], values: Float[FloatArray, "k"]
     ) -> Float[FloatArray, "n 20"]:
@@ -303,12 +294,8 @@ class WholeSignatures:
             on_whole = _standardise(column, column)
             on_part = np.clip(_standardise(curvature / pair.unit, column), on_whole.min(), on_whole.max())
             signatures.append(self._weights[1] * on_part[:, None])
-            weights.append(
-                1
-                - np.exp(
-                    -((distance * np.sqrt(whole_values[k - 2]) / PART_UNIT.curvature_boundary_reach) ** 2)
-                )
-            )
+            reach = PART_UNIT.curvature_boundary_reach
+            weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / reach) ** 2)))
         functions = pair.functions.source[vertices]
         weights.append(np.ones_like(functions))
         return PartSignatures(np.hstack([*signatures, functions]), np.hstack(weights))

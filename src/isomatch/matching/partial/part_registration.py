@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -31,15 +30,8 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
 
-ALL_FUNCTIONS = 10**6
+ALL_FUNCTIONS = 10**6  # functions: more than any basis has
 MIN_COST = 1e-12  # makes ratios of costs finite if a part is mapped onto itself without error
-
-
-class _Smooth(NamedTuple):
-    """The whole smoothed to its first functions."""
-
-    vertices: Float[FloatArray, "n 3"]
-    normals: Float[FloatArray, "n 3"]
 
 
 class WholeCoordinates:
@@ -78,11 +70,11 @@ class WholeCoordinates:
         )
 
     @cached_method
-    def smooth(self, k: int) -> _Smooth:
-        """Smooth the whole to its first k functions."""
+    def smooth(self, k: int) -> tuple[Float[FloatArray, "n_whole 3"], Float[FloatArray, "n_whole 3"]]:
+        """Smooth the whole to its first k functions: vertices and normals."""
         mesh = self._whole.mesh_body
         vertices = self._whole.laplace.low_passed(mesh.vertices, k)
-        return _Smooth(vertices, vertex_normals(vertices, mesh.faces))
+        return vertices, vertex_normals(vertices, mesh.faces)
 
     @cached_method
     def at(self, k: int, with_positions: bool) -> Float[FloatArray, "n_whole d"]:
@@ -90,30 +82,9 @@ class WholeCoordinates:
         settings = self._settings
         columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.features]
         if with_positions:
-            smooth = self.smooth(k)
-            columns += [smooth.vertices / settings.position_unit, settings.normal_weight * smooth.normals]
+            vertices, normals = self.smooth(k)
+            columns += [vertices / settings.position_unit, settings.normal_weight * normals]
         return np.hstack(columns)
-
-
-@dataclass(frozen=True, eq=False)
-class NearPairs:
-    """Close pairs of sample vertices of a part, whose images measure the unit of a map."""
-
-    pair: PartPair  # in any unit
-
-    @cached_property
-    def measures(self) -> tuple[Bool[BoolArray, "q q"], Bool[BoolArray, "near"], Float[FloatArray, "near"]]:
-        """Which pairs are close, which of these have a known distance, and all distances."""
-        pair, config = self.pair, self.pair.config
-        vertices = pair.part.sample_vertices[
-            : min(config.n_search, config.n_refine, PART_FIT.n_rough_vertices)
-        ]
-        along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
-        near = (along > PART_FIT.min_near_distance) & (along < PART_FIT.max_near_distance)
-        exact = (
-            pair.missing.lower_bound(vertices, vertices, along)[near] >= PART_UNIT.known_ratio * along[near]
-        )
-        return near, exact, along[near]
 
 
 class PartRefinement:
@@ -125,8 +96,8 @@ class PartRefinement:
     # Melzi et al. 2019; partial functional maps: Rodolà et al. 2017). Functions are pulled from the
     # whole to the part, because functions of the part have no values beyond its boundary. So
     # coordinates of the whole do not depend on the map.
-    def __init__(self, pair: PartPair, coordinates: WholeCoordinates, near: NearPairs, n_rows: int) -> None:
-        self._pair, self._whole, self._near = pair, coordinates, near
+    def __init__(self, pair: PartPair, coordinates: WholeCoordinates, n_rows: int) -> None:
+        self._pair, self._whole = pair, coordinates
         self._features = coordinates.features_of_part(pair)
         self.vertices = PartVertices(pair.part.sample_vertices[:n_rows])
         self._basis = pair.part.sampled_basis(n_rows)
@@ -139,9 +110,8 @@ class PartRefinement:
         part, whole = self._pair.part.laplace, self._pair.whole.laplace
         top = PART_FIT.function_ratio * whole.values[min(k, len(whole.values)) - 1]
         most = min(len(part.values), len(self.vertices) // 3)
-        return int(
-            np.clip(np.searchsorted(part.values / self._pair.share, top) + PART_FIT.extra_functions, 6, most)
-        )
+        n_below = np.searchsorted(part.values / self._pair.share, top)
+        return int(np.clip(n_below + PART_FIT.extra_functions, 6, most))
 
     def refine(
         self, image: Int[BodyVertices, "r"], sizes: Iterable[int], with_positions: bool = True
@@ -166,22 +136,11 @@ class PartRefinement:
         pulled_back = basis.functions[vertices, :k_part] @ basis.fit(functions[image], k_part)
         return BodyVertices(self._pair.whole.index.vertices(functions, pulled_back))
 
-    def local_unit(self, image: Int[BodyVertices, "r"]) -> float:
-        """Measure the unit: median ratio of distances of images and close known distances."""
-        if self._pair.keeps_unit:
-            return self._pair.unit
-        near, exact, along = self._near.measures
-        if exact.sum() < PART_UNIT.min_known_distances:
-            return self._pair.unit
-        images = image[: len(near)]
-        of_images = np.maximum(self._pair.whole.distances.between(images, images)[near], 1e-3)
-        return self._pair.nearest_allowed_unit(float(np.median((of_images / along)[exact])))
-
     def orientation(self, image: Int[BodyVertices, "r"], k: int) -> float:
         """Mean cosine between normals of the whole and of its copy on the part."""
-        smooth = self._whole.smooth(k)
-        normals = self._pulled_back(smooth.vertices[image], self.n_functions(k))[1]
-        return float(np.einsum("ij,ij->i", normals[self.vertices], smooth.normals[image]).mean())
+        vertices, of_whole = self._whole.smooth(k)
+        normals = self._pulled_back(vertices[image], self.n_functions(k))[1]
+        return float(np.einsum("ij,ij->i", normals[self.vertices], of_whole[image]).mean())
 
     def embedding(
         self, image: BodyVertices, size: int, vertices: PartVertices, with_positions: bool = True
@@ -200,8 +159,7 @@ class PartRefinement:
         on_whole = self._whole.features[nearest]
         columns = [pulled_back / np.sqrt(k), weights * on_part + (1 - weights) * on_whole]
         if with_positions:
-            smooth = self._whole.smooth(k)
-            positions, normals = self._pulled_back(smooth.vertices[image], k_part)
+            positions, normals = self._pulled_back(self._whole.smooth(k)[0][image], k_part)
             positions = positions[vertices] / settings.position_unit
             columns += [positions, settings.normal_weight * normals[vertices]]
         return Embedding(np.hstack(columns), self._whole.at(k, with_positions))
@@ -211,7 +169,7 @@ class PartRefinement:
     ) -> tuple[Float[FloatArray, "n_part 3"], Float[FloatArray, "n_part 3"]]:
         """Copy the whole to the part by the positions of images: vertices and normals."""
         vertices = self._basis.functions[:, :k_part] @ self._basis.fit(positions, k_part)
-        return vertices, vertex_normals(vertices, self._pair.meshes[0].faces)
+        return vertices, vertex_normals(vertices, self._pair.part.mesh_body.faces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +201,7 @@ class PartBending(Bending):
         self, pair: PartPair, refinement: PartRefinement, image: BodyVertices, lengths: tuple[float, ...]
     ) -> BentPart:
         """Bend the part coarsely onto the whole, starting from a map."""
-        onto = Surroundings(pair.meshes[1], pair.whole.index, pair.unit)
+        onto = Surroundings(pair.whole.mesh_body, pair.whole.index, pair.unit)
         of_part, of_whole = refinement.embedding(image, ALL_FUNCTIONS, PartVertices(self.vertices))
         start = onto.index.points(of_whole, of_part).interpolated(onto.mesh.vertices)
         bent = self.bend_coarsely(onto, start, lengths, _hard_landmarks(pair))
@@ -256,7 +214,7 @@ class PartBending(Bending):
 
 
 def _hard_landmarks(pair: PartPair) -> HardLandmarks:
-    return pair.anchors[: len(pair.landmarks)], pair.meshes[1].vertices[pair.landmarks]
+    return pair.anchors[: len(pair.landmarks)], pair.whole.mesh_body.vertices[pair.landmarks]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -279,29 +237,17 @@ class PartFit(Fit):
         of_part = self.pair.signature.at(self.refinement.vertices)
         return of_part.descriptor_distance(of_whole.at(self.image), deviation_of(of_whole))
 
-    @property
-    def descriptor_distance(self) -> float:
-        """Mean descriptor distance, or 0 if nothing is known."""
-        distances = self.descriptor_distances[np.isfinite(self.descriptor_distances)]
-        return float(distances.mean()) if len(distances) else 0.0
-
     @cached_property
     def bent(self) -> BentPart:
         """The part bent onto the whole by the map, at a lower resolution."""
         return self.bending.lay(self.pair, self.refinement, self.image, self.lengths)
 
     @property
-    def share(self) -> float:
-        """Area of the part over the area of the whole, by the map."""
-        return self.refinement.local_unit(self.image) ** 2
-
-    @property
     def cost(self) -> float:
         """Cost among other maps: spectral residual × a power of the stress of distances."""
-        # r σ^¼ with the spectral residual r and the stress σ. Only ratios of costs are compared, so
-        # log cost = log r + ¼ log σ can weigh two quantities with different units. The residual
-        # measures detail after a smooth fit; the stress measures distances, to which no map was
-        # fitted.
+        # r σ^¼ with the spectral residual r and the stress σ. Only ratios of costs are compared, so log
+        # cost = log r + ¼ log σ can weigh two quantities with different units. The residual measures
+        # detail after a smooth fit; the stress measures distances, to which no map was fitted.
         return max(float(self.spectral_residual * self.stress**PART_FIT.stress_exponent), MIN_COST)
 
     @property
@@ -319,13 +265,14 @@ class PartFit(Fit):
         #       o ≈ 1 − 2t. The fine refinement repairs small twists, so they are penalised only by
         #       1 / √o ≈ 1 + t. This is at most 1 / √0.1 ≈ 3.2, slightly above `PartSettings.hopeless`,
         #       from which a map is dropped. Mirror images, o < 0, were dropped before.
-        #   m   mean descriptor distance, w = `PartSettings.descriptor_weight`. If the log ratio of
+        #   m   mean known descriptor distance, or 0, w = `PartSettings.descriptor_weight`. If the log ratio of
         #       its densities at right and wrong images is linear in m, exp(w Δm) is the likelihood
         #       ratio of two maps. The mean is over the whole part, because rough maps differ nearly
         #       everywhere; fine maps are compared only where they differ (`weigh_costs`).
         twist = max(self.orientation, PART_FIT.min_orientation)
-        weight = self.pair.config.parts.descriptor_weight
-        return float(self.cost / np.sqrt(twist) * np.exp(weight * self.descriptor_distance))
+        known = self.descriptor_distances[np.isfinite(self.descriptor_distances)]
+        unlike = self.pair.config.parts.descriptor_weight * float(known.mean()) if len(known) else 0.0
+        return float(self.cost / np.sqrt(twist) * np.exp(unlike))
 
 
 class PartFits:
@@ -339,44 +286,64 @@ class PartFits:
         coordinates: WholeCoordinates | None = None,  # coordinates of the whole, if already known
     ) -> None:
         config = pair.config
-        self.pair, self._config, self.given, self._near = pair, config, given, NearPairs(pair)
+        self.pair, self._config, self.given = pair, config, given
         known = pair.landmarks, pair.functions.target
         self.coordinates = coordinates or WholeCoordinates(pair.whole, config, *known)
-        self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
+        self.bending = PartBending(pair.part.mesh_body, config.parts.n_bent_vertices)
 
     @cached_method
     def _refinement(self, pair: PartPair, n_rows: int) -> PartRefinement:
-        return PartRefinement(pair, self.coordinates, self._near, n_rows)
+        return PartRefinement(pair, self.coordinates, n_rows)
+
+    @cached_property
+    def _near_pairs(
+        self,
+    ) -> tuple[Bool[BoolArray, "q q"], Bool[BoolArray, "near"], Float[FloatArray, "near"]]:
+        """Which pairs of samples are close, which of these have a known distance, and all distances."""
+        pair, config = self.pair, self._config
+        most = min(config.n_search, config.n_refine, PART_FIT.n_rough_vertices)
+        vertices = pair.part.sample_vertices[:most]
+        along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
+        near = (along > PART_FIT.min_near_distance) & (along < PART_FIT.max_near_distance)
+        lower = pair.missing.lower_bound(vertices, vertices, along)
+        return near, lower[near] >= PART_UNIT.known_ratio * along[near], along[near]
+
+    def local_unit(self, pair: PartPair, image: Int[BodyVertices, "r"]) -> float:
+        """Measure the unit: median ratio of distances of images and close known distances."""
+        if pair.keeps_unit:
+            return pair.unit
+        near, exact, along = self._near_pairs
+        if exact.sum() < PART_UNIT.min_known_distances:
+            return pair.unit
+        images = image[: len(near)]
+        of_images = np.maximum(pair.whole.distances.between(images, images)[near], 1e-3)
+        return pair.nearest_allowed_unit(float(np.median((of_images / along)[exact])))
 
     def refine_start(self, start: PartStart) -> PartFit | None:
         """Refine a start roughly; None for a mirror image."""
         refinement = self._refinement(start.pair, PART_FIT.n_rough_vertices)
         vertices = PartVertices(refinement.vertices[: self._config.n_search])
         origin = "landmarks" if len(self.pair.landmarks) else "anchors"
-        return self.refine_roughly(
-            start.pair, refinement.extend(start.extend(vertices), PART_FIT.n_rough_normal_functions), origin
-        )
+        image = refinement.extend(start.extend(vertices), PART_FIT.n_rough_normal_functions)
+        return self.refine_roughly(start.pair, image, origin)
 
     def compose(self, fit: PartFit, image_row: Int[SearchRows, "m_t"]) -> PartFit | None:
         """Compose a roughly refined map with a self-map of the whole, and refine it again."""
-        return self.refine_roughly(
-            fit.pair, compose_with_self_map(fit.pair.whole, fit.image, image_row), fit.origin
-        )
+        image = compose_with_self_map(fit.pair.whole, fit.image, image_row)
+        return self.refine_roughly(fit.pair, image, fit.origin)
 
     def refine_roughly(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str) -> PartFit | None:
         """Refine a map of the rough vertices roughly; None for a mirror image."""
-        refinement = self._refinement(pair, PART_FIT.n_rough_vertices)
-        if refinement.orientation(image, PART_FIT.n_rough_normal_functions) < 0:
+        refinement, k = self._refinement(pair, PART_FIT.n_rough_vertices), PART_FIT.n_rough_normal_functions
+        if refinement.orientation(image, k) < 0:
             return None
-        image, spectral_residual = refinement.refine(image, PART_FIT.rough_sizes)
+        image, residual = refinement.refine(image, PART_FIT.rough_sizes)
         anchors = refinement.extend(image, PART_FIT.rough_sizes[-1], pair.anchors)
-        return self._fit(
-            refinement, pair, image, spectral_residual, anchors, PART_FIT.n_rough_normal_functions, origin
-        )
+        return self._fit(refinement, pair, image, residual, anchors, k, origin)
 
     def begin(self, pair: PartPair, image: BodyVertices, origin: str) -> PartFit:
         """Extend a map of the rough vertices to the fine vertices, in the unit that it measures."""
-        pair = pair.with_unit(self._refinement(pair, PART_FIT.n_rough_vertices).local_unit(image))
+        pair = pair.with_unit(self.local_unit(pair, image))
         refinement = self._refinement(pair, self._config.n_refine)
         image = refinement.extend(image, PART_FIT.rough_sizes[-1])
         return PartFit(image, origin=origin, pair=pair, refinement=refinement, bending=self.bending)
@@ -428,7 +395,7 @@ class PartFits:
         refinement: PartRefinement,
         pair: PartPair,
         image: Int[BodyVertices, "r"],
-        spectral_residual: float,
+        residual: float,
         anchors: Int[BodyVertices, "m"],
         k: int,
         origin: str,
@@ -436,7 +403,7 @@ class PartFits:
         """Measure a map; ``anchors`` are its images of the anchors."""
         return PartFit(
             image,
-            spectral_residual,
+            residual,
             orientation=refinement.orientation(image, k),
             origin=origin,
             pair=pair,

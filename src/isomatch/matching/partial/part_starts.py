@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import chain
+from operator import attrgetter
 
 import numpy as np
 
@@ -24,7 +26,12 @@ from isomatch.correspondence import Alignment, Intervals, assign_points, grow_re
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.maps import Candidate
 from isomatch.matching.parameters import MAP_DISTANCE, PART_SEARCH
-from isomatch.matching.partial.part_pair import PartPair, WholeSignatures, areas_of_samples
+from isomatch.matching.partial.part_pair import (
+    PartPair,
+    WholeSignatures,
+    areas_of_samples,
+    shrink_to_neutral,
+)
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.flips import find_flips
 from isomatch.matching.selection import keep_distinct
@@ -44,7 +51,7 @@ class PartStart:
         """Map vertices of the part by trilateration from the images of all anchors."""
         whole = self.pair.whole
         to_samples = whole.distances.between(self.images, whole.sample_vertices)
-        return _trilaterate_points(self.pair, Intervals(*self.pair.intervals(vertices)), to_samples)
+        return _trilaterate_points(self.pair, self.pair.intervals(vertices), to_samples)
 
 
 def _trilaterate_points(pair: PartPair, points: Intervals, to_samples: FloatArray) -> BodyVertices:
@@ -64,7 +71,7 @@ def complete_anchors(
     to_samples = to_samples or partial(pair.whole.distances.between, columns=pair.whole.sample_vertices)
     for _ in range(rounds):
         rows = np.flatnonzero(images >= 0)
-        points = Intervals(*pair.anchor_intervals).at(rows, np.arange(len(pair.anchors)))
+        points = pair.anchor_intervals.at(rows, np.arange(len(pair.anchors)))
         images = _trilaterate_points(pair, points, to_samples(BodyVertices(images[rows])))
         images[: len(pair.landmarks)] = pair.landmarks
     return images
@@ -102,13 +109,10 @@ class PartStarts:
 
     def __call__(self) -> list[PartStart]:
         """Search distinct starts, least cost first."""
-        assigned = [
-            start for group in parallel_map(self._assign_anchors, self._pair.units) for start in group
-        ]
-        assigned.sort(key=lambda start: start.cost)
-        best = assigned[: PART_SEARCH.n_trilaterated]
+        assigned = chain(*parallel_map(self._assign_anchors, self._pair.units))
+        best = sorted(assigned, key=attrgetter("cost"))[: PART_SEARCH.n_trilaterated]
         starts = parallel_map(lambda start: self._complete_start(start.pair, start.images, 3), best)
-        kept = self._keep_distinct(starts, PART_SEARCH.n_starts)
+        kept = self._keep_distinct(sorted(starts, key=attrgetter("cost")), PART_SEARCH.n_starts)
         mirrored = [
             (start.pair, compose_with_self_map(start.pair.whole, start.images, image_row))
             for start in kept
@@ -116,10 +120,8 @@ class PartStarts:
         ]
         more = parallel_map(lambda start: self._complete_start(*start, 2), mirrored)
         # starts on the wrong side are as likely as right ones; later steps separate them
-        return [
-            *self._keep_distinct([*kept, *more], PART_SEARCH.n_starts_with_composed),
-            *self._grow_starts(),
-        ]
+        both = sorted([*kept, *more], key=attrgetter("cost"))
+        return [*self._keep_distinct(both, PART_SEARCH.n_starts_with_composed), *self._grow_starts()]
 
     def _grow_starts(self) -> list[PartStart]:
         """Grow regions from anchors far from the boundary, at the most similar candidates."""
@@ -128,34 +130,21 @@ class PartStarts:
             return []
         descriptor_distance = self._descriptor_distances(pair, whole.balls)
         roots = np.argsort(-pair.to_boundary[pair.anchors], kind="stable")[: PART_SEARCH.n_roots]
-        likely = np.argsort(descriptor_distance[roots], axis=1, kind="stable")[
-            :, : PART_SEARCH.n_root_candidates
-        ]
+        order = np.argsort(descriptor_distance[roots], axis=1, kind="stable")
+        likely = order[:, : PART_SEARCH.n_root_candidates]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
         unary = PART_SEARCH.descriptor_gain * (descriptor_distance - PART_SEARCH.neutral_descriptor_distance)
-        regions, gains = grow_regions(
-            *self._sides(pair),
-            unary,
-            seeds,
-            pair.cost,
-            PART_SEARCH.near_distance,
-            PART_SEARCH.max_distance_cost,
-        )
+        bounds = PART_SEARCH.near_distance, PART_SEARCH.max_distance_cost
+        regions, gains = grow_regions(*self._sides(pair), unary, seeds, pair.cost, *bounds)
         best = regions[np.argsort(-gains, kind="stable")[: PART_SEARCH.max_grown_regions]]
         images = BodyVertices(np.where(best >= 0, candidates[best], -1))
         starts = parallel_map(lambda row: self._complete_start(pair, row, 2), images)
-        return keep_distinct(
-            starts,
-            lambda start: start.images,
-            whole.mean_distances,
-            self._same_distance,
-            PART_SEARCH.n_starts_from_regions,
-        )
+        return self._keep_distinct(starts, PART_SEARCH.n_starts_from_regions)
 
     def _sides(self, pair: PartPair) -> tuple[Intervals, Intervals]:
         """Distances between the anchors, and between the candidates."""
         distances = self._pair.whole.distances_between(self._candidates)
-        return Intervals(*pair.anchor_intervals), Intervals(distances, distances)
+        return pair.anchor_intervals, Intervals(distances, distances)
 
     def _descriptor_distances(
         self, pair: PartPair, of_whole: BallSignature
@@ -166,10 +155,8 @@ class PartStarts:
         a, b = np.indices((len(anchors.values), len(candidates.values))).reshape(2, -1)
         distance = anchors.at(a).descriptor_distance(candidates.at(b), deviation_of(candidates))
         total = np.where(n_radii > 0, distance.reshape(n_radii.shape), 0.0) * n_radii
-        return np.asarray(
-            (total + PART_SEARCH.neutral_descriptor_distance * PART_SEARCH.neutral_weight)
-            / (n_radii + PART_SEARCH.neutral_weight)
-        )
+        neutral = PART_SEARCH.neutral_descriptor_distance, PART_SEARCH.neutral_weight
+        return shrink_to_neutral(total, n_radii, *neutral)
 
     def _assign_anchors(self, unit: float) -> list[PartStart]:
         """Assign the first anchors to candidates in one unit."""
@@ -204,11 +191,8 @@ class PartStarts:
         return float(PART_SEARCH.unit_change_weight * np.log(unit / self._pair.unit) ** 2)
 
     def _keep_distinct(self, starts: list[PartStart], most: int) -> list[PartStart]:
-        order = sorted(starts, key=lambda start: start.cost)
-        whole = self._pair.whole
-        return keep_distinct(
-            order, lambda start: start.images, whole.mean_distances, self._same_distance, most
-        )
+        distances = self._pair.whole.mean_distances
+        return keep_distinct(starts, lambda start: start.images, distances, self._same_distance, most)
 
     def _distances_to_samples(self, places: Int[BodyVertices, "q"]) -> Float[FloatArray, "q samples"]:
         """Distances from places, given as vertices, to the samples of the whole."""

@@ -22,11 +22,10 @@ from isomatch._core.arrays import (
 from isomatch._core.cached import cached_method, cached_property
 from isomatch._core.errors import MeshError, NotConvergedError
 from isomatch._core.stage_timer import StageTimer
-from isomatch._core.threads import parallel_map, serial_blas
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import UNMATCHED, Boundary, Correspondence, Embedding, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.assessment.evidence import CommonDoubt, Solution
-from isomatch.matching.assessment.measured import Measured
+from isomatch.matching.assessment.evidence import CommonDoubt, Measured, Solution
 from isomatch.matching.assessment.quality import descriptor_distance_of
 from isomatch.matching.model import Match, MatchingModel, Proposals
 from isomatch.matching.parameters import MAP_DISTANCE, PART_FIT, SEEDS, TWO_PARTS
@@ -41,7 +40,7 @@ from isomatch.matching.partial.part import (
 from isomatch.matching.partial.part_registration import BentPart, PartFit, WholeCoordinates
 from isomatch.matching.priors import Priors
 from isomatch.matching.problem import Problem
-from isomatch.matching.proposals.pose import nearest_in_pose
+from isomatch.matching.proposals.starts import nearest_in_pose
 from isomatch.matching.result import Alternative
 from isomatch.matching.selection import Ranking
 from isomatch.matching.verify import largest_piece
@@ -68,8 +67,7 @@ class RefinedRegion:
     @cached_property
     def matched(self) -> Bool[BoolArray, "n_s"]:
         """Which source vertices lie near the target, bent at the lower resolution."""
-        # a bent region keeps its lengths beyond the boundary of the target, and so lies off the
-        # target
+        # a bent region keeps its lengths beyond the boundary of the target, and so lies off the target
         near = self.fit.bending.interpolate(lies_on_target(self.fit.bent).astype(np.float64)) > 0.5
         matched = np.zeros(len(self.image), dtype=bool)
         matched[self.vertices] = near
@@ -97,14 +95,9 @@ class RefinedRegion:
     @cached_property
     def n_landmarks_held(self) -> int:
         """Number of landmarks whose images are close to their targets."""
-        source, target = self.regions.source, self.regions.target
-        image = self.image[source.landmarks]
-        return int(
-            (
-                target.shape.distance(image, target.landmarks)[image != UNMATCHED]
-                < TWO_PARTS.landmark_tolerance
-            ).sum()
-        )
+        target, image = self.regions.target, self.image[self.regions.source.landmarks]
+        errors = target.shape.distance(image, target.landmarks)[image != UNMATCHED]
+        return int((errors < TWO_PARTS.landmark_tolerance).sum())
 
     @property
     def cost(self) -> float:
@@ -117,8 +110,7 @@ class RefinedRegion:
 
     def grow_again(self, most: float) -> CommonRegion:
         """Extend the region from its samples to all samples that cost at most ``most``."""
-        # samples that look unlike their images do not place others, but may be placed by others
-        # again
+        # samples that look unlike their images do not place others, but may be placed by others again
         source, target = self.regions.source, self.regions.target
         at_samples = np.full(len(source.vertices), UNMATCHED)
         alike = self.rows[self.descriptor_distances < TWO_PARTS.max_descriptor_distance]
@@ -223,8 +215,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         vertices = largest_piece(source.shape.mesh_body, source.unit * gap <= TWO_PARTS.region_margin)
         without_extremities = replace(pair.config.preparation, n_extremities=0)
         config = replace(pair.config, scale="same", preparation=without_extremities)
-        if roughly:
-            config = rough_config(config)
+        config = rough_config(config) if roughly else config
         part = region_of(source.shape, vertices, config)
         # unit of the source on the target, from the unit of both parts
         length = part.scale / source.shape.scale * source.unit / target.unit
@@ -234,9 +225,8 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         kept = number[landmarks[:, 0]] >= 0
         landmarks = BodyVertices(np.column_stack([number[landmarks[:, 0]], landmarks[:, 1]])[kept])
         functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
-        problem = Problem(
-            part, target.shape, config, functions, Priors(landmarks), pair.refinement, pair.starts
-        )
+        priors = Priors(landmarks)
+        problem = Problem(part, target.shape, config, functions, priors, pair.refinement, pair.starts)
         model = Part(problem, coordinates=self._coordinates(tuple(landmarks[:, 1].tolist())))
         first = images[owner[vertices[part.sample_vertices[: PART_FIT.n_rough_vertices]]]]
         begun = model.fits.begin(model.fits.pair, BodyVertices(first), region.origin)
@@ -281,9 +271,8 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         )
 
     def _map_of(self, region: RefinedRegion) -> Correspondence:
-        with serial_blas():
-            image = np.where(region.matched, region.image, 0)
-            return self.pair.source.correspondence(self.pair.target, image, region.matched)
+        image = np.where(region.matched, region.image, 0)
+        return self.pair.source.correspondence(self.pair.target, image, region.matched)
 
     def _differs(self, best: RefinedRegion, other: RefinedRegion) -> bool:
         """Whether two maps differ where both have images, or have no vertex in common."""
@@ -299,13 +288,9 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         points, matched = PrecisePoints.at_vertices(np.zeros(n, dtype=np.int64)), np.zeros(n, dtype=bool)
         points.corners[best.vertices], points.barycentric[best.vertices] = bent.points
         matched[best.vertices] = lies_on_target(bent)
-        descriptor_distance = descriptor_distance_of(
-            pair.source.balls, pair.target.balls, points.corners[:, 0], matched
-        )
-        unit, reason = (
-            self._regions.source.unit / self._regions.target.unit,
-            "largest region in common that looks alike",
-        )
+        balls, reason = (pair.source.balls, pair.target.balls), "largest region in common that looks alike"
+        descriptor_distance = descriptor_distance_of(*balls, points.corners[:, 0], matched)
+        unit = self._regions.source.unit / self._regions.target.unit
         return measure_part(pair, best.fit, bent, unit, points, matched, descriptor_distance, reason)
 
     def sum_up(
@@ -339,10 +324,8 @@ def lies_on_target(bent: BentPart) -> Bool[BoolArray, "n"]:
     """Which vertices of a bent part lie on the target, with a smaller tolerance at its boundary."""
     onto, points = bent.onto.mesh, bent.points
     gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)
-    return np.asarray(
-        gap
-        <= np.where(Boundary(onto).holds(points), TWO_PARTS.boundary_tolerance, TWO_PARTS.surface_tolerance)
-    )
+    at_boundary, inside = TWO_PARTS.boundary_tolerance, TWO_PARTS.surface_tolerance
+    return np.asarray(gap <= np.where(Boundary(onto).holds(points), at_boundary, inside))
 
 
 def rough_config(config: Config) -> Config:

@@ -1,4 +1,4 @@
-"""Distinct hypotheses, and more of them by flipping Laplace–Beltrami functions."""
+"""Distinct hypotheses, and more of them: by flipping functions, and by symmetries of the shapes."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from isomatch.correspondence import Alignment, closest_point_images, iterative_c
 from isomatch.matching.maps import Candidate
 from isomatch.matching.problem import Problem
 from isomatch.matching.selection import keep_distinct
+from isomatch.shapes import Symmetry
 
 T = TypeVar("T")
 M = TypeVar("M", Alignment, Candidate)
@@ -72,16 +73,14 @@ class Pool:
     def converge(self, starts: list[Int[SearchRows, "m_s"]], steps: int) -> list[Alignment]:
         """Run iterative closest points from many first maps; drop those that meet others."""
         settings, points = self._settings, self.pair.search_points
+        bounds = settings.compare_every, settings.unchanged
         known, converged = [h.target_row for h in self.hypotheses], list[SearchRows]()
         # most starts converge to few maps, so comparing them often, and moving converged maps no
         # further, saves most of the work
         for _ in range(0, steps, settings.compare_every):
             before, distances = [*known, *converged], self.pair.distances_between_maps
             starts = keep_distinct(starts, lambda rows: rows, distances, settings.same_start, before=before)
-            images = _map_in_groups(
-                lambda maps: closest_point_images(*points, maps, settings.compare_every, settings.unchanged),
-                starts,
-            )
+            images = _map_in_groups(lambda maps: closest_point_images(*points, maps, *bounds), starts)
             moving = [(rows == start).mean() < settings.unchanged for rows, start in zip(images, starts)]
             converged += [rows for rows, moves in zip(images, moving) if not moves]
             starts = [rows for rows, moves in zip(images, moving) if moves]
@@ -103,3 +102,33 @@ def _flip_function(pair: Problem, functional_map: FloatArray, function: int) -> 
     flipped[function] *= -1
     sizes = range(size, len(functional_map) + 1, 2)
     return SearchRows(spectra.image(spectra.upsample(flipped, sizes)))
+
+
+def symmetric_variants(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> list[Candidate]:
+    """Compose a map of the search vertices with the symmetries of the target."""
+    # σ ∘ f keeps distances as well as f does if σ is a self-isometry
+    return _compose(pair, target_row, pair.target.symmetries)
+
+
+def near_symmetric_variants(pair: Problem, target_row: SearchRows, most: float) -> list[Candidate]:
+    """Compose a map with near-symmetries of either shape whose residuals are at most ``most``."""
+    # σ ∘ f distorts distances at most as much as f and σ together, so it may be the true map if σ
+    # distorts less than f. Closest points repair errors of σ better on the target, so symmetries of
+    # the source are composed with the inverse of f.
+    back = pair.turned
+    composed = _compose(back, pair.inverted(target_row), back.target.near_symmetries(most))
+    rows = [back.inverted(candidate.target_row) for candidate in composed]
+    inverses = [Candidate(Alignment(row, np.eye(1), 0.0), "symmetry") for row in rows]
+    variants = _compose(pair, target_row, pair.target.near_symmetries(most))
+    return keep_distinct_maps(pair, [*variants, *inverses])
+
+
+def _compose(pair: Problem, target_row: SearchRows, symmetries: Sequence[Symmetry]) -> list[Candidate]:
+    """Compose a map with allowed symmetries of the target, and run closest points."""
+    settings, any_side = pair.config.search, pair.config.orientation == "any"
+    starts = [s.image_row[target_row] for s in symmetries if any_side or s.orientation >= 0]
+    if not starts:
+        return []
+    steps = settings.flip_steps, settings.unchanged
+    moved = iterative_closest_points(*pair.search_points, np.array(starts), *steps)
+    return [Candidate(alignment, "symmetry") for alignment in moved]
