@@ -143,7 +143,9 @@ def test_repair_names_the_files_beside(scan, capsys):
     assert main(["repair", "a.obj", "-o", str(Path("out/b.obj")), "--force"]) == 0
     names = ("b.obj", "b_skin.png", "a.mtl", "b.index.npz")
     written = ", ".join(str(Path("out") / name) for name in names)
-    assert capsys.readouterr().out.splitlines() == [f"nothing to repair; wrote an unchanged copy: {written}"]
+    assert capsys.readouterr().out.splitlines() == [
+        f"found nothing that repair mends; wrote an unchanged copy: {written}"
+    ]
     assert (scan / "out" / "b_skin.png").read_bytes() == PICTURE
 
 
@@ -170,7 +172,7 @@ def test_notes_on_files_are_told(scan, capsys):
     assert main(["repair", "a.off", "-o", "b.off"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         note,
-        "nothing to repair; wrote an unchanged copy: b.off, b.index.npz",
+        "found nothing that repair mends; wrote an unchanged copy: b.off, b.index.npz",
     ]
     (scan / "map.txt").write_text("0\n1\n2\n3\n")
     (scan / "marks.csv").write_text("name,x,y,z\nnose,0.5,0.25,0\n")

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from isomatch import MapError, geodesic_distances, judge, verify
+from isomatch import MapError, Mesh, geodesic_distances, judge, verify
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import prepare_pair
+from shapes import icosphere
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +41,17 @@ def test_random_images_are_wrong_and_their_share_is_told(judged):
     found = by_truth(spoiled)
     assert found.verdict == "wrong"
     assert found.elsewhere == pytest.approx(1 / 3, abs=0.08)
+
+
+def test_a_half_turn_of_an_ellipsoid_exchanges_sides_and_costs_as_much(judged):
+    sphere = icosphere(3)
+    ellipsoid = Mesh(sphere.vertices * [1.0, 2.0, 0.6], sphere.faces)
+    turned = cKDTree(ellipsoid.vertices).query(ellipsoid.vertices * [-1, -1, 1])[1]
+    found = judge(ellipsoid, ellipsoid, turned, reference=np.arange(len(turned)))
+    assert found.verdict == "doubtful"
+    assert "exchanges sides" in str(found)
+    by_truth, true, _, _ = judged
+    assert "exchanges sides" not in str(by_truth(np.random.default_rng(1).permutation(true)))
 
 
 def test_nearest_points_in_space_are_wrong(judged):

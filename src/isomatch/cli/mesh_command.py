@@ -256,7 +256,7 @@ def repair(
         say_left_out(left, output)
         say_notes(notes)
         copy = "a copy without these" if left else "an unchanged copy"
-        what = "wrote" if repaired.changes else f"nothing to repair; wrote {copy}:"
+        what = "wrote" if repaired.changes else f"found nothing that repair mends; wrote {copy}:"
         say(f"{what} {', '.join(files)}")
 
     Talk(json=json, quiet=quiet).result(done | {"files": files}, summary)

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._core.arrays import BoolArray, FloatArray, Int, UserVertices
+from isomatch._core.arrays import BodyVertices, BoolArray, FloatArray, Int, UserVertices
 from isomatch._core.first_use import Shown
 from isomatch._core.stage_timer import Progress
 from isomatch._core.threads import in_background, serial_blas
@@ -187,6 +187,8 @@ class _Comparison:
         verdict, sentence = self._verdict(elsewhere, result)
         if is_coarse:
             sentence += f"; it is coarse, with {len(images)} different images of {len(given)} vertices"
+        if verdict != "right" and self._exchanges_sides(given, reference):
+            sentence += "; it exchanges sides that look alike, such as left and right"
         return Judgement(
             verdict,
             sentence,
@@ -217,6 +219,17 @@ class _Comparison:
         if self.ratio <= JUDGING.min_wrong_ratio:
             return "doubtful", f"{difference}, but {cost}; either map may be right there"
         return "wrong", f"{difference}, and {cost}"
+
+    def _exchanges_sides(self, given: BodyVertices, reference: BodyVertices) -> bool:
+        """Whether a map is much nearer to the reference composed with a symmetry of the target."""
+        target, samples = self.pair.target, self.pair.source_vertices
+        samples = samples[(given[samples] >= 0) & (reference[samples] >= 0)]
+        if not len(samples):
+            return False
+        least = JUDGING.exchanged_ratio * target.mean_distance(given[samples], reference[samples])
+        rows = target.distances.between(self.pair.target_vertices, reference[samples]).argmin(axis=0)
+        images = (self.pair.target_vertices[s.image_row[rows]] for s in target.near_symmetries(np.inf))
+        return any(target.mean_distance(given[samples], BodyVertices(image)) < least for image in images)
 
     def _regions(
         self, differs: BoolArray, distance: FloatArray, areas: FloatArray

@@ -517,6 +517,8 @@ class JudgingParameters:
     # a map with fewer different images is coarse, and only the vertex nearest to each image is
     # judged; chosen
     coarse_image_share: float = 0.25  # different images over vertices
+    # a map exchanges sides if it is so much nearer to the reference composed with a symmetry; chosen
+    exchanged_ratio: float = 0.5  # mean distance over the mean distance from the reference
     max_regions: int = 5  # regions, the largest, are named; chosen
 
 

@@ -137,7 +137,9 @@ def format_of(path: Path, reading: bool = False) -> MeshFormat:
         return _with_attributes(CLOUDS[suffix], ply.write)
     found = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
     known = ", ".join([*FORMATS, *CLOUDS] if reading else FORMATS)
-    remedy = f"{UNREADABLE[suffix]}, or one of {known}" if suffix in UNREADABLE else f"use one of {known}"
+    remedy = f"use one of {known}"
+    if reading and suffix in UNREADABLE:
+        remedy = f"{UNREADABLE[suffix]}, or one of {known}"
     raise FormatError(f"{path}: {found} is not a mesh format; {remedy}")
 
 
