@@ -32,7 +32,7 @@ ERROR_THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.25)
 
 def evaluate(
     map_file: Annotated[Path, Parameter(name="MAP")],
-    truth: Path,
+    truth: Annotated[Path, Parameter(name="[TRUTH]", required=False)],
     source: Path,
     target: Path | None = None,
     /,
