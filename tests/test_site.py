@@ -81,6 +81,13 @@ def test_a_constant_that_cites_a_decision_names_its_record():
             )
 
 
+def test_a_page_that_a_constant_cites_has_the_heading():
+    for file in (ROOT / "src").rglob("*.py"):
+        for page, cited in re.findall(r"(docs/\w+\.md), ([^\n\":;]+)", file.read_text(encoding="utf-8")):
+            headings = re.findall(r"^#+ (.+)$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
+            assert cited.lower() in map(str.lower, headings), f"{file}: {page}, {cited}"
+
+
 def test_every_name_of_the_public_face_is_in_the_reference():
     listed = re.findall(r"^   (\w+)$", (DOCS / "reference/api.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert sorted(listed) == sorted(isomatch.__all__)

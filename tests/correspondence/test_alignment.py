@@ -39,6 +39,14 @@ def test_recovers_a_planted_rotation(seed):
     assert alignment_residual(source, target, found) < 1e-9
 
 
+def test_real_never_mixes_with_imaginary():
+    """Even where the points ask for it."""
+    target = random_cloud(signature=np.array([1, -1.0]))
+    found = signed_procrustes(SignedPoints(target.coordinates[:, ::-1], target.signs), target)
+    assert found[0, 1] == found[1, 0] == 0
+    np.testing.assert_allclose(np.abs(np.diag(found)), 1)
+
+
 def test_distances_are_kept():
     """X C has the same bilinear form as X: that is what orthogonal within signs means."""
     target, source = random_cloud(seed=1), random_cloud(seed=2)

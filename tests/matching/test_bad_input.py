@@ -18,7 +18,7 @@ from isomatch import (
 )
 from isomatch_lab.procedural import creature
 from shapes import flat_grid, icosphere
-from zoo import grid, zoo
+from zoo import grid, mobius, zoo
 from zoo.made import moved, together, with_vertices
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -201,7 +201,9 @@ def test_fatal_specimens_among_many_vertices_are_refused_by_name(shape, specimen
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "mesh", [flat_grid(2, 60), moved(flat_grid(12, 12), scale=[1, 1e-7, 1])], ids=["line", "needles"]
+    "mesh",
+    [flat_grid(2, 60), mobius(60), moved(flat_grid(12, 12), scale=[1, 1e-7, 1])],
+    ids=["line", "mobius", "needles"],
 )
 def test_shapes_without_features_end_in_a_result_or_a_named_error(mesh):
     try:

@@ -12,6 +12,12 @@ LINES = PAGE.read_text(encoding="utf-8").splitlines()
 GROUPS = {name: value for name, value in vars(parameters).items() if name.isupper()}
 
 
+UNITS = (
+    r"√area|average distances|share|ratio|fraction|times|weight|cost|this many|this often|"
+    r"steps|vertices|samples|points|columns|functions|maps|regions|landmarks|exchanges|candidates|starts|eigenvalues"
+)
+
+
 def test_each_number_tells_unit_meaning_and_source():
     for made in (
         node for node in ast.parse(PAGE.read_text(encoding="utf-8")).body if isinstance(node, ast.ClassDef)
@@ -22,8 +28,8 @@ def test_each_number_tells_unit_meaning_and_source():
         for number in made.body[1:]:
             comment = LINES[number.end_lineno - 1].partition("  # ")[2]
             unit, _, meaning = comment.partition(": ")
-            if "; " in unit:  # one sentence, in which the number is the subject or has its unit
-                meaning = comment
+            if "; " in unit:  # one sentence with its unit
+                unit, meaning = " ".join(re.findall(UNITS, comment)), comment
             above = number.lineno - 2
             while not meaning and LINES[above].startswith("    # "):
                 above -= 1

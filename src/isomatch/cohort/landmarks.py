@@ -243,7 +243,7 @@ def write_tables(
         views = _write_views(known, to, points, suffix)
         if to == own_folder:
             keep_files(collection.layout, (path for path in earlier if path.exists()))
-            write_page(known)
+            write_page(Snapshot(known.plan, known.plan.rows()))  # pairs may have been matched meanwhile
     spread = {name: marks.spread for name, marks in points.items() if np.isfinite(marks.spread).any()}
     errors = {name: marks.expected_error for name, marks in points.items()}
     least_sure = max(views, key=lambda name: np.nanmax(errors[name], initial=0.0), default="")

@@ -36,9 +36,8 @@ class ComponentEngine(ColumnEngine):
         self.n_points = mesh.n_vertices
         self._unit = ordinary_unit(mesh)
         self._mesh = mesh.moved(mesh.vertices / self._unit)
-        self._solvers: dict[
-            int, tuple[IntArray, Solver]
-        ] = {}  # vertices, increasing, and solver of a component
+        # vertices, increasing, and solver of a component
+        self._solvers: dict[int, tuple[IntArray, Solver]] = {}
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = np.full((len(sources), self.n_points), np.inf)
@@ -112,19 +111,19 @@ class Heat(ComponentEngine):
         super().__init__(mesh)
 
     def _solver(self, component: Mesh) -> Solver:
-        unsolvable = MeshError(
+        unsolvable = (
             f"the heat method cannot be solved on a component of {component.n_vertices} vertices and area "
             f"{component.area:.3g}; look at check(mesh), or use another engine"
         )
         try:
             solver = self._method(component.vertices, component.faces)
         except RuntimeError as error:
-            raise unsolvable from error
+            raise MeshError(unsolvable) from error
 
         def distances_from(source: int) -> FloatArray:
             distances = np.asarray(solver.compute_distance(source), dtype=np.float64)
             if not np.isfinite(distances).all():
-                raise unsolvable
+                raise MeshError(unsolvable)
             return np.maximum(distances, 0.0)
 
         return distances_from

@@ -168,6 +168,7 @@ class WeldedEngine(RestrictedEngine):
 
     def pair_distances(self, pairs: IntArray) -> FloatArray:
         """Distances (m,) of m pairs of vertices."""
+        require_in_range(pairs, self.n_points, "ends of pairs")
         return pair_distances(self._engine, self._vertices[pairs])
 
     def balls(self, centres: IntArray, radius: float) -> Balls:

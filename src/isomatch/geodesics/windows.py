@@ -12,10 +12,12 @@ from isomatch._core.compiled import compiled
 from isomatch._core.memory import memory_budget, require_memory
 from isomatch.surfaces import Mesh, count_fans
 
-# All bounds below but the last are fractions, far above rounding and far below every length of a mesh.
+# All bounds below but the last are fractions, far below every length of a mesh.
 MIN_GAIN_RATIO = 1e-14  # a path to a vertex replaces another one only if it is shorter by this fraction
 MIN_LOSS_RATIO = 1e-12  # a window is dropped only if another path is shorter by this fraction
-MAX_MISS_EDGES = 1e-9  # a ray that misses a window by less than this fraction of the edge belongs to it
+# a ray that misses a window by less than this fraction of the edge belongs to it; the path becomes too
+# short by the square of the fraction
+MAX_MISS_EDGES = 1e-9
 MIN_BEND_RATIO = 1e-12  # rays bend at a vertex only if its angle exceeds a straight one by this fraction
 MIN_WIDTH_EDGES = 1e-15  # a window that is narrower, relative to its edge, comes from rounding
 MIN_HEIGHT_EDGES = 1e-13  # a face is unfolded at least this high above a side, relative to its sides

@@ -187,7 +187,7 @@ class _Comparison:
         verdict, sentence = self._verdict(elsewhere, result)
         if is_coarse:
             sentence += f"; it is coarse, with {len(images)} different images of {len(given)} vertices"
-        if verdict != "right" and self._exchanges_sides(given, reference):
+        if elsewhere > JUDGING.min_region_area and self._exchanges_sides(given, reference):
             sentence += "; it exchanges sides that look alike, such as left and right"
         return Judgement(
             verdict,

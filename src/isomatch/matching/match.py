@@ -212,7 +212,7 @@ def _note_stages(problem: Problem, refinement: Refinement | None) -> list[str]:
     return [f"stages handed in: {stages}"] if stages else []
 
 
-FIRST_DIRECTION_SHARE = 0.75  # the share of the time that the preparation and the map there take
+FIRST_DIRECTION_SHARE = 0.75  # share of the time that the preparation and the map from source to target take
 
 
 class BothDirections(NamedTuple):
@@ -295,19 +295,19 @@ def _match_both_ways(
         problem = replace(problem, priors=Priors.of(source, target, *user_priors))
         searched = not problem.priors.any and problem.config.hypotheses == "all" and problem.relation is None
         attempts = Attempts(problem, timer) if searched and not side_to_turn(problem) else None
-    solution_there = try_strategies(attempts) if attempts else solve_prepared(problem, user_priors, timer)
-    result = result_of(solution_there, timer, seed)
+    first_solution = try_strategies(attempts) if attempts else solve_prepared(problem, user_priors, timer)
+    result = result_of(first_solution, timer, seed)
     timer_back.restart()
     ways = {ISOMETRIC.name: (ISOMETRIC,), BOTH_SIDES.name: (ISOMETRIC,), ELASTIC.name: (ISOMETRIC, ELASTIC)}
-    if attempts is None or solution_there.way not in ways:
+    if attempts is None or first_solution.way not in ways:
         solution = solve_prepared(problem_back, priors_back, timer_back)
         note = "the shapes were prepared for both directions at once; the map was found by itself"
     else:
         found = attempts.matches.get(BOTH_SIDES.name, attempts.matches[ISOMETRIC.name])
         hypotheses = _reverse_hypotheses(found, problem, problem_back)
-        way_back = ways[solution_there.way]
+        way_back = ways[first_solution.way]
         solution = try_strategies(Attempts(problem_back, timer_back, hypotheses, way_back))
-        solution = solution.with_evidence(Evidence.of(solution_there.outcome))
+        solution = solution.with_evidence(Evidence.of(first_solution.outcome))
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
             f"{len(hypotheses) - 1} alternatives to it, turned around, and the outcome is at most as sure as there"

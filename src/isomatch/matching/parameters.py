@@ -134,7 +134,7 @@ class ElasticSearchParameters:
     # the error of a distance costs at most this, see `IntervalCost`
     max_distance_cost: float = 0.6  # average distances
     short_distance: float = 0.2  # average distances: shorter distances count less, see `IntervalCost`
-    remoteness_weight: float = 0.5  # an anchor's remoteness counts: the share of the area that is less remote
+    remoteness_weight: float = 0.5  # weight: of the share of the area that is less remote than an anchor
     anchor_signature_weight: float = 0.1  # the signatures of an anchor have this weight in the assignment
     # an anchor's distance from its mirror image counts in the assignment; chosen
     mirror_distance_weight: float = 1.0  # weight
@@ -200,7 +200,7 @@ class PartUnitParameters:
     max_distance_cost: float = 0.6  # √area of the part
     short_distance: float = 0.18  # √area of the part: shorter distances count less, see `IntervalCost`
     n_boundary_vertices: int = 60  # boundary vertices are points at which paths may leave the part
-    n_anchors: int = 50  # distance columns have anchors; a start consists of the images of these
+    n_anchors: int = 50  # points of the part, whose images make a start
     min_known_share: float = 0.07  # scale = "auto" keeps the unit of the files if fewer distances are known
     unit_step_ratio: float = 1.1  # consecutive units that are tried have this ratio
     # the smallest part if the units of the files say nothing; single views show 16 % and more
@@ -358,9 +358,9 @@ class SeedsParameters:
     max_sample_cost_with_landmarks: float = 0.12  # cost
     # a sample that returns farther from where it began does not belong to a region
     max_round_trip: float = 0.12  # length
-    trilateration_distance: float = 0.15  # length: the reach of `trilaterate`
-    n_first_anchors: int = 50  # samples are those from which others are trilaterated at first
-    n_next_anchors: int = 90  # samples are those from which others are trilaterated afterwards
+    trilateration_distance: float = 0.15  # length: ``near`` of `trilaterate`
+    n_first_anchors: int = 50  # samples from which the others are trilaterated at first
+    n_next_anchors: int = 90  # samples from which the others are trilaterated afterwards
     min_accepted: int = 8  # samples: a smaller region is dropped while it is extended
     min_samples: int = 25  # samples: a smaller region is dropped in the end
     min_orientation: float = 0.2  # a region whose triangles have a lower mean sign is a mirror image
@@ -415,7 +415,7 @@ class HeldLandmarksParameters:
     """Maps that are bent until landmarks hold."""
 
     # the bump around a landmark is this many shifts wide: a steeper one turns faces over;
-    # docs/priors.md, 1.5 to 3 alike
+    # docs/priors.md, exact landmarks: 1.5 to 3 alike
     width_per_shift: float = 2.0  # width over the distance moved
     min_width: float = 0.1  # √area: a bump is at least this wide; docs/priors.md
     max_width: float = 0.2  # √area: a bump is at most this wide; docs/priors.md

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from operator import itemgetter
 from typing import ClassVar
-from unittest.mock import patch
 
 import numpy as np
 from scipy.linalg import polar
@@ -122,9 +122,8 @@ REFINEMENTS: dict[RefinementName, Refinement] = {
 # Numbers of `check_refinement`
 N_VERTICES = 500  # vertices of the ball on which a refinement is tried; chosen: a second for all laws
 MAX_ERROR = 0.02  # √area; the true map may move by less on average; half an edge of the shape is 0.025
-MAX_CHANGED_SHARE = (
-    0.01  # images that may change when vertices are renumbered: two points may be equally near
-)
+# images that may change when vertices are renumbered: two points may be equally near
+MAX_CHANGED_SHARE = 0.01
 MAX_ROUGH_ERROR = 0.1  # √area; images of a rough map are no farther from the true ones
 
 
@@ -221,7 +220,7 @@ class _Trial:
 
 def _check_repeatable(trial: _Trial, rough: Int[BodyVertices, "r"]) -> None:
     def refined(threads: int) -> list[BodyVertices]:
-        with patch.dict(os.environ, ISOMATCH_NUM_THREADS=str(threads)):  # read by `parallel_map`
+        with _threads(threads):
             return [fit.image for fit in trial.refine([trial.model.vertices, rough])]
 
     first = refined(1)
@@ -270,3 +269,17 @@ def _check_truth(trial: _Trial) -> None:
 
 def _law_error(trial: _Trial, law: str, how: str, look_at: str) -> SettingError:
     return SettingError(f'{type(trial.refinement).__name__} breaks the law "{law}": {how}; look at {look_at}')
+
+
+@contextmanager
+def _threads(number: int) -> Iterator[None]:
+    """Let `parallel_map` use a given number of threads."""
+    name = "ISOMATCH_NUM_THREADS"
+    before = os.environ.get(name)
+    os.environ[name] = str(number)
+    try:
+        yield
+    finally:
+        os.environ.pop(name)
+        if before is not None:
+            os.environ[name] = before

@@ -228,8 +228,9 @@ def _is_far(tried: Attempts) -> bool:
 
 def _may_be_wrong_isometry(tried: Attempts) -> bool:
     """Whether an isometry may be wrong though it looks sure: limbs may be fused, or may stretch."""
-    unsure = _may_be_searched_from_target(tried.problem) and _is_unsure_isometry(tried)
-    return max(handles_of(tried.problem)) > 0 or _is_far(tried) or unsure
+    if max(handles_of(tried.problem)) > 0 or _is_far(tried):
+        return True
+    return _may_be_searched_from_target(tried.problem) and _is_unsure_isometry(tried)
 
 
 ISOMETRIC = Strategy(

@@ -31,7 +31,8 @@ from isomatch.surfaces import Mesh, label_components
 # Numbers without another source: decisions.md, one verification
 BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area; step by step, a shape resists bending below these
 N_BENT_VERTICES = 1000  # vertices of a bent shape; with 500, costs are 1.1 to 1.5 times as high
-# in the cost; weights of 3 to 10 and exponents of 1 to 3 choose the same maps
+# Weight of the descriptor distance and exponent of the support in the cost. Weights of 3 to 10 and
+# exponents of 1 to 3 choose the same maps.
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0
 # a turning of one unit, in radians, leaves the cost as it is; right maps turn as much in the median,
 # decisions.md, turning

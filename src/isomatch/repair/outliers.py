@@ -8,7 +8,8 @@ from scipy.spatial import cKDTree
 from isomatch._core.arrays import BoolArray, FloatArray
 
 N_NEIGHBOURS = 8
-# A point is far if the mean distance to its neighbours exceeds this many times the median of all points.
+# A point is far if the mean distance to its neighbours exceeds this many times the median of all points,
+# and stray also if it exceeds as many times the median of its neighbours.
 FAR_RATIO = 4.0
 # Neighbours are scattered if their smallest variance exceeds this share of the sum of the three; on a
 # surface it is smaller.

@@ -129,7 +129,7 @@ class Config(Settings, Shown):
     pin: float | None = setting(None, "landmarks lead; clicked ones are no more exact than the map", least=0)
     part: PartRole = setting("auto", "lab/robustness.md, parts: a cut or a hole is found by its boundary")
     scale: Scale = setting("auto", "FAUST remeshed: bodies of one person differ by up to 1.2")
-    resolution: Resolution = setting("auto", "docs/performance.md, resolution")
+    resolution: Resolution = setting("auto", "see `LevelSettings`")
     preparation: PreparationSettings = setting(PreparationSettings())
     levels: LevelSettings = setting(LevelSettings())
     symmetry: SymmetrySettings = setting(SymmetrySettings())

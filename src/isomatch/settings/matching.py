@@ -76,8 +76,8 @@ class SelectionSettings(Settings):
         Functions of the smoothed surfaces whose normals are compared, and those through which a
         hypothesis is extended to further vertices.
     curvature_exponent, energy_exponent : float
-        Energy = descriptor residual × curvature difference to the first power; score of a refined
-        map = spectral residual × energy to the second.
+        Energy = descriptor residual × curvature difference to the power of the first; score of a
+        refined map = spectral residual × energy to the power of the second.
     orientation_threshold : float
         Mean cosine between normals above which a map preserves the orientation.
     energy_limit, mirrored_energy, most_contenders : float, float, int
@@ -87,8 +87,8 @@ class SelectionSettings(Settings):
         A map is given up after a stage of the refinement if its spectral residual reaches this
         multiple of the least.
     same_map, runner_up_distance : float
-        Mean distance between images, in √area, up to which two refined maps are the same (it is
-        less for one turned limb), and from which they are different maps, not variants of one.
+        Mean distance between images, in √area, up to which two refined maps are the same (less than
+        one turned limb makes), and from which they are different maps, not variants of one.
     descriptor_weight : float
         The costs of two maps are compared after a factor exp(weight × difference of their mean
         descriptor distances).
@@ -147,10 +147,10 @@ class RefinementSettings(Settings):
     final_sizes: tuple[int, ...] = _sizes((125, 150), "ablation")
     sizes_of_parts: tuple[int, ...] = _sizes((70, 100, 140), "decisions.md, refinement steps")
     sizes_again: tuple[int, ...] = _sizes((20, 30, 50, 80, 130), "decisions.md, second refinement")
-    polished_sizes: tuple[int, ...] = setting((100, 150), "docs/performance.md, resolution", least=4)
+    polished_sizes: tuple[int, ...] = setting((100, 150), "chosen", least=4)
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
     normal_weight: float = setting(0.3, "lab/benchmarks.md, sensitivity", least=0)
-    function_weight: float = setting(0.2, "docs/priors.md, functions known on both", least=0)
+    function_weight: float = setting(0.2, "docs/priors.md, known functions", least=0)
     registration_steps: int = setting(3, "decisions.md, refinement cost", least=0)
     laplace_steps_at_once: int = setting(0, "lab/paper.md, deviations: at once heals less", least=0)
 

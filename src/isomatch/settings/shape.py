@@ -53,6 +53,10 @@ class PreparationSettings(Settings):
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)
 
 
+# Mean errors × 100 / √area and seconds of CPU on eight pairs of SCAPE, with 12 500 vertices each
+MEASURED = "SCAPE: on all vertices 1.58 in 4.9 s, auto 1.54 in 2.8 s, fast 1.54 in 1.9 s"
+
+
 @dataclass(frozen=True)
 class LevelSettings(Settings):
     """Sizes of the levels on which large meshes are matched.
@@ -66,10 +70,10 @@ class LevelSettings(Settings):
         A mesh up to this factor larger is not decimated.
     """
 
-    matched: int = setting(5000, "docs/performance.md, resolution", least=200)
-    polished: int = setting(16000, "docs/performance.md, resolution", least=200)
-    fast_matched: int = setting(2500, "docs/performance.md, resolution", least=200)
-    fast_polished: int = setting(5000, "docs/performance.md, resolution", least=200)
+    matched: int = setting(5000, MEASURED, least=200)
+    polished: int = setting(16000, MEASURED, least=200)
+    fast_matched: int = setting(2500, MEASURED, least=200)
+    fast_polished: int = setting(5000, MEASURED, least=200)
     spared: float = setting(1.25, "chosen: less is hardly faster", least=1)
 
     def __post_init__(self) -> None:

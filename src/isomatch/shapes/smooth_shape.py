@@ -100,7 +100,8 @@ class SmoothShape:
         # The 20 columns of the wave kernel signature (Aubry et al. 2011) differ by orders of
         # magnitude; their logarithms count alike. The 3 curvatures of the body smoothed by some
         # first functions tell bumps from dents, a chest from a back, as no intrinsic measure does.
-        # The columns, standardised by area, have per kind together their weight as root mean square.
+        # Each column is standardised by area, and the columns of each kind are scaled so that together
+        # they have the weight of the kind as root mean square.
         settings, laplace = self.config.preparation, self.laplace
         kernel = wave_kernel_signature(laplace, k=SIGNATURE_FUNCTIONS)[:, :: settings.signature_step]
         parts = [(np.log(np.maximum(kernel, TINY)), WAVE_WEIGHT)]

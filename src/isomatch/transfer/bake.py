@@ -139,8 +139,7 @@ def bake_texture(
     if not tiles:
         raise DescriptorError(f"no texel of {size} × {size} lies on the surface; bake a larger picture")
     notes = paint.notes
-    hidden_share = hidden / receiver.mesh.area
-    if hidden_share >= MIN_HIDDEN_SHARE:
+    if hidden > 0 and (hidden_share := hidden / receiver.mesh.area) >= MIN_HIDDEN_SHARE:
         notes += (
             f"texture coordinates overlap: {hidden_share:.1%} of the surface shares its place in the picture with "
             "another part, and shows what is painted for that part",

@@ -17,8 +17,8 @@ from isomatch._core import machine
 from isomatch._core.arrays import IntArray, array_of
 from isomatch._core.errors import LandmarkError, MapError
 from isomatch._core.files import write_text
-from isomatch.correspondence import Correspondence
-from isomatch.matching import Judgement, MatchResult, Outcome, Question, questions
+from isomatch.correspondence import UNMATCHED, Correspondence
+from isomatch.matching import DoubtfulRegion, Judgement, MatchResult, Outcome, Question, questions
 from isomatch.surfaces import Mesh
 from isomatch.visualization import viewer
 from isomatch.visualization.measures import quality_measures
@@ -381,12 +381,18 @@ def table_of_quality(result: MatchResult, *, only_against: bool = False) -> str:
     return _headed_table(rows, "measure", "value", "bound", "meaning")
 
 
+def _other_image_of(region: DoubtfulRegion) -> str:
+    """Write where another map sends the first vertex of a region; empty if there is none."""
+    image = UNMATCHED if region.runner_up is None else int(region.runner_up[0])
+    return "" if image == UNMATCHED else str(image)
+
+
 def _table_of_regions(result: MatchResult) -> str:
     """Make a table of the regions where the map may be wrong; nothing if there are none."""
     rows = "".join(
         f'<tr><th scope="row">{number}</th><td class="number">{region.area:.1%}</td>'
         f'<td class="number" data-is="vertex">{region.vertices[0]}</td>'
-        f'<td class="number" data-is="other image">{"" if region.runner_up is None else region.runner_up[0]}</td>'
+        f'<td class="number" data-is="other image">{_other_image_of(region)}</td>'
         f"<td>{escape(region.reason)}</td></tr>"
         for number, region in enumerate(result.regions, 1)
     )

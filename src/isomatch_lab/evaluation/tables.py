@@ -50,9 +50,8 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
     rows = sorted(_comparable(every), key=lambda row: (*_group(row), row["pair"]))
     table = summaries(rows)
     gains = improvements(rows)
-    with staged(
-        out, "index.html"
-    ) as new:  # an interrupted run leaves all of the earlier files, or all new ones
+    # an interrupted run leaves all of the earlier files, or all new ones
+    with staged(out, "index.html" if table else "pairs.csv") as new:
         _write_csv(new / "pairs.csv", rows, COLUMNS)
         if table:
             _write_csv(new / "summary.csv", table, tuple(table[0]))

@@ -35,7 +35,9 @@ KINDS = {
     "two parts": ("shrec16_parts", "cuts_cat_shape_1", "cuts_cat_shape_2"),
 }
 SHOWN_STAGES = 1  # the table shows, for each pair, this many of the stages that take most seconds
-UPDATE_BYTES = 6 * 24  # a front reads about six updates of 24 bytes when it settles a vertex
+UPDATE_BYTES = 6 * (
+    12 + 16
+)  # a front reads about six edges of 12 and six updates of 16 bytes when it settles a vertex
 ENTRY_BYTES = 12  # an entry of a sparse factor is a number of 8 bytes and an index of 4
 Row = dict[str, Any]
 Work: TypeAlias = tuple[int, float, float]  # vertices that fronts settle, operations, and bytes to read

@@ -34,7 +34,7 @@ MAX_STEPS = 200  # a fit that still moves after this number of steps fails
 MAX_ROUNDS = 30  # nearest points are renewed at most this number of times; about 10 suffice
 MAX_MOVEMENT = 1e-3  # nearest points are final once the shape moves by less than this share of its size
 MAX_WIDTH = 1e-3  # points are on a line, so that any turn around it is possible, if width over length is less
-PATCH = 0.2  # √area: points nearer than this have about the same error; docs/statistics.md, completion
+PATCH = 0.2  # √area: points nearer than this have about the same error; docs/statistics.md, how to complete a shape
 ALONG_WEIGHT = 0.1  # weight of an offset along the surface, relative to one across it, at nearest points
 MIN_COSINE = 0.5  # least cosine of the angle between the normals of a point and of its nearest point
 

@@ -37,8 +37,9 @@ _KINDS: dict[str, tuple[str, Kind]] = {
     "TANGENT": ("tangent", "vector"),
 }
 _BYTE_TOLERANCE = 0.03  # Colours this near to whole bytes, in bytes, were made of bytes.
-_UNIT_TOLERANCE = 1e-3
-"""How far lengths of normals may be from 1 before they are scaled; it exceeds rounding to float32 and bytes."""
+_UNIT_TOLERANCE = (
+    1e-3  # Normals whose lengths are farther from 1, which is more than rounding to float32, are scaled.
+)
 # Points in parts without values get these; colours are white there, other kinds 0.
 _MISSING_VALUES = {"uv": np.nan, "scalar": np.nan, "label": -1}
 # For each part of a mesh: the rows of its points, and its primitives.

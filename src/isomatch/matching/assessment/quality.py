@@ -57,7 +57,7 @@ def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] 
 
 def quality_of(**known: float) -> Quality:
     """Collect the measures of a map; those that are not given are unknown."""
-    return Quality(**{field.name: known.get(field.name, np.nan) for field in fields(Quality)})
+    return Quality(**(dict.fromkeys((field.name for field in fields(Quality)), np.nan) | known))
 
 
 def descriptor_distance_of(

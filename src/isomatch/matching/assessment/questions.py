@@ -75,9 +75,8 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
         return ()
     size = np.sqrt(source.area), np.sqrt(target.area)
     vertices = _spread_vertices(source, result.map.matched)
-    images = np.stack(
-        [map_.vertices[vertices] for map_ in maps]
-    )  # a row for each map, a column for each vertex
+    # a row for each map, a column for each vertex
+    images = np.stack([map_.vertices[vertices] for map_ in maps])
     pairs = list(combinations(range(len(maps)), 2))
     gap = np.stack([_gaps(target, images[i], images[j]) for i, j in pairs]) / size[1]
     separation = np.where(gap < ERRORS.other_place, 0.0, np.minimum(gap, ERRORS.question_distance))
