@@ -35,7 +35,7 @@ from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
 
 NO_PARTNERS = 1e6  # cost of components that cannot be partners
-MIN_DISTANCE = 1e-6  # between samples, in units of a shape; shorter distances are not divided by
+MIN_DISTANCE = 1e-6  # in units of a shape; a shorter distance of samples is raised to this
 SIDES = "source", "target"
 
 
@@ -359,8 +359,8 @@ class Carrier:
 
     points: Float[FloatArray, "m 3"]  # matched points of the source, in units of its shape
     images: Float[FloatArray, "m 3"]  # their images, in units of the target
-    units: tuple[float, float]  # lengths of 1 in the users' units
-    scale: float  # change of lengths
+    units: tuple[float, float]  # lengths of 1 of both shapes, in the users' units
+    scale: float  # length between images over length between points
     side: float  # −1 if the map mirrors, else 1
 
     @classmethod

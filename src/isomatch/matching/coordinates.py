@@ -24,7 +24,7 @@ class SmoothPair:
     source: SmoothShape
     target: SmoothShape
     config: Config
-    functions: Embedding | None = None  # weighted values at the users' vertices
+    functions: Embedding | None = None  # weighted values, at the users' vertices, of functions known on both
 
     @cached_property
     def refinement_vertices(self) -> Int[BodyVertices, "r"]:

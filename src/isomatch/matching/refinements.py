@@ -120,11 +120,10 @@ REFINEMENTS: dict[RefinementName, Refinement] = {
 
 
 # Numbers of `check_refinement`
-N_VERTICES = 500  # vertices of the ball on which a refinement is tried; chosen: a second for all laws
-MAX_ERROR = 0.02  # √area; the true map may move by less on average; half an edge of the shape is 0.025
-MAX_CHANGED_SHARE = (
-    0.01  # images that may change when vertices are renumbered: two points may be equally near
-)
+N_VERTICES = 500  # vertices of the ball on which a refinement is tried; chosen: all laws take a second
+MAX_ERROR = 0.02  # √area; a refinement may move the true map by less on average; half an edge is 0.025
+# this share of the images may change when vertices are renumbered: two points may be equally near
+MAX_CHANGED_SHARE = 0.01
 MAX_ROUGH_ERROR = 0.1  # √area; images of a rough map are no farther from the true ones
 
 
@@ -221,7 +220,7 @@ class _Trial:
 
 def _check_repeatable(trial: _Trial, rough: Int[BodyVertices, "r"]) -> None:
     def refined(threads: int) -> list[BodyVertices]:
-        with patch.dict(os.environ, ISOMATCH_NUM_THREADS=str(threads)):  # read by `parallel_map`
+        with patch.dict(os.environ, ISOMATCH_NUM_THREADS=str(threads)):  # for `parallel_map`
             return [fit.image for fit in trial.refine([trial.model.vertices, rough])]
 
     first = refined(1)

@@ -44,7 +44,7 @@ from isomatch.shapes import (
 # as they were given, with evidence. The first sure map ends the search. If several strategies found
 # maps, `verify` selects one of them; evidence decides only between maps that tie.
 SURE_OUTCOMES = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
-USER_ENGINES = {"matrix", "function"}  # engines of distances that the user computed
+USER_ENGINES = {"matrix", "function"}  # names of the engines of distances that the user computed
 
 
 @dataclass(eq=False)
@@ -92,7 +92,7 @@ class Strategy:
     continues: Callable[[Attempts], bool] = lambda tried: False
     # models built, each after the match of the one before; the first one without a better map ends this
     most_models: int = 1
-    is_guess: bool = False  # whether its map is never sure
+    is_guess: bool = False  # whether its map is never taken as sure
     replaces: Strategy | None = None  # the strategy whose map it improves and replaces
 
 
@@ -232,6 +232,7 @@ def _may_be_wrong_isometry(tried: Attempts) -> bool:
     return max(handles_of(tried.problem)) > 0 or _is_far(tried) or unsure
 
 
+# After the words, functions follow in the order of the fields: `model`, `fits`, `applies`, `is_enough`.
 ISOMETRIC = Strategy(
     "isometry",
     "whole",

@@ -32,7 +32,7 @@ MAX_RESIDUAL: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
 # signature of a shape and of its relabelled copy differ by up to 0.6 standard deviations, with 2.6
 # by 0.07.
 MIN_VECTORS_PER_FUNCTION = 2.6
-VECTORS_PER_TEST = 48  # convergence is tested, by an eigendecomposition, each time this many are added
+VECTORS_PER_TEST = 48  # vectors between tests, each an eigendecomposition; a multiple of either width
 MAX_DENSE_VERTICES = 1000  # a surface of more vertices is solved in a Krylov space, others by a dense solver
 # Shift of the refined basis, relative to the last eigenvalue of the coarse basis: large enough that
 # inverse iteration favours no single function.

@@ -30,7 +30,7 @@ from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.surfaces import vertex_normals
 
-RIDGE = 1e-9  # added to the diagonal of normal equations
+RIDGE = 1e-9  # added to the diagonal of normal equations, so that they can be solved
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +127,8 @@ class Samples:
 class Coefficients(NamedTuple):
     """Smooth maps in both directions, as coefficients of the first functions of each shape."""
 
-    source: Float[FloatArray, "k_s values_t"]  # A
-    target: Float[FloatArray, "k_t values_s"]  # B
+    source: Float[FloatArray, "k_s values_t"]  # A: values of the target on the source
+    target: Float[FloatArray, "k_t values_s"]  # B: values of the source on the target
 
 
 class Step(NamedTuple):
@@ -140,8 +140,8 @@ class Step(NamedTuple):
     symmetric: bool
 
 
-# Steps of the coarse fit; after each, only the best maps are kept. The functions represent limbs
-# but no details, and the smoothness was chosen with them; decisions.md, elastic choice
+# Steps of the coarse fit; after each, only the best maps are kept. Their functions represent limbs but
+# no details, and the smoothness was chosen with them; decisions.md, elastic choice
 COARSE_STEPS = Step(20, 0.01, 2, True), Step(20, 0.01, 2, True), Step(30, 0.007, 4, True)
 
 

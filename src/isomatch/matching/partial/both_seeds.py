@@ -21,7 +21,7 @@ from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.selection import keep_distinct
 from isomatch.shapes import PreparedShape
 
-AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # lengths; balls of these radii have their areas compared
+AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # lengths; areas of balls of these radii are compared
 # cost of a distance outside its interval; chosen together with the numbers of `SEEDS`
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
 

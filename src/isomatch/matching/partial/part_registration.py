@@ -30,16 +30,15 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
 
-ALL_FUNCTIONS = 10**6  # functions: more than any basis has
-MIN_COST = 1e-12  # makes ratios of costs finite if a part is mapped onto itself without error
+ALL_FUNCTIONS = 10**6  # more functions than any basis has, so that all are used
+MIN_COST = 1e-12  # a lower cost, as of a part mapped onto itself, is raised to this: ratios stay finite
 
 
 class WholeCoordinates:
     """Coordinates of a whole in which images are searched; they do not depend on a map."""
 
     # The cache holds coordinates for each number of functions in the settings, and features for
-    # each unit of a part, which are few because units are rounded
-    # (`PartPair.nearest_allowed_unit`).
+    # each unit of a part, which are few because units are rounded (`PartPair.nearest_allowed_unit`).
     def __init__(
         self,
         whole: PreparedShape,
