@@ -415,7 +415,7 @@ class Carrier:
 
 
 def _positions(shape: PreparedShape, unit: float) -> Float[FloatArray, "q 3"]:
-    """Positions of the samples of a component, in a unit of its shape."""
+    """Positions of the samples of a component, divided by a unit."""
     return cast(Mesh, shape.surface).vertices[shape.user_vertex[shape.sample_vertices]] / unit
 
 

@@ -29,7 +29,7 @@ from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, label_components
 
 # Numbers without another source: decisions.md, one verification
-BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area; step by step, a shape resists bending below these
+BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area; in each step, shapes resist stretching on this scale
 N_BENT_VERTICES = 1000  # vertices of a bent shape; with 500, costs are 1.1 to 1.5 times as high
 # weight and exponent in `Verification.cost`; from 3 to 10, and from 1 to 3, they choose the same maps
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0

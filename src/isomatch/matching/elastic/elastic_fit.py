@@ -150,7 +150,7 @@ class Images(NamedTuple):
 
     forth: Int[SoughtRows, "samples_s"]
     back: Int[SoughtRows, "samples_t"]
-    spectral_residual: float  # mean distance of images
+    spectral_residual: float  # mean distance to the images, summed over both directions
     # mean cosine between normals of each shape and of its copy on the other; for a map that should
     # reverse the orientation, the negative
     orientation: float
@@ -262,7 +262,7 @@ class ElasticFit:
     def _embedding_by_maps(self, copies: tuple[_Copy, _Copy]) -> Embedding:
         """Coordinates that depend on the maps, without signatures."""
         source, target, weight = self.source, self.target, self.normal_weight
-        (x_target, n_target), (x_source, n_source) = copies  # coordinates and normals
+        (x_target, n_target), (x_source, n_source) = copies  # canonical coordinates, and normals
         side = self.side * weight
         of_source = x_target, source.canonical, side * n_target, weight * source.normals
         of_target = target.canonical, x_source, weight * target.normals, side * n_source
@@ -388,7 +388,7 @@ def anchor_starts(
 def _anchors(
     shape: PreparedShape, first: Int[BodyVertices, "l"], count: int
 ) -> tuple[Int[BodyVertices, "m"], Float[FloatArray, "m m"]]:
-    """Select vertices far from each other, with their distances in average distances."""
+    """Select vertices far from each other; also the distances between them, over the average one."""
     vertices = np.concatenate([first, shape.extremities, shape.column_vertices])
     vertices = vertices[np.sort(np.unique(vertices, return_index=True)[1])]
     distances = shape.distances_between(vertices)

@@ -432,7 +432,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _polish_points(
         self, measured: Measured, timer: StageTimer
     ) -> tuple[SmoothPair, PrecisePoints, tuple[str, ...]]:
-        """Polish images at the finest level of the shapes: level, images, note."""
+        """Polish images at the finest level of the shapes; return this level, the images and notes."""
         pair, fit = self.pair, measured.fit
         if not (pair.has_finer and fit and self.refinement.polishes):
             return pair, measured.points, ()

@@ -127,7 +127,7 @@ def signed_triangles(
 def _sum_over_radii(
     source: BallSignature, target: BallSignature, deviation: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """Sum descriptor distances of all pairs over radii known at both, and count these."""
+    """Sum descriptor distances of all pairs over the radii known at both, and count these radii."""
     known = source.known[:, None] & target.known[None]
     total, most = np.zeros(known.shape[:2]), SEEDS.max_descriptor_distance
     for j in range(known.shape[2]):

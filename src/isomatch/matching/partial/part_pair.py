@@ -28,7 +28,7 @@ class PartPair:
     whole: PreparedShape
     unit: float  # √area of the part over √area of the whole
     config: Config  # settings of the match
-    missing: MissingRegion = field(compare=False)  # beyond the part's boundary, in √area of the part
+    missing: MissingRegion = field(compare=False)  # what lies beyond its boundary, in √area of the part
     anchors: Int[PartVertices, "m"] = field(compare=False)  # landmarks, then farthest points
     # lower bounds of distances on the whole, in √area of the part
     lower: Float[FloatArray, "m n_part"] = field(compare=False)
