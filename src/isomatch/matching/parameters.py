@@ -115,11 +115,13 @@ class StrategyParameters:
     # between shapes with capped holes, the flips of the best hypotheses are tried; mesh018–mesh014
     # with holes has an error of 30 with 3 of them
     n_flipped: int = 6  # hypotheses
-    # the shape is cut along creases and matched again, at most; decisions.md, strategies that pay
+    # the shape with more handles is cut along creases and matched again, at most this often;
+    # decisions.md, strategies that pay
     max_crease_cuts: int = 3  # times
     # a crease is cut as a self-contact if the images of its two sides are farther apart; chosen
     self_contact_distance: float = 0.1  # √area
-    # a map of a part ends the search up to this fraction; a mirrored map had 0.94
+    # a map of a part ends the search if its doubt is at most this fraction of the bound of a sure map; a
+    # mirrored map had 0.94
     final_doubt_fraction: float = 0.5  # doubt over parts.poor_doubt
 
 
@@ -130,8 +132,8 @@ class ElasticSearchParameters:
     # those without another source: chosen together on pairs of animals
 
     n_coarse_samples: int = 300  # samples of each shape are fitted coarsely; they suffice for 30 functions
-    signature_weight: float = 0.05  # signatures have this weight beside canonical coordinates
-    normal_weight: float = 0.05  # normals have this weight in the coarse fit
+    signature_weight: float = 0.05  # signatures have this weight beside canonical coordinates in the fit
+    normal_weight: float = 0.05  # normals have this weight beside canonical coordinates in the coarse fit
     landmark_weight: float = 30.0  # a landmark counts as much as this many samples; chosen
     n_anchors: int = 12  # points of the source are assigned to candidates, points of the target
     n_candidates: int = 150  # samples of the target, 0.09 √area apart, are candidates beside extremities
@@ -140,10 +142,17 @@ class ElasticSearchParameters:
     same_assignment_distance: float = 0.12  # average distances, mean over anchors
     # a larger error of a distance costs no more than this one: `most` of `IntervalCost`
     max_distance_cost: float = 0.6  # average distances
-    short_distance: float = 0.2  # average distances: errors are divided by distances plus this, `soft`
-    remoteness_weight: float = 0.5  # weight of the share of the area that is less remote than a point
-    anchor_signature_weight: float = 0.1  # weight of differences of signatures, over their mean
-    # weight of the difference between both distances from the mirror image in the assignment; chosen
+    # the error of a distance is divided by the distance plus this, so that short distances do not count
+    # most: `soft` of `IntervalCost`
+    short_distance: float = 0.2  # average distances
+    # the remoteness of a point is the share of the area that is less remote; the difference between an
+    # anchor and its image has this weight in the assignment
+    remoteness_weight: float = 0.5  # weight
+    # the difference between the signatures of an anchor and its image, over the mean of all differences,
+    # has this weight in the assignment
+    anchor_signature_weight: float = 0.1  # weight
+    # an anchor and its image should be equally far from their mirror images; the difference of these
+    # distances has this weight in the assignment; chosen
     mirror_distance_weight: float = 1.0  # weight
     # a longer distance from the mirror image counts as this; chosen
     max_mirror_distance: float = 1.0  # average distances
@@ -178,7 +187,8 @@ class ElasticFitParameters:
     hopeless_ratio: float = 1.5  # halfway, a map is given up if its score is above this multiple of the best
     # normals have this weight beside canonical coordinates in the last smooth fit
     fine_normal_weight: float = 0.15  # weight
-    # with an initial map, the map that agrees best with it wins up to this ratio
+    # with an initial map, the map that agrees best with it wins if its cost is at most this multiple of
+    # the least
     prior_tie_ratio: float = 1.1  # cost over the least cost
     # the final bending skips the first of elastic.bending, by which the winner was already bent
     n_skipped_lengths: int = 2  # lengths
@@ -186,7 +196,7 @@ class ElasticFitParameters:
     full_lengths: tuple[float, ...] = (0.05, 0.04, 0.03)  # √area
     # weight of normals beside positions when the bent source gives images: they separate close sheets
     normal_weight: float = 0.05  # √area
-    position_weight: float = 15.0  # positions of the bent shapes count beside joint coordinates
+    position_weight: float = 15.0  # positions of the bent shapes have this weight beside joint coordinates
     # The cost by `verify` is multiplied by this power of the score, because both measure the bending with
     # independent errors. From 0.1 to 1.5, all values select the same maps in 23 pairs; 0 selects a wrong map
     # in one of them, dog_02–cow_03.
@@ -207,7 +217,9 @@ class PartUnitParameters:
 
     # a larger error of a distance costs no more than this one: `most` of `IntervalCost`
     max_distance_cost: float = 0.6  # √area of the part
-    short_distance: float = 0.18  # √area of the part: errors are divided by distances plus this, `soft`
+    # the error of a distance is divided by the distance plus this, so that short distances do not count
+    # most: `soft` of `IntervalCost`
+    short_distance: float = 0.18  # √area of the part
     n_boundary_vertices: int = 60  # samples of the boundary are points at which paths may leave the part
     n_anchors: int = 50  # points of the part are anchors, beside its landmarks; their images make up a start
     # if fewer distances between anchors are known, scale = "auto" keeps the unit of the files
@@ -226,8 +238,10 @@ class PartUnitParameters:
     min_distance: float = 0.3  # √area of the part: shorter distances do not measure the unit
     min_known_distances: int = 40  # known distances are needed to measure the unit; with fewer, it stays
     radius_step_ratio: float = 1.25  # ball signatures are interpolated between radii of this ratio
-    n_energies: int = 20  # energies sample the wave signatures
-    boundary_reach: float = 4.0  # 1/√eigenvalue: nearer to a boundary, a wave signature counts less
+    n_energies: int = 20  # energies, evenly spaced logarithms of eigenvalues, sample the wave signatures
+    # near a boundary, a wave signature counts less, down to 0 at the boundary; this far away, it has 63 %
+    # of its weight
+    boundary_reach: float = 4.0  # 1/√eigenvalue of its energy
     # the same for the curvature of a surface smoothed to some functions
     curvature_boundary_reach: float = 3.0  # 1/√(last eigenvalue of the functions)
 
@@ -248,7 +262,7 @@ class PartSearchParameters:
     n_starts: int = 16  # completed assignments of least cost become starts
     # starts, together with those composed with maps of the whole onto itself
     n_starts_with_composed: int = 24  # starts
-    signature_weight: float = 0.25  # signatures of anchors have this weight in the assignment
+    signature_weight: float = 0.25  # differences of signatures have this weight in the assignment
     # areas of balls of these radii around anchors and images are compared; factors of about √2
     ball_radii: tuple[float, ...] = (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9)  # √area of the whole
     # the area of a ball may leave the bounds for the ball of an anchor by this share at no cost
@@ -259,7 +273,7 @@ class PartSearchParameters:
     # ratio; chosen on single views, not measured
     unit_change_weight: float = 0.05  # cost
     n_roots: int = 24  # regions are grown from this many anchors; chosen with all below on single views
-    n_root_candidates: int = 24  # candidates are tried for each root; chosen on single views
+    n_root_candidates: int = 24  # candidates, the most alike, are tried for each root; chosen on single views
     max_grown_regions: int = 60  # regions of most gain are completed; chosen on single views
     n_starts_from_regions: int = 12  # starts are made from regions; chosen on single views
     # in a region, a distance weighs 1 / (this + distance); chosen on single views
@@ -334,10 +348,10 @@ class SeedsParameters:
     neutral_moment_weight: float = 1.5  # the neutral distance counts as much as this many radii
     # a difference of the areas of balls that speaks neither for an image nor against it
     neutral_area_difference: float = 0.15  # logarithm of areas
-    max_area_difference: float = 1.0  # areas whose logarithms differ by more cost no more
+    max_area_difference: float = 1.0  # logarithm of areas: a larger difference counts as this
     neutral_area_weight: float = 2.0  # the neutral difference counts as much as this many areas
-    moment_weight: float = 0.6  # descriptor distances of candidates have this weight
-    area_weight: float = 0.5  # differences between areas of their balls have this weight
+    moment_weight: float = 0.6  # descriptor distances have this weight in the cost of a candidate
+    area_weight: float = 0.5  # differences between areas of balls have this weight in the cost of a candidate
     max_descriptor_distance: float = 2.0  # standard deviations: a larger difference of values counts as this
     neutral_descriptor_distance: float = 0.5  # is the descriptor distance where nothing is known
     neutral_descriptor_weight: float = 0.5  # the neutral distance counts as much as this many radii
@@ -357,7 +371,7 @@ class SeedsParameters:
     n_anchors: int = 56  # samples of the source make up regions while these grow
     n_candidates: int = 300  # samples of the target may be images of an anchor
     n_roots: int = 40  # anchors, the deepest inside, are roots from which regions grow
-    n_root_candidates: int = 30  # candidates are tried for each root
+    n_root_candidates: int = 30  # candidates, those of least cost, are tried for each root
     near_distance: float = 0.2  # length: a distance d weighs 1 / (this + d), `near` of `grow_regions`
     max_distance_cost: float = 0.09  # cost, mean: an anchor that costs more gets no image, see `grow_regions`
     beam_width: int = 4  # variants of each region are kept while it grows, see `grow_regions`
@@ -396,7 +410,7 @@ class TwoPartsParameters:
     # refined, roughly if the third is true
     rounds: tuple[tuple[int, float, bool], ...] = ((4, 0.05, True), (2, 0.045, False))  # regions, …
     region_margin: float = 0.05  # length by which a region reaches beyond its samples
-    # a landmark holds if its image is closer to its target
+    # a landmark holds if its image is less than this far from its target
     landmark_tolerance: float = 0.1  # √area of the target
     max_descriptor_distance: float = 0.6  # a sample that looks less like its image does not place others
     # a vertex of a bent region is in common if its distance from the target is at most this
@@ -519,7 +533,7 @@ class SymmetricParameters:
     # a composed map turns the whole shape if it is farther from the winner; half turns of ants 0.24,
     # trunks alone to 0.2
     min_turned_distance: float = 0.2  # √area, mean over vertices
-    max_maps: int = 4  # maps are refined; chosen
+    max_maps: int = 4  # composed maps, those of least energy, are refined; chosen
     # a composed map fits as well as the winner up to this ratio; right maps cost at most 1.46 times as
     # much as half turns of ants, wrong maps of animals at least 1.59 times as much as right ones
     max_cost_ratio: float = 1.5  # cost of `verify` over the winner's
