@@ -33,7 +33,7 @@ HardLandmarks: TypeAlias = tuple[Int[IntArray, "l"], Float[FloatArray, "l 3"]]
 class Surroundings:
     """The surface onto which a shape is bent."""
 
-    mesh: Mesh  # in its own √area
+    mesh: Mesh  # the surface, in its own √area
     index: SurfaceIndex
     unit: float = 1.0  # √area of the bent shape over √area of this surface
 

@@ -319,7 +319,7 @@ class ComponentPriors:
         joined = [self._inside(Problem(*sides, pair.config), self.joins) for sides in product(*self.sides)]
         self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
         if len(self.joins) and self.joined.max() < MIN_POINTS:
-            Priors.of(pair.source, pair.target, landmarks, initial_map)  # refuses them
+            Priors.of(pair.source, pair.target, landmarks, initial_map)  # refuses wrong ones
 
     @property
     def sides(self) -> tuple[tuple[PreparedShape, ...], tuple[PreparedShape, ...]]:

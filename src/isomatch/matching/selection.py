@@ -262,7 +262,7 @@ def select(
         return max(1.0, ratio) if runners_up[0] in may_win else ratio
 
     def is_runner_up(i: int) -> bool:
-        as_good = costs[i] <= rules.exchanged_ratio * costs[winner]  # compared below the noise, too
+        as_good = costs[i] <= rules.exchanged_ratio * costs[winner]  # costs below the noise differ, too
         exchanged = as_good and far_shares is not None and far_shares[i, winner] >= rules.exchanged_share
         distance = distances[i, winner]
         differs = exchanged or distance > rules.runner_up_distance

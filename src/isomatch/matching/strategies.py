@@ -313,7 +313,7 @@ OVERLAPPING = Strategy(
     "if no isometry is sure, as both shapes have long boundaries",
     lambda tried: TwoParts(tried.problem),
 )
-VIA = Strategy("via", "parts", "wholes are given", lambda tried: None)  # see `solve_via`
+VIA = Strategy("via", "parts", "wholes are given", lambda tried: None)  # `solve_via` finds its maps
 
 # Strategies in the order in which they are tried
 COMPLETE = ISOMETRIC, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, OPEN_LIMBS, ELASTIC, BOTH_SIDES

@@ -111,13 +111,13 @@ class Samples:
 
     shape: ElasticShape
     everywhere: bool  # whether the candidates are all vertices, and not the samples
-    vertices: Int[BodyVertices, "m"]  # the samples
+    vertices: Int[BodyVertices, "m"]  # the samples, as vertices
     row: Int[SoughtRows, "m"]  # rows of the samples among the candidates
     # rows of the candidates in the ring, which consists of the vertices of all faces around them
     sought: Int[IntArray, "c"]
     faces: Int[IntArray, "f 3"]  # faces of the ring, by its rows
     mirror_row: Int[SampleRows, "m"] | None  # sample nearest to the mirror image of each sample
-    targets: Int[BodyVertices, "c"]  # the candidates
+    targets: Int[BodyVertices, "c"]  # the candidates, as vertices
     functions: Float[FloatArray, "ring k"]  # Laplace–Beltrami functions on the ring
     functions_sought: Float[FloatArray, "c k"]  # Laplace–Beltrami functions on the candidates
     canonical: Float[FloatArray, "c d"]  # canonical coordinates of the candidates

@@ -36,7 +36,7 @@ class PartPair:
     along: Float[FloatArray, "m n_part"] = field(compare=False)
     landmarks: Int[BodyVertices, "l"] = field(compare=False)  # images of the first anchors
     radii: tuple[float, ...] = field(compare=False)  # radii of ball signatures, in √area of the part
-    functions: Embedding = field(compare=False)  # known functions
+    functions: Embedding = field(compare=False)  # functions that are known on part and whole
 
     @classmethod
     def of(

@@ -43,8 +43,8 @@ class WholeCoordinates:
         self,
         whole: PreparedShape,
         config: Config,  # settings of the match; the whole may be prepared with others
-        landmarks: Int[BodyVertices, "l"],  # landmarks on the whole
-        functions: Float[FloatArray, "n_whole q"],  # known functions
+        landmarks: Int[BodyVertices, "l"],  # vertices of the landmarks on the whole
+        functions: Float[FloatArray, "n_whole q"],  # functions that are known on part and whole
     ) -> None:
         self._whole, self._settings, self._landmarks = whole, config.refining, landmarks
         self.signatures = WholeSignatures(whole, functions)
@@ -221,7 +221,7 @@ class PartFit(Fit):
     """A map of a part, in a unit; ``score`` stays nan, see ``cost``."""
 
     pair: PartPair  # in the unit of the map
-    refinement: PartRefinement  # refines the same vertices
+    refinement: PartRefinement  # refines the images of the same vertices
     bending: PartBending
     stress: float = np.nan  # mean cost of the images of the anchors, see `PartPair.stress`
     # lengths by which the part is bent, see `PartSettings`
