@@ -14,7 +14,7 @@ GROUPS = {name: value for name, value in vars(parameters).items() if name.isuppe
 
 UNITS = (
     r"√area|average distances|share|ratio|fraction|times|weight|cost|this many|this often|"
-    r"steps|vertices|samples|points|columns|functions|maps|regions|landmarks|exchanges|candidates|starts|eigenvalues"
+    r"steps|vertices|samples|points|columns|functions|maps|regions|landmarks|distances|exchanges|candidates|starts|eigenvalues"
 )
 
 

@@ -36,14 +36,14 @@ class ComponentEngine(ColumnEngine):
         self.n_points = mesh.n_vertices
         self._unit = ordinary_unit(mesh)
         self._mesh = mesh.moved(mesh.vertices / self._unit)
-        # vertices, increasing, and solver of a component
+        # the vertices of a component, in increasing order, and its solver, by the label of the component
         self._solvers: dict[int, tuple[IntArray, Solver]] = {}
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = np.full((len(sources), self.n_points), np.inf)
         for row, source in zip(distances, sources):
             label = self._mesh.components[source]
-            if np.count_nonzero(self._mesh.components == label) > 1:  # not a vertex that no face uses
+            if np.count_nonzero(self._mesh.components == label) > 1:  # others need no solver
                 if label not in self._solvers:
                     mesh, vertices = self._mesh.submesh(self._mesh.components == label)
                     self._solvers[label] = vertices, self._solver(mesh)

@@ -12,12 +12,12 @@ from isomatch._core.threads import parallel_map, parallel_rows
 from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite, require_in_range
 from isomatch.surfaces import Mesh
 
-MAX_SHIFT_EDGES = 0.02  # the correction for curvature changes a distance in a triangle by less, in edges
-MAX_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead
+MAX_SHIFT_EDGES = 0.02  # the correction for curvature in a triangle is cut off at this fraction of an edge
+MAX_FOCUS = 0.3  # a front whose focus is nearer than 1 / 0.3 steps ahead counts as having it there
 TIE_STEPS = 1e-6  # paths count as equal if they differ by less than this many steps; the first one is kept
-MAX_UNFOLDED_FACES = 40  # this many faces are crossed in search of a vertex that splits an obtuse angle
+MAX_UNFOLDED_FACES = 40  # faces crossed, at most, to find a vertex that splits an obtuse angle; else it stays
 RIGHT_ANGLE_COSINE = 1e-6  # an angle counts as right, and is not split, if its cosine is smaller in magnitude
-NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)
+NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)  # a front without bounds, and to all vertices
 
 
 class FastMarching(ColumnEngine):
@@ -132,7 +132,7 @@ def stencil_of(mesh: Mesh) -> Stencil:
     # Side i of a face leads from corner i to corner i + 1. All below are (m, 3), by corner i of face f.
     sides = points[np.roll(faces, -1, axis=1)] - points[faces]
     doubled_area = np.repeat(2 * mesh.face_areas, 3).reshape(-1, 3)
-    inner = -np.einsum("fix,fix->fi", sides, np.roll(sides, 1, axis=1))  # of both sides at the corner
+    inner = -np.einsum("fix,fix->fi", sides, np.roll(sides, 1, axis=1))  # of the two sides at each corner
     # Corner c is updated from the side ab that is opposite to it: in the plane of the face a is at
     # (0, 0), b at (|ab|, 0), and c at x = ab · ac / |ab|, y = |ab × ac| / |ab|. Where a and b
     # coincide, the axis is at right angles to ac.
@@ -141,7 +141,7 @@ def stencil_of(mesh: Mesh) -> Stencil:
     safe = np.where(along > 0, along, 1.0)
     x, y = np.roll(inner, -1, axis=1) / safe, np.where(along > 0, doubled_area / safe, length)
     shape = np.column_stack([along.ravel(), x.ravel(), y.ravel()])
-    corners = np.column_stack([np.roll(faces, -turn, axis=1).ravel() for turn in range(3)])  # c, a, b
+    corners = np.column_stack([np.roll(faces, -turn, axis=1).ravel() for turn in range(3)])  # columns c, a, b
     corners, shape = (np.concatenate([whole, part[:n_split]]) for whole, part in zip((corners, shape), split))
     # arctan2(|u × v|, u · v) is accurate at angles near 0 and π, where arccos is not
     return _group(corners, shape, _gaussian_curvature(mesh, np.arctan2(doubled_area, inner), opposite))
@@ -153,7 +153,7 @@ def _gaussian_curvature(mesh: Mesh, angles: FloatArray, opposite: IntArray) -> F
     # area of the vertex.
     faces = mesh.sound_faces
     defect = 2 * np.pi - np.bincount(faces.ravel(), angles.ravel(), mesh.n_vertices)
-    is_boundary = opposite.reshape(-1, 3) < 0  # sides opposite to a corner without another face there
+    is_boundary = opposite.reshape(-1, 3) < 0  # whether the side opposite to each corner has no other face
     for turn in (1, 2):  # the ends of such a side are the other two corners
         defect[np.roll(faces, -turn, axis=1)[is_boundary]] = 0.0
     area = mesh.vertex_areas
@@ -184,7 +184,7 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
 
 def _opposite_corners(mesh: Mesh) -> IntArray:
     """Corner across the edge opposite to each corner 3 face + i, (3 m,); −1 at boundary and non-manifold edges."""
-    side = np.arange(mesh.faces.size).reshape(-1, 3)[:, [1, 2, 0]].ravel()  # opposite to each corner
+    side = np.arange(mesh.faces.size).reshape(-1, 3)[:, [1, 2, 0]].ravel()  # the side opposite to each corner
     across = mesh.edge_table.opposite[side].astype(np.int64)
     return np.where(across < 0, -1, across + np.where(across % 3 == 0, 2, -1))
 

@@ -22,10 +22,10 @@ from isomatch.geodesics.protocol import (
 DistanceFunction = Callable[[IntArray], ArrayLike]
 """Maps sources (m,) to distance columns (m, n)."""
 
-# Both are fractions of the largest distance.
-MAX_ASYMMETRY = 0.01  # distances from i to j and from j to i may differ by so much, as in fast marching
-MAX_DIAGONAL = 1e-6  # the distance of a point to itself counts as 0 up to this
-CHECKED_ROWS = 256  # this many rows of a matrix are checked at once
+# Both are fractions of the largest distance; a matrix that exceeds one of them is refused.
+MAX_ASYMMETRY = 0.01  # distances from i to j and from j to i may differ by this, as in fast marching
+MAX_DIAGONAL = 1e-6  # the distance of a point to itself may be this much above 0
+CHECKED_ROWS = 256  # this many rows of a matrix are in memory at once while it is checked
 
 
 class GivenMatrix(ColumnEngine):
@@ -150,7 +150,7 @@ class RestrictedEngine(ColumnEngine):
         require_in_range(source, self.n_points, "sources")
         whole = np.full(self._engine.n_points, -np.inf)
         np.maximum.at(whole, self._vertices, nearest * self._unit)
-        whole[whole < 0] = np.inf  # no bound at other points: a front may pass there
+        whole[whole < 0] = np.inf  # at points that were left out nothing bounds a front
         column = self._engine.lower(whole, int(self._vertices[source]))
         np.minimum(nearest, whole[self._vertices] / self._unit, out=nearest)
         return None if column is None else column[self._vertices] / self._unit

@@ -22,7 +22,7 @@ from isomatch.io import SurfaceLike, mesh_from
 from isomatch.repair import repair
 from isomatch.surfaces import Mesh, PrecisePoints
 
-MAX_EXCESS_RATIO = 1e-9  # an exact length may exceed a known bound by this fraction, because of rounding
+MAX_EXCESS_RATIO = 1e-9  # an exact length that exceeds the path along edges by a larger fraction is refused
 MIN_SEGMENT_RATIO = 1e-12  # a shorter segment, relative to its path, is rounding at a vertex and is left out
 PATH_SUFFIXES = (".obj", ".vtp")
 
@@ -138,7 +138,7 @@ class _Stop(NamedTuple):
 
     start: int
     end: int
-    fraction: float  # of the edge from its start
+    fraction: float  # of the edge's length, from its start to the point
     face: int
 
 
@@ -173,7 +173,7 @@ class _PathFinder:
         steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
         length = float(steps.sum())
         kept = [k for k, step in enumerate(steps) if step > MIN_SEGMENT_RATIO * length]
-        faces = [int(self.division.face_index[stops[k].face]) for k in kept]  # of the welded mesh
+        faces = [int(self.division.face_index[stops[k].face]) for k in kept]  # faces of the welded mesh
         turns = [n for n in range(1, len(kept)) if faces[n] != faces[n - 1]]
         rows = [self._in_face(stops[kept[n]], faces[n]) for n in turns]
         within = [faces[n] for n in [0, *turns]] if kept else []

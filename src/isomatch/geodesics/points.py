@@ -13,8 +13,8 @@ from isomatch._core.errors import MeshError
 from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine, require_in_range
 from isomatch.surfaces import Mesh, PrecisePoints
 
-MAX_SUM_ERROR = 1e-6  # the sum of the weights of a point may differ from 1 by so much
-MIN_WEIGHT = 1e-12  # a smaller weight of a corner is rounding, and would make faces without area
+MAX_SUM_ERROR = 1e-6  # a point whose weights have a sum that differs more from 1 is refused
+MIN_WEIGHT = 1e-12  # a smaller weight counts as 0, because the faces at the point would have no area
 
 
 def points_of(given: ArrayLike | PrecisePoints, n_vertices: int) -> PrecisePoints:
@@ -100,7 +100,7 @@ class FacesBetween:
     def __init__(self, mesh: Mesh) -> None:
         corners = mesh.sound_faces.ravel()
         self._faces = mesh.faces
-        self._order = np.argsort(corners, kind="stable")  # corners, sorted by vertex
+        self._order = np.argsort(corners, kind="stable")  # numbers of the corners, sorted by their vertex
         self._first = np.append(0, np.cumsum(np.bincount(corners, minlength=mesh.n_vertices)))
 
     def __call__(self, corners: IntArray) -> IntArray:
@@ -120,9 +120,9 @@ class _Division:
         self._mesh = mesh
         self._n = mesh.n_vertices
         self._faces_between = FacesBetween(mesh)
-        self._parts: dict[int, list[tuple[int, ...]]] = {}  # triangles into which a face is divided
-        self._added: list[tuple[IntArray, FloatArray]] = []  # three corners and weights of each new vertex
-        self._between: dict[tuple[int, ...], list[int]] = {}  # vertices added between the same corners
+        self._parts: dict[int, list[tuple[int, ...]]] = {}  # the triangles of each face that is divided
+        self._added: list[tuple[IntArray, FloatArray]] = []  # corners and weights (3,) of new vertices
+        self._between: dict[tuple[int, ...], list[int]] = {}  # new vertices, by their corners
 
     def insert(self, corners: IntArray, weights: FloatArray) -> int:
         """Return the vertex of a point, given its distinct corners in order, and their weights."""
@@ -147,9 +147,9 @@ class _Division:
         parts = self._parts.setdefault(face, [tuple(corners.tolist())])
         place = self._place(new, corners)
         bases = (np.array([self._place(vertex, corners) for vertex in part]) for part in parts)
-        weights = [np.linalg.solve(basis.T, place) for basis in bases]  # of the point in each part
+        weights = [np.linalg.solve(basis.T, place) for basis in bases]  # of the new vertex in each part
         inside = max(range(len(parts)), key=lambda i: weights[i].min())
-        opposite = np.flatnonzero(weights[inside] < MIN_WEIGHT)  # corner opposite to the edge of the point
+        opposite = np.flatnonzero(weights[inside] < MIN_WEIGHT)  # the corner across, if it is on an edge
         edge = set(np.delete(parts[inside], opposite).tolist()) if len(opposite) == 1 else set()
         divided = {part for part in parts if part == parts[inside] or (edge and edge <= set(part))}
         sides = [side for part in parts if part in divided for side in zip(part, (*part[1:], part[0]))]
@@ -186,10 +186,10 @@ class PointsInFaces(ColumnEngine):
         self._engine, self._n = engine, mesh.n_vertices
         self._corners = points.corners
         self._places = points.interpolated(mesh.vertices)
-        self._triangles = mesh.vertices[points.corners]  # corners of the face of each point, (m, 3, 3)
+        self._triangles = mesh.vertices[points.corners]  # positions of each point's corners, (m, 3, 3)
         faces_between = FacesBetween(mesh)
         self._faces = [faces_between(merge_corners(*point)[0]).tolist() for point in zip(*points)]
-        self._in_face: dict[int, list[int]] = defaultdict(list)  # points of a face
+        self._in_face: dict[int, list[int]] = defaultdict(list)  # the points in each face, by its number
         for number, faces in enumerate(self._faces):
             for face in faces:
                 self._in_face[face].append(number)

@@ -14,7 +14,7 @@ from isomatch._core.errors import MeshError, some
 from isomatch._core.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
 
-COLUMNS_AT_ONCE = 64  # this many columns are held in memory for pairs or balls of an engine without fronts
+COLUMNS_AT_ONCE = 64  # an engine that has only columns computes this many at once for pairs or balls
 
 
 @runtime_checkable
@@ -115,7 +115,7 @@ class Balls(NamedTuple):
 
     start: IntArray  # where the entries of each centre begin, (m + 1,)
     points: IntArray  # the points of all balls, (b,)
-    distances: FloatArray  # the distance of each from its centre, (b,)
+    distances: FloatArray  # the distance of each of these points from its centre, (b,)
 
     @classmethod
     def of(cls, parts: Sequence[tuple[IntArray, FloatArray]]) -> Self:

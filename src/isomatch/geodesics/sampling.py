@@ -82,7 +82,7 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
     # all threads. An engine that computes full columns anyway computes each only once.
     nearest = np.full(engine.n_points, np.inf)
     chosen = np.zeros(n_samples, dtype=np.int64)
-    columns = []  # of an engine that computes full columns
+    columns = []  # the columns (n,) of the samples, if the engine computes full ones anyway
     sample = start
     for i in range(n_samples):
         if i and not 0.0 < nearest[sample] < np.inf:

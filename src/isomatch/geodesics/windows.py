@@ -19,9 +19,9 @@ MIN_LOSS_RATIO = 1e-12  # a window is dropped only if another path is shorter by
 # short by the square of the fraction
 MAX_MISS_EDGES = 1e-9
 MIN_BEND_RATIO = 1e-12  # rays bend at a vertex only if its angle exceeds a straight one by this fraction
-MIN_WIDTH_EDGES = 1e-15  # a window that is narrower, relative to its edge, comes from rounding
+MIN_WIDTH_EDGES = 1e-15  # a window that is narrower, relative to its edge, is rounding, and is dropped
 MIN_HEIGHT_EDGES = 1e-13  # a face is unfolded at least this high above a side, relative to its sides
-BYTES_PER_WINDOW = 270  # memory that a window takes while the lists grow
+BYTES_PER_WINDOW = 270  # bytes that a window takes while the lists grow; the memory bounds their number
 
 
 class UnfoldedFaces(NamedTuple):
@@ -39,7 +39,7 @@ class UnfoldedFaces(NamedTuple):
     sides: IntArray
     corner_first: IntArray
     corners: IntArray
-    bends: BoolArray  # whether a shortest path may bend at a vertex (n,)
+    bends: BoolArray  # whether a shortest path may bend at each vertex (n,)
 
     @classmethod
     def of(cls, mesh: Mesh) -> UnfoldedFaces:
@@ -207,10 +207,10 @@ def _propagate(
     n = len(bends)
     distance = np.full(n, np.inf)
     reached = np.full(n, -1, np.int64)
-    spread_at = np.full(n, np.inf)  # distance at which the light of a root spread last
-    split_at = np.full(len(length), np.inf)  # distance of the apex through the window that is split there
-    split_ray = np.zeros(len(length))  # where its ray to the apex crosses the side
-    windows = [(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0) for _ in range(0)]  # see `_add`
+    spread_at = np.full(n, np.inf)  # distance (n,) of each root when its light spread last
+    split_at = np.full(len(length), np.inf)  # distance of the apex by the window that a side splits
+    split_ray = np.zeros(len(length))  # where the ray of that window to the apex crosses the side
+    windows = [(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0) for _ in range(0)]  # empty, of the type of `_add`
     queue = [(0.0, -1 - source)]
     distance[source] = 0.0
     bound[source] = 0.0

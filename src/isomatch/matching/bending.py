@@ -33,7 +33,7 @@ HardLandmarks: TypeAlias = tuple[Int[IntArray, "l"], Float[FloatArray, "l 3"]]
 class Surroundings:
     """The surface onto which a shape is bent."""
 
-    mesh: Mesh  # in its own √area
+    mesh: Mesh  # the surface, in its own √area
     index: SurfaceIndex
     unit: float = 1.0  # √area of the bent shape over √area of this surface
 
@@ -129,7 +129,7 @@ class Bending:
         start: Float[FloatArray, "n_coarse 3"],  # where a map puts the vertices
         lengths: tuple[float, ...],  # ℓ, in √area of the surface
         landmarks: HardLandmarks,
-        most_scaled: float = 1.0,  # c
+        most_scaled: float = 1.0,  # c, the factor by which pieces may grow or shrink
     ) -> BentShape:
         """Bend the shape at the lower resolution."""
         vertices, points = landmarks

@@ -35,7 +35,7 @@ from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
 
 NO_PARTNERS = 1e6  # cost of components that cannot be partners
-MIN_DISTANCE = 1e-6  # between samples, in units of a shape; shorter distances are not divided by
+MIN_DISTANCE = 1e-6  # in units of a shape; a shorter distance of samples is raised to this
 SIDES = "source", "target"
 
 
@@ -319,7 +319,7 @@ class ComponentPriors:
         joined = [self._inside(Problem(*sides, pair.config), self.joins) for sides in product(*self.sides)]
         self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
         if len(self.joins) and self.joined.max() < MIN_POINTS:
-            Priors.of(pair.source, pair.target, landmarks, initial_map)  # refuses them
+            Priors.of(pair.source, pair.target, landmarks, initial_map)  # refuses wrong ones
 
     @property
     def sides(self) -> tuple[tuple[PreparedShape, ...], tuple[PreparedShape, ...]]:
@@ -359,8 +359,8 @@ class Carrier:
 
     points: Float[FloatArray, "m 3"]  # matched points of the source, in units of its shape
     images: Float[FloatArray, "m 3"]  # their images, in units of the target
-    units: tuple[float, float]  # lengths of 1 in the users' units
-    scale: float  # change of lengths
+    units: tuple[float, float]  # lengths of 1 of both shapes, in the users' units
+    scale: float  # length between images over length between points
     side: float  # −1 if the map mirrors, else 1
 
     @classmethod
@@ -415,7 +415,7 @@ class Carrier:
 
 
 def _positions(shape: PreparedShape, unit: float) -> Float[FloatArray, "q 3"]:
-    """Positions of the samples of a component, in a unit of its shape."""
+    """Positions of the samples of a component, divided by a unit."""
     return cast(Mesh, shape.surface).vertices[shape.user_vertex[shape.sample_vertices]] / unit
 
 

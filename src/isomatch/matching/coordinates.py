@@ -24,7 +24,7 @@ class SmoothPair:
     source: SmoothShape
     target: SmoothShape
     config: Config
-    functions: Embedding | None = None  # weighted values at the users' vertices
+    functions: Embedding | None = None  # weighted values, at the users' vertices, of functions known on both
 
     @cached_property
     def refinement_vertices(self) -> Int[BodyVertices, "r"]:
@@ -185,7 +185,7 @@ def joint_coordinates(
 
     def of_target() -> FloatArray:
         phi = target.functions[onto_vertex, :k]
-        # (n_t, k) @ (k, k)
+        # Φ_t Fᵀ: (n_t, k) @ (k, k)
         columns = [row_product(phi, functional_map.T), pair.signatures.target[onto_vertex]]
         if with_positions:
             smooth, normals = (x[onto_vertex] for x in target.smoothed(k))

@@ -222,8 +222,8 @@ class _Comparison:
 
     def _exchanges_sides(self, given: BodyVertices, reference: BodyVertices) -> bool:
         """Whether a map is much nearer to the reference composed with a symmetry of the target."""
-        target, samples = self.pair.target, self.pair.source_vertices
-        samples = samples[(given[samples] >= 0) & (reference[samples] >= 0)]
+        target, all_samples = self.pair.target, self.pair.source_vertices
+        samples = all_samples[(given[all_samples] >= 0) & (reference[all_samples] >= 0)]
         if not len(samples):
             return False
         least = JUDGING.exchanged_ratio * target.mean_distance(given[samples], reference[samples])

@@ -222,7 +222,7 @@ class BothDirections(NamedTuple):
     target_to_source: MatchResult
 
     def _repr_html_(self) -> str:
-        return str(visualization().html_of(self))  # a named tuple has no other base
+        return str(visualization().html_of(self))  # a named tuple cannot inherit this
 
 
 def match_both(
@@ -396,7 +396,7 @@ def continue_with(
     chosen = others[number - 1]
     start: Any = chosen.map  # a `Correspondence`, so that its surfaces are checked
     config = replace(result.config, hypotheses="given", start="auto")
-    former_map = result.map  # the closure must not keep the whole result
+    former_map = result.map  # so that the function below does not keep the whole result
     former = Alternative(lambda: former_map, nan, nan, FORMER_PREFIX + result.origin)
     result = match(
         source,

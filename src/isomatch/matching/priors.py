@@ -23,7 +23,7 @@ UserPriors = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLik
 _NOTHING = np.zeros((0, 2), dtype=np.int64)
 NO_LANDMARKS, NO_USER_LANDMARKS = BodyVertices(_NOTHING), UserVertices(_NOTHING)
 NO_FUNCTIONS = np.zeros((0, 0)), np.zeros((0, 0))
-MIN_POINTS = 3  # corresponding points; fewer determine no map
+MIN_POINTS = 3  # corresponding points; fewer determine no map, and are refused
 
 
 @dataclass(frozen=True, eq=False)

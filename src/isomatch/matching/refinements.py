@@ -120,9 +120,9 @@ REFINEMENTS: dict[RefinementName, Refinement] = {
 
 
 # Numbers of `check_refinement`
-N_VERTICES = 500  # vertices of the ball on which a refinement is tried; chosen: a second for all laws
-MAX_ERROR = 0.02  # √area; the true map may move by less on average; half an edge of the shape is 0.025
-# images that may change when vertices are renumbered: two points may be equally near
+N_VERTICES = 500  # vertices of the ball on which a refinement is tried; chosen: all laws take a second
+MAX_ERROR = 0.02  # √area; a refinement may move the true map by less on average; half an edge is 0.025
+# this share of the images may change when vertices are renumbered: two points may be equally near
 MAX_CHANGED_SHARE = 0.01
 MAX_ROUGH_ERROR = 0.1  # √area; images of a rough map are no farther from the true ones
 

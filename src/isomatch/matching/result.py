@@ -127,7 +127,7 @@ class Alternative:
     """Another map that may be right, with the energy, orientation and origin of its candidate."""
 
     extend: Callable[[], Correspondence] = field(repr=False)  # computes the map at first use
-    energy: float  # lower is better
+    energy: float  # energy or cost, by the model; lower is better
     orientation: float
     origin: str
 

@@ -15,7 +15,7 @@ from isomatch.settings import Orientation, OutcomeSettings, SelectionSettings
 
 T = TypeVar("T")
 V = TypeVar("V", bound=IntArray)  # images, in any index space
-Distances: TypeAlias = Callable[[V, Sequence[V]], FloatArray]  # mean, from a map to each of others
+Distances: TypeAlias = Callable[[V, Sequence[V]], FloatArray]  # mean distances from one map to each of some
 R = TypeVar("R", bound=Fit)
 M = TypeVar("M")
 H = TypeVar("H", bound=Candidate | Fit)
@@ -180,17 +180,17 @@ def weigh_costs(
 class Rules:
     """Bounds that decide between refined maps."""
 
-    # maps whose images are farther apart are different, √area, mean
+    # maps whose images are farther apart on average, in √area, are different
     runner_up_distance: float
     tie: float = 1.0  # a map of the winner's orientation ties up to this ratio of scores
     mirror_tie: float = 1.0  # a map of the other orientation ties up to this ratio of scores
     landmark_slack: float = 0.0  # prior errors that differ by less, in √area, are equal
-    score_noise: float = 0.0  # scores below are equal
+    score_noise: float = 0.0  # smaller scores count as equal to this
     # a closer map is different, too, if it sends this share of the vertices far away, and its score
     # is at most this multiple of the winner's
     exchanged_share: float = np.inf
     exchanged_ratio: float = 1.0
-    # a map that is better by this factor counts whatever priors say, unless it is the same map
+    # a map that is better by this factor is a runner-up whatever priors say, unless it is the same map
     clearly_better_ratio: float = np.inf
     same_map: float = 0.0  # maps that are closer, in √area, are the same
 
@@ -226,12 +226,12 @@ class Ranking(Generic[M]):
 
 def select(
     fits: Sequence[R],
-    distances: Float[FloatArray, "q q"],  # mean, between the images of each two maps
+    distances: Float[FloatArray, "q q"],  # mean distances between the images of two maps
     rules: Rules,
     *,
     scores: Sequence[float] | None = None,
     eligible: Sequence[bool] | None = None,
-    far_shares: Float[FloatArray, "q q"] | None = None,  # of vertices that two maps send far apart
+    far_shares: Float[FloatArray, "q q"] | None = None,  # share of vertices that two maps send far apart
     n_tried: int = 2,
 ) -> Ranking[R]:
     """Select the eligible map of least score; priors decide among maps that tie with it."""
@@ -262,7 +262,7 @@ def select(
         return max(1.0, ratio) if runners_up[0] in may_win else ratio
 
     def is_runner_up(i: int) -> bool:
-        as_good = costs[i] <= rules.exchanged_ratio * costs[winner]  # compared below the noise, too
+        as_good = costs[i] <= rules.exchanged_ratio * costs[winner]  # costs below the noise differ, too
         exchanged = as_good and far_shares is not None and far_shares[i, winner] >= rules.exchanged_share
         distance = distances[i, winner]
         differs = exchanged or distance > rules.runner_up_distance

@@ -44,7 +44,7 @@ from isomatch.shapes import (
 # as they were given, with evidence. The first sure map ends the search. If several strategies found
 # maps, `verify` selects one of them; evidence decides only between maps that tie.
 SURE_OUTCOMES = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
-USER_ENGINES = {"matrix", "function"}  # engines of distances that the user computed
+USER_ENGINES = {"matrix", "function"}  # names of the engines of distances that the user computed
 
 
 @dataclass(eq=False)
@@ -92,7 +92,7 @@ class Strategy:
     continues: Callable[[Attempts], bool] = lambda tried: False
     # models built, each after the match of the one before; the first one without a better map ends this
     most_models: int = 1
-    is_guess: bool = False  # whether its map is never sure
+    is_guess: bool = False  # whether its map is never taken as sure
     replaces: Strategy | None = None  # the strategy whose map it improves and replaces
 
 
@@ -233,6 +233,7 @@ def _may_be_wrong_isometry(tried: Attempts) -> bool:
     return _may_be_searched_from_target(tried.problem) and _is_unsure_isometry(tried)
 
 
+# After the words, functions follow in the order of the fields: `model`, `fits`, `applies`, `is_enough`.
 ISOMETRIC = Strategy(
     "isometry",
     "whole",
@@ -313,7 +314,7 @@ OVERLAPPING = Strategy(
     "if no isometry is sure, as both shapes have long boundaries",
     lambda tried: TwoParts(tried.problem),
 )
-VIA = Strategy("via", "parts", "wholes are given", lambda tried: None)  # see `solve_via`
+VIA = Strategy("via", "parts", "wholes are given", lambda tried: None)  # `solve_via` finds its maps
 
 # Strategies in the order in which they are tried
 COMPLETE = ISOMETRIC, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, OPEN_LIMBS, ELASTIC, BOTH_SIDES

@@ -29,19 +29,18 @@ from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, label_components
 
 # Numbers without another source: decisions.md, one verification
-BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area; step by step, a shape resists bending below these
+BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area; in each step, shapes resist stretching on this scale
 N_BENT_VERTICES = 1000  # vertices of a bent shape; with 500, costs are 1.1 to 1.5 times as high
-# Weight of the descriptor distance and exponent of the support in the cost. Weights of 3 to 10 and
-# exponents of 1 to 3 choose the same maps.
+# weight and exponent in `Verification.cost`; from 3 to 10, and from 1 to 3, they choose the same maps
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0
-# a turning of one unit, in radians, leaves the cost as it is; right maps turn as much in the median,
-# decisions.md, turning
+# a turning of one unit, in radians, leaves the cost as it is, a larger one raises it; right maps turn
+# by one unit in the median, decisions.md, turning
 TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
-COVERAGE_DISTANCE = 0.05  # √area; a vertex that is at most this far from an image has a counterpart
+COVERAGE_DISTANCE = 0.05  # √area; a target vertex farther from all images has no counterpart
 MIN_DISTANCE, MAX_DISTANCE = 0.08, 0.3  # √area of the source; only distances between these measure the unit
-N_SAMPLES, MIN_MEASURED = 300, 40  # these samples measure the unit, by at least this number of distances
-MAX_UNIT_RATIO = 1.3  # the measured unit and the unit of the files differ at most by this factor
-MAX_LENGTH_RATIO = 4.0  # parts whose √area differs by more in the files are taken as equally large
+N_SAMPLES, MIN_MEASURED = 300, 40  # these samples measure the unit; with fewer distances than this, it stays
+MAX_UNIT_RATIO = 1.3  # a measured unit that differs more from the unit before is limited to this factor
+MAX_LENGTH_RATIO = 4.0  # parts whose √area differ by a larger factor in the files count as equally large
 MIN_PIECE = 30  # vertices; a piece of a shape with fewer is not bent
 MIN_DIVISOR = 1e-9  # √area; shorter distances are raised to this, so that ratios are finite
 

@@ -65,13 +65,13 @@ def _match_along_chain(
         # errors of both maps are independent; the first are in √area of the intermediate shape,
         # which is worth ``unit`` on the next one
         unit = verifier_of(leg.pair).unit_of(on_bodies(leg.pair, UserVertices(leg.map.vertices)))
-        largest = np.nanmax(leg.expected_error, initial=0.0)  # used next to vertices without an image
+        largest = np.nanmax(leg.expected_error, initial=0.0)  # where a vertex has no image
         leg_errors = image.pull_back(leg.expected_error)
         errors = np.hypot(unit * errors, np.where(np.isnan(leg_errors), largest, leg_errors))
         image = image.then(leg.map, leg.pair.source.surface, leg.pair.target.surface)
     bodies, bounds = on_bodies(problem, UserVertices(image.vertices)), problem.config.parts
     found = verifier_of(problem)(bodies)
-    quality = quality_of(  # measures that only a search gives are unknown
+    quality = quality_of(  # measures that only a search could give stay nan
         mirrored=np.inf,
         runner_up=min(leg.quality.runner_up for leg in legs),
         orientation=min(leg.quality.orientation for leg in legs),

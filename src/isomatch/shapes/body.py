@@ -14,10 +14,10 @@ from isomatch.repair import LARGE_MESH, VertexTrace, find_outliers, prepare_for_
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-MIN_VERTICES = 50  # a body has at least this many, which leave room for 8 columns and 20 functions
+MIN_VERTICES = 50  # a smaller body is refused, as it has no room for 8 columns and 20 functions
 LEFT_UNMATCHED = "are left unmatched"
 GRAPH_AVERAGE_DISTANCE = 0.75  # mean distance of two points of a scaled graph, as in people of unit area
-MIN_COMPONENT_SHARE = 0.001  # a component is matched from this share of the area, about an eye of a body
+MIN_COMPONENT_SHARE = 0.001  # a component with less of the area is left out; an eye of a body has about this
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class Body:
     # (n_body,) vertex of the shape of each body vertex: the same for copies at separated sheets,
     # the nearest on caps
     user_vertex: IntArray
-    left_out: float  # share in other components, see `body_of`
+    left_out: float  # share of the shape that lies in other components, see `body_of`
     notes: tuple[str, ...]  # parts left out, and repairs
-    share: float = 1.0  # of the area of the shape
+    share: float = 1.0  # area of the body over the area of the shape
     # further components of a mesh that can be matched separately, largest first
     others: tuple[Body, ...] = ()
 

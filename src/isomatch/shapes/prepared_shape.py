@@ -372,7 +372,7 @@ _STORED = *_SURFACES, *_BASES, Body, Detail, Level, Decimated, Prolongation
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}
 KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # its fields and parameters have different names
 
-# fields that hold vertices: the lowest allowed number, and the number of vertices
+# fields that hold vertices: the lowest number allowed, and the number of vertices to choose from
 NUMBERED: dict[str, tuple[int, Callable[[Any], int]]] = {
     "body_vertex": (-1, lambda part: len(part.user_vertex)),
     "user_vertex": (0, lambda part: len(part.body_vertex)),
@@ -386,7 +386,7 @@ NUMBERED: dict[str, tuple[int, Callable[[Any], int]]] = {
 def write_prepared(path: Path, shape: Any) -> None:
     """Write a prepared shape; an object that occurs several times is written once."""
     arrays: list[AnyArray] = []
-    numbers: dict[int, int] = {}  # by id of the object, in the order in which objects are completed
+    numbers: dict[int, int] = {}  # number of each object, by its id, in order of completion
 
     def to_plain(value: Any) -> Any:
         if value is None or isinstance(value, str | int | float):

@@ -31,10 +31,10 @@ from isomatch.settings import SymmetrySettings
 # Numbers without another source: lab/benchmarks.md, symmetry. Distances are in √area.
 N_SAMPLES = 200  # the search uses this many samples; chosen: spacing 0.08, less than SAME_SYMMETRY
 N_ANCHORS = 5  # samples far from each other: three determine an isometry of a surface, two more its errors
-BEAM_WIDTH = 60  # this many partial assignments are kept
-N_ROUNDS, STEPS_PER_ROUND = 3, 4  # rounds of iterative closest points from each assignment, and steps of each
-SAME_START = 0.04  # two maps at a smaller mean distance, half the spacing, become one between rounds
-N_GENERATORS = 6  # products of this many of the best symmetries are tried; chosen, not measured
+BEAM_WIDTH = 60  # this many partial assignments of the anchors are kept
+N_ROUNDS, STEPS_PER_ROUND = 3, 4  # rounds of closest points from each assignment, and steps of a round
+SAME_START = 0.04  # between rounds, maps at a smaller mean distance, half the spacing, become one
+N_GENERATORS = 6  # products of any two of this many best symmetries are tried; chosen, not measured
 MIN_ORIENTATION = 0.7  # a symmetry has at least this mean cosine between normals, of either sign
 MIN_MOVED = 0.15  # a map that moves samples by less on average is the identity; selection.runner_up_distance
 SAME_SYMMETRY = 0.1  # two maps at a smaller mean distance, about the spacing of the samples, are the same
@@ -46,10 +46,11 @@ EXACT_RESIDUAL_RATIO = 0.75
 # The residual among the samples of the search may exceed the residual among all samples by this
 # factor. Near the bound it is 1.03 to 1.08 on six bodies of FAUST.
 SEARCH_RESIDUAL_RATIO = 1.2
-# Near-symmetries have residuals up to this multiple, and this multiple of the assignments is tried. Half
-# turns of ants have 1.3, and are missed with the same number of assignments.
+# Near-symmetries have residuals up to the first multiple of the largest residual of a symmetry, and are
+# sought from the second multiple of the number of assignments. Half turns of ants have 1.3, and are
+# missed with the same number of assignments.
 NEAR_RESIDUAL_RATIO, NEAR_ASSIGNMENTS_RATIO = 2.0, 2.5
-EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)
+EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)  # any difference of two distances costs
 
 Orientation = Callable[[IntArray], float]
 """Orientation, from −1 to 1, of a map of samples (r,) to samples."""

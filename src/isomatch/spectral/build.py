@@ -36,7 +36,7 @@ from isomatch.spectral.low_rank import (
 )
 from isomatch.surfaces import Mesh, PointCloud
 
-MAX_COLUMNS = 800  # a basis that is to reach a tolerance is tried with at most this many columns
+MAX_COLUMNS = 800  # no basis is tried with more columns to reach a tolerance; then an error is raised
 
 
 def distance_basis(

@@ -36,7 +36,7 @@ FORMAT = ArrayFormat(
     },
     filled=("n", "k"),
 )
-MIN_EIGENVALUE_RATIO = 1e-12  # an eigenvalue that is smaller, relative to the largest, is a rounding error
+MIN_EIGENVALUE_RATIO = 1e-12  # an eigenvalue smaller than this times the largest is rounding, and left out
 MIN_PAIRS_FOR_THREADS = 50_000  # starting threads for fewer pairs costs more time than it saves
 
 
@@ -269,7 +269,7 @@ def orthonormalise(
 
 def low_rank_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray) -> FloatArray:
     """Σ_c Λ_c Q_ic Q_jc (m,) for unchecked pairs (i, j) of rows of Q (n, k), negative ones from the end."""
-    # In the precision of Q. Rows are not gathered, so that only the result needs memory.
+    # Sums are in the precision of Q. Rows are not gathered, so that only the result needs memory.
     out = np.zeros(len(i))
     parts = n_threads() if len(i) >= MIN_PAIRS_FOR_THREADS else 1
     ends = np.linspace(0, len(i), parts + 1).astype(np.int64)

@@ -32,14 +32,14 @@ MAX_RESIDUAL: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
 # signature of a shape and of its relabelled copy differ by up to 0.6 standard deviations, with 2.6
 # by 0.07.
 MIN_VECTORS_PER_FUNCTION = 2.6
-VECTORS_PER_TEST = 48  # a test costs an eigendecomposition; a multiple of the width in either precision
-MAX_DENSE_VERTICES = 1000  # a surface of at most this many vertices is solved by a dense solver
-# Shift of the refined basis, relative to the last eigenvalue: large enough that inverse iteration
-# favours no single function.
+VECTORS_PER_TEST = 48  # vectors between tests, each an eigendecomposition; a multiple of either width
+MAX_DENSE_VERTICES = 1000  # a surface of more vertices is solved in a Krylov space, others by a dense solver
+# Shift of the refined basis, relative to the last eigenvalue of the coarse basis: large enough that
+# inverse iteration favours no single function.
 SHIFT_RATIO = 0.1
-# Shifts in 1 / area. The first makes the singular Laplacian definite. The second, in single
-# precision, is near the second eigenvalue: with less, rounding of the largest part of the inverse
-# hides the others.
+# These shifts, in 1 / area, are added to all eigenvalues. The first makes the singular Laplacian
+# definite. The second, in single precision, is near the second eigenvalue: with less, rounding of the
+# largest part of the inverse hides the others.
 SHIFT = 1e-2
 SINGLE_SHIFT = 10.0
 
@@ -243,13 +243,13 @@ def smallest_eigenpairs(
     what = f"the Krylov space of {k} functions on {n} vertices"
     require_memory(float(dtype.itemsize) * n * limit, what, "ask for fewer functions")
     space = np.zeros((limit, n), dtype)
-    projected = np.zeros((limit, limit))  # space (H + σ)⁻¹ spaceᵀ
+    projected = np.zeros((limit, limit))  # T, the rows of space being the columns of Q
     space[:width] = _orthonormal_columns(generator(seed).standard_normal((n, width)))[0].T
     size = width
     while True:
         last = slice(size - width, size)
         image = np.ascontiguousarray(solve(space[last].T).T)
-        for first in (max(0, size - 2 * width), 0):  # the last two blocks, then all
+        for first in (max(0, size - 2 * width), 0):  # against the last two blocks, then all
             part = space[first:size]
             overlap = part @ image.T
             image -= overlap.T @ part

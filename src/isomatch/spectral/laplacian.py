@@ -41,7 +41,7 @@ def _graph_laplacian(graph: Graph) -> csc_array:
     # length, times a constant: on a square grid, where the masses are h², 4 / degree √(m_i m_j) /
     # h² = 1 makes L the five-point Laplacian.
     i, j = graph.edges.T
-    lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())  # no division by 0
+    lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())  # never 0
     degree = 2 * len(i) / graph.n_vertices  # average number of neighbours, 4 on a square grid
     conductance = 4 / degree * np.sqrt(graph.vertex_areas[i] * graph.vertex_areas[j]) / lengths**2
     adjacency = coo_array((conductance, (i, j)), shape=(graph.n_vertices,) * 2)

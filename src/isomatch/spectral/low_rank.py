@@ -22,11 +22,11 @@ from isomatch.spectral.laplace_basis import LaplaceBasis, laplace_basis
 from isomatch.spectral.laplacian import factorise, stiffness_and_masses
 from isomatch.surfaces import Mesh, PointCloud, Surface
 
-RIDGE_RATIO = 1e-9  # the ridge, relative to the mean variance, helps where samples nearly coincide
+RIDGE_RATIO = 1e-9  # ridge over the mean variance, so that samples that nearly coincide do no harm
 NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %
 MIN_NODES = 300  # a basis of few vectors has at least this many predicted columns
-MIN_AREA_RATIO = 1e-3  # a vertex area counts as at least this share of the mean, and attracts no sample
-BLOCK_ROWS = 4096  # this many rows of predicted columns are held in memory
+MIN_AREA_RATIO = 1e-3  # an area below this share of the mean counts as this, or it would attract samples
+BLOCK_ROWS = 4096  # a thread computes this many rows of predicted columns at once
 # Both are weights μ of the values at the samples, at unit area. Above 1e4 the interpolant is
 # practically exact there. The spectral weight is lower, because p functions that follow p values
 # closely oscillate between the samples.
@@ -123,7 +123,7 @@ class ColumnPredictor:
     # would.
     interpolant: FloatArray  # (n, p) M
     half: FloatArray  # (n, p) H = E_Sᵀ − ½ M E_SS, so that Ê = M Hᵀ + H Mᵀ
-    unit: float  # mean distance, the unit of D
+    unit: float  # mean distance of the columns, by which D is divided
 
     @classmethod
     def fit(cls, surface: Surface, sampling: Sampling) -> ColumnPredictor:
@@ -259,7 +259,7 @@ def biharmonic_interpolant(surface: Surface, samples: IntArray, fidelity: float 
     # area is scaled to 1, so that μ has no unit.
     stiffness, masses = stiffness_and_masses(surface)
     masses /= masses.sum()
-    diagonal = np.zeros(len(masses))  # of μ BᵀB
+    diagonal = np.zeros(len(masses))  # the diagonal of μ BᵀB
     diagonal[samples] = fidelity
     solve = factorise(csc_array(stiffness @ diags_array(1 / masses) @ stiffness), diagonal)
     sources = np.zeros((len(masses), len(samples)))

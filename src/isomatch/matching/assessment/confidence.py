@@ -20,7 +20,7 @@ from isomatch.matching.problem import Problem
 from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import connected_regions
 
-MIN_LENGTH = 1e-12  # lengths and squared slopes below are not divided by
+MIN_LENGTH = 1e-12  # smaller lengths and squared slopes are raised to this before a division
 
 
 def expected_errors(
@@ -151,7 +151,7 @@ class DoubtfulRegion:
 def regions_of_doubt(
     pair: Problem,
     descriptor_distance: Float[FloatArray, "n_s"] | None = None,  # of each vertex and its image
-    tied_images: tuple[Int[BodyVertices, "r"], Int[BodyVertices, "r"]] | None = None,  # under two maps
+    tied_images: tuple[Int[BodyVertices, "r"], Int[BodyVertices, "r"]] | None = None,  # images under two maps
 ) -> tuple[DoubtfulRegion, ...]:
     """Find the connected regions of the source's body where a map is doubtful, largest first."""
     source, target, bounds = pair.source, pair.target, pair.config.outcome

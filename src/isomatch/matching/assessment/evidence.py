@@ -41,7 +41,7 @@ OUTCOME_OF_FLAG = {
 class Evidence:
     """Flags that speak against a map being right and complete."""
 
-    contradicted: bool = False  # it contradicts priors
+    contradicted: bool = False  # the map contradicts priors
     mirrored: bool = False  # the mirror image of a shape fits clearly better
     poor: bool = False  # it fits badly
     ambiguous: bool = False  # another map fits as well
@@ -194,8 +194,9 @@ class PartDoubt:
 class CommonDoubt:
     """How sure the map of a region is that two parts have in common."""
 
-    net_evidence: float  # see `CommonRegions.net_evidence`
-    runner_up: float  # cost of this map over the cost of the best different map; inf if there is none
+    net_evidence: float  # area that looks alike, less what is left out: `CommonRegions`
+    # cost of this map over the cost of the best different map, both negative; inf if there is none
+    runner_up: float
     landmarks_hold: bool  # whether landmarks were given and all hold, which is enough to be sure
     settings: PartSettings
 
@@ -313,7 +314,7 @@ class Measured:
     def solution(
         self,
         pair: Problem,
-        errors: Float[FloatArray, "n_s"],  # expected errors
+        errors: Float[FloatArray, "n_s"],  # expected errors in √area of the source
         evidence: tuple[Evidence, ...],
         notes: Sequence[str],
         level: SmoothPair | None = None,  # the level to which the points belong; by default the pair

@@ -89,7 +89,7 @@ def covered_share(surface: Surface, images: Int[IntArray, "q"], radius: float = 
 
 
 def _coverage(pair: Problem, points: PrecisePoints) -> float:
-    """Coverage of the target by the images of source vertices; of variants, between originals."""
+    """Coverage of the target by the images of source vertices; for variants, of and by their originals."""
     source, target, radius = pair.source, pair.target, pair.config.outcome.coverage_radius
     if source.original:
         n = source.original.body.n_vertices

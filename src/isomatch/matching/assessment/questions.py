@@ -75,13 +75,12 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
         return ()
     size = np.sqrt(source.area), np.sqrt(target.area)
     vertices = _spread_vertices(source, result.map.matched)
-    # a row for each map, a column for each vertex
-    images = np.stack([map_.vertices[vertices] for map_ in maps])
+    images = np.stack([map_.vertices[vertices] for map_ in maps])  # a row for each map
     pairs = list(combinations(range(len(maps)), 2))
     gap = np.stack([_gaps(target, images[i], images[j]) for i, j in pairs]) / size[1]
     separation = np.where(gap < ERRORS.other_place, 0.0, np.minimum(gap, ERRORS.question_distance))
     open_pairs, asked = np.ones(len(pairs), dtype=bool), list[int]()
-    to_questions = np.full(len(vertices), np.inf)  # distance to the nearest question
+    to_questions = np.full(len(vertices), np.inf)  # distance of each vertex from the nearest one asked for
     for _ in range(most):
         # pairs not yet separated count most, and all pairs a little, so that answers confirm each other
         gain = separation[open_pairs].sum(axis=0) + separation.mean(axis=0)

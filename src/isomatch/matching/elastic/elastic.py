@@ -56,7 +56,7 @@ FAR_KEPT_NOTE = (
 class StretchedFit(Fit):
     """An elastic map: smooth maps both ways, and both shapes bent onto each other by them."""
 
-    coefficients: Coefficients  # of the smooth maps both ways
+    coefficients: Coefficients  # coefficients of the smooth maps both ways
     images: Images | None = None  # images of the samples of the coarse fit, both ways
     # the source bent onto the target, and the target bent onto the source; empty before they are bent
     bent: tuple[BentShape, ...] = ()

@@ -30,7 +30,7 @@ from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.surfaces import vertex_normals
 
-RIDGE = 1e-9  # added to the diagonal of normal equations
+RIDGE = 1e-9  # added to the diagonal of normal equations, so that they can be solved
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +111,13 @@ class Samples:
 
     shape: ElasticShape
     everywhere: bool  # whether the candidates are all vertices, and not the samples
-    vertices: Int[BodyVertices, "m"]  # the samples
+    vertices: Int[BodyVertices, "m"]  # the samples, as vertices
     row: Int[SoughtRows, "m"]  # rows of the samples among the candidates
     # rows of the candidates in the ring, which consists of the vertices of all faces around them
     sought: Int[IntArray, "c"]
     faces: Int[IntArray, "f 3"]  # faces of the ring, by its rows
     mirror_row: Int[SampleRows, "m"] | None  # sample nearest to the mirror image of each sample
-    targets: Int[BodyVertices, "c"]  # the candidates
+    targets: Int[BodyVertices, "c"]  # the candidates, as vertices
     functions: Float[FloatArray, "ring k"]  # Laplace–Beltrami functions on the ring
     functions_sought: Float[FloatArray, "c k"]  # Laplace–Beltrami functions on the candidates
     canonical: Float[FloatArray, "c d"]  # canonical coordinates of the candidates
@@ -127,8 +127,8 @@ class Samples:
 class Coefficients(NamedTuple):
     """Smooth maps in both directions, as coefficients of the first functions of each shape."""
 
-    source: Float[FloatArray, "k_s values_t"]  # A
-    target: Float[FloatArray, "k_t values_s"]  # B
+    source: Float[FloatArray, "k_s values_t"]  # A: values of the target on the source
+    target: Float[FloatArray, "k_t values_s"]  # B: values of the source on the target
 
 
 class Step(NamedTuple):
@@ -140,8 +140,8 @@ class Step(NamedTuple):
     symmetric: bool
 
 
-# Steps of the coarse fit; after each, only the best maps are kept. The functions represent limbs
-# but no details, and the smoothness was chosen with them; decisions.md, elastic choice
+# Steps of the coarse fit; after each, only the best maps are kept. Their functions represent limbs but
+# no details, and the smoothness was chosen with them; decisions.md, elastic choice
 COARSE_STEPS = Step(20, 0.01, 2, True), Step(20, 0.01, 2, True), Step(30, 0.007, 4, True)
 
 
@@ -150,7 +150,7 @@ class Images(NamedTuple):
 
     forth: Int[SoughtRows, "samples_s"]
     back: Int[SoughtRows, "samples_t"]
-    spectral_residual: float  # mean distance of images
+    spectral_residual: float  # mean distance to the images, summed over both directions
     # mean cosine between normals of each shape and of its copy on the other; for a map that should
     # reverse the orientation, the negative
     orientation: float
@@ -262,7 +262,7 @@ class ElasticFit:
     def _embedding_by_maps(self, copies: tuple[_Copy, _Copy]) -> Embedding:
         """Coordinates that depend on the maps, without signatures."""
         source, target, weight = self.source, self.target, self.normal_weight
-        (x_target, n_target), (x_source, n_source) = copies  # coordinates and normals
+        (x_target, n_target), (x_source, n_source) = copies  # canonical coordinates, and normals
         side = self.side * weight
         of_source = x_target, source.canonical, side * n_target, weight * source.normals
         of_target = target.canonical, x_source, weight * target.normals, side * n_source
@@ -388,7 +388,7 @@ def anchor_starts(
 def _anchors(
     shape: PreparedShape, first: Int[BodyVertices, "l"], count: int
 ) -> tuple[Int[BodyVertices, "m"], Float[FloatArray, "m m"]]:
-    """Select vertices far from each other, with their distances in average distances."""
+    """Select vertices far from each other; also the distances between them, over the average one."""
     vertices = np.concatenate([first, shape.extremities, shape.column_vertices])
     vertices = vertices[np.sort(np.unique(vertices, return_index=True)[1])]
     distances = shape.distances_between(vertices)

@@ -238,7 +238,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _reconsider_dropped(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
         """If the winner is not sure, refine dropped candidates, and add maps that differ."""
-        # a half turn of an ant is dropped at 1.15 times the spectral residual, but ties by its score
+        # half turns of ants are dropped at 1.15 times the least spectral residual, but their scores tie
         first, config = ranking.best, self.pair.config
         if not self.pair.is_sided or first.candidate is None or is_sure(self, ranking):
             return ranking
@@ -432,7 +432,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _polish_points(
         self, measured: Measured, timer: StageTimer
     ) -> tuple[SmoothPair, PrecisePoints, tuple[str, ...]]:
-        """Polish images at the finest level of the shapes: level, images, note."""
+        """Polish images at the finest level of the shapes; return this level, the images and notes."""
         pair, fit = self.pair, measured.fit
         if not (pair.has_finer and fit and self.refinement.polishes):
             return pair, measured.points, ()

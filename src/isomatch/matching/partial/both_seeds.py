@@ -21,7 +21,7 @@ from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.selection import keep_distinct
 from isomatch.shapes import PreparedShape
 
-AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # lengths; balls of these radii have their areas compared
+AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # lengths; areas of balls of these radii are compared
 # cost of a distance outside its interval; chosen together with the numbers of `SEEDS`
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
 
@@ -127,7 +127,7 @@ def signed_triangles(
 def _sum_over_radii(
     source: BallSignature, target: BallSignature, deviation: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """Sum descriptor distances of all pairs over radii known at both, and count these."""
+    """Sum descriptor distances of all pairs over the radii known at both, and count these radii."""
     known = source.known[:, None] & target.known[None]
     total, most = np.zeros(known.shape[:2]), SEEDS.max_descriptor_distance
     for j in range(known.shape[2]):

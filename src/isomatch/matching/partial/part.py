@@ -155,7 +155,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         rough = [] if only_given else self._rough_fits(first_maps)
         kept = self._keep_distinct(rough, PART_FIT.n_contenders)
         hopeful = [fit for fit in kept if fit.rough_cost <= settings.hopeless * kept[0].rough_cost]
-        hopeful = kept[: max(len(hopeful), 2)]  # the best, and a runner-up
+        hopeful = kept[: max(len(hopeful), 2)]  # at least the best and a runner-up
         contenders = [*((fit.pair, fit.image, fit.origin) for fit in hopeful), *first_maps]
         if not contenders:
             raise NotConvergedError(
@@ -196,7 +196,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         ranking = replace(ranking, distinct=tuple(fits[1:]))
         if fits[0] is best:
             return ranking
-        ratio = min(best.cost / fits[0].cost, 1.0)  # by cost, another map is better
+        ratio = min(best.cost / fits[0].cost, 1.0)  # at most 1, as the map before may cost less
         return replace(ranking, best=fits[0], runner_up=ratio)
 
     def _doubt_of(self, ranking: Ranking[PartFit]) -> PartDoubt:
@@ -249,7 +249,7 @@ class Part(RefiningModel[PartFit, BentPart]):
 
     @cached_property
     def _self_maps(self) -> list[Int[SearchRows, "m_t"]]:
-        """Near self-maps of the whole; none with landmarks, which separate the sides."""
+        """Maps of the whole onto itself; none with landmarks, which tell its sides apart."""
         pair = self.fits.pair
         return [] if len(pair.landmarks) else find_self_maps(pair.whole, pair.config)
 
@@ -299,7 +299,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         return self.problem.source.correspondence(self.problem.target, points, matched)
 
     def _directed(self, fit: PartFit, bent: BentPart) -> tuple[PrecisePoints, Bool[BoolArray, "n_s"], float]:
-        """Map of a bent part in the problem's direction, which vertices it maps, its unit."""
+        """Map of a bent part in the problem's direction, whether it maps each vertex, and its unit."""
         if self.side == "target":
             return *bent.onto_part(), 1 / fit.pair.unit
         return bent.points, np.ones(self.source.body.n_vertices, dtype=bool), fit.pair.unit

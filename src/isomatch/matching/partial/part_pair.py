@@ -28,7 +28,7 @@ class PartPair:
     whole: PreparedShape
     unit: float  # √area of the part over √area of the whole
     config: Config  # settings of the match
-    missing: MissingRegion = field(compare=False)  # beyond the part's boundary, in √area of the part
+    missing: MissingRegion = field(compare=False)  # what lies beyond its boundary, in √area of the part
     anchors: Int[PartVertices, "m"] = field(compare=False)  # landmarks, then farthest points
     # lower bounds of distances on the whole, in √area of the part
     lower: Float[FloatArray, "m n_part"] = field(compare=False)
@@ -36,7 +36,7 @@ class PartPair:
     along: Float[FloatArray, "m n_part"] = field(compare=False)
     landmarks: Int[BodyVertices, "l"] = field(compare=False)  # images of the first anchors
     radii: tuple[float, ...] = field(compare=False)  # radii of ball signatures, in √area of the part
-    functions: Embedding = field(compare=False)  # known functions
+    functions: Embedding = field(compare=False)  # functions that are known on part and whole
 
     @classmethod
     def of(

@@ -30,22 +30,21 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
 
-ALL_FUNCTIONS = 10**6  # functions: more than any basis has
-MIN_COST = 1e-12  # makes ratios of costs finite if a part is mapped onto itself without error
+ALL_FUNCTIONS = 10**6  # more functions than any basis has, so that all are used
+MIN_COST = 1e-12  # a lower cost, as of a part mapped onto itself, is raised to this: ratios stay finite
 
 
 class WholeCoordinates:
     """Coordinates of a whole in which images are searched; they do not depend on a map."""
 
     # The cache holds coordinates for each number of functions in the settings, and features for
-    # each unit of a part, which are few because units are rounded
-    # (`PartPair.nearest_allowed_unit`).
+    # each unit of a part, which are few because units are rounded (`PartPair.nearest_allowed_unit`).
     def __init__(
         self,
         whole: PreparedShape,
         config: Config,  # settings of the match; the whole may be prepared with others
-        landmarks: Int[BodyVertices, "l"],  # landmarks on the whole
-        functions: Float[FloatArray, "n_whole q"],  # known functions
+        landmarks: Int[BodyVertices, "l"],  # vertices of the landmarks on the whole
+        functions: Float[FloatArray, "n_whole q"],  # functions that are known on part and whole
     ) -> None:
         self._whole, self._settings, self._landmarks = whole, config.refining, landmarks
         self.signatures = WholeSignatures(whole, functions)
@@ -222,7 +221,7 @@ class PartFit(Fit):
     """A map of a part, in a unit; ``score`` stays nan, see ``cost``."""
 
     pair: PartPair  # in the unit of the map
-    refinement: PartRefinement  # refines the same vertices
+    refinement: PartRefinement  # refines the images of the same vertices
     bending: PartBending
     stress: float = np.nan  # mean cost of the images of the anchors, see `PartPair.stress`
     # lengths by which the part is bent, see `PartSettings`

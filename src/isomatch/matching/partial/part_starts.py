@@ -45,7 +45,7 @@ class PartStart:
 
     pair: PartPair
     images: Int[BodyVertices, "m"]
-    cost: float  # of distances, areas of balls and signatures
+    cost: float  # cost by distances, areas of balls and signatures
 
     def extend(self, vertices: Int[PartVertices, "q"]) -> Int[BodyVertices, "q"]:
         """Map vertices of the part by trilateration from the images of all anchors."""
