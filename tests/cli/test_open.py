@@ -4,6 +4,7 @@ import json
 import sys
 import zipfile
 from dataclasses import replace
+from importlib import import_module
 from io import BytesIO
 from queue import Empty, Queue
 from threading import Event
@@ -41,7 +42,7 @@ def served(monkeypatch):
             kept.append((keeper, options))
             super().__init__(surfaces, page, keeper, **options)
 
-    monkeypatch.setattr(sys.modules["isomatch.cli.open_command"], "Session", Recorded)
+    monkeypatch.setattr(import_module("isomatch.cli.open_command"), "Session", Recorded)
     monkeypatch.setattr(server.PageServer, "run", lambda server: server._socket.close())
     monkeypatch.setattr("webbrowser.open", lambda address: None)
     return kept
@@ -118,7 +119,7 @@ def test_a_result_is_written_and_packed_as_match_writes_it(shapes, served):
     assert not (shapes / "out").exists()  # nothing was saved
     result = match(bent(), bent(), landmarks=PAIRS, config=QUICK)
     archive = zipfile.ZipFile(BytesIO(keeper.packed(result, PAIRS)))
-    with keeper.claimed(force=False):
+    with keeper.results.claimed(force=False):
         assert keeper.write(result, PAIRS).startswith(
             "Saved map.npz, map.txt, result.json, map.png, report.html"
         )

@@ -57,7 +57,8 @@ def interrupted(command, folder, after, number=signal.SIGINT):
     if process.returncode == 0:  # done, while the interpreter was ending
         return None
     assert process.returncode == 128 + number, said.decode()
-    assert said.decode().endswith("isomatch: interrupted\n")
+    # a worker that was being started finds its parent gone, and says so later
+    assert said.decode().partition("Traceback")[0].endswith("isomatch: interrupted\n")
     return seconds
 
 

@@ -76,7 +76,7 @@ class FolderSettings:
             return cls()
         try:
             values = tomllib.loads(read_text(path))
-        except tomllib.TOMLDecodeError as error:
+        except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits
             raise FormatError(f"{path}: not TOML ({error})") from None
         kinds: dict[str, Any] = {
             "truth": str, "counts_from": int, "symmetric": bool, "target": str, "shapes": (str, list),

@@ -165,4 +165,5 @@ def _guess_columns(others: AnyArray) -> tuple[Attribute, ...]:
 
 
 def _are_normals(three: AnyArray) -> bool:
-    return bool((np.abs(np.linalg.norm(three, axis=1) - 1) < _NORMAL_TOLERANCE).all())
+    with np.errstate(over="ignore"):  # lengths beyond the largest float become infinite
+        return bool((np.abs(np.linalg.norm(three, axis=1) - 1) < _NORMAL_TOLERANCE).all())

@@ -157,7 +157,7 @@ class Images(NamedTuple):
 
 
 # canonical coordinates and normals of a shape, copied to the candidates of another by a smooth map
-_Copy: TypeAlias = tuple[Float[FloatArray, "c d"], Float[FloatArray, "c 3"]]
+_Copy: TypeAlias = tuple[Float[FloatArray, "_ d"], Float[FloatArray, "_ 3"]]
 
 
 @dataclass(frozen=True, eq=False)
