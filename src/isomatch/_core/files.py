@@ -61,13 +61,13 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
         _require_replaceable(path)
         final = path.resolve() if path.exists() else path
         with _removed_at_end(final.with_name(UNFINISHED.format(token_hex(8)))) as unfinished:
-            with _changing:
+            with changing:
                 file = unfinished.open("xb")
             with file:
                 yield file
                 file.flush()
                 os.fsync(file.fileno())  # Otherwise a power failure could leave an empty file.
-            with _changing:
+            with changing:
                 unfinished.replace(final)
 
 
@@ -86,13 +86,13 @@ def staged(folder: Path, last: str, gone: Iterable[str] = ()) -> Iterator[Path]:
     # Files in ``gone`` are removed.
     places = [folder / UNFINISHED.format(token_hex(8)) for _ in range(2)]
     with writing(folder), _removed_at_end(places[0]) as new, _removed_at_end(places[1]) as earlier:
-        with _changing:
+        with changing:
             new.mkdir()
         yield new
         names = [file.relative_to(new) for file in new.rglob("*") if not file.is_dir()]
         names.sort(key=lambda name: name == Path(last))
         away = dict.fromkeys([Path(last), *names, *map(Path, gone)])
-        with _changing:
+        with changing:
             moves = [(folder / name, earlier / name) for name in away if os.path.lexists(folder / name)]
             _move([*moves, *((new / name, folder / name) for name in names)])
 
@@ -119,25 +119,25 @@ def made_folder(folder: Path) -> Iterator[None]:
         for one in (*reversed(folder.parents), folder):
             if not one.exists():
                 made.enter_context(_removed_at_end(one))
-                with _changing:
+                with changing:
                     one.mkdir(exist_ok=True)
         folder.mkdir(exist_ok=True)
         yield
 
 
 _temporary: list[Path] = []  # files and folders that must not remain, in the order of creation
-_changing = Lock()
+changing = Lock()  # held while files or processes appear or go, so that a signal meets none that is half made
 
 
 @contextmanager
 def _removed_at_end(path: Path) -> Iterator[Path]:
     """Remove a file, or an empty or unfinished folder, when the block ends, however it ends."""
-    with _changing:
+    with changing:
         _temporary.append(path)
     try:
         yield path
     finally:
-        with _changing:
+        with changing:
             _remove(path)
             _temporary.remove(path)
 
@@ -162,7 +162,7 @@ def remove_unfinished(paths: Iterable[Path], age: float) -> None:
 
 def abandon_files() -> None:
     """Remove everything unfinished before the process ends; no thread creates or completes more."""
-    _changing.acquire()
+    changing.acquire()
     for path in reversed(_temporary):
         with suppress(OSError):
             _remove(path)
@@ -178,7 +178,7 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
     with writing(path):
         _require_replaceable(path)
         path.parent.stat()  # Otherwise some versions of filelock would make the folder.
-        with _changing:
+        with changing:
             try:
                 claim.acquire()
             except Timeout:
@@ -198,7 +198,7 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
                 )
         yield
     finally:
-        with _changing:
+        with changing:
             with suppress(PermissionError):  # Windows removes it on release
                 lock.unlink(missing_ok=True)  # before the release: later it could belong to another process
             claim.release()

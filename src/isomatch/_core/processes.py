@@ -15,6 +15,8 @@ from typing import Any
 
 from threadpoolctl import ThreadpoolController
 
+from isomatch._core.files import changing
+
 
 @contextmanager
 def worker_processes(
@@ -33,6 +35,14 @@ def worker_processes(
             context.kill()  # a pool that breaks while a worker starts would wait for it for ever
 
 
+class _Worker(SpawnProcess):
+    """A process whose start a signal does not interrupt, so that it is known and killed."""
+
+    def start(self) -> None:
+        with changing:
+            super().start()
+
+
 class _Spawning(SpawnContext):
     """Starts processes and records them."""
 
@@ -46,7 +56,7 @@ class _Spawning(SpawnContext):
                 process.kill()
 
     def Process(self, *arguments: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]
-        self.started.append(SpawnProcess(*arguments, **options))
+        self.started.append(_Worker(*arguments, **options))
         return self.started[-1]
 
 

@@ -118,10 +118,7 @@ def asymmetry(
         hints: IntArray | None = None
         if landmarks and is_mesh:
             hints = read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
-        scans = None
-        if Layout(source).plan.exists():
-            collection = Collection.open(source)
-            scans = Snapshot(collection, collection.rows())
+        collection = Collection.open(source) if Layout(source).plan.exists() else None
         if pairs:
             named = [(row["left"], row["right"]) for row in read_table(pairs).records(("left", "right"))]
             both = shape_statistics.paired_sides(cohort, named)
@@ -135,6 +132,7 @@ def asymmetry(
             maps = [Correspondence.load(file, n, n) for file in files]
         else:
             settings = {"landmarks": hints, "config": config, "seed": seed}
+            scans = Snapshot(collection, collection.rows()) if collection else None
             maps, about, unsure = _match_sides(cohort, scans, settings, notes, to.part(0.1, 0.8))
         both = both if pairs else cohort.mirrored(maps)
         to.tell("comparing", 0.8)
@@ -160,7 +158,7 @@ def asymmetry(
             "of": str(source),
             "symmetry": "matching" if pairs else "object",
             "n_individuals": len(set(of)),
-            "in_one_topology": is_mesh and not pairs and not scans,
+            "in_one_topology": is_mesh and not pairs and not collection,
             "scale": scale,
             "weights": weights,
             "degrees": degrees,

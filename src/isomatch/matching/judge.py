@@ -20,7 +20,7 @@ from isomatch.io import SurfaceLike
 from isomatch.matching.assessment.confidence import DoubtfulRegion
 from isomatch.matching.match import match
 from isomatch.matching.parameters import JUDGING, MAP_DISTANCE
-from isomatch.matching.problem import Problem
+from isomatch.matching.problem import Problem, target_rows_near
 from isomatch.matching.result import MatchResult
 from isomatch.matching.verify import (
     Verification,
@@ -227,7 +227,7 @@ class _Comparison:
         if not len(samples):
             return False
         least = JUDGING.exchanged_ratio * target.mean_distance(given[samples], reference[samples])
-        rows = target.distances.between(self.pair.target_vertices, reference[samples]).argmin(axis=0)
+        rows = target_rows_near(self.pair, BodyVertices(reference[samples]))
         images = (self.pair.target_vertices[s.image_row[rows]] for s in target.near_symmetries(np.inf))
         return any(target.mean_distance(given[samples], BodyVertices(image)) < least for image in images)
 

@@ -273,6 +273,11 @@ def name_of(handed_in: object) -> str:
     return str(getattr(function, "__name__", type(function).__name__)).removeprefix("starts_from_")
 
 
+def target_rows_near(problem: Problem, vertices: Int[BodyVertices, "q"]) -> Int[SearchRows, "q"]:
+    """Find the row of the target's search vertex that is nearest to each target vertex."""
+    return SearchRows(problem.target.distances.between(problem.target_vertices, vertices).argmin(axis=0))
+
+
 def search_pairs(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[BodyVertices, "m_s 2"]:
     """Pair each search vertex of the source with its image under a map."""
     return BodyVertices(np.column_stack([pair.source_vertices, pair.target_vertices[target_row]]))

@@ -141,9 +141,9 @@ def face_normals(mesh: Mesh) -> FloatArray:
 def _cut_path(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
     """Find the cheapest concave loop that does not separate the real faces, with the first n_real vertices."""
     least = MIN_CUT_PATH_LENGTH * np.sqrt(mesh.area)
-    loops = _nonseparating_loops(mesh, n_real)
-    concave = ((cost, loop) for cost, length, loop in loops if cost <= concavity * max(length, least))
     ends, beside = inner_edges(mesh)
+    loops = _nonseparating_loops(mesh, n_real, ends, beside)
+    concave = ((cost, loop) for cost, length, loop in loops if cost <= concavity * max(length, least))
     joined = np.all(np.all(mesh.faces < n_real, axis=1)[beside], axis=1)
     n_pieces, _ = label_components(mesh.n_faces, tuple(beside[joined].T))
     for _, loop in sorted(concave, key=itemgetter(0)):
@@ -153,9 +153,11 @@ def _cut_path(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
     return None
 
 
-def _nonseparating_loops(mesh: Mesh, n_real: int) -> Iterator[tuple[float, float, IntArray]]:
+def _nonseparating_loops(
+    mesh: Mesh, n_real: int, ends: IntArray, beside: IntArray
+) -> Iterator[tuple[float, float, IntArray]]:
     """Yield short loops near concave edges that do not separate a closed mesh: cost, length, vertices."""
-    (ends, beside), n = inner_edges(mesh), mesh.n_vertices
+    n = mesh.n_vertices
     bends, costs = bends_and_costs(mesh, ends, beside)
     concave = np.unique(ends[(bends < ROOT_ANGLE) & (ends < n_real).all(axis=1)])
     spread = np.linspace(0, len(concave) - 1, MAX_ROOTS).astype(int)

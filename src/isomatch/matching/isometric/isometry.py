@@ -32,7 +32,7 @@ from isomatch.matching.isometric.candidates import (
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.parameters import MAP_DISTANCE, SCREENING, SYMMETRIC, TIES
-from isomatch.matching.problem import Problem
+from isomatch.matching.problem import Problem, target_rows_near
 from isomatch.matching.proposals.flips import keep_distinct_maps, near_symmetric_variants, symmetric_variants
 from isomatch.matching.result import Alternative, Outcome
 from isomatch.matching.selection import (
@@ -404,7 +404,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
             return []
         image, bounds = BodyVertices(map_.points.corners[pair.source_vertices, 0]), config.outcome
-        rows = SearchRows(self.target.distances.between(pair.target_vertices, image).argmin(axis=0))
+        rows = target_rows_near(pair, image)
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
         hypothesis = Candidate(Alignment(rows, np.eye(1), 0.0), map_.origin)
