@@ -12,7 +12,7 @@ from isomatch.cohort.ledger import N_RANKS, Rows, ShapeRow
 from isomatch.cohort.plan import Plan, common_unit
 from isomatch.cohort.shape_statistics import likely_units, size_factors, told_factor
 from isomatch.cohort.snapshot import Snapshot
-from isomatch.repair import check, without_seams
+from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PointCloud
 
 MIN_RESCALING = 0.01  # logarithm of the ratio of sizes, from which a copy counts as rescaled
@@ -35,7 +35,7 @@ class Outlier(NamedTuple):
 
 def holes_of(surface: Mesh) -> tuple[int, float]:
     """Count the boundaries of a surface without seams, and measure their length in √area."""
-    lengths = check(without_seams(surface)[0], wall=0.0).boundary_lengths
+    lengths = without_seams(surface)[0].boundary_lengths
     return len(lengths), float(lengths.sum() / np.sqrt(surface.area))
 
 

@@ -18,7 +18,7 @@ from isomatch.repair.gaps import NO_SIDES, close_vertices, free_sides, t_junctio
 from isomatch.repair.merged import part_merged_limbs
 from isomatch.repair.outliers import find_outliers
 from isomatch.repair.walls import WALL_THICKNESS, double_walled_share
-from isomatch.surfaces import Mesh, count_fans, first_equal, label_components, unsound_faces
+from isomatch.surfaces import Mesh, count_fans, first_equal, unsound_faces
 
 
 def check(mesh: SurfaceLike, *, wall: float = WALL_THICKNESS) -> MeshReport:
@@ -73,7 +73,8 @@ def check(mesh: SurfaceLike, *, wall: float = WALL_THICKNESS) -> MeshReport:
         euler_number=int(used.sum()) - len(edges.ends) + len(faces),
         **_components(surface, used, np.where(flatness > ZERO_AREA_RATIO, surface.face_areas, 0.0), rewound),
         **_gaps(surface, first, scale),
-        **_boundary(surface, scale),
+        boundary_edges=whole.boundary_edges,
+        boundary_lengths=whole.boundary_lengths,
         non_finite_vertices=np.flatnonzero(~finite),
         out_of_range_faces=np.flatnonzero(bad.out_of_range),
         repeated_index_faces=np.flatnonzero(bad.repeated_index),
@@ -137,18 +138,6 @@ def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, fla
             b = a
         if longest > 0:
             flatness[f] = doubled[f] / longest
-
-
-def _boundary(surface: Mesh, scale: float) -> dict[str, Any]:
-    """Find the boundary edges, and the length of each boundary loop, longest first, times ``scale``."""
-    boundary = surface.boundary_edges
-    vertices, ends = np.unique(boundary, return_inverse=True)
-    i, j = ends.reshape(-1, 2).T
-    count, label = label_components(len(vertices), (i, j))
-    lengths = np.linalg.norm(np.subtract(*surface.vertices[boundary.T]), axis=1)
-    loops: FloatArray = np.bincount(label[i], lengths, count).astype(np.float64)
-    with np.errstate(over="ignore"):  # lengths beyond the largest float become infinite
-        return {"boundary_edges": boundary, "boundary_lengths": np.sort(loops)[::-1] * scale}
 
 
 # A face has zero area if its smallest altitude is at most this fraction of its longest edge; it is a

@@ -28,7 +28,7 @@ from isomatch.descriptors import (
     standardised,
 )
 from isomatch.geodesics import Sampling, distance_along_edges_to_nearest
-from isomatch.repair import check, count_handles, seems_inside_out
+from isomatch.repair import count_handles, seems_inside_out
 from isomatch.settings import Config
 from isomatch.shapes.body import Body, Detail, Level
 from isomatch.shapes.smooth_shape import SmoothShape, orientation_of
@@ -257,18 +257,15 @@ class PreparedShape(SmoothShape, Shown):
         np.fill_diagonal(distances, 0.0)
         return distances
 
-    @cached_property
+    @property
     def boundary_length(self) -> float:
         """Length of the boundary of the body, in √area; 0 for points and graphs."""
-        if self.triangles is None:
-            return 0.0
-        i, j = self.triangles.boundary_edges.T
-        return float(np.linalg.norm(self.triangles.vertices[i] - self.triangles.vertices[j], axis=1).sum())
+        return float(self.triangles.boundary_lengths.sum()) if self.triangles is not None else 0.0
 
-    @cached_property
+    @property
     def longest_boundary(self) -> float:
-        """Length of the longest boundary component of the body, in √area; 0 without a boundary."""
-        return float(check(self.triangles, wall=0.0).boundary_lengths[0]) if self.boundary_length else 0.0
+        """Length of the longest boundary loop of the body, in √area; 0 without a boundary."""
+        return float(self.triangles.boundary_lengths.max(initial=0.0)) if self.triangles is not None else 0.0
 
     @cached_property
     def handles(self) -> int:
@@ -278,7 +275,7 @@ class PreparedShape(SmoothShape, Shown):
     @cached_property
     def one_sided(self) -> bool:
         """Whether the body has no inside, like a Möbius strip: two faces of an edge are wound inconsistently."""
-        return self.triangles is not None and len(check(self.triangles, wall=0.0).inconsistent_edges) > 0
+        return self.triangles is not None and bool(self.triangles.edge_table.clash.any())
 
     @cached_property
     def seems_inside_out(self) -> bool:

@@ -33,13 +33,7 @@ OF_BODY = _names(
     PreparedShape.functions, PreparedShape.index, PreparedShape.signatures, PreparedShape.curvature
 )
 OF_DISTANCES = _names(PreparedShape.symmetries, PreparedShape.symmetry_search)
-OF_EITHER_WINDING = _names(
-    PreparedShape.functions,
-    PreparedShape.points,
-    PreparedShape.handles,
-    PreparedShape.boundary_length,
-    PreparedShape.longest_boundary,
-)
+OF_EITHER_WINDING = _names(PreparedShape.functions, PreparedShape.points, PreparedShape.handles)
 
 
 def _with_properties_of(shape: PreparedShape, new: PreparedShape, names: tuple[str, ...]) -> PreparedShape:

@@ -35,8 +35,8 @@ class Mesh(Plotted):
     >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
     >>> square
     Mesh(4 vertices, 2 faces)
-    >>> float(square.area)
-    1.0
+    >>> float(square.area), square.boundary_lengths.tolist()
+    (1.0, [4.0])
     """
 
     vertices: FloatArray
@@ -116,6 +116,15 @@ class Mesh(Plotted):
         """(b, 2) edges at which only one sound face meets, the smaller index first."""
         edges: IntArray = self.edges[self.edge_table.n_faces == 1]
         return edges
+
+    @cached_property
+    def boundary_lengths(self) -> FloatArray:
+        """(l,) length of each boundary loop, in mesh units, longest first; loops that share a vertex are one."""
+        used, ends = np.unique(self.boundary_edges, return_inverse=True)
+        i, j = ends.reshape(-1, 2).T
+        n_loops, loop = label_components(len(used), (i, j))
+        of_loops = np.bincount(loop[i], lengths(self.vertices, self.boundary_edges), n_loops)
+        return np.sort(of_loops)[::-1]
 
     @cached_property
     def edge_lengths(self) -> FloatArray:
