@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare, questions, verify
+from isomatch._core.stage_timer import StageTimer
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import REFINEMENTS, Part, Problem, prepare_pair, search_under
 from isomatch.matching.assessment.quality import covered_share
-from isomatch.matching.strategies import part_of
+from isomatch.matching.strategies import CAPPED, PART_FROM_BOTH_SIDES, Attempts, part_of
 from isomatch.settings import PartSettings
 from isomatch_lab.damage import cut, holes, limb_removed, view
 from isomatch_lab.procedural import creature
@@ -158,9 +159,25 @@ def test_holes_are_closed_only_in_doubt_where_much_is_missing(bodies, prepared):
         for bound in (PartSettings().poor_doubt, 0.0)
     )
     assert (sure.outcome, ways(sure)) == (Outcome.PARTIAL, {"part"})
-    assert (doubted.outcome, ways(doubted)) == (Outcome.LOW_CONFIDENCE, {"part", "holes closed", FROM_CLOSED})
+    assert doubted.outcome is Outcome.LOW_CONFIDENCE
+    assert ways(doubted) - {PART_FROM_BOTH_SIDES.name} == {"part", "holes closed", FROM_CLOSED}
     if doubted.way == "part":
         np.testing.assert_array_equal(sure.map.vertices, doubted.map.vertices)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("side", ["source", "target"])
+def test_holes_are_closed_and_the_map_is_searched_from_the_other_shape(bodies, prepared, side):
+    """A wrong map of the capped shapes is replaced by one that is searched in the other direction."""
+    part = cut(bodies[0], 0.3, seed=4)
+    pair = prepare_pair(part.mesh, prepared)
+    tried = Attempts(pair if side == "source" else pair.turned, StageTimer())
+    tried.matches[CAPPED.name] = right = search_under(CAPPED.model(tried))
+    assert PART_FROM_BOTH_SIDES.model(tried) is None, "both directions find one map"
+    collapsed = replace(right.ranking.best, image=np.zeros_like(right.ranking.best.image))
+    tried.matches[CAPPED.name] = replace(right, ranking=replace(right.ranking, best=collapsed))
+    image, truth = PART_FROM_BOTH_SIDES.model(tried).known_map[0], bodies[2][part.original]
+    assert prepared.mean_distance(image, prepared.body_vertex[truth[pair.source.user_vertex]]) < 0.1
 
 
 @pytest.mark.long

@@ -47,7 +47,8 @@ def test_priors_doubtful_seek_no_elastic_map(problem):
 @pytest.mark.parametrize("asked", ["auto", "source"])
 def test_of_a_part_the_part_is_tried_with_and_without_its_holes_closed(example, part, asked):
     problem = prepare_pair(part, example[1].mesh, Config(part=asked))
-    assert set(names(problem)) == {"part", "holes closed", "part, from the holes closed"}
+    ways = {"part", "holes closed", "part, from the holes closed", "part, from both sides"}
+    assert set(names(problem)) == ways
     parts = replace(problem.config.parts, close=False)
     assert names(replace(problem, config=replace(problem.config, parts=parts))) == ["part"]
 

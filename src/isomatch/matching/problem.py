@@ -206,6 +206,13 @@ class Problem(SmoothPair):
         return self.oriented and wanted and not self.priors.any
 
     @property
+    def allows_elastic(self) -> bool:
+        """Whether an elastic map is sought if no isometry fits."""
+        preserves = self.oriented and self.config.orientation == "preserve"
+        searches = self.refinement.searches_further and self.config.hypotheses == "all"
+        return preserves and searches and self.relation is None and not self.priors.has_functions
+
+    @property
     def both_open(self) -> bool:
         """Whether both shapes have a long boundary, as patches and tubes have."""
         least = self.config.parts.long_boundary

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
 
-from isomatch._core.arrays import UserVertices
+from isomatch._core.arrays import BodyVertices, UserVertices
 from isomatch._core.errors import MeshError, NotConvergedError, SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.matching.assessment.evidence import Evidence, Solution
-from isomatch.matching.elastic.elastic import Elastic, far_from_isometric, may_be_far
+from isomatch.matching.elastic.elastic import Elastic, far_from_isometric
 from isomatch.matching.isometric.both_sides import BothSides
 from isomatch.matching.isometric.candidates import is_sure
 from isomatch.matching.isometric.isometry import Isometry, find_torn_vertices, image_of
@@ -65,6 +65,11 @@ class Attempts:
     def is_unsure(self) -> bool:
         """Whether no map so far is sure."""
         return all(solution.outcome not in SURE_OUTCOMES for solution in self.solutions)
+
+    @property
+    def is_called_right(self) -> bool:
+        """Whether a map so far is called right, and is not ambiguous either."""
+        return any(solution.outcome in (Outcome.CONVERGED, Outcome.PARTIAL) for solution in self.solutions)
 
 
 Overlap: TypeAlias = Literal["whole", "part", "parts"]
@@ -195,8 +200,23 @@ def _stretch_limbs(tried: Attempts) -> Elastic | None:
 def _part_from_closed(tried: Attempts) -> Part:
     """Take one shape for a part, and start from the map with the holes capped."""
     match, side = tried.matches[CAPPED.name], cast(PartSide, part_of(tried.problem))
-    origin = origin_of(tried.problem, match.ranking.best)
-    return Part(tried.problem, side, (image_of(match, side), origin, match.ranking.runner_up))
+    return _part_from(tried.problem, side, match, image_of(match, side))
+
+
+def _part_from_both_sides(tried: Attempts) -> Part | None:
+    """Search the map with the holes capped from the other shape; None if that finds the same map."""
+    problem, turned = tried.problem, tried.problem.turned
+    side, turned_side = (cast(PartSide, part_of(x)) for x in (problem, turned))
+    match = search_under(_cap_holes(Attempts(turned, tried.timer)), tried.timer)
+    image, known = image_of(match, turned_side), image_of(tried.matches[CAPPED.name], side)
+    whole = problem.target if side == "source" else problem.source
+    is_same = whole.mean_distance(image, known) < MAP_DISTANCE.same_map
+    return None if is_same else _part_from(problem, side, match, image)
+
+
+def _part_from(problem: Problem, side: PartSide, match: Match[Any, Any], image: BodyVertices) -> Part:
+    """Take one shape for a part, and start from an image of its vertices under a match."""
+    return Part(problem, side, (image, origin_of(problem, match.ranking.best), match.ranking.runner_up))
 
 
 def _may_be_searched_from_target(problem: Problem) -> bool:
@@ -283,7 +303,9 @@ OPEN_LIMBS = Strategy(
     lambda tried: tried.is_unsure,
     is_guess=True,
 )
-ELASTIC = Strategy("elastic", "whole", "if no isometry fits", _stretch_limbs, may_be_far, _is_far)
+ELASTIC = Strategy(
+    "elastic", "whole", "if no isometry fits", _stretch_limbs, attrgetter("allows_elastic"), _is_far
+)
 PART = Strategy(
     "part",
     "part",
@@ -306,6 +328,15 @@ PART_FROM_CLOSED = Strategy(
     _part_from_closed,
     CAPPED.fits,
     lambda tried: CAPPED.name in tried.matches,
+    lambda tried, solution: tried.is_called_right,
+)
+PART_FROM_BOTH_SIDES = Strategy(
+    "part, from both sides",
+    "part",
+    "if nothing before is called right, as the map with its holes capped may be found from the other shape",
+    _part_from_both_sides,
+    lambda problem: CAPPED.fits(problem) and _may_be_searched_from_target(problem),
+    lambda tried: CAPPED.name in tried.matches and not tried.is_called_right,
     lambda tried, solution: not tried.is_unsure,
 )
 OVERLAPPING = Strategy(
@@ -318,8 +349,9 @@ VIA = Strategy("via", "parts", "wholes are given", lambda tried: None)  # `solve
 
 # Strategies in the order in which they are tried
 COMPLETE = ISOMETRIC, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, OPEN_LIMBS, ELASTIC, BOTH_SIDES
-MUCH_MISSING = PART, CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, PART_FROM_CLOSED
-LITTLE_MISSING = CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, PART_FROM_CLOSED, PART
+FROM_CLOSED = PART_FROM_CLOSED, PART_FROM_BOTH_SIDES
+MUCH_MISSING = PART, CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED
+LITTLE_MISSING = CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED, PART
 TWO_PARTS = ISOMETRIC, BOTH_SIDES, OVERLAPPING
 STRATEGIES = {strategy.name: strategy for strategy in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS, VIA)}
 """What each strategy claims, by its name, which `MatchResult.way` records."""

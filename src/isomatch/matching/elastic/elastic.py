@@ -395,18 +395,10 @@ def _score(bent: tuple[BentShape, ...]) -> float:
     return max(float(np.sqrt(source.bending_cost * target.bending_cost)), MIN_SCORE)
 
 
-def may_be_far(problem: Problem) -> bool:
-    """Whether the settings and the shapes allow an elastic map."""
-    config = problem.config
-    preserves = problem.oriented and config.orientation == "preserve"
-    searches = problem.refinement.searches_further and config.hypotheses == "all"
-    return preserves and searches and not problem.priors.has_functions
-
-
 def far_from_isometric(problem: Problem, quality: Quality) -> bool:
     """Whether the best isometric map fits badly, so that an elastic map should be searched."""
     config = problem.config
-    if not may_be_far(problem):
+    if not problem.allows_elastic:
         return False
     stretched = quality.spectral_residual > config.elastic.sought or fits_badly(quality, config.outcome)
     return stretched and not mirror_image_fits(quality, config.outcome)

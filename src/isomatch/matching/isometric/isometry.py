@@ -254,7 +254,10 @@ class Isometry(RefiningModel[Fit, Embedding]):
         # capped shapes are not verified: their distances cross the caps; decisions.md, both sides
         first = ranking.best
         capped = any(shape.original for shape in (self.source, self.target))
-        tied = [first] if capped or not self.pair.is_sided else self.find_tied(ranking)
+        # if no isometry fits, `Elastic` bends the maps that tie, and verifies all
+        is_far = first.spectral_residual > self.pair.config.elastic.sought and self.problem.allows_elastic
+        is_selected = capped or is_far or not self.pair.is_sided
+        tied = [first] if is_selected else self.find_tied(ranking)
         best = min(tied, key=lambda fit: self.verified(fit).cost) if len(tied) > 1 else first
         if best is first:
             return ranking
