@@ -22,7 +22,7 @@ from isomatch.cohort.finish import finish
 from isomatch.cohort.jobs import Event
 from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, landmark_files, write_tables
 from isomatch.cohort.ledger import writing_ledger
-from isomatch.cohort.map_file import KEPT, changed_files
+from isomatch.cohort.map_file import DIGESTED_FOLDERS, changed_files
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.study_page import write_reports, write_table
@@ -65,7 +65,7 @@ class Cohort:
     def status(self, *, thorough: bool = False) -> dict[str, Status]:
         """Sum up each collection, with damaged landmarks or, if ``thorough``, all damaged files."""
         has_own = "" in self.collections
-        files = KEPT if thorough and has_own else ("landmarks",)
+        files = DIGESTED_FOLDERS if thorough and has_own else ("landmarks",)
         return {name: status_of(x, () if has_own and name else files) for name, x in self.collections.items()}
 
     @property
@@ -318,7 +318,7 @@ class Status:
 
 
 def status_of(collection: Collection, folders: Iterable[str] = ()) -> Status:
-    """Sum up a collection from all ledgers, with the damaged files of some `KEPT` folders."""
+    """Sum up a collection from all ledgers, with the damaged files of some `DIGESTED_FOLDERS` folders."""
     known = Snapshot(collection, collection.rows())
     rows, pairs = known.rows, [known.rows.pair(pair) for pair in known.wanted_pairs]
     changed = changed_files(known.layout, rows, folders)

@@ -32,8 +32,8 @@ from isomatch.surfaces import Mesh
 Scale = Literal["keep", "remove"]
 Weights = Literal["area", "uniform"]
 Method = Literal["permutation", "parametric"]
-GROUP = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # pattern of the group in a formula
-SIZE = "size"  # name that a formula uses for the logarithm of the centroid size
+GROUP_PATTERN = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # of ``group`` in a formula
+LOG_SIZE = "size"  # name in formulas of the logarithm of the centroid size
 
 
 def statistics(
@@ -222,10 +222,10 @@ def _fit_linear(
 ) -> shape_statistics.ShapeAnova:
     """Test the terms of a model in the shapes that have all values."""
     names = model.names[: len(log_sizes)]  # without mirror images
-    cells = [{SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())]
+    cells = [{LOG_SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())]
     columns = dict.fromkeys(column for row in cells for column in row if column != "name")
-    # the group is a factor, even if its names are numbers, in capitals or not
-    formula = re.sub(GROUP, "factor(group)", formula, flags=re.IGNORECASE)
+    # the variable ``group``, in capitals or not, is a factor, even if the names of the groups are numbers
+    formula = re.sub(GROUP_PATTERN, "factor(group)", formula, flags=re.IGNORECASE)
     used = {word.strip() for word in re.split(r"[+*:()~]", formula)} & {*columns}
     lacks = [any(str(row.get(column, "")).lower() in NO_TEXT for column in used) for row in cells]
     if without := [*compress(names, lacks)]:

@@ -378,7 +378,7 @@ def _collection(at: Folders, variant: str) -> Any:
     model, x, mesh = shape_statistics.ShapeModel.fit(shapes), shapes.vertices, shapes.mesh(3)
     distances, observed = shape_statistics.procrustes_distances(x), np.arange(len(x[0])) % 5 == 0
     return {
-        "maps": [(pair.there, pair.back, pair.there_error, pair.back_error) for pair in maps],
+        "maps": [(pair.forward, pair.backward, pair.forward_error, pair.backward_error) for pair in maps],
         "shapes": (
             shapes,
             shape_statistics.doubtful_shapes(shapes),

@@ -16,8 +16,8 @@ from isomatch.correspondence import nearest_rotation
 
 Scale = Literal["keep", "remove"]
 
-TOLERANCE = 1e-11  # shapes are aligned once none moves by more than this share of the size of the mean
-MAX_ITERATIONS = 1000  # an analysis that is not done after this number of iterations fails
+TOLERANCE = 1e-11  # share of the mean's size; shapes are aligned once an iteration moves none by more
+MAX_ITERATIONS = 1000  # an analysis fails if shapes still move after this number of iterations
 
 
 @dataclass(frozen=True, eq=False)
