@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -13,7 +12,7 @@ import numpy as np
 
 from isomatch._core.arrays import IntArray
 from isomatch._core.errors import FormatError, IsomatchError, MissingFileError, SettingError
-from isomatch._core.texts import read_text
+from isomatch._core.texts import read_toml
 from isomatch.correspondence import IndexBase
 from isomatch.evaluation import Truth, read_indices, read_marked, read_truth
 from isomatch.io import FORMATS
@@ -74,10 +73,7 @@ class FolderSettings:
         path = root / SETTINGS
         if not path.is_file():
             return cls()
-        try:
-            values = tomllib.loads(read_text(path))
-        except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits
-            raise FormatError(f"{path}: not TOML ({error})") from None
+        values = read_toml(path)
         kinds: dict[str, Any] = {
             "truth": str, "counts_from": int, "symmetric": bool, "target": str, "shapes": (str, list),
         }  # fmt: skip
