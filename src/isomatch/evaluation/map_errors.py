@@ -17,10 +17,9 @@ from isomatch.matching import COVERAGE_RADIUS, covered_share
 from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PrecisePoints
 
-# Errors, in √(target area): the largest one of published curves, and the thresholds of curves and tables.
-LIMIT = 0.25
-THRESHOLDS = np.linspace(0.0, LIMIT, 101)
-SHARES = (0.05, 0.10, 0.25)
+CURVE_LIMIT = 0.25  # √(target area); largest error of published curves
+THRESHOLDS = np.linspace(0.0, CURVE_LIMIT, 101)  # √(target area); errors at which a curve has points
+TABLE_THRESHOLDS = (0.05, 0.10, 0.25)  # √(target area); tables have the share of errors at most this large
 UNMATCHED_ERROR = 1.0  # √(target area); the error that a vertex without an image adds to a mean
 
 
@@ -165,7 +164,7 @@ def cumulative_curve(errors: FloatArray, thresholds: ArrayLike = THRESHOLDS) -> 
     return np.searchsorted(np.sort(errors), thresholds, side="right") / max(len(errors), 1)
 
 
-def area_under_curve(errors: FloatArray, limit: float = LIMIT) -> float:
+def area_under_curve(errors: FloatArray, limit: float = CURVE_LIMIT) -> float:
     """Area under the cumulative curve on [0, limit], divided by the limit: 0 to 1, where 1 is perfect.
 
     >>> area_under_curve(np.array([0.0, 0.125, np.inf, np.inf]))

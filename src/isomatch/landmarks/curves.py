@@ -11,14 +11,13 @@ from isomatch._core.settings import generator
 from isomatch.geodesics import euclidean_farthest_points
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surface, vertex_normals
 
-# Longest step of a curve, in mean edges, on triangles and on points. A step on points goes to the
-# nearest point, and edges join each point with the next 30.
-MAX_STEP_EDGES = 0.5
+MAX_STEP_EDGES = 0.5  # longest step of a curve on triangles, in mean edge lengths (chosen)
+# Longest step of a curve on points, in mean lengths of the edges, which join each point with the next 30.
 MAX_STEP_EDGES_ON_POINTS = 1.5
-MAX_HALVINGS = 20  # how often the way between two points is halved
-MIN_SPACINGS = 0.4  # smallest distance of spread points from the given ones, in mean distances of all
-# Length of the normals that stand beside positions, in mean distances of all points, so that both sides
-# of a wall get points.
+MAX_HALVINGS = 20  # largest number of times that the way between two points is halved
+MIN_SPACINGS = 0.4  # mean distances of neighbours; spread points are as far from given ones, or farther
+# Length of the normals that are coordinates beside positions, in mean distances of neighbours: points on
+# two sides of a wall are apart by them, so that both sides get points.
 NORMAL_LENGTH_SPACINGS = 0.25
 
 

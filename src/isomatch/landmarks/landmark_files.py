@@ -21,19 +21,20 @@ from isomatch._core.texts import is_whole_number, read_text
 from isomatch.io import TURN, Axes, Frame
 from isomatch.surfaces import Mesh, PointCloud
 
+# what to write on a line of a file of pairs, and of a file of points, in messages
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
-AXES = "x", "y", "z"
-NAMES, VERTICES = ("name", "label", "id", "landmark"), ("vertex", "index")
+AXES = "x", "y", "z"  # titles of the columns of a table with positions
+# titles, the preferred ones first, of the column with names of points and of the column with their vertices
+NAME_TITLES, VERTEX_TITLES = ("name", "label", "id", "landmark"), ("vertex", "index")
 CURVES = "Curve", "ClosedCurve"  # types of markups of 3D Slicer
 NO_PLACE = 9999.0  # Programs for morphometrics write ±9999 in all coordinates of a point without a position.
 
 logger = logging.getLogger(__name__)
 
-# √area; a point farther from the surface than the first distance is reported, than the second refused.
+# √area; a point farther from the surface than the first is reported, than the second refused (chosen).
 MAX_SILENT_DISTANCE, MAX_DISTANCE = 0.02, 0.1
-# Points are in RAS if their mean distance from the surface in RAS is less than this fraction of the
-# one in LPS.
+# Points are in RAS if their mean distance from the surface is less than this fraction of the one in LPS.
 MAX_RAS_DISTANCE_RATIO = 0.5
 
 
@@ -88,14 +89,14 @@ def marked_points(path: Path) -> list[MarkedPoint]:
 
 
 def _text_points(path: Path) -> list[MarkedPoint]:
-    table = read_table(path).titled({*AXES, *VERTICES})
+    table = read_table(path).titled({*AXES, *VERTEX_TITLES})
     axes = [i for axis in AXES if (i := table.column(axis)) is not None]
-    vertex = table.column(*VERTICES)
+    vertex = table.column(*VERTEX_TITLES)
     place = axes if len(axes) == len(AXES) else [] if vertex is None else [vertex]
     if table.titles and not place:
         header = ", ".join(table.titles)[:80]
         raise FormatError(f"{path}:{table.titles_line}: the header {header!r} has neither x, y, z nor vertex")
-    name = table.column(*NAMES, *[""] * (table.titles[:1] == ("",)))
+    name = table.column(*NAME_TITLES, *[""] * (table.titles[:1] == ("",)))
     columns = {"name": name, "curve": table.column("curve"), "closed": table.column("closed")}
     points = []
     for row in table.filled:
@@ -250,7 +251,7 @@ def _place(words: list[str], where: str, line: str, remedy: str, may_miss: bool 
     return () if is_missing else tuple(numbers)
 
 
-READERS: dict[str, Callable[[Path], list[MarkedPoint]]] = {
+READERS: dict[str, Callable[[Path], list[MarkedPoint]]] = {  # readers of files by suffix; others are tables
     ".json": _slicer_markups,
     ".fcsv": _slicer_fiducials,
     ".pp": _meshlab_points,

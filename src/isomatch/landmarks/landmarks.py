@@ -24,7 +24,7 @@ from isomatch.landmarks.landmark_files import PAIRS, POINTS, MarkedPoint, marked
 from isomatch.landmarks.specimen_files import specimen_points
 from isomatch.surfaces import Graph, Mesh, PointCloud, nearest_on_surface
 
-# The part of a template's expected error that all templates share; measured with 3, 6 and 19 templates.
+# Fraction of a template's expected error that all templates share, measured with 3, 6 and 19 templates.
 COMMON_ERROR_SHARE = 0.5
 
 

@@ -16,9 +16,8 @@ from isomatch._core.tables import NO_NUMBER, Row, Table, parse_table, read_table
 from isomatch._core.texts import read_text
 from isomatch.landmarks.landmark_files import NO_PLACE, MarkedPoint, marked_points
 
-# Titles of the columns with the names of specimens and of landmarks.
-SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")
-LANDMARK_TITLES = ("landmark", "point", "label", "name")
+SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")  # titles of the column with specimens
+LANDMARK_TITLES = ("landmark", "point", "label", "name")  # titles of the column with landmarks
 SUFFIXES_OF_MANY = ".tps", ".nts", ".dta", ".txt", ".csv", ".tsv"  # of files of one or more specimens
 
 

@@ -25,9 +25,9 @@ from isomatch.landmarks.specimen_files import SUFFIXES_OF_MANY, Specimen, landma
 # root mean square distance of the points of a specimen from their mean.
 SAME_PLACE_RATIO = 1e-4
 SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # of files of one specimen
-SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"
+SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"  # of tables, which may hold other things than landmarks
 FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # files that hold all specimens of a folder
-KINDS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
+INPUTS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
 
 
 def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
@@ -69,7 +69,7 @@ def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
         path = next((path / name for name in FOLDER_FILES if (path / name).is_file()), path)
     specimens = list(_specimens_in_folder(path) if path.is_dir() else specimens_in(path))
     if not specimens or (empty := [specimen.name for specimen in specimens if not specimen.points]):
-        raise LandmarkError(f"{path}: no landmarks{f' of {empty[0]}' if specimens else ''}; give {KINDS}")
+        raise LandmarkError(f"{path}: no landmarks{f' of {empty[0]}' if specimens else ''}; give {INPUTS}")
     first, counts = specimens[0], Counter(specimen.name for specimen in specimens)
     if twice := sorted(name for name, count in counts.items() if count > 1):
         raise LandmarkError(

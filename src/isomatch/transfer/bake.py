@@ -33,10 +33,10 @@ from isomatch.transfer.choices import Side
 TEXELS_PER_CHUNK = 2**18  # texels whose colours are computed at once, which bounds the memory
 UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey, for unmatched places and unreadable pictures
 SIZE_LIMITS = (8, 16384)  # smallest and largest width of a picture, in texels
-FIRST_UDIM_TILE = 1001
+FIRST_UDIM_TILE = 1001  # number of the tile of texture coordinates in 0…1
 MAX_TILES = 16  # A picture repeats if the coordinates are in more UDIM tiles than this.
 MIN_HIDDEN_SHARE = 5e-4  # smallest share of the surface under other parts in the picture that is reported
-SAME_PLACE_DISTANCE = 0.01  # √area; two points of one texel that are farther apart are different places
+SAME_PLACE_DISTANCE = 0.01  # √area; points of one texel that are farther apart are different places (chosen)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ from isomatch.io import (
 from isomatch.transfer.bridge import Bridge, Patches, columns, interpolated_at_corners, is_seamless
 from isomatch.transfer.choices import Labelling, NumbersAs, Side
 
-_SYNONYMS: dict[str, Kind] = {
+_SYNONYMS: dict[str, Kind] = {  # kinds of attributes by other words for them
     "color": "colour",
     "texture": "uv",
     "skin": "weights",

@@ -13,7 +13,7 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray
 from isomatch._core.files import replaced
-from isomatch.evaluation import LIMIT, THRESHOLDS
+from isomatch.evaluation import CURVE_LIMIT, THRESHOLDS
 from isomatch_lab.evaluation.ledger import set_label
 from isomatch_lab.evaluation.methods import METHODS
 
@@ -151,7 +151,7 @@ def _draw(
     axes.set_axis_on()
     axes.set(
         xlabel="geodesic error × 100 / √area",
-        xlim=(0, 100 * LIMIT),
+        xlim=(0, 100 * CURVE_LIMIT),
         ylabel="correspondences, %",
         ylim=(0, 101),
     )

@@ -16,7 +16,7 @@ from isomatch._core.memory import memory_budget
 from isomatch._core.threads import n_threads, parallel_map, serial_blas
 from isomatch.correspondence import Correspondence
 from isomatch.evaluation import (
-    SHARES,
+    TABLE_THRESHOLDS,
     area_under_curve,
     counted,
     coverage,
@@ -162,7 +162,7 @@ class Subject:
         }
         if self.pair.alone is not None and np.isfinite(sides.direct).any():
             numbers["error_matched"] = 100 * errors[np.isfinite(sides.direct)].mean()
-        for threshold, share in zip(SHARES, cumulative_curve(errors, SHARES)):
+        for threshold, share in zip(TABLE_THRESHOLDS, cumulative_curve(errors, TABLE_THRESHOLDS)):
             numbers[f"within_{100 * threshold:02.0f}"] = share
         curves = {"curve": direct, "curve_either": better}
         return _plain(numbers) | {
