@@ -14,6 +14,7 @@ from isomatch._core.texts import text_lines
 from isomatch.cli.inputs import split_words
 from isomatch.cohort import Semilandmarks
 
+# options of the commands, by the types of their parameters
 Reports = Annotated[
     int | Literal["doubtful", "all", "none"],
     Parameter(

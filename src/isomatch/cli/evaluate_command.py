@@ -25,8 +25,8 @@ MEASURES = (  # Each row has a field of `Verification`, the format of its value,
     ("bending_back", ".1e", "the same of the target onto the source"),
     ("cost", ".1e", "all in one; compares maps of these two shapes, lower is better"),
 )
-VERDICT_COLOURS = {"right": "green", "doubtful": "yellow", "wrong": "red"}
-# The share of the points whose error, in √(target area), is at most this is shown for each threshold.
+VERDICT_COLOURS = {"right": "green", "doubtful": "yellow", "wrong": "red"}  # colours in the terminal
+# √(target area); for each threshold, the table has the share of points with an error at most this large.
 ERROR_THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.25)
 
 

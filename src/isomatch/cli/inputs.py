@@ -17,6 +17,7 @@ from isomatch._core.errors import FormatError, IsomatchError, LandmarkError, Mes
 
 Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"
 
+# options that several commands have, by the types of their parameters
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 OptionalOutput = Annotated[Path | None, Parameter(name=["--output", "-o"])]
 Force = Annotated[bool, Parameter(alias="-f", help="Replace existing files.")]

@@ -110,7 +110,7 @@ class SearchOptions:
     config: ConfigFile = None
 
 
-PRIORS, SEARCH_OPTIONS = Priors(), SearchOptions()
+PRIORS, SEARCH_OPTIONS = Priors(), SearchOptions()  # defaults of `match`: no options given
 
 
 def match(

@@ -94,7 +94,7 @@ def transfer(
         assets = (assets[0], giver) if to == "source" else (giver, assets[1])
         words = words or [attribute.name for attribute in read_values] or ["all"]
         n_target = len(assets[1].points)
-        # These files hold several arrays or maps; the number of source vertices selects one.
+        # A .mat or .npz may hold several maps; the number of source vertices selects one.
         n_source = len(assets[0].points) if map_file.suffix in (".mat", ".npz") else None
         correspondence = isomatch.Correspondence.load(map_file, n_target, n_source)
         tell("carrying", 0.3)

@@ -260,8 +260,8 @@ class Repair(NamedTuple):
     """A contradicted pair, and the shapes through which trusted maps lead around it."""
 
     pair: Pair
-    middles: tuple[str, ...]  # names of these other shapes
-    trust: tuple[float, ...]  # weight of the path through each
+    middles: tuple[str, ...]  # names of the shapes between
+    trust: tuple[float, ...]  # weight of the path through each shape between
     outcomes: tuple[str, ...]  # name of the least sure outcome along each path
     seed: int  # seed of the match
 

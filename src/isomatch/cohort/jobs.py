@@ -244,7 +244,7 @@ class Run:
         """List the shapes that the shard needs: of its pairs, or all to choose the template."""
         names, (index, count) = self.collection.names, self.shard
         if self.collection.pairs == "star" and self.collection.template is None:
-            first = len(names) * index // count  # each shard begins with other shapes
+            first = len(names) * index // count  # shards begin at different shapes, to share the work
             names = [*names[first:], *names[:first]]
         elif count > 1:
             needed = {name for pair in self.pairs_of_shard(rows) for name in pair}

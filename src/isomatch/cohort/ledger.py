@@ -18,7 +18,7 @@ from isomatch._core.texts import write_csv
 from isomatch.correspondence import SIDES
 from isomatch.matching import MatchResult, Outcome
 
-State = Literal["todo", "failed", "done"]
+State = Literal["todo", "failed", "done"]  # of a shape or a pair
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""
 # √area; a map is wrong if it is farther, in the mean, from compositions of others; right ones are within half
@@ -406,13 +406,14 @@ def _is_summary(value: Any) -> bool:
     )
 
 
+# kinds of lists: texts; number and length of boundaries; numbers of `features_of`
 _TEXTS, _HOLES, _FEATURES = _list_of(str), _list_of(NUMBER, 2), _list_of(NUMBER, N_EIGENVALUES + N_QUANTILES)
-_SHAPE_VALUES: Kinds = {
+_SHAPE_VALUES: Kinds = {  # of rows of shapes
     "done": {"key": str, "hash": str, "bytes": int, "area": NUMBER, "features": _FEATURES, "notes": _TEXTS},
     "failed": {"error": str},
 }
 _MATCH_VALUES: dict[str, Kind] = {"source_hash": str, "target_hash": str, **dict.fromkeys(SIDES, _is_summary)}
-_PAIR_VALUES: Kinds = {
+_PAIR_VALUES: Kinds = {  # of rows of pairs
     "done": {"key": str, "attempt": int, **_MATCH_VALUES},
     "failed": {"key": str, "attempt": int, "error": str},
     "todo": {"attempt": int},

@@ -38,7 +38,7 @@ from isomatch.cohort.unusual_shapes import Outlier, outliers
 from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
 from isomatch.settings import Config
 
-Reports = int | Literal["doubtful", "all", "none"]
+Reports = int | Literal["doubtful", "all", "none"]  # pairs that get a report, or their number
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Cohort:
     folder: Path
     #: collection of each structure; "" for shapes of one surface, "added" for what was added to them
     collections: Mapping[str, Collection]
-    gaps: Sequence[Gap] = ()  #: how structures lie on each other; empty if not measured now
+    gaps: Sequence[Gap] = ()  #: gaps between structures of subjects; empty if not measured in this run
     landmarks: LandmarkTables | None = None  #: what was written about landmarks
 
     @classmethod
@@ -166,7 +166,7 @@ def run(
         doubts = subject_doubts(subjects, reflect, units or ())
         mirrored = {doubt.names[0] for doubt in doubts if doubt.kind == "mirrored"}
         for doubt in doubts:
-            if doubt.kind != "mirrored" or reflect != "auto":  # a mirrored subject is reflected
+            if doubt.kind != "mirrored" or reflect != "auto":  # "auto" reflects mirrored subjects
                 to.warn(f"{' and '.join(doubt.names)} {doubt.reason}")
         cohort = Cohort(Path(folder), subject_collections(folder, subjects, **settings))
     else:
@@ -190,7 +190,7 @@ def run(
                 to.tell("comparing maps with compositions of others", 1.0)
                 try:
                     follow(combine.agree(collection, workers), to)
-                except MemoryBudgetError as error:  # the maps are usable without it
+                except MemoryBudgetError as error:  # the maps are usable without a comparison
                     to.warn(f"maps were not compared: {error}")
             write_results(collection, reports, workers, to)
             if marks:

@@ -29,9 +29,9 @@ from isomatch.io import Asset, Attribute, holds_values, read_asset, read_attribu
 from isomatch.landmarks import read_landmark_pairs
 from isomatch.surfaces import Mesh
 
-Scale = Literal["keep", "remove"]
-Weights = Literal["area", "uniform"]
-Method = Literal["permutation", "parametric"]
+Scale = Literal["keep", "remove"]  # whether shapes keep their sizes, or are brought to one size
+Weights = Literal["area", "uniform"]  # whether a vertex counts by its area, or all count alike
+TestMethod = Literal["permutation", "parametric"]  # where p-values of a test come from
 GROUP_PATTERN = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # of ``group`` in a formula
 LOG_SIZE = "size"  # name in formulas of the logarithm of the centroid size
 
@@ -45,7 +45,7 @@ def statistics(
     modes: int = 3,
     groups: Path | None = None,
     model: str | None = None,
-    test: Method = "permutation",
+    test: TestMethod = "permutation",
     tangent: bool = False,
     slide: Criterion | None = None,
     wireframe: Path | None = None,
@@ -200,7 +200,7 @@ def _add_mirror_images(
 
 
 def _test_groups(
-    model: ShapeModel, shapes: CorrespondedShapes, labels: dict[str, str], method: Method, seed: int
+    model: ShapeModel, shapes: CorrespondedShapes, labels: dict[str, str], method: TestMethod, seed: int
 ) -> tuple[shape_statistics.GroupTest | None, dict[str, Any]]:
     """Test where two groups differ; with plain values about the groups, also if there are more."""
     rows = [i for i, name in enumerate(model.names) if name in labels]
@@ -221,7 +221,7 @@ def _fit_linear(
     model: ShapeModel, formula: str, study: Study, log_sizes: FloatArray, seed: int, notes: list[str]
 ) -> shape_statistics.ShapeAnova:
     """Test the terms of a model in the shapes that have all values."""
-    names = model.names[: len(log_sizes)]  # without mirror images
+    names = model.names[: len(log_sizes)]  # mirror images come after these and are left out
     cells = [{LOG_SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())]
     columns = dict.fromkeys(column for row in cells for column in row if column != "name")
     # the variable ``group``, in capitals or not, is a factor, even if the names of the groups are numbers

@@ -37,12 +37,12 @@ from isomatch.cohort.study_page import LOCAL_SOURCES
 from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.surfaces import Mesh
 
-VERSION = version("isomatch")
+VERSION = version("isomatch")  # which results name
 MODE_DEVIATIONS = 2  # standard deviations by which files of modes move the mean
 LINKED_SUFFIXES = ".csv", ".npz", ".h5", ".ply", ".vtp"  # suffixes of the files that a page links
 Groups = list[str] | None  # the group of each shape
 GREY_LEVEL = 0.6  # red, green and blue, from 0 to 1, of vertices without a value
-GEODESIC_LABEL = "difference of geodesic distances, in √area"
+GEODESIC_LABEL = "difference of geodesic distances, in √area"  # of charts
 
 
 @dataclass(frozen=True)

@@ -35,9 +35,7 @@ Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by st
 SURE_OUTCOMES = (Outcome.CONVERGED, Outcome.PARTIAL)  # outcomes of maps that can tell left from right
 CONTACT_DISTANCE = 0.1  # √area of the smaller of two structures, which touch where they are nearer than this
 MIN_CONTACT_SHARE = 0.2  # two structures are in contact if this share of the area of the smaller one touches
-MIN_SHEET_SHARE = (
-    0.6  # a structure follows a larger one that touches this share of its area; joints have less
-)
+MIN_SHEET_SHARE = 0.6  # a structure follows a larger one that touches this share of its area, unlike joints
 MOVEMENT_REACH = 0.1  # √area; points up to this far outside a contact are moved along with the contact
 N_ROUNDS = 4  # number of times that a sheet is moved; more times hardly reduce the slip of knee cartilage
 MAX_SLIP = 0.5  # √(area of a vertex); a touching point that still slips by more has no counterpart

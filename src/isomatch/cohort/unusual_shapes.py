@@ -17,7 +17,7 @@ from isomatch.surfaces import Mesh, PointCloud
 
 MIN_RESCALING = 0.01  # a copy counts as rescaled if the logarithm of the ratio of sizes is larger, about 1 %
 MAX_CLOSED_BOUNDARY = 0.05  # √area; a surface with boundaries of a smaller total length counts as closed
-Trouble = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]
+Trouble = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]  # see `outliers`
 # kinds that a run reports before it matches; it reports a broken shape when its preparation fails
 KINDS_BEFORE_MATCHING: tuple[Trouble, ...] = ("units", "twice", "mirrored", "holes")
 NOT_UNLIKE = "no"  # value in the column ``unlike`` of a shape that was compared with the others and is alike

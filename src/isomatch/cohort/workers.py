@@ -28,6 +28,7 @@ TASKS_PER_WORKER = 2  # number of tasks that are sent for each worker, so that n
 COUNT_INTERVAL = 2.0  # seconds after which the workers of a cluster are counted again
 S = TypeVar("S")
 T = TypeVar("T")
+# message if all tasks of an executor are cancelled
 WORKERS_LOST = "the workers gave up their tasks, as when a cluster's scheduler ends; run again to continue"
 Warn: TypeAlias = Callable[[str], Any]
 """Called with a sentence about shapes or maps to look at; by default it is logged."""
@@ -40,7 +41,7 @@ class Task:
 
     items: tuple[Any, ...]
     function: Callable[[Any], Any]
-    lost: int = 0  # how often any worker died while this task was running
+    lost: int = 0  # number of times that any worker died while this task was running
 
 
 class Attempt(NamedTuple, Generic[T]):
@@ -62,7 +63,7 @@ def try_job(work: Callable[[S], T], item: S) -> Attempt[T]:
     start = time.perf_counter()
     try:
         return Attempt(work(item), "", time.time(), time.perf_counter() - start)
-    except Exception as error:  # becomes a row with its reason, as no item may end a run
+    except Exception as error:  # any error becomes a row with its reason, as no item may end a run
         if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
             raise
         reason = legible(f"{type(error).__name__}: {error}")  # the message may have the name of a file
@@ -218,7 +219,7 @@ def _n_threads_of(client: Any) -> Callable[[], int]:
     @lru_cache(maxsize=1)
     def count(_: float) -> int:
         try:
-            return sum(client.nthreads().values()) or 1  # 1 before the first worker comes
+            return sum(client.nthreads().values()) or 1  # at first, no worker has come
         except OSError:
             raise InputError(WORKERS_LOST) from None
 

@@ -18,10 +18,10 @@ from isomatch.io import Asset, Attribute, png_of, with_skeleton, with_texture
 from isomatch.landmarks import Landmarks
 from isomatch.surfaces import Mesh
 
-Species = Literal["cat", "lion"]
+Species = Literal["cat", "lion"]  # keys of `PROPORTIONS`
 
-# A feature is a bump: its direction, its width on the sphere, and where the surface is drawn to.
-# Features with x > 0 lie on both sides. x points to the animal's left, y up, z forward.
+# A feature of a head is a bump: its direction from the centre, its width on the unit sphere, and the
+# displacement of its top. Features with x > 0 are on both sides. x points to the left, y up, z forward.
 FEATURES = {
     "muzzle": ((0.0, -0.25, 1.0), 0.42, (0.0, -0.12, 0.42)),
     "nose": ((0.0, -0.05, 1.0), 0.13, (0.0, 0.03, 0.2)),
@@ -33,22 +33,22 @@ FEATURES = {
     "ear": ((0.62, 0.78, -0.05), 0.17, (0.3, 0.75, -0.05)),
     "neck": ((0.0, -0.85, -0.55), 0.5, (0.0, -0.65, -0.5)),
 }
-LEFT, RIGHT = np.array([1, 1, 1]), np.array([-1, 1, 1])  # signs of the coordinates
-SKULL = np.array([0.85, 0.9, 1.0])  # width, height and length of the skull
-# Factors by which a species enlarges the features, in their order, and the skull.
+LEFT, RIGHT = np.array([1, 1, 1]), np.array([-1, 1, 1])  # factors that move points of the left to a side
+SKULL = np.array([0.85, 0.9, 1.0])  # half of the width, height and length of the skull
+# factors by which a species enlarges the features, in their order, and the axes of the skull
 PROPORTIONS: dict[str, tuple[tuple[float, ...], tuple[float, float, float]]] = {
     "cat": ((0.6, 0.7, 0.7, 1.0, 0.8, 1.0, 1.1, 1.0, 0.8), (1.05, 1.0, 0.9)),
     "lion": ((1.4, 1.2, 1.6, 0.7, 1.3, 0.9, 0.8, 0.45, 1.3), (0.95, 0.95, 1.1)),
 }
 VARIATION = 0.2  # largest relative deviation of the factors of an individual from its species
-MOUTH = (-0.46, 0.35, 0.05, 0.1)  # height of its middle, rise to the corners, width and depth of the groove
-# Directions of the left corner of the mouth, of the left hinge of the jaw, and of the middle of the jaw.
+MOUTH = (-0.46, 0.35, 0.05, 0.1)  # height of the mouth's middle, rise to its corners, width and depth
+# directions of the left corner of the mouth, of the left hinge of the jaw, and of the middle of the jaw
 CORNER, HINGE, JAW = np.array([[0.33, -0.42, 0.84], [0.8, -0.3, 0.2], [0.0, -0.7, 0.75]])
-OPENING = 0.35  # radians by which the jaw turns
-LIP = 0.06  # The jaw moves as a whole from this height below the line of the mouth.
+OPENING = 0.35  # radians by which the jaw turns when the mouth opens
+LIP = 0.06  # height below the line of the mouth over which the skin moves less than the jaw
 SMILE = np.array([0.1, 0.13, -0.05])  # displacement of the left corner of the mouth
-N_FINE = 12_000  # vertices before decimation
-LANDMARKS = {
+N_FINE = 12_000  # number of vertices of a head before decimation
+LANDMARKS = {  # directions of the landmarks of a head
     "nose": FEATURES["nose"][0],
     "chin": FEATURES["chin"][0],
     **{
@@ -58,9 +58,10 @@ LANDMARKS = {
     },
 }
 DARK, LIGHT = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)  # red, green, blue of the stripes
-N_TEXELS = 512  # width of the picture of the stripes
-STRIPES = 26.0  # phase of the stripes, in radians per unit of direction
-POLE_SQUARE_SIDE = 0.14  # width of a square outside the disc, in a corner of the picture, which is 1 wide
+N_TEXELS = 512  # pixels across the picture of the stripes
+STRIPES = 26.0  # radians of the phase of stripes per unit of direction: about 8 stripes around a head
+# width of a square in a corner of the picture, which is 1 wide, for the faces at the pole of the neck
+POLE_SQUARE_SIDE = 0.14
 
 
 @dataclass(frozen=True, eq=False)

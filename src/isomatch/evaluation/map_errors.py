@@ -100,8 +100,8 @@ def _distances_to_points(
     target: Mesh, engine: DistanceEngine, vertices: IntArray, points: PrecisePoints
 ) -> FloatArray:
     """Distance (m,) from each of m vertices to a point in a triangle."""
-    # The distance is interpolated between the distances to the corners of the triangle; it is straight
-    # if the vertex is one of them.
+    # The distance is interpolated between the distances to the corners of the triangle; from a corner
+    # itself, it is the length of a straight line.
     pairs = np.column_stack([np.repeat(vertices, 3), points.corners.ravel()])
     to_corners = pair_distances(engine, pairs).reshape(-1, 3)
     weights = points.barycentric
@@ -170,7 +170,7 @@ def area_under_curve(errors: FloatArray, limit: float = CURVE_LIMIT) -> float:
     >>> area_under_curve(np.array([0.0, 0.125, np.inf, np.inf]))
     0.375
     """
-    return float(np.clip(1 - errors / limit, 0, 1).mean())  # exact: an error contributes a step to the limit
+    return float(np.clip(1 - errors / limit, 0, 1).mean())  # the exact integral of the steps
 
 
 def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERAGE_RADIUS) -> float:

@@ -17,7 +17,7 @@ from isomatch.surfaces import Mesh, PrecisePoints
 
 # Published weights have few digits: they may be this negative, and their sum may differ from 1 by this.
 MAX_ROUNDING = 1e-2
-# The suffix of PARTIALSMAL, which appends to a map, counted from 0, which target vertices have a counterpart.
+# Suffix of maps of PARTIALSMAL, from 0, which end with a mask of the target vertices that have a counterpart.
 MASKED_SUFFIX = ".map"
 EXPECTED = (
     "expected, for each vertex of the source, a vertex of the target or a triangle and three weights, or else rows of a "
@@ -28,7 +28,7 @@ EXPECTED = (
 class Truth(NamedTuple):
     """The truth between two shapes in a file."""
 
-    rows: IntArray  # source and target vertex (q, 2); of a point in a triangle, its corner of largest weight
+    rows: IntArray  # source and target vertex (q, 2): the corner of largest weight for a point in a triangle
     points: PrecisePoints | None  # the q images, if they are points in triangles
     alone: IntArray | None  # source vertices (m,) without a counterpart; None if the file does not say
     base: IndexBase  # the first index in the file

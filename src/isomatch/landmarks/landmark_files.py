@@ -43,7 +43,7 @@ class MarkedPoint:
     """One marked point: a vertex index, a position, or neither, if it was named but not placed."""
 
     name: str
-    at: tuple[float, ...]  # the vertex, or the position, in LPS if it comes from 3D Slicer
+    at: tuple[float, ...]  # vertex or position, in LPS if it is of 3D Slicer; () without a place
     where: str  # the place in the file, for messages
     axes: Axes | None = None  # the axes that the file of 3D Slicer names
     curve: str = ""  # the name of the curve along which the points follow each other

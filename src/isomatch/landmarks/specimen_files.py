@@ -141,7 +141,7 @@ def _ntsys(text: str, path: Path) -> Iterator[Specimen]:
     rows, columns, dim, missing = int(head[1]), int(head[3]), int(head[7]), head[6] or "NA"
     n_labels = bool(head[2]) * rows, bool(head[4]) * columns
     cells = [cell for line in lines[1:] for cell in line.split()]
-    if len(cells) != sum(n_labels) + rows * columns and n_labels[0]:  # labels with blanks, one on a line
+    if len(cells) != sum(n_labels) + rows * columns and n_labels[0]:  # one label, perhaps with blanks, a line
         labels, rest = lines[1 : rows + 1], [cell for line in lines[rows + 1 :] for cell in line.split()]
         cells = [*labels, *rest]
     if len(cells) != sum(n_labels) + rows * columns or columns % dim:

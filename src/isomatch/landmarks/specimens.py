@@ -195,7 +195,7 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     for rows, curve in zip(on_curves, first.curves):
         inner.update(rows if curve.closed else rows[1:-1])
     order = sorted(rank)
-    ranks = [rank[row] for row in order if row in inner or row not in on_any]  # an end may be a landmark
+    ranks = [rank[row] for row in order if row in inner or row not in on_any]  # without ends of curves
     order = order if ranks == sorted(ranks) else sorted(rank, key=lambda row: (rank[row], row))
     place = np.full(m, -1)
     place[order] = np.arange(len(order))
@@ -209,7 +209,7 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     members = [np.flatnonzero(head == row) for row in order] if len(order) < m else [[row] for row in order]
     joined = {}
     for name, marks in specimens.items():
-        rows = [int(group[int(marks.placed[group].argmax())]) for group in members]  # the first with a place
+        rows = [int(group[int(marks.placed[group].argmax())]) for group in members]  # the first placed one
         values = marks.positions[rows], [marks.names[row] for row in order], pieces
         errors = marks.expected_error[rows], marks.spread[rows]
         joined[name] = Landmarks(*values, *errors, marks.axes, marks.unit)

@@ -15,8 +15,8 @@ from isomatch._core.first_use import package
 from isomatch.server.guard import App, Guard
 from isomatch.server.session import Session
 
-HOST = "127.0.0.1"
-EXTRA, FEATURE = "open", "isomatch open"
+HOST = "127.0.0.1"  # address of this machine alone: no other machine can reach the server
+EXTRA, FEATURE = "open", "isomatch open"  # extra with the packages of the server, and what needs it
 REFUSED_STATUS = 400  # A request that fails has this HTTP status; its body gives the reason in words.
 VERTEX_LIMIT = 2**31  # A request names vertices below this number; all surfaces have fewer.
 

@@ -158,7 +158,7 @@ def _split_into_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]
     low = np.floor(uv.mean(axis=1))
     uv -= low[:, None]
     is_without = np.isnan(uv).any(axis=(1, 2))
-    uv[is_without] = -1.0  # lies outside the first tile
+    uv[is_without] = -1.0  # outside all tiles, where nothing is drawn
     is_in_first = is_without | (low < 0).any(axis=1) | (low[:, 0] > 9)
     tile = np.where(is_in_first, FIRST_UDIM_TILE, FIRST_UDIM_TILE + low @ [1, 10]).astype(np.int64)
     if len(np.unique(tile[~is_without])) > MAX_TILES:

@@ -17,8 +17,7 @@ from isomatch.io import Asset, Attribute
 from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-# Fraction of the extent of the surface. A corner that ends farther from its image than this was stopped
-# at a texture seam.
+# Share of the surface's extent; a search for the image of a corner that ends farther off met a texture seam.
 ACROSS_SEAM_DISTANCE = 1e-6
 # Shapes whose sizes differ by a smaller factor count as equal: bending and errors of the map explain it.
 SAME_SIZE_RATIO = 1.1

@@ -54,13 +54,12 @@ class Asymmetry:
     directional: FloatArray  #: (n, 3) mean of the components: the asymmetry that all shapes share
     components: FloatArray  #: (m, n, 3) asymmetric component of each shape
     amounts: FloatArray  #: (m,) root mean square of each component, in the units of the shapes
-    fluctuating: FloatArray  #: (m,) root mean square of its difference from the mean component
+    fluctuating: FloatArray  #: (m,) root mean square of the difference of each from the mean component
     #: individuals (symmetric variation), sides (directional asymmetry), individuals × sides
     #: (fluctuating asymmetry), and error, if individuals were measured repeatedly
     anova: tuple[SumOfSquares, ...]
-    share: float  #: directional share of the asymmetry, by squares
-    #: probability of as large a share if left and right are exchangeable, from mirrored
-    #: individuals; nan for one
+    share: float  #: share of the squared asymmetry that is directional
+    #: probability of as large a share if the sides of random individuals are exchanged; nan for one
     p_value: float
     n_permutations: int  #: number of choices of individuals that were mirrored
     seed: int  #: seed that draws these choices
@@ -74,8 +73,8 @@ class IndividualScores(NamedTuple):
     asymmetry: float  # root mean square of its asymmetric component
     fluctuating: float  # root mean square of its difference from the mean component
     directional: float  # its asymmetry in the direction of the mean component
-    symmetric_scores: tuple[float, ...]  # along principal components of symmetric variation
-    asymmetric_scores: tuple[float, ...]  # along principal components of fluctuating asymmetry
+    symmetric_scores: tuple[float, ...]  # scores along the principal components of symmetric variation
+    asymmetric_scores: tuple[float, ...]  # scores along those of fluctuating asymmetry
 
 
 def asymmetry(

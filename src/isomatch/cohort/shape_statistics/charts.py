@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.transforms import Bbox
 
-PictureFormat = Literal["png", "pdf", "svg"]
+PictureFormat = Literal["png", "pdf", "svg"]  # suffixes of pictures
 Groups = Sequence[str] | None  # the group of each shape
 
 BLUE, GREY = "#3f90da", "#717581"  # colours that colour-blind readers can tell apart (Petroff 2021)

@@ -27,7 +27,7 @@ from isomatch.matching import Outcome, match
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface
 
-Pose = Literal["fitted", "given"]
+Pose = Literal["fitted", "given"]  # whether the points may be moved to the model, or lie where it is
 MIN_NOISE = 1e-6  # share of the mean's size; smaller noise is raised to this, as double precision needs it
 TOLERANCE = 1e-9  # share of the shape's size; a fit ends once a step moves the shape by less
 MAX_STEPS = 200  # a fit fails if the shape still moves after this number of steps
@@ -47,13 +47,13 @@ class Completion:
     #: (n,) standard deviation of each vertex within the modes: the root of the sum of the variances
     #: of its three coordinates
     standard_deviation: FloatArray
-    residual: float  #: distance from the modes that no score reduces, see `model_noise`
+    residual: float  #: distance of shapes from what modes describe, see `model_noise`
     scores: FloatArray  #: (k,) coordinates along the modes, in the units of the model
     score_deviations: FloatArray  #: (k,) their standard deviations
     #: root mean square distance of the given points from the shape, each weighted by one over the
     #: square of its noise; nan without points
     error: float
-    scale: float  #: the motion from the model: x ↦ scale · rotation @ x + translation
+    scale: float  #: factor of the motion from the model, x ↦ scale · rotation @ x + translation
     rotation: FloatArray  #: (3, 3) rotation of this motion
     translation: FloatArray  #: (3,) translation of this motion
     n_points: int  #: number of points used
@@ -272,9 +272,8 @@ class Observations:
 
     points: PrecisePoints  #: q points, on the triangles of the model
     positions: FloatArray  #: (q, 3) where they were seen
-    #: one for all, or (q,): root mean square distance between a seen point and the nearest one of the
-    #: model's modes, in the units of the positions. Errors are taken as independent: points that
-    #: err together need more noise
+    #: root mean square distance of seen points from what the modes describe, in the units of the
+    #: positions, for all points or each (q,). Points with dependent errors need more noise.
     noise: FloatArray
     #: (q, 3) unit normals, if noise along the surface is ten times as large as across it
     normals: FloatArray | None = None

@@ -29,7 +29,7 @@ SAME_SHAPE = 1e-5  # share of the size; two shapes with a smaller Procrustes dis
 FAR_SIZES = 10.0  # a shape is far if its centroid is more than this number of sizes from the middle of all
 UNLIKE_RATIO = 2.0  # a shape is unlike the others if its distance from them is above the usual by this factor
 MIN_SHAPES = 4  # of fewer shapes, none is called far or unlike, as it is not known what is usual
-Kind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]
+Kind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]  # see `doubtful_shapes`
 N_SAMPLES = 100  # number of vertices between which geodesic distances are compared
 
 

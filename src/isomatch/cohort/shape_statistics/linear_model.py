@@ -66,7 +66,7 @@ class ShapeDesign:
 
     formula: str
     terms: Terms  #: variables of each term, terms of one variable first
-    #: (m, q) numbers of each variable; of a factor, 0 and 1 in a column for each level but the first
+    #: (m, q) numbers of each variable; a factor has a column of 0 and 1 for each level but the first
     codes: Mapping[str, FloatArray]
     levels: Mapping[str, tuple[str, ...]]  #: names of the groups of each factor
 

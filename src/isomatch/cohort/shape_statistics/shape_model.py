@@ -31,7 +31,7 @@ from isomatch.cohort.shape_statistics.shapes import (
 from isomatch.io import write_mesh
 from isomatch.surfaces import Mesh
 
-Weighting = Literal["area", "uniform"]
+Weighting = Literal["area", "uniform"]  # whether a vertex counts by its area, or all count alike
 MIN_DEVIATION = 1e-10  # share of the mean's size; a mode with a smaller standard deviation is rounding
 MAX_LEFT_OUT = 100  # largest number of shapes, drawn at random, that are left out, one at a time
 N_RANDOM_SHAPES = 1000  # draws of `specificity`: 10 000 in Styner et al. 2003; 1000 give it to about 1 %

@@ -57,7 +57,7 @@ class SlidSemilandmarks(NamedTuple):
         return [Slid(*row) for row in zip(names, *(column.tolist() for column in columns))]
 
 
-Criterion = Literal["bending", "distance"]
+Criterion = Literal["bending", "distance"]  # measure that sliding minimises
 
 
 def slid_semilandmarks(
