@@ -37,7 +37,7 @@ WRONG_MAP_CAPTION = "; where they have one colour, the map between them is wrong
 DIRECTIONAL_CAPTION = "Directional asymmetry: what all have in common."
 FLUCTUATING_CAPTION = "Fluctuating asymmetry: how far single ones differ from that."
 NORMAL_LABEL = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
-METHOD = (  # section of the page on what was measured
+WHAT_WAS_MEASURED = (  # section of the page on what was measured
     "Each shape is reflected and laid onto itself, or a left one onto the right one; the middle of both is symmetric. "
     "The asymmetry at a point is its distance from there: +1 where it stands out 2 units farther than its opposite."
 )
@@ -45,6 +45,7 @@ SAME_ERRORS_WARNING = (  # sentence about shapes that are not of a collection
     "shapes were compared in one topology, where maps go wrong alike in all: asymmetry near their errors may look "
     "directional at a small p; give the folder of isomatch collect"
 )
+# advice where the maps from left to right are doubtful
 REMEDY = "Give landmarks of both sides (--landmarks); a single bone has no mirror half: give left and right (--pairs)."
 
 
@@ -183,7 +184,7 @@ def asymmetry(
         cells = [[line[name] for name in columns] for line in lines]
         sections = {
             "To look at first": listed([*filter(None, [_below_error(lines)[0]]), *record["doubts"]]),
-            "What was measured": f"<p>{METHOD}</p>",
+            "What was measured": f"<p>{WHAT_WAS_MEASURED}</p>",
             "What was found": listed(sentences),
             "Where the variation lies": tabulated(ANOVA_HEADS, (row.values() for row in rows))
             if rows
@@ -274,13 +275,13 @@ def _size(found: Asymmetry, share: FloatArray) -> float:
     return float(shape_statistics.centroid_sizes(found.symmetric[None], share)[0] / np.sqrt(len(share)))
 
 
-Drawn = tuple[list[dict[str, Any]], dict[str, str]]
-"""A line for each shape, and the caption of each picture."""
+# lines of a table, one for each shape, and captions of pictures
+LinesAndCaptions = tuple[list[dict[str, Any]], dict[str, str]]
 
 
 def _draw_landmarks(
     new: StatisticsFolder, both: CorrespondedShapes, paired: bool, share: FloatArray, found: Asymmetry
-) -> Drawn:
+) -> LinesAndCaptions:
     """Draw the asymmetry of landmarks, and make a line for each specimen."""
     m, size, mean, common = len(both) // 2, _size(found, share), found.symmetric, found.directional
     fluctuation = np.sqrt(((found.components - common) ** 2).sum(axis=2).mean(axis=0))
@@ -307,7 +308,7 @@ def _draw_meshes(
     share: FloatArray,
     found: Asymmetry,
     left_right: IntArray | None = None,
-) -> Drawn:
+) -> LinesAndCaptions:
     """Draw the asymmetry of meshes, turned like the mean, in one scale; make a line for each."""
     m, lines, captions = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
     known, size = both.seen[:m] & both.seen[m:], _size(found, share)

@@ -321,8 +321,8 @@ class PlannedPair(NamedTuple):
     """A pair to match."""
 
     pair: Pair
-    key: str  # key of the match
-    shapes: tuple[str, str]  # keys of the prepared shapes
+    key: str  # identifies the match by its inputs, see `key_of`
+    shapes: tuple[str, str]  # keys that identify the prepared shapes
     hashes: tuple[str, str]  # content_hash of the surfaces in the files
     reflected: tuple[str, ...]  # names of the shapes that are matched as mirror images
     attempt: int  # number of earlier attempts, added to the seed
@@ -466,21 +466,21 @@ def _load_if_whole(load: Callable[[], T]) -> T | None:
         return None
 
 
-_shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
+_loaded_shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
 """Prepared shapes with their bytes, by file, time of its change (ns) and settings; the last used is last."""
-_shapes_lock = Lock()  # guards `_shapes`, as a worker of a cluster may have several threads
+_loaded_shapes_lock = Lock()  # guards `_loaded_shapes`, as a worker of a cluster may have several threads
 
 
 def load_shape(file: Path, config: Config, room: int = MAX_LOADED_BYTES) -> PreparedShape:
     """Load a prepared shape, or take it from memory, which drops the least recently used ones."""
-    with _shapes_lock:
+    with _loaded_shapes_lock:
         if not file.exists():
             remedy = "run isomatch collect again, which makes it"
             raise MissingFileError(f"{file}: no such prepared shape; {remedy}")
         stat = file.stat()
         key = file, stat.st_mtime_ns, config
-        held = _shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)
-        _shapes[key] = held
-        while sum(size for _, size in _shapes.values()) > room and len(_shapes) > 2:
-            _shapes.popitem(last=False)
+        held = _loaded_shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)
+        _loaded_shapes[key] = held
+        while sum(size for _, size in _loaded_shapes.values()) > room and len(_loaded_shapes) > 2:
+            _loaded_shapes.popitem(last=False)
     return held[0]

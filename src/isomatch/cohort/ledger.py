@@ -21,7 +21,7 @@ from isomatch.matching import MatchResult, Outcome
 State = Literal["todo", "failed", "done"]  # of a shape or a pair
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""
-# √area; a map is wrong if it is farther, in the mean, from compositions of others; right ones are within half
+# √area; a map is wrong if its mean distance from compositions of others is larger; of right maps it is ≤ 0.05
 MAX_INCONSISTENCY = 0.1
 # numbers of Laplace eigenvalues, and of quantiles of geodesic distances, by which a template is chosen
 N_EIGENVALUES, N_QUANTILES = 30, 20
@@ -382,13 +382,13 @@ def _counts_more(one: ShapeRow | PairRow | FileRow, other: ShapeRow | PairRow | 
     return (one.state == "done", one.time) > (other.state == "done", other.time)
 
 
-# A row is damaged if one of its values is not of its kind: a type, or what a function accepts.
-Kind = type | UnionType | Callable[[Any], bool]
-Kinds = Mapping[str, Mapping[str, Kind]]  # kinds of the values that a row needs, by its state
+# kind of the value of a row: a type, or a function that tells which values are allowed
+ValueKind = type | UnionType | Callable[[Any], bool]
+RowKinds = Mapping[str, Mapping[str, ValueKind]]  # kinds of values, by name, that a row needs in each state
 NUMBER = int | float
 
 
-def _list_of(kind: Kind, count: int | None = None) -> Callable[[Any], bool]:
+def _list_of(kind: ValueKind, count: int | None = None) -> Callable[[Any], bool]:
     def is_list(value: Any) -> bool:
         return isinstance(value, list) and count in (None, len(value)) and all(_is(x, kind) for x in value)
 
@@ -406,26 +406,27 @@ def _is_summary(value: Any) -> bool:
     )
 
 
-# kinds of lists: texts; number and length of boundaries; numbers of `features_of`
+# checks of values that are lists: of texts, and the fields ``holes`` and ``features`` of a `ShapeRow`
 _TEXTS, _HOLES, _FEATURES = _list_of(str), _list_of(NUMBER, 2), _list_of(NUMBER, N_EIGENVALUES + N_QUANTILES)
-_SHAPE_VALUES: Kinds = {  # of rows of shapes
+_SHAPE_VALUES: RowKinds = {  # of rows of shapes
     "done": {"key": str, "hash": str, "bytes": int, "area": NUMBER, "features": _FEATURES, "notes": _TEXTS},
     "failed": {"error": str},
 }
-_MATCH_VALUES: dict[str, Kind] = {"source_hash": str, "target_hash": str, **dict.fromkeys(SIDES, _is_summary)}
-_PAIR_VALUES: Kinds = {  # of rows of pairs
+_MATCH_VALUES: dict[str, ValueKind] = dict.fromkeys(("source_hash", "target_hash"), str)
+_MATCH_VALUES |= dict.fromkeys(SIDES, _is_summary)
+_PAIR_VALUES: RowKinds = {  # of rows of pairs
     "done": {"key": str, "attempt": int, **_MATCH_VALUES},
     "failed": {"key": str, "attempt": int, "error": str},
     "todo": {"attempt": int},
 }
-TABLES: Mapping[str, tuple[type[Row], Kinds]] = {
+TABLES: Mapping[str, tuple[type[Row], RowKinds]] = {
     "shapes": (ShapeRow, _SHAPE_VALUES),
     "pairs": (PairRow, _PAIR_VALUES),
     "files": (FileRow, {"done": {"file": str}}),
     "origins": (OriginRow, {"done": {"made_with": dict}}),
 }
 """Class of the rows of each table of `Rows`, and the values that they must have."""
-_OPTIONAL_VALUES: Mapping[str, Kind] = {  # kinds of the values that a row may lack
+_OPTIONAL_VALUES: Mapping[str, ValueKind] = {  # kinds of the values that a row may lack
     **dict.fromkeys(("file", "error", "source_hash", "target_hash", "led_by"), str),
     **dict.fromkeys(("seconds", "spread", "handedness"), NUMBER),
     **dict.fromkeys(("again", "replaced_by"), _TEXTS),
@@ -453,7 +454,7 @@ def row_of(table: str, text: Any) -> Row | None:
     return kind.from_json(record) if is_whole else None
 
 
-def _is(value: Any, kind: Kind) -> bool:
+def _is(value: Any, kind: ValueKind) -> bool:
     return isinstance(value, kind) if isinstance(kind, type | UnionType) else kind(value)
 
 

@@ -12,8 +12,8 @@ from isomatch.cohort.shape_statistics import ShapeModel
 from isomatch.cohort.specimen_page import MAX_SHOWN_VERTICES, simplified, stops, template_of, text_of
 from isomatch.visualization import DrawnSurface, camera_of, html_page, scripts_of, stage_of
 
-MAX_SLIDER = 3  # standard deviations from the mean to either end of a slider
-STEP = 0.1  # standard deviations between two positions of a slider
+SLIDER_END = 3  # standard deviations from the mean to either end of a slider
+SLIDER_STEP = 0.1  # standard deviations between two positions of a slider
 CLIPPED_SHARE = 0.005  # share of the vertices whose displacements are beyond the end of the colour scale
 
 
@@ -47,9 +47,9 @@ def mode_view(model: ShapeModel, n_modes: int) -> tuple[str, str]:
     moves = [model.deviations[mode] * model.modes[mode] for mode in shown]
     outward = [np.abs((move * mean.vertex_normals).sum(axis=1)) for move in moves]
     farthest = max((float(np.quantile(lengths, 1 - CLIPPED_SHARE)) for lengths in outward), default=0.0)
-    high = MAX_SLIDER * farthest or 1.0
+    high = SLIDER_END * farthest or 1.0
     packed = surface.packed()
-    ends = [mean.vertices + MAX_SLIDER * side * move for move in moves for side in (-1, 1)]
+    ends = [mean.vertices + SLIDER_END * side * move for move in moves for side in (-1, 1)]
     seen = [np.ptp(end @ camera_of(mean).T, axis=0) / np.sqrt(mean.area) for end in ends]
     packed["extent"] = np.max([packed["extent"], *seen], axis=0).tolist()
     scene = {
@@ -61,8 +61,8 @@ def mode_view(model: ShapeModel, n_modes: int) -> tuple[str, str]:
     }
     sliders = "".join(
         f'<label for="mode{mode + 1}">mode {mode + 1}: {model.variance_ratios[mode]:.1%} of the variance</label>'
-        f'<input type="range" id="mode{mode + 1}" min="-{MAX_SLIDER}" max="{MAX_SLIDER}" step="{STEP}" value="0">'
-        f'<output for="mode{mode + 1}"></output>'
+        f'<input type="range" id="mode{mode + 1}" min="-{SLIDER_END}" max="{SLIDER_END}" '
+        f'step="{SLIDER_STEP}" value="0"><output for="mode{mode + 1}"></output>'
         for mode in shown
     )
     less = simplified(surface, "The mean")

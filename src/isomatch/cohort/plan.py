@@ -48,7 +48,7 @@ PAIR_PATTERNS = ("star", "all", "chain", "ring")  # ways to choose pairs, see `p
 OTHER_SHAPES = "*"  # name by which ``units`` gives the unit of all shapes that it does not name
 MAX_SIZE_RATIO = 2.0  # shapes of one kind in one unit differ in size, √area, by a smaller factor (chosen)
 TILE_SIDE = 8  # number of shapes on either side of a square of pairs, which one task or shard takes together
-_NAMES_REMEDY = "give a list.csv with columns name and path"
+_NAMES_REMEDY = "give a list.csv with columns name and path"  # for names of files that cannot be used
 
 
 class Layout:
@@ -180,9 +180,9 @@ def features_of(shape: PreparedShape) -> tuple[float, ...]:
 
 def medoid(features: FloatArray) -> int:
     """Find the row of the shape with the least mean distance to the others, or to a sample."""
-    rows = np.nan_to_num(features)  # (m, q), each feature in standard deviations
+    rows = np.nan_to_num(features)  # (m, q)
     spread = rows.std(axis=0)
-    rows = rows / np.where(spread > 0, spread, 1.0)
+    rows = rows / np.where(spread > 0, spread, 1.0)  # features in standard deviations
     others = rows[:: len(rows) // MAX_MEDOID_SAMPLE + 1]
     blocks = (rows[i : i + MAX_MEDOID_SAMPLE] for i in range(0, len(rows), MAX_MEDOID_SAMPLE))
     return int(np.concatenate([cdist(block, others).mean(axis=1) for block in blocks]).argmin())

@@ -37,7 +37,7 @@ from isomatch.cohort.study_page import LOCAL_SOURCES
 from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.surfaces import Mesh
 
-VERSION = version("isomatch")  # which results name
+VERSION = version("isomatch")  # version of isomatch that results record
 MODE_DEVIATIONS = 2  # standard deviations by which files of modes move the mean
 LINKED_SUFFIXES = ".csv", ".npz", ".h5", ".ply", ".vtp"  # suffixes of the files that a page links
 Groups = list[str] | None  # the group of each shape

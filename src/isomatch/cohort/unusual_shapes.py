@@ -17,9 +17,9 @@ from isomatch.surfaces import Mesh, PointCloud
 
 MIN_RESCALING = 0.01  # a copy counts as rescaled if the logarithm of the ratio of sizes is larger, about 1 %
 MAX_CLOSED_BOUNDARY = 0.05  # √area; a surface with boundaries of a smaller total length counts as closed
-Trouble = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]  # see `outliers`
+OutlierKind = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]  # see `outliers`
 # kinds that a run reports before it matches; it reports a broken shape when its preparation fails
-KINDS_BEFORE_MATCHING: tuple[Trouble, ...] = ("units", "twice", "mirrored", "holes")
+KINDS_BEFORE_MATCHING: tuple[OutlierKind, ...] = ("units", "twice", "mirrored", "holes")
 NOT_UNLIKE = "no"  # value in the column ``unlike`` of a shape that was compared with the others and is alike
 SAME_DISTANCE = 1e-5  # shares of a shape's size; distances that differ by less are equal in single precision
 MIN_HANDEDNESS = 1e-6  # smaller differences of ``handedness``, which has no unit, are rounding
@@ -28,7 +28,7 @@ MIN_HANDEDNESS = 1e-6  # smaller differences of ``handedness``, which has no uni
 class Outlier(NamedTuple):
     """A shape that does not fit in a collection: kind, name, and reason with the remedy."""
 
-    kind: Trouble
+    kind: OutlierKind
     name: str
     reason: str
 

@@ -136,7 +136,7 @@ class Workers(ExitStack):
                 try:
                     work = partial(_attempts, queue[0], self._threads, _here(), self.end)
                     running[executor.submit(work)] = queue[0]
-                except BrokenExecutor:  # a worker died between two tasks, which do not count it as lost
+                except BrokenExecutor:  # a worker died while it ran no task, so no task is to blame
                     broken = True
                 else:
                     queue.popleft()

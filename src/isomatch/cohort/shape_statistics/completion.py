@@ -109,7 +109,7 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     if observations.surface:
         fit, observations, notes = _fit_nearest(model, observations.surface, fit, is_free=pose == "fitted")
     motion, shape = fit.motion, fit.shape(model)
-    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3) displacements
+    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3) displacements by one deviation
     if pose == "fitted":
         columns = np.concatenate([columns, _motions(shape, fit.centre, fit.size, model.size is not None)])
     offsets = observations.positions - motion.apply(observations.points.interpolated(shape))

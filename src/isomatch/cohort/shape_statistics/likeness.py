@@ -23,20 +23,21 @@ from isomatch.geodesics import distance_engine, euclidean_farthest_points
 # TOSCA victoria, whose poses differ most, and no wrong ones.
 MIN_SAMPLE_AGREEMENT = 0.35  # median agreement of all pairs, below which poses differ too much to find any
 MIN_SHAPE_AGREEMENT = 0.15  # median agreement of a shape with the others, below which its side is unclear
-MIRROR_RATIO = 0.7  # of fewer than `MIN_SHAPES`, a mirror image is nearer to another by this factor (chosen)
+# With fewer than `MIN_SHAPES`, a shape is mirrored if its mirror image is nearer to another by this factor.
+MIRROR_RATIO = 0.7
 MIN_THICKNESS = 0.01  # share of a shape's size; a thinner shape is taken as equal to its mirror image
 SAME_SHAPE = 1e-5  # share of the size; two shapes with a smaller Procrustes distance are equal
 FAR_SIZES = 10.0  # a shape is far if its centroid is more than this number of sizes from the middle of all
 UNLIKE_RATIO = 2.0  # a shape is unlike the others if its distance from them is above the usual by this factor
 MIN_SHAPES = 4  # of fewer shapes, none is called far or unlike, as it is not known what is usual
-Kind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]  # see `doubtful_shapes`
+DoubtKind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]  # see `doubtful_shapes`
 N_SAMPLES = 100  # number of vertices between which geodesic distances are compared
 
 
 class Doubt(NamedTuple):
     """Shapes that hardly belong to a sample: kind, see `doubtful_shapes`, and reason."""
 
-    kind: Kind
+    kind: DoubtKind
     names: tuple[str, ...]
     reason: str
 
@@ -86,7 +87,7 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
     factors = size_factors(sizes)
     mirrored = _find_mirrored(distances, reflected)
     opposite, nearer = mirrored[:, None] != mirrored, "fits the others better as its mirror image"
-    reasons: dict[Kind, dict[int, str]] = {
+    reasons: dict[DoubtKind, dict[int, str]] = {
         "units": {i: size_in_words(factors[i]) for i in np.flatnonzero(factors != 1).tolist()},
         "mirrored": dict.fromkeys(np.flatnonzero(mirrored).tolist(), nearer),
         "far": _far(vertices.mean(axis=1), sizes, factors),
