@@ -39,7 +39,7 @@ def _require_engine(_: object, name: str | None) -> None:
         raise ValueError(f"There is no engine {name!r}; known are {', '.join(engine_names())}.")
 
 
-EngineOption = Annotated[
+EngineOption = Annotated[  # option of `distance` and `basis`
     str | None,
     Parameter(
         validator=_require_engine,
@@ -86,9 +86,8 @@ def distance(
     if output is not None and output.suffix not in (".csv", ".npz"):
         raise FormatError(f"{output}: suffix {output.suffix!r} cannot be written; use .csv or .npz")
     if path is not None and path.suffix.lower() not in PATH_SUFFIXES:
-        raise FormatError(
-            f"{path}: suffix {path.suffix!r} cannot hold paths; use {' or '.join(PATH_SUFFIXES)}"
-        )
+        message = f"{path}: suffix {path.suffix!r} cannot hold paths; use {' or '.join(PATH_SUFFIXES)}"
+        raise FormatError(message)
     if targets is not None and sources is None:
         raise SettingError("--to needs --from, the points to measure from")
     if path is not None and pairs is None and targets is None:
@@ -280,7 +279,7 @@ _WEIGHT = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"  # pattern of a barycentric we
 _POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"  # one point, as f12:0.2,0.3,0.5
 _POINTS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)  # a list of points
 WEIGHT_SUM_TOLERANCE = 0.01  # largest difference from 1 of the sum of a point's weights, which files round
-POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
+POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"  # in messages
 
 
 def _split_points(text: str) -> list[int | str]:

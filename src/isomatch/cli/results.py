@@ -225,9 +225,8 @@ class Earlier:
             fields = record if isinstance(record := loads(text), dict) else {}
         missing = [name for name, kind in _REQUIRED_FIELDS.items() if not isinstance(fields.get(name), kind)]
         if missing:
-            raise FormatError(
-                f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
-            )
+            message = f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
+            raise FormatError(message)
         seen = fields.get("meshes")
         seen = map(str, seen) if isinstance(seen, list) and len(seen) == 2 else ("", "")
         if len(meshes) not in (0, 2):

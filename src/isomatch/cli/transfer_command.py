@@ -78,9 +78,8 @@ def transfer(
         raise SettingError("--curve-points needs --landmarks with a curve")
     if landmarks is not None:
         if data is not None or values or bake:
-            raise SettingError(
-                "--landmarks are carried alone; run again without them for --data, --values or --bake"
-            )
+            message = "--landmarks are carried alone; run again without them for --data, --values or --bake"
+            raise SettingError(message)
         _transfer_landmarks(map_file, ends, landmarks, output, to or "target", curve_points, force, talk)
         return
     to = to or "source"

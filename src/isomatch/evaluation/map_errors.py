@@ -188,9 +188,8 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERA
     (0.5, 1.0)
     """
     if correspondence.n_target != target.n_vertices:
-        raise MapError(
-            f"{correspondence!r} does not fit {target!r}; give the target that the map was made for"
-        )
+        message = f"{correspondence!r} does not fit {target!r}; give the target that the map was made for"
+        raise MapError(message)
     images, (welded, seams) = correspondence.vertices[correspondence.matched], without_seams(target)
     return covered_share(welded, seams.new_index[images] if seams else images, reach)
 

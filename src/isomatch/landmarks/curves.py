@@ -15,7 +15,7 @@ MAX_STEP_EDGES = 0.5  # longest step of a curve on triangles, in mean edge lengt
 # Longest step of a curve on points, in mean lengths of the edges, which join each point with the next 30.
 MAX_STEP_EDGES_ON_POINTS = 1.5
 MAX_HALVINGS = 20  # largest number of times that the way between two points is halved
-MIN_SPACINGS = 0.4  # mean distances of neighbours; spread points are as far from given ones, or farther
+MIN_SPACINGS = 0.4  # mean distances of neighbours; no point is spread nearer than this to a given one
 # Length of normals as further coordinates, in mean distances of neighbours: both sides of a wall get points.
 NORMAL_LENGTH_SPACINGS = 0.25
 

@@ -54,9 +54,8 @@ class MarkedPoint:
 def marked_pairs(path: Path) -> list[tuple[MarkedPoint, MarkedPoint]]:
     """Read pairs of points, of the source and of the target."""
     if path.suffix.lower() in READERS:
-        raise FormatError(
-            f"{path}: has the points of one shape only; give the file of the target's points too"
-        )
+        message = f"{path}: has the points of one shape only; give the file of the target's points too"
+        raise FormatError(message)
     table = read_table(path).titled({"source", "target", "source_x"})
     columns = _pair_columns(table) if table.titles else None
     pairs = []
@@ -146,9 +145,8 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
                 label, where = str(point.get("label", "")), f"{path}: point {i}"
                 points.append(MarkedPoint(label, at, where, axes, curve, kind == CURVES[1], unit))
     except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        raise FormatError(
-            f"{path}: is no list of markups of 3D Slicer, with positions of three numbers ({error!r})"
-        ) from None
+        message = f"{path}: is no list of markups of 3D Slicer, with positions of three numbers ({error!r})"
+        raise FormatError(message) from None
     return points
 
 
@@ -172,9 +170,8 @@ def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
             cells = [row[axis].strip().lower() for axis in AXES]
             at = _in_lps([None if cell in NO_NUMBER else float(cell) for cell in cells], axes)
         except (KeyError, ValueError):
-            raise FormatError(
-                f"{where}: {line[:80]!r} has no position in its columns {', '.join(columns)[:80]}"
-            ) from None
+            message = f"{where}: {line[:80]!r} has no position in its columns {', '.join(columns)[:80]}"
+            raise FormatError(message) from None
         points.append(MarkedPoint(row.get("label") or row.get("id", ""), at, where, axes))
     return points
 

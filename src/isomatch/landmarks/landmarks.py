@@ -216,9 +216,8 @@ class Landmarks:
         if surface is None:
             return landmarks_of(points, dim)
         if dim != 3:
-            raise LandmarkError(
-                f"{path}: has landmarks in the plane; those of a surface have three coordinates"
-            )
+            message = f"{path}: has landmarks in the plane; those of a surface have three coordinates"
+            raise LandmarkError(message)
         surface, frame = with_frame(surface)
         shape = _shape_with_positions(surface)
 

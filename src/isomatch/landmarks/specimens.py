@@ -87,9 +87,8 @@ def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
         landmarks[name] = replace(marks, curves=(*marks.curves, *wireframe))
     usual = landmarks[first.name]
     if other := [name for name, marks in landmarks.items() if marks.curves != usual.curves]:
-        raise LandmarkError(
-            f"{path}: {other[0]} has other curves than {first.name}; draw the same, with as many points"
-        )
+        message = f"{path}: {other[0]} has other curves than {first.name}; draw the same, with as many points"
+        raise LandmarkError(message)
     sliders, surfaces = (path.with_name(f"{path.stem}_{kind}.csv") for kind in ("sliders", "surfaces"))
     m, curves = len(usual), usual.curves
     if sliders.is_file() and not curves:
@@ -195,7 +194,7 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     for rows, curve in zip(on_curves, first.curves):
         inner.update(rows if curve.closed else rows[1:-1])
     order = sorted(rank)
-    ranks = [rank[row] for row in order if row in inner or row not in on_any]  # without ends of curves
+    ranks = [rank[row] for row in order if row in inner or row not in on_any]  # ends may have any rank
     order = order if ranks == sorted(ranks) else sorted(rank, key=lambda row: (rank[row], row))
     place = np.full(m, -1)
     place[order] = np.arange(len(order))
@@ -209,7 +208,8 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     members = [np.flatnonzero(head == row) for row in order] if len(order) < m else [[row] for row in order]
     joined = {}
     for name, marks in specimens.items():
-        rows = [int(group[int(marks.placed[group].argmax())]) for group in members]  # the first placed one
+        # of points at one place, the first that is known
+        rows = [int(group[int(marks.placed[group].argmax())]) for group in members]
         values = marks.positions[rows], [marks.names[row] for row in order], pieces
         errors = marks.expected_error[rows], marks.spread[rows]
         joined[name] = Landmarks(*values, *errors, marks.axes, marks.unit)

@@ -108,9 +108,8 @@ def _bind(port: int) -> socket.socket:
         made.listen()  # A browser that asks before the server is ready then waits.
     except (OSError, OverflowError) as error:
         made.close()
-        raise SettingError(
-            f"--port {port} cannot be used: {error}; leave it out to take any that is free"
-        ) from None
+        message = f"--port {port} cannot be used: {error}; leave it out to take any that is free"
+        raise SettingError(message) from None
     return made
 
 

@@ -115,9 +115,8 @@ def bake_texture(
     from scipy.ndimage import distance_transform_edt
 
     if not SIZE_LIMITS[0] <= size <= SIZE_LIMITS[1]:
-        raise SettingError(
-            f"size = {size}; give a number of texels from {SIZE_LIMITS[0]} to {SIZE_LIMITS[1]}"
-        )
+        message = f"size = {size}; give a number of texels from {SIZE_LIMITS[0]} to {SIZE_LIMITS[1]}"
+        raise SettingError(message)
     receiver = source if to == "source" else target
     if not receiver.of_kind("uv"):
         remedy = "carry those of the other instead (uv)"

@@ -112,7 +112,7 @@ def paint_values(
     return SurfaceView(mesh, camera, rows[:, None], lambda seen: linear_of(values.paint(seen)), title)
 
 
-CLAY = linear_of(np.array([200, 200, 196]) / 255)  # linear light of a surface without values
+CLAY_COLOUR = linear_of(np.array([200, 200, 196]) / 255)  # linear light of a surface without values
 ALONE_WIDTH = 1000  # pixels across a picture of one surface
 N_SHOWN_VECTORS = 4  # largest number of vectors of a basis that are drawn on a surface
 NULL_RATIO = 1e-9  # Eigenvalues below this share of the largest are rounding errors, and shown as 0.
@@ -178,7 +178,7 @@ def plot_surface(
     camera, seen = camera_of(mesh, view=view), title or repr(surface)
     rows = None if values is None else numbers_of(values, "values", DescriptorError)
     if rows is None or rows.ndim == 2:
-        clay = np.tile(CLAY, (mesh.n_vertices, 1))
+        clay = np.tile(CLAY_COLOUR, (mesh.n_vertices, 1))
         colours = clay if rows is None else linear_of(np.clip(rows, 0.0, 1.0))
         if colours.shape != (mesh.n_vertices, 3):
             raise DescriptorError(

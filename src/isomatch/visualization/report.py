@@ -33,11 +33,11 @@ from isomatch.visualization.summary import (
     summary_of,
 )
 
-COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"  # command that a page offers
+MATCH_COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"  # command that a page offers
 SIDES = ("source", "target")  # names of shapes without other names
 GIVEN = "the map that was given"  # name of the map that a match started from, or that was judged
 DIFFERENCE = "distance from the given map"  # name of a layer of colours
-VERDICTS = {  # outcomes in whose colours verdicts are shown
+OUTCOME_OF_VERDICT = {  # outcomes in whose colours verdicts are shown
     "right": Outcome.CONVERGED,
     "doubtful": Outcome.SYMMETRY_AMBIGUOUS,
     "wrong": Outcome.LOW_CONFIDENCE,
@@ -57,7 +57,7 @@ def write_report(
     facts: Mapping[str, object] | None = None,
     layers: Mapping[str, ArrayLike] | None = None,
     landmarks: ArrayLike | None = None,
-    command: str = COMMAND,
+    command: str = MATCH_COMMAND,
     given: Correspondence | None = None,
     said: Mapping[str, str] | None = None,
 ) -> None:
@@ -158,9 +158,8 @@ def write_judgement(
         If the file cannot be written.
     """
     if judgement.result is None:
-        raise MapError(
-            "the map was judged by a reference; judge it without, for a page of isomatch's own map"
-        )
+        message = "the map was judged by a reference; judge it without, for a page of isomatch's own map"
+        raise MapError(message)
     notes = str(judgement), *judgement.result.notes
     # the page shows isomatch's own map, so the map that was given is the other one
     regions = tuple(
@@ -180,7 +179,7 @@ def write_judgement(
             "headline": sentence(f"{judgement}."),
             "sureness": f"“The map” is isomatch's own. The colour “{DIFFERENCE}” shows where {GIVEN} differs from it.",
             "advice": "",
-            "colour": outcome_colour(VERDICTS[judgement.verdict]),
+            "colour": outcome_colour(OUTCOME_OF_VERDICT[judgement.verdict]),
         },
     )
 
@@ -194,7 +193,7 @@ def write_landmark_picker(
     names: tuple[str, str] = SIDES,
     facts: Mapping[str, object] | None = None,
     landmarks: ArrayLike | None = None,
-    command: str = COMMAND,
+    command: str = MATCH_COMMAND,
 ) -> None:
     """Write the report of a match without a map: the reason, and both shapes to pick landmarks.
 
@@ -356,7 +355,7 @@ def title_of(side: str, name: str) -> str:
 
 
 STILL_WIDTH = 640  # pixels across the picture of an alternative
-_HOW_TO_CHOOSE = (
+_HOW_TO_CHOOSE = (  # advice below alternatives
     "Where DIR is the folder that <code>isomatch match</code> wrote, <code>isomatch choose DIR 1</code> refines "
     "alternative 1, measures it and makes it the map."
 )

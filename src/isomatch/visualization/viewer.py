@@ -29,7 +29,7 @@ from isomatch.visualization.surface_image import (
 )
 
 MAX_SHOWN = 30_000  # largest number of vertices of a shape that a page draws; it numbers them with 16 bits
-CELL_GROWTH = 1.15  # width of the grid cells of an attempt at simplification over their width in the last one
+CELL_GROWTH = 1.15  # factor by which grid cells are wider in each further attempt at simplification
 
 
 def text_of(name: str) -> str:
