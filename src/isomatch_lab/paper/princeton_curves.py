@@ -14,8 +14,8 @@ from isomatch_lab.paper.benchmark_rows import benchmark_rows
 from isomatch_lab.paper.item import Setting
 from isomatch_lab.sets import benchmark_set
 
-SETS = ("tosca", "scape")
-NOTHING = np.zeros(len(THRESHOLDS))
+SETS = ("tosca", "scape")  # sets of the figure
+ZERO_CURVE = np.zeros(len(THRESHOLDS))  # start of a sum of curves
 Curves = dict[tuple[str, str], FloatArray]
 """Mean curve of each set and method: share of correspondences within each threshold."""
 
@@ -40,7 +40,7 @@ def measure_curves(setting: Setting, methods: tuple[str, ...]) -> tuple[Curves, 
             if missing:
                 facts["without a map"][f"{name}, {method}"] = missing
             # a pair without a map counts: none of its correspondences is within any error
-            curves[name, method] = sum((np.array(row["curve"]) for row in matched), NOTHING) / len(pairs)
+            curves[name, method] = sum((np.array(row["curve"]) for row in matched), ZERO_CURVE) / len(pairs)
     return curves, facts
 
 
