@@ -95,7 +95,7 @@ def arrays_of(folder):
     return {
         name: b"".join(
             part.tobytes()
-            for side in (maps.there, maps.back)
+            for side in (maps.forward, maps.backward)
             for part in (side.vertices, side.faces, side.barycentric)
         )
         for name, maps in found.items()

@@ -97,6 +97,8 @@ def test_an_outcome_can_fail_after_all_files_are_written(word, code, tmp_path, m
 
 
 def test_an_unknown_outcome_is_refused_before_the_work(matching, tmp_path, capsys):
+    assert matching("--fail-on ,") == 1
+    assert "--fail-on ',' names nothing" in capsys.readouterr().err
     assert matching("--fail-on sadness") == 1
     assert "'sadness' is not an outcome; known are priors-contradicted" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

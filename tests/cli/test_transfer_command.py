@@ -222,6 +222,9 @@ def test_landmarks_are_carried_there_and_back(folder, capsys):
     assert "--landmarks are carried alone" in capsys.readouterr().err
     assert main(["transfer", *names, "-o", back, "--curve-points", "9"]) == 1
     assert "--curve-points needs --landmarks" in capsys.readouterr().err
+    assert main(["transfer", *names, "-o", str(folder / "none.ply"), "--data", " ,"]) == 1
+    assert "--data ' ,' names nothing" in capsys.readouterr().err
+    assert not (folder / "none.ply").exists()
 
 
 @pytest.mark.long

@@ -20,8 +20,8 @@ from isomatch._core.errors import InputError, SettingError
 from isomatch.cli import main
 from isomatch.cohort import Collection
 from isomatch.cohort.ledger import PairRow, writing_ledger
-from isomatch.cohort.map_file import KEPT
-from isomatch.cohort.scoring import added
+from isomatch.cohort.map_file import DIGESTED_FOLDERS
+from isomatch.cohort.scoring import plan_added
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.decimation import decimate
 from isomatch_lab.procedural import creature
@@ -88,7 +88,7 @@ def test_new_subjects_are_as_if_they_had_been_there_and_nothing_else_changes(coh
         scored = model.score(isomatch.read_mesh(whole.layout.corresponded(name)))
         assert [float(row[f"mode_{i}"]) for i in range(1, 4)] == scored.scores.tolist()
         assert float(row["mahalanobis"]) == scored.mahalanobis
-        assert row["outcome"] == whole.rows().pairs["b0", name].there.outcome.name
+        assert row["outcome"] == whole.rows().pairs["b0", name].forward.outcome.name
         assert int(row["farthest_vertex"]) == scored.vertex_errors.argmax()
     assert {*table(cohort.folder)} == {*NEW}
     assert read_shapes(cohort.folder).names == OLD  # statistics of the collection are of the old ones
@@ -103,7 +103,7 @@ def test_nothing_is_done_twice_and_more_can_be_added(cohort, capsys):
     elsewhere = cohort.folder.parent / "b4.ply"
     shutil.copy(cohort.files["b4"], elsewhere)
     with pytest.raises(InputError, match=r"b4 was added from .*; give .*b4.ply another name"):
-        added(Collection.open(cohort.folder), [elsewhere])
+        plan_added(Collection.open(cohort.folder), [elsewhere])
     capsys.readouterr()
     assert main([*cohort.argv, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
@@ -158,7 +158,7 @@ def test_bad_subjects_are_all_named_and_the_others_are_added(cohort, tmp_path, c
     assert "points.ply: has no surface" in said
     assert "text.ply:" in said
     collection = Collection.open(cohort.folder)
-    more, left_out = added(collection, [*bad, tmp_path / "larger.ply", cohort.files["b4"]])
+    more, left_out = plan_added(collection, [*bad, tmp_path / "larger.ply", cohort.files["b4"]])
     assert more.names == ["b0", "larger", "b4"]
     assert {*left_out} == {*names} - {"larger"}
     shutil.rmtree(cohort.folder / "added")
@@ -173,7 +173,7 @@ def test_units_that_are_told(cohort, tmp_path, capsys):
     isomatch.write_mesh(tmp_path / "b4.ply", body.moved(body.vertices / 25.4))
     collection = Collection.open(cohort.folder)
     with pytest.raises(InputError, match="b4: in units that fit no unit of the collection"):
-        added(collection, [tmp_path / "b4.ply"], units={"b4": "um"})
+        plan_added(collection, [tmp_path / "b4.ply"], units={"b4": "um"})
     argv = [*cohort.argv[:3], str(tmp_path / "b4.ply"), *cohort.argv[-2:]]
     assert main([*argv, "--units", "mm,b4=in"]) == 0
     inches = table(cohort.folder)["b4"]
@@ -222,7 +222,7 @@ def unfinished(made, folder, new, steps):
         with writing_ledger(collection.layout.ledger()) as ledger:
             ledger.put(("b0", "b2"), PairRow(state="todo"))
     with pytest.raises(InputError) as caught:
-        added(collection, [new])
+        plan_added(collection, [new])
     return str(caught.value)
 
 
@@ -231,15 +231,15 @@ def test_the_template_and_what_was_added_must_be_those_of_the_collection(cohort,
     shutil.copy(made.files["b0"], tmp_path / "b0.ply")
     files = [tmp_path / "b0.ply", made.files["b1"]]
     collection = finished(tmp_path / "own", files, template="b0", config=made.config)
-    added(collection, [made.files["b4"]])
+    plan_added(collection, [made.files["b4"]])
     shutil.copy(made.files["b3"], tmp_path / "b0.ply")
     with pytest.raises(InputError, match="the template was changed"):
-        added(collection, [made.files["b4"]])
+        plan_added(collection, [made.files["b4"]])
     shutil.rmtree(tmp_path / "own" / "statistics")
     other = finished(tmp_path / "else", files, template="b1", config=made.config)
     shutil.move(tmp_path / "own" / "added", tmp_path / "else" / "added")
     with pytest.raises(SettingError, match=r"to add all subjects anew, move .*added away"):
-        added(other, [made.files["b4"]])
+        plan_added(other, [made.files["b4"]])
 
 
 @pytest.mark.long
@@ -248,11 +248,11 @@ def test_mirror_images(made, tmp_path):
         tmp_path / "out", [made.files[n] for n in OLD], template="b0", config=made.config, reflect=["b0"]
     )
     finished(tmp_path / "out", [made.files[n] for n in OLD], template="b0", config=made.config)
-    more, _ = added(collection, [made.files["b4"]])
+    more, _ = plan_added(collection, [made.files["b4"]])
     assert more.reflect == ("b0",)  # as it was in the collection
-    assert added(collection, [made.files["b4"]], reflect="b4")[0].reflect == ("b0", "b4")
+    assert plan_added(collection, [made.files["b4"]], reflect="b4")[0].reflect == ("b0", "b4")
     with pytest.raises(SettingError, match="name those to reflect"):
-        added(collection, [made.files["b4"]], reflect="auto")
+        plan_added(collection, [made.files["b4"]], reflect="auto")
 
 
 def file_of(to):
@@ -287,7 +287,11 @@ def complete(folder):
     """Digests of what was added and is not made from other files at each run."""
     inner = folder / "added"
     found = digests(inner) if inner.exists() else {}
-    return {name: digest for name, digest in found.items() if name.split("/")[0] in KEPT and "/." not in name}
+    return {
+        name: digest
+        for name, digest in found.items()
+        if name.split("/")[0] in DIGESTED_FOLDERS and "/." not in name
+    }
 
 
 KILLED = """

@@ -14,7 +14,7 @@ from isomatch._core.processes import worker_processes
 from isomatch.cli.collect_command import collect
 from isomatch.cohort import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.cohort import combine as combine_module
-from isomatch.cohort.combine import CONTRADICTED, CycleJob
+from isomatch.cohort.combine import MAX_INCONSISTENCY, CycleJob
 from isomatch.cohort.ledger import MapSummary, PairAgreement, PairRow, ShapeRow, writing_ledger
 from isomatch.cohort.map_file import digest_of
 from isomatch.datasets import ground_truth
@@ -54,7 +54,7 @@ def mirrored(right):
     shapes = [PreparedShape.load(right.layout.prepared(rows.shapes[name].key)) for name in WRONG]
     found = match_both(*shapes, config=replace(right.config, orientation="reverse"))
     there, back = (MapSummary.of(each, settings=True) for each in found)
-    record = replace(right.maps(*WRONG).record, there=there, back=back)
+    record = replace(right.maps(*WRONG).record, forward=there, backward=back)
     return PairMaps(found.source_to_target.map, found.target_to_source.map, record)
 
 
@@ -76,7 +76,7 @@ def agreed(collection):
 def error(creatures, collection, pair):
     truth = ground_truth(creatures[pair[0]], creatures[pair[1]]).vertices
     points = creatures[pair[1]].rest
-    found = collection.maps(*pair).there.vertices
+    found = collection.maps(*pair).forward.vertices
     return np.linalg.norm(points[found] - points[truth], axis=1).mean()
 
 
@@ -89,7 +89,7 @@ def test_right_maps_stay(right, tmp_path):
     rows = copy.rows()
     assert agreement_of(rows) == (6, [], [], [])
     for pair, row in rows.pairs.items():
-        assert row.agreement.inconsistency < CONTRADICTED
+        assert row.agreement.inconsistency < MAX_INCONSISTENCY
         assert replace(before.pairs[pair], agreement=row.agreement, time=row.time) == row
 
 
@@ -102,8 +102,8 @@ def test_the_wrong_map_is_replaced(spoilt, right, creatures):
     row = rows.pairs[WRONG]
     assert agreement_of(rows) == (6, [], [WRONG], [])
     assert row.replaced_by in (("w", "x", "y"), ("w", "z", "y"))
-    assert row.agreement.before > CONTRADICTED > row.agreement.inconsistency
-    assert "contradict" in row.there.notes[0]
+    assert row.agreement.before > MAX_INCONSISTENCY > row.agreement.inconsistency
+    assert "contradict" in row.forward.notes[0]
     assert error(creatures, spoilt, WRONG) < 1.2 * error(creatures, right, WRONG) + 0.005
     assert error(creatures, spoilt, WRONG[::-1]) < 1.2 * error(creatures, right, WRONG[::-1]) + 0.005
     assert agreed(spoilt) == []
@@ -157,7 +157,7 @@ def test_killed_before_the_row_was_written(spoilt):
     row = spoilt.rows().pairs[WRONG]
     assert spoilt.layout.maps(WRONG).stat().st_mtime_ns == stamp
     assert row.replaced_by == replaced.replaced_by
-    assert row.there == replaced.there
+    assert row.forward == replaced.forward
 
 
 @pytest.mark.long
@@ -189,10 +189,10 @@ def test_what_stays_contradicted_has_low_confidence(spoilt, monkeypatch):
 
 @pytest.mark.long
 def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, monkeypatch, creatures):
-    values = mirrored.record.there.values
+    values = mirrored.record.forward.values
     measures = {**values["quality"], "spectral_residual": 0.0}
     there = MapSummary({**values, "outcome": "CONVERGED", "quality": measures})
-    sure = replace(mirrored.record, there=there)
+    sure = replace(mirrored.record, forward=there)
     file = spoilt.layout.maps(WRONG)
     replace(mirrored, record=sure).save(file)
     with writing_ledger(spoilt.layout.ledger()) as ledger:
@@ -261,7 +261,7 @@ def test_shapes_that_are_mirrored_together_are_named():
     def row(pair):
         side = -0.9 if "m" in pair else 0.9
         there, agreement = MapSummary({"quality": {"orientation": side}}), PairAgreement(inconsistency=0.02)
-        return PairRow(state="done", there=there, agreement=agreement)
+        return PairRow(state="done", forward=there, agreement=agreement)
 
     names = ("a", "b", "m", "n")
     rows = Rows(pairs={(a, b): row((a, b)) for i, a in enumerate(names) for b in names[i + 1 :]})
@@ -290,7 +290,9 @@ def test_command_replaces_and_tells(spoilt, in_threads, capsys):
     assert said == {"compared": 6, "contradicted": [], "replaced": [list(WRONG)], "turned": []}
     lines = {(line["source"], line["target"]): line for line in lines_of(spoilt.layout.table)}
     assert lines[WRONG]["replaced_by"] in ("w > x > y", "w > z > y")
-    assert float(lines[WRONG]["inconsistency_before"]) > CONTRADICTED > float(lines[WRONG]["inconsistency"])
+    assert (
+        float(lines[WRONG]["inconsistency_before"]) > MAX_INCONSISTENCY > float(lines[WRONG]["inconsistency"])
+    )
 
 
 @pytest.mark.long

@@ -56,7 +56,7 @@ def rows(*pairs, doubtful=()):
     for source, target in pairs:
         there = unsure if (source, target) in doubtful else sure
         hashes = {"source_hash": source, "target_hash": target}
-        of[source, target] = PairRow(state="done", **hashes, there=there, back=there)
+        of[source, target] = PairRow(state="done", **hashes, forward=there, backward=there)
     return Rows(shapes={name: ShapeRow(state="done", hash=name) for name in names}, pairs=of)
 
 

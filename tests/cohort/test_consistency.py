@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch.cohort.combine import CONTRADICTED, inconsistency, turned_shapes
+from isomatch.cohort.combine import MAX_INCONSISTENCY, inconsistency, turned_shapes
 
 N_POINTS = 60
 RNG = np.random.default_rng(0)
@@ -42,7 +42,7 @@ def turn(orders, maps, a, b):
 
 def contradicted(orders, maps):
     found = inconsistency(readings(orders, maps))
-    return {(int(a), int(b)) for a, b in np.argwhere(np.triu(found > CONTRADICTED))}
+    return {(int(a), int(b)) for a, b in np.argwhere(np.triu(found > MAX_INCONSISTENCY))}
 
 
 def test_right_maps_are_consistent():

@@ -44,7 +44,7 @@ def test_shapes_with_names_that_are_not_utf8_go_through_collect(small, tmp_path,
     assert {*collection.rows().shapes} == {*names, "broken%FF"}
     assert {pair[1] for pair in collection.rows().pairs} == names - {"plain"}
     assert (
-        collection.maps("plain", "b%FF%FE").there.n_target
+        collection.maps("plain", "b%FF%FE").forward.n_target
         == read_mesh(collection.paths["b%FF%FE"]).n_vertices
     )
     assert {line["name"] for line in read_table(out / "shapes.csv").records()} >= names

@@ -58,9 +58,9 @@ def test_reports_of_the_pairs_in_doubt_and_of_the_three_next(copied, plain_repor
     rows = copied.rows().pairs
     for pair, row in rows.items():
         outcome = Outcome.CONVERGED if pair != PAIR else Outcome.SYMMETRY_AMBIGUOUS
-        changed(copied, pair, there=row.there.with_outcome(outcome))
+        changed(copied, pair, forward=row.forward.with_outcome(outcome))
     others = [pair for pair in rows if pair != PAIR]
-    worst = sorted(others, key=lambda pair: -rows[pair].there.measures["spectral_residual"])[:3]
+    worst = sorted(others, key=lambda pair: -rows[pair].forward.measures["spectral_residual"])[:3]
     assert set(reported(copied)) == {(pair, "") for pair in (PAIR, *worst)}
     assert reported(copied) == []
 
@@ -68,8 +68,8 @@ def test_reports_of_the_pairs_in_doubt_and_of_the_three_next(copied, plain_repor
 @pytest.mark.long
 def test_a_report_shows_the_map_that_is_kept(copied):
     row = copied.rows().pairs[PAIR]
-    there = row.there.with_outcome(Outcome.LOW_CONFIDENCE)
-    changed(copied, PAIR, there=there, agreement=PairAgreement(inconsistency=0.31))
+    there = row.forward.with_outcome(Outcome.LOW_CONFIDENCE)
+    changed(copied, PAIR, forward=there, agreement=PairAgreement(inconsistency=0.31))
     assert reported(copied, 1) == [(PAIR, "")]
     text = copied.layout.report(PAIR).read_text()
     assert "<td>low confidence</td>" in text
@@ -154,13 +154,13 @@ def test_export(star, tmp_path):
         assert mesh.vertices.tolist() == read_mesh(star.layout.corresponded(name)).vertices.tolist()
     for pair in (PAIR, PAIR[::-1]):
         found = Correspondence.load(tmp_path / "maps" / f"{'__'.join(pair)}.npz")
-        assert np.array_equal(found.vertices, star.maps(*pair).there.vertices)
+        assert np.array_equal(found.vertices, star.maps(*pair).forward.vertices)
     assert len((tmp_path / "pairs.csv").read_text().splitlines()) == 4
     with pytest.raises(UnwritableFileError, match="already exists"):
         list(export(star, tmp_path))
     assert len(list(export(star, tmp_path, None, ".txt", force=True))) == 6 + 1
     vertices = np.loadtxt(tmp_path / "maps" / "s0__s1.txt", dtype=int)
-    assert np.array_equal(vertices, star.maps(*PAIR).there.vertices)
+    assert np.array_equal(vertices, star.maps(*PAIR).forward.vertices)
 
 
 def test_export_refuses_what_would_not_correspond_and_what_is_not_there(small, star, tmp_path):
@@ -194,7 +194,7 @@ def test_a_surface_that_could_not_be_written_is_tried_again(star, tmp_path, monk
 
 
 def test_the_page_does_not_call_failed_what_is_to_be_matched_again(copied):
-    changed(copied, PAIR, state="todo", there=MapSummary())
+    changed(copied, PAIR, state="todo", forward=MapSummary())
     finished_names(copied)
     assert "6 pairs: 5 converged, 1 todo." in copied.layout.page.read_text(encoding="utf-8")
 

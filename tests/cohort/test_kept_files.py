@@ -19,7 +19,7 @@ from isomatch.cohort import PairMaps
 from isomatch.cohort import ledger as ledger_module
 from isomatch.cohort.jobs import load_shape
 from isomatch.cohort.ledger import MapRecord, PairRow, Rows, ShapeRow, read_ledgers, writing_ledger
-from isomatch.cohort.plan import STALE_AFTER, Layout, key_of, medoid
+from isomatch.cohort.plan import STALE_AGE, Layout, key_of, medoid
 from isomatch.settings import Config
 
 RESULT = {"outcome": "CONVERGED", "quality": {"spectral_residual": 0.1, "orientation": 1.0, "mirrored": None}}
@@ -41,7 +41,7 @@ def test_maps_come_back_to_single_precision(tmp_path):
     back = Correspondence(rng.integers(50, size=40), 50, source_hash="b", target_hash="a")
     PairMaps(there, back, MapRecord(source_hash="a", target_hash="b")).save(tmp_path / "m.npz")
     read = PairMaps.load(tmp_path / "m.npz")
-    for one, other in ((read.there, there), (read.back, back)):
+    for one, other in ((read.forward, there), (read.backward, back)):
         assert np.array_equal(one.vertices, other.vertices)
         assert np.array_equal(one.faces, other.faces)
         assert np.abs(one.barycentric - other.barycentric).max() < 1e-6
@@ -93,7 +93,7 @@ def test_a_row_is_written_as_it_was_read():
     record |= {"memory": None, "agreement": {"later": 1, "inconsistency": 0.0}}
     row = PairRow.from_json(record)
     assert json.loads(json.dumps(row.to_json())) == record
-    new = replace(row, time=2.0, again=("asked for",), there=row.there.with_outcome(Outcome.PARTIAL))
+    new = replace(row, time=2.0, again=("asked for",), forward=row.forward.with_outcome(Outcome.PARTIAL))
     there = {**RESULT, "outcome": "PARTIAL", "advice": Outcome.PARTIAL.advice}
     expected = {**record, "time": 2.0, "there": there, "again": ["asked for"]}
     assert json.loads(json.dumps(new.to_json())) == expected
@@ -242,7 +242,7 @@ def test_what_killed_runs_left_is_removed_but_nothing_that_a_shard_may_be_writin
             (tmp_path / name).touch()
         for file in (new, old):
             file.touch()
-        os.utime(old, (0, os.stat(new).st_mtime - 2 * STALE_AFTER))
+        os.utime(old, (0, os.stat(new).st_mtime - 2 * STALE_AGE))
         layout.remove_unfinished(run)
         return {file for file in (new, old) if file.exists()}
 

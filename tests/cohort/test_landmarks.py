@@ -59,15 +59,15 @@ def test_over_the_template_of_a_star(small, marks, tmp_path):
     run(collection)
     found = dict(collected_landmarks(collection, {"s0": marks / "s0.mrk.json"}, curve_points=4))
     assert list(found) == ["s0", "s1", "s2", "s3"]
-    there = collection.maps("s0", "s1").there
-    onward = collection.maps("s1", "s3").there
+    there = collection.maps("s0", "s1").forward
+    onward = collection.maps("s1", "s3").forward
     mesh = read_mesh(small.shapes / "s3.ply")
     joined = there.then(onward, read_mesh(small.shapes / "s1.ply"), mesh)
     np.testing.assert_allclose(
         found["s3"].positions[:3], joined.pull_back(mesh.vertices)[ROWS[:3]], atol=1e-6 * np.sqrt(mesh.area)
     )
     assert found["s3"].names[3:] == ("rim-1", "rim-2", "rim-3", "rim-4")
-    errors = collection.maps("s0", "s1").there_error, collection.maps("s1", "s3").there_error
+    errors = collection.maps("s0", "s1").forward_error, collection.maps("s1", "s3").forward_error
     both = np.hypot(errors[0], there.pull_back(errors[1]))
     size = np.sqrt(mesh.area)
     np.testing.assert_allclose(found["s3"].expected_error[:3], size * both[ROWS[:3]], rtol=1e-4)
@@ -84,7 +84,7 @@ def changed(collection, name, **values):
 @pytest.mark.long
 def test_doubtful_maps_and_those_of_earlier_files_are_not_used(copied, marks, tmp_path, capsys):
     row = copied.rows().pairs["s0", "s1"]
-    changed(copied, "s1", back=row.back.with_outcome(Outcome.MIRROR_IMAGE))
+    changed(copied, "s1", backward=row.backward.with_outcome(Outcome.MIRROR_IMAGE))
     changed(copied, "s3", source_hash="of an earlier file")
     argv = ["collect", "landmarks", str(copied.folder), str(marks), str(tmp_path / "out")]
     assert main([*argv, "--json"]) == 0
@@ -160,23 +160,23 @@ def test_expected_errors_come_with_the_maps(finished, marks):
     """Of one map they are those of its result; over the template, the root of the sum of squares."""
     collection = Collection.open(finished)
     maps = collection.maps("s0", "s1")
-    assert np.isfinite(maps.there_error[maps.there.matched]).all()
-    assert np.array_equal(collection.maps("s1", "s0").back_error, maps.there_error)
+    assert np.isfinite(maps.forward_error[maps.forward.matched]).all()
+    assert np.array_equal(collection.maps("s1", "s0").backward_error, maps.forward_error)
     (found,) = (
         each for name, each in collected_landmarks(collection, {"s0": marks / "s0.mrk.json"}) if name == "s1"
     )
     size = np.sqrt(read_mesh(collection.paths["s1"]).area)
-    np.testing.assert_allclose(found.expected_error[:3], size * maps.there_error[ROWS[:3]], rtol=1e-4)
+    np.testing.assert_allclose(found.expected_error[:3], size * maps.forward_error[ROWS[:3]], rtol=1e-4)
 
 
 def test_maps_of_earlier_versions_have_no_expected_errors(copied, marks):
     for pair in copied.rows().pairs:
         maps = copied.maps(*pair)
         file = copied.layout.maps(pair)
-        replace(maps, there_error=None, back_error=None).save(file)
+        replace(maps, forward_error=None, backward_error=None).save(file)
         with writing_ledger(copied.layout.ledger()) as ledger:
             ledger.put(pair, replace(ledger.rows.pairs[pair], file=digest_of(file)))
-    assert copied.maps("s0", "s1").there_error is None
+    assert copied.maps("s0", "s1").forward_error is None
     found = dict(collected_landmarks(copied, {"s0": marks / "s0.mrk.json"}))
     assert found["s1"].placed.all()
     assert np.isnan(found["s1"].expected_error).all()
@@ -268,7 +268,7 @@ def test_shapes_in_other_spaces_get_landmarks_in_their_own_and_tables_in_one(sma
         assert json.loads(path.read_text())["markups"][0]["coordinateSystem"] == axes
         found = Landmarks.read(path, folder / f"{name}.ply")
         if name != "s0":
-            there = collection.maps("s0", name).there
+            there = collection.maps("s0", name).forward
             np.testing.assert_allclose(found.positions, there.pull_back(mesh.vertices)[ROWS[:3]], atol=1e-6)
         in_table = [float(table[name][f"nose_{axis}"]) for axis in "XYZ"]
         np.testing.assert_allclose(in_table, found["nose"] * (1 if axes == "RAS" else turn))

@@ -136,7 +136,7 @@ def test_reflected_shapes_are_remembered_in_every_row(auto, capsys):
     for pair, row in rows.pairs.items():
         expected = [name for name in pair if name in LEFT]
         assert row.reflected == collection.maps(*pair).record.reflected == tuple(expected)
-        notes = [note for note in row.there.notes if note.startswith("target: reflected")]
+        notes = [note for note in row.forward.notes if note.startswith("target: reflected")]
         assert len(notes) == len(expected)
     reflected_in = {line["target"]: line["reflected"] for line in lines_of(auto / "pairs.csv")}
     assert reflected_in == {"l0": "l0", "l1": "l1", "r1": "", "r2": ""}
@@ -152,11 +152,11 @@ def test_maps_are_right_and_fit_the_files_of_the_user(blobs, auto, name, tmp_pat
     collection = Collection.open(auto)
     files = [read_mesh(collection.paths[each]) for each in ("r0", name)]
     maps = collection.maps("r0", name)
-    maps.there.check_fits(*files)
-    maps.back.check_fits(*files[::-1])
+    maps.forward.check_fits(*files)
+    maps.backward.check_fits(*files[::-1])
     truth = np.empty(files[0].n_vertices, dtype=int)
     truth[blobs.new_vertex["r0"]] = blobs.new_vertex[name]
-    apart = files[1].vertices[maps.there.vertices] - files[1].vertices[truth]
+    apart = files[1].vertices[maps.forward.vertices] - files[1].vertices[truth]
     assert np.linalg.norm(apart, axis=1).mean() < 0.03 * np.sqrt(files[1].area)
     list(export(collection, tmp_path / "out"))
     Correspondence.load(tmp_path / "out" / "maps" / f"r0__{name}.npz").check_fits(*files)
@@ -337,7 +337,7 @@ def test_the_side_of_a_template_that_is_named_stays(blobs, tmp_path):
 
 def matched(outcome, mirrored=None, turned=()):
     result = {"outcome": outcome, "quality": {"mirrored": mirrored}}
-    return PairRow(state="done", reflected=turned, there=MapSummary(result), back=MapSummary(result))
+    return PairRow(state="done", reflected=turned, forward=MapSummary(result), backward=MapSummary(result))
 
 
 def test_groups_of_shapes_by_their_pairs(blobs, tmp_path):

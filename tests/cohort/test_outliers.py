@@ -287,11 +287,11 @@ def alike(**surfaces):
 def test_what_a_specimen_lacks_is_missing_in_its_surface(plain, tmp_path):
     collection = Collection.open(shutil.copytree(plain.folder, tmp_path / "out"))
     maps = collection.maps("good0", "good3")
-    there = maps.there
+    there = maps.forward
     vertices = np.where(np.arange(len(there.vertices)) < 20, UNMATCHED, there.vertices)
     hashes = there.source_hash, there.target_hash
     partial = Correspondence(vertices, there.n_target, there.faces, there.barycentric, *hashes)
-    replace(maps, there=partial).save(collection.layout.maps(("good0", "good3")))
+    replace(maps, forward=partial).save(collection.layout.maps(("good0", "good3")))
     collection.layout.corresponded("good3").unlink()
     assert finished_names(collection) == ["good3"]
     shapes = read_shapes(collection.folder)

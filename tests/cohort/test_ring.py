@@ -38,7 +38,7 @@ def ring(small, tmp_path_factory):
     with writing_ledger(collection.layout.ledger()) as ledger:
         for i, (pair, row) in enumerate(ledger.rows.pairs.items()):
             there, back = (side.with_outcome(Outcome.CONVERGED) for side in row.sides)
-            ledger.put(pair, replace(row, there=there, back=back))
+            ledger.put(pair, replace(row, forward=there, backward=back))
             record = collection.maps(*pair).record
             maps = slid(i, (i + 1) % M, DRIFT), slid((i + 1) % M, i, -DRIFT)
             PairMaps(*maps, record, *np.full((2, BLOB.n_vertices), 0.02)).save(collection.layout.maps(pair))
@@ -89,14 +89,14 @@ def test_both_ways_round_cancel_a_drift_that_one_way_adds_up(ring, copied, capsy
     last = NAMES[-1], NAMES[0]
     with writing_ledger(copied.layout.ledger()) as ledger:
         row = ledger.rows.pairs[last]
-        ledger.put(last, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
+        ledger.put(last, replace(row, forward=row.forward.with_outcome(Outcome.LOW_CONFIDENCE)))
     assert (errors_of(ring)[1:] < errors_of(finished(copied))[1:] / 2).all()
     assert status(copied, capsys)["loop"] == {"open": [list(last)]}
 
 
 @pytest.mark.long
 def test_a_wrong_map_does_not_draw_frames_between_two_places(copied):
-    maps = replace(copied.maps("frame4", "frame5"), there=slid(3, 4, 120), back=slid(4, 3, -120))
+    maps = replace(copied.maps("frame4", "frame5"), forward=slid(3, 4, 120), backward=slid(4, 3, -120))
     maps.save(copied.layout.maps(("frame4", "frame5")))
     for name in NAMES:
         copied.layout.corresponded(name).unlink()

@@ -57,13 +57,13 @@ def test_a_run_matches_all_pairs_and_the_next_one_nothing(copied):
     assert run(copied) == []
     assert work.done() == NOTHING
     maps = copied.maps("s0", "s1")
-    assert maps.there.shape == (N[0], N[1])
+    assert maps.forward.shape == (N[0], N[1])
     turned = copied.maps("s1", "s0")
-    assert (turned.there.shape, turned.record) == ((N[1], N[0]), maps.record)
+    assert (turned.forward.shape, turned.record) == ((N[1], N[0]), maps.record)
     row = rows.pairs["s0", "s1"]
     keys = {"key", "seconds", "memory", "there", "back", "source_hash", "target_hash", "attempt"}
     assert keys <= set(row.to_json())
-    assert row.there.measures["spectral_residual"] == maps.record.there.measures["spectral_residual"]
+    assert row.forward.measures["spectral_residual"] == maps.record.forward.measures["spectral_residual"]
 
 
 def test_what_is_whole_on_disk_is_recorded_without_being_done_again(copied):
@@ -191,15 +191,15 @@ def test_low_confidence_is_tried_with_another_seed_and_the_surer_map_is_kept(cop
     low = copied.maps(*pair)
     with writing_ledger(copied.layout.ledger()) as ledger:
         row = ledger.rows.pairs[pair]
-        ledger.put(pair, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
+        ledger.put(pair, replace(row, forward=row.forward.with_outcome(Outcome.LOW_CONFIDENCE)))
     before = arrays_of(copied.folder)
     assert copied.retry("low") == [pair]
     assert [event.name for event in run(copied)] == [pair]
     assert copied.rows().pairs[pair].attempt == 1
-    assert low.record.there.outcome is Outcome.CONVERGED  # so that the map on disk is at least as sure
+    assert low.record.forward.outcome is Outcome.CONVERGED  # so that the map on disk is at least as sure
     assert (
-        copied.rows().pairs[pair].there.measures["spectral_residual"]
-        <= row.there.measures["spectral_residual"]
+        copied.rows().pairs[pair].forward.measures["spectral_residual"]
+        <= row.forward.measures["spectral_residual"]
     )
     assert set(arrays_of(copied.folder)) == set(before)
     assert run(copied) == []
@@ -215,7 +215,7 @@ def test_the_map_of_a_shape_as_it_was_is_not_kept(small, copied, tmp_path):
             ledger.put(pair, replace(row, attempt=1, key="of the second attempt"))
     isomatch.write_mesh(shapes[0], decimate(example_pair()[0].mesh, 150).mesh)
     run(collection)
-    there = collection.maps("s0", "s1").there
+    there = collection.maps("s0", "s1").forward
     assert there.shape == (150, N[1])
     assert collection.rows().pairs["s0", "s1"].source_hash == collection.rows().shapes["s0"].hash
 

@@ -246,7 +246,7 @@ def test_what_lies_on_another_starts_from_its_map(tmp_path):
     assert (bone.leader, sheet.chosen_template(sheet.rows())) == (None, bone.chosen_template(bone.rows()))
     for pair, row in sheet.rows().pairs.items():
         assert row.led_by == bone.rows().pairs[pair].key
-        mesh, there = isomatch.read_mesh(found["sheet"][pair[1]]), sheet.maps(*pair).there
+        mesh, there = isomatch.read_mesh(found["sheet"][pair[1]]), sheet.maps(*pair).forward
         apart = np.linalg.norm(there.pull_back(mesh.vertices) - mesh.vertices, axis=1)
         assert np.median(apart) < 0.05 * np.sqrt(mesh.area)
     # nothing is matched twice; with another bone, the sheet is matched again, too

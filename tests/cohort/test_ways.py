@@ -29,7 +29,7 @@ def cohort(small, tmp_path_factory):
     with writing_ledger(collection.layout.ledger()) as ledger:
         for pair, row in ledger.rows.pairs.items():
             there, back = (side.with_outcome(Outcome.CONVERGED) for side in row.sides)
-            ledger.put(pair, replace(row, there=there, back=back))
+            ledger.put(pair, replace(row, forward=there, backward=back))
             record = collection.maps(*pair).record
             maps = [slid(meshes[source], meshes[target], rng) for source, target in (pair, pair[::-1])]
             PairMaps(*maps, record).save(collection.layout.maps(pair))
@@ -79,7 +79,7 @@ def test_the_median_of_all_ways_is_nearer_to_the_truth_than_the_map_of_the_pair(
     truth = {name: mesh.vertices for name, mesh in meshes.items()}
     together = {name: written(cohort, name) for name in NAMES}
     alone = {"a": truth["a"]} | {
-        name: wrap(cohort.maps("a", name).there, meshes["a"], meshes[name]).mesh.vertices
+        name: wrap(cohort.maps("a", name).forward, meshes["a"], meshes[name]).mesh.vertices
         for name in NAMES[1:]
     }
     assert through_template(together, truth) < 0.8 * through_template(alone, truth)
@@ -103,9 +103,9 @@ def test_one_wrong_map_changes_little(copied):
             source_hash=each.source_hash,
             target_hash=each.target_hash,
         )
-        for each in (maps.there, maps.back)
+        for each in (maps.forward, maps.backward)
     ]
-    replace(maps, there=wrong[0], back=wrong[1]).save(copied.layout.maps(("a", "c")))
+    replace(maps, forward=wrong[0], backward=wrong[1]).save(copied.layout.maps(("a", "c")))
     copied.layout.corresponded("b").unlink()
     assert finished_names(copied) == ["b"]
     assert 0 < np.linalg.norm(written(copied, "b") - before, axis=1).mean() < NOISE / 4
@@ -134,6 +134,6 @@ def test_doubtful_maps_are_no_ways(copied):
     with writing_ledger(copied.layout.ledger()) as ledger:
         for pair in (("a", "b"), ("c", "d")):
             row = ledger.rows.pairs[pair]
-            ledger.put(pair, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
+            ledger.put(pair, replace(row, forward=row.forward.with_outcome(Outcome.LOW_CONFIDENCE)))
     finished_names(copied)
     assert ways(copied) == {"a": "1", "b": "4", "c": "3", "d": "3", "e": "4", "f": "4"}

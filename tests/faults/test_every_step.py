@@ -108,7 +108,7 @@ def prepared(finished, tmp_path_factory):
     with ThreadPoolExecutor(1) as executor:
         list(isomatch.cohort.finish(collection, executor, 1))
     maps = collection.maps("s0", "s1")
-    maps.there.save(folder / "map.npz")
+    maps.forward.save(folder / "map.npz")
     (folder / "quick.toml").write_text(QUICK)
     for name in ("s0", "s1"):
         mesh = isomatch.read_mesh(collection.paths[name])

@@ -18,7 +18,7 @@ from isomatch.cohort.study_input import read_shape_cells
 from isomatch.cohort.subjects import structures_of
 from isomatch.evaluation import read_indices, read_truth
 from isomatch.io import read_attributes
-from isomatch_lab.evaluation.ledger import FILE, IDENTITY, identity_of, read_rows
+from isomatch_lab.evaluation.ledger import IDENTITY, LEDGER_FILE, identity_of, read_rows
 from isomatch_lab.sets import FolderSettings, tosca
 from isomatch_lab.sets.pair_list import PairList
 from zoo import grid
@@ -86,7 +86,7 @@ FILES = {
     "cat0.vts": (b"1\n2.0\n3\n", read_indices),
     "cat0.mat": (matlab(False), lambda path: tosca(path.parent)["cat0"]),
     "cat1.mat": (matlab(True), lambda path: tosca(path.parent)["cat1"]),
-    FILE: (rows(), lambda path: [identity_of(row) for row in read_rows(path.parent)]),
+    LEDGER_FILE: (rows(), lambda path: [identity_of(row) for row in read_rows(path.parent)]),
     "values.csv": (b"vertex,part,depth\n0,1,0.5\n1,NA,2.5\n3,2,7\n", read_attributes),
     "groups.csv": (b'"name";"group"\n"a";"m"\n"b";NA\n', lambda path: read_shape_cells(path, "ab")),
     "list.csv": (b"\xef\xbb\xbfname;path\r\n007;a.ply\r\n", entries_of),
@@ -179,7 +179,7 @@ def test_settings_that_are_nested_too_deeply(folder, content):
     "line", [b"[" * 100_000, b'{"set": []}', b'{"set": {}}', b"[1]", b"3", b"null", b'"row"', b"1" * 5000]
 )
 def test_lines_that_are_no_rows(folder, line):
-    assert not attempt(folder, FILE, rows() + line + b"\n")
+    assert not attempt(folder, LEDGER_FILE, rows() + line + b"\n")
 
 
 def test_a_position_beyond_64_bits(folder):

@@ -6,19 +6,22 @@ import csv
 import json
 import math
 import re
+import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from isomatch._core.files import read_bytes, write_text
+from isomatch._core.errors import FormatError
+from isomatch._core.files import open_file, read_bytes, write_text
 
 # The first bytes of a text tell these encodings.
 BYTE_ORDER_MARKS = {
     b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16",
 }  # fmt: skip
 _EXAMINED_BYTES = 1000  # The first bytes of a text without a mark tell whether it is UTF-16.
+MAX_TOML_BYTES = 2**14  # A larger file is not read; all settings together take a fifth of this.
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")  # the start of a spreadsheet formula, escaped or not
 
 
@@ -33,6 +36,19 @@ def text_lines(path: Path) -> Iterator[tuple[int, str]]:
 def read_text(path: Path) -> str:
     """Read a text file, see `decode_text`."""
     return decode_text(read_bytes(path))
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file of settings; `FormatError` if it is too large, or not TOML."""
+    with open_file(path) as file:
+        text = file.read(MAX_TOML_BYTES + 1)
+    if len(text) > MAX_TOML_BYTES:
+        problem = f"more than {MAX_TOML_BYTES} bytes are not settings"
+        raise FormatError(f"{path}: {problem}; give a TOML file of settings")
+    try:
+        return tomllib.loads(decode_text(text))
+    except (ValueError, RecursionError) as error:  # no TOML, nested too deeply, or numbers of too many digits
+        raise FormatError(f"{path}: not a TOML file ({error}); correct it or write it again") from None
 
 
 def decode_text(text: bytes) -> str:

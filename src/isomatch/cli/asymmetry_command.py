@@ -60,8 +60,8 @@ def asymmetry(
         found = cohort.asymmetry(shapes, output, **how, progress=tell, warn=complain)
 
     def summary() -> None:
-        say(found.told[0], "bold")
-        say_rows(("", line) for line in found.told[1:])
+        say(found.findings[0], "bold")
+        say_rows(("", line) for line in found.findings[1:])
         say(f"open first: {output / 'index.html'}; {len(found.files)} files are there")
 
     talk.result(found.to_json(), summary)

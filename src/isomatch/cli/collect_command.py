@@ -12,8 +12,8 @@ from isomatch.cli.collect_finished import add, export, landmarks
 from isomatch.cli.collect_options import (
     Executor,
     Jobs,
-    Marked,
     Reports,
+    SemilandmarkOptions,
     TimeLimit,
     names_of,
     shard_of,
@@ -23,7 +23,7 @@ from isomatch.cli.collect_state import agree, retry, say_cohort, status
 from isomatch.cli.inputs import ConfigFile, Output, Seed, read_config, read_outcomes
 from isomatch.cli.terminal import TALK, Talk, complain
 
-collect = App(name="collect", default_parameter=Parameter(negative=()))
+collect = App(name="collect", default_parameter=Parameter(negative=()))  # isomatch collect
 for command in (status, retry, export, landmarks, agree, add):
     collect.command(command)
 
@@ -42,7 +42,7 @@ def run(
     reflect: str | None = None,
     units: str | None = None,
     landmarks: Path | None = None,
-    semilandmarks: Marked = None,
+    semilandmarks: SemilandmarkOptions = None,
     time_limit: TimeLimit = None,
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
     keep_contacts: Annotated[bool, Parameter(negative="--no-keep-contacts")] = True,

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from isomatch import cohort
-from isomatch.cli.collect_options import Executor, Jobs, Marked, Reports, names_of, units_of
+from isomatch.cli.collect_options import Executor, Jobs, Reports, SemilandmarkOptions, names_of, units_of
 from isomatch.cli.inputs import Force, Rounded
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.statistics_model import say_scored
@@ -23,7 +23,7 @@ def landmarks(
     /,
     *,
     format: str = "mrk.json",
-    semilandmarks: Marked = None,
+    semilandmarks: SemilandmarkOptions = None,
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:

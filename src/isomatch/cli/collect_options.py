@@ -11,8 +11,10 @@ from cyclopts import Parameter
 
 from isomatch._core.errors import InputError
 from isomatch._core.texts import text_lines
+from isomatch.cli.inputs import split_words
 from isomatch.cohort import Semilandmarks
 
+# options of the commands, by the types of their parameters
 Reports = Annotated[
     int | Literal["doubtful", "all", "none"],
     Parameter(
@@ -28,7 +30,7 @@ Executor = Annotated[
     ),
 ]
 TimeLimit = Annotated[float | None, Parameter(help="Seconds after which nothing new is begun.")]
-Marked = Annotated[Semilandmarks | None, Parameter(name="*")]
+SemilandmarkOptions = Annotated[Semilandmarks | None, Parameter(name="*")]  # an option for each field
 
 
 def names_of(reflect: str | None) -> str | list[str] | None:
@@ -37,8 +39,8 @@ def names_of(reflect: str | None) -> str | list[str] | None:
         return reflect
     if reflect == "none":
         return []
-    names = [line for _, line in text_lines(Path(reflect))] if isfile(reflect) else reflect.split(",")
-    return [*filter(None, map(str.strip, names))]
+    is_file = isfile(reflect)
+    return [line for _, line in text_lines(Path(reflect))] if is_file else split_words(reflect, "--reflect")
 
 
 def units_of(units: str | None) -> dict[str, str] | None:

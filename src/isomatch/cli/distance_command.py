@@ -28,7 +28,8 @@ from isomatch.repair import without_seams
 from isomatch.spectral import BasisMethod, Weighting
 from isomatch.surfaces import PrecisePoints
 
-COLUMNS_PER_UPDATE = 16  # The progress is updated after the distances from this many points.
+COLUMNS_PER_UPDATE = 16  # The progress is updated after the distances from this number of points.
+# groups of options in the help: exactly one of the first is given, and at most one of the second
 WHICH_DISTANCES = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
 HOW_COMPUTED = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
 
@@ -38,7 +39,7 @@ def _require_engine(_: object, name: str | None) -> None:
         raise ValueError(f"There is no engine {name!r}; known are {', '.join(engine_names())}.")
 
 
-EngineOption = Annotated[
+EngineOption = Annotated[  # option of `distance` and `basis`
     str | None,
     Parameter(
         validator=_require_engine,
@@ -85,9 +86,8 @@ def distance(
     if output is not None and output.suffix not in (".csv", ".npz"):
         raise FormatError(f"{output}: suffix {output.suffix!r} cannot be written; use .csv or .npz")
     if path is not None and path.suffix.lower() not in PATH_SUFFIXES:
-        raise FormatError(
-            f"{path}: suffix {path.suffix!r} cannot hold paths; use {' or '.join(PATH_SUFFIXES)}"
-        )
+        message = f"{path}: suffix {path.suffix!r} cannot hold paths; use {' or '.join(PATH_SUFFIXES)}"
+        raise FormatError(message)
     if targets is not None and sources is None:
         raise SettingError("--to needs --from, the points to measure from")
     if path is not None and pairs is None and targets is None:
@@ -132,7 +132,7 @@ class _Request:
     """Requested points; numbers beyond the last vertex stand for points in faces."""
 
     def __init__(self, mesh: isomatch.Mesh, points: dict[str, list[Any]]) -> None:
-        self.mesh, self.points = mesh, points  # pairs; or sources and perhaps targets
+        self.mesh, self.points = mesh, points  # lists of pairs, or of sources and targets
         self._corners: list[IntArray] = []
         self._weights: list[list[float]] = []
         # Pairs have shape (m, 2), sources (s,), and targets (t,).
@@ -275,12 +275,11 @@ def _write(path: Path, request: _Request, distances: FloatArray) -> None:
     write_text(path, "\n".join([*lines, ""]))
 
 
-_WEIGHT = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"
-_POINTS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)
-# The three weights of a point may add up to this much more or less than 1, as files round them.
-WEIGHT_SUM_TOLERANCE = 0.01
-POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
+_WEIGHT = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"  # pattern of a barycentric weight, as 0.2 or 1e-3
+_POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"  # one point, as f12:0.2,0.3,0.5
+_POINTS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)  # a list of points
+WEIGHT_SUM_TOLERANCE = 0.01  # largest difference from 1 of the sum of a point's weights, which files round
+POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"  # in messages
 
 
 def _split_points(text: str) -> list[int | str]:

@@ -25,8 +25,8 @@ MEASURES = (  # Each row has a field of `Verification`, the format of its value,
     ("bending_back", ".1e", "the same of the target onto the source"),
     ("cost", ".1e", "all in one; compares maps of these two shapes, lower is better"),
 )
-VERDICT_COLOURS = {"right": "green", "doubtful": "yellow", "wrong": "red"}
-# The share of the points whose error, in √(target area), is at most this is shown for each threshold.
+VERDICT_COLOURS = {"right": "green", "doubtful": "yellow", "wrong": "red"}  # colours in the terminal
+# √(target area); for each threshold, the table has the share of points with an error at most this large.
 ERROR_THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.25)
 
 
@@ -77,7 +77,7 @@ def evaluate(
     """
     reading: dict[str, Any] = {"counts_from": counts_from, "variable": variable}
     if target is None:
-        failing_verdicts = split_words(fail_on)
+        failing_verdicts = split_words(fail_on, "--fail-on")
         for verdict in failing_verdicts:
             require_one_of("--fail-on", verdict, ("wrong", "doubtful"))
         maps = [map_file, *filter(None, [reference])]
@@ -211,7 +211,7 @@ def _table_rows(record: dict[str, Any]) -> list[tuple[str, ...]]:
         ("error, 95th percentile", f"{record['p95']:.2%}", of_area),
         ("error, largest", f"{record['max']:.2%}", of_area),
         *((f"error at most {float(at):.0%}", f"{share:.1%}", "of the points") for at, share in within),
-        ("area under the curve", f"{record['auc']:.3f}", f"to {evaluation.LIMIT:.0%}; 1 is perfect"),
+        ("area under the curve", f"{record['auc']:.3f}", f"to {evaluation.CURVE_LIMIT:.0%}; 1 is perfect"),
         ("unmatched", f"{record['unmatched']:.1%}", f"of {record['points']} points"),
         ("coverage", f"{record['coverage']:.1%}", "of the target area is near an image"),
     ]

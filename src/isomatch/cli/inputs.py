@@ -17,6 +17,7 @@ from isomatch._core.errors import FormatError, IsomatchError, LandmarkError, Mes
 
 Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"
 
+# options that several commands have, by the types of their parameters
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 OptionalOutput = Annotated[Path | None, Parameter(name=["--output", "-o"])]
 Force = Annotated[bool, Parameter(alias="-f", help="Replace existing files.")]
@@ -114,16 +115,19 @@ def read_config(path: Path | None) -> isomatch.Config | None:
         raise FormatError(f"{error}; see the documentation of isomatch.Config") from None
 
 
-def split_words(text: str | None) -> list[str]:
-    """Split words that are separated by commas; there are none in None."""
-    return [*filter(None, map(str.strip, (text or "").split(",")))]
+def split_words(text: str | None, option: str) -> list[str]:
+    """Split words of an option that are separated by commas: none of None, at least one of a text."""
+    words = [*filter(None, map(str.strip, (text or "").split(",")))]
+    if text is not None and not words:
+        raise SettingError(f"{option} {text!r} names nothing; give words between commas, or leave it out")
+    return words
 
 
 def read_outcomes(names: str | None) -> tuple[isomatch.Outcome, ...]:
     """Read a list of outcomes, such as "low-confidence,ambiguous", where one word of a name will do."""
     by_name = {outcome.value.replace(" ", "-"): outcome for outcome in isomatch.Outcome}
     outcomes = []
-    for word in split_words(names):
+    for word in split_words(names, "--fail-on"):
         named = [outcome for name, outcome in by_name.items() if word in (name, *name.split("-"))]
         if not named:
             raise SettingError(f"--fail-on {word!r} is not an outcome; known are {', '.join(by_name)}")

@@ -14,11 +14,11 @@ from isomatch._core.threads import n_threads
 from isomatch.cli.inputs import Json
 from isomatch.cli.terminal import Talk, say, say_table
 
+# packages whose versions affect results or speed: those that isomatch needs, and those of its extras
 REQUIRED = ("numpy", "scipy", "numba", "robust_laplacian", "mapbox_earcut", "matplotlib", "rich", "cyclopts")
 OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT", "h5py")
-
-DEFAULT_CACHES = "__pycache__ next to each module, or the cache of the user"
-SETTINGS = {
+DEFAULT_CACHES = "__pycache__ next to each module, or the cache of the user"  # of loops that numba compiled
+ENVIRONMENT_VARIABLES = {  # variables that set a fact of `info`
     "threads": "ISOMATCH_NUM_THREADS",
     "memory_budget_gib": "ISOMATCH_MEMORY_BUDGET",
     "numba_cache": "NUMBA_CACHE_DIR",
@@ -38,7 +38,7 @@ def info(*, json: Json = False) -> None:
         "numba_cache": os.environ.get("NUMBA_CACHE_DIR") or DEFAULT_CACHES,
         "memory_budget_gib": round(memory_budget() / GIB, 1),
     }
-    rows = [(name, str(value), SETTINGS.get(name, "")) for name, value in facts.items()]
+    rows = [(name, str(value), ENVIRONMENT_VARIABLES.get(name, "")) for name, value in facts.items()]
     Talk(json=json).result(facts, lambda: say_table(rows))
 
 

@@ -110,7 +110,7 @@ class SearchOptions:
     config: ConfigFile = None
 
 
-PRIORS, SEARCH_OPTIONS = Priors(), SearchOptions()
+PRIORS, SEARCH_OPTIONS = Priors(), SearchOptions()  # defaults of `match`: no options given
 
 
 def match(
@@ -148,9 +148,8 @@ def match(
     """
     failing_outcomes = read_outcomes(fail_on)
     if both and priors.via:
-        raise InputError(
-            "--via finds the map of one direction; match the other by a second command, without --both"
-        )
+        message = "--via finds the map of one direction; match the other by a second command, without --both"
+        raise InputError(message)
     folder, ends = ResultFolder(output, report=report, both=both), (source, target)
     options: dict[str, Any] = {**vars(search), **vars(priors), "landmarks": None, "target_landmarks": None}
     chosen = {name: x for name, x in options.items() if x is not None and hasattr(isomatch.Config, name)}

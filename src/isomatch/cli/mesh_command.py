@@ -25,12 +25,12 @@ from isomatch.cli.terminal import Talk, in_shell, say
 from isomatch.io import FORMATS, files_beside, meshes_among, prepare_for_writing, read_as_far_as_possible
 from isomatch.repair import Repair, without_seams
 
-NUMBER_COLUMNS = 50  # A table takes this many columns of the terminal beside the names.
-MIN_NAME_COLUMNS = 12  # A name takes at least this many columns of a table, even in a narrow terminal.
-# A weld that leaves a smaller share of the vertices is reported; a soup of triangles keeps about a sixth.
+NUMBER_COLUMNS = 50  # A table takes this number of columns of the terminal beside the names.
+MIN_NAME_COLUMNS = 12  # A name takes at least this number of columns of a table, even in a narrow terminal.
+# A weld is reported if a smaller share of the vertices is left; of separate triangles, a sixth is left.
 MIN_SHARE_LEFT = 0.1
 
-Verb = Literal["distance", "basis", "match"]
+Verb = Literal["distance", "basis", "match"]  # commands that may refuse a mesh
 
 # The first step of each command refuses the meshes that the command cannot use.
 _FIRST_STEPS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
@@ -200,7 +200,7 @@ def _require_something_left(file: Path, repaired: Repair, weld: float | None) ->
         tell_skipped(f"{file}: {after.n_vertices} of {n_before} vertices are left; {hint}see isomatch check")
 
 
-_INDICES = ("vertex_index", "new_index", "polygon_index", "face_index")
+_INDICES = ("vertex_index", "new_index", "polygon_index", "face_index")  # arrays in NAME.index.npz
 
 
 def repair(
@@ -267,7 +267,7 @@ def _with_joined_parts(file: Path, output: Path) -> Path | isomatch.Asset:
     mesh_format = FORMATS.get(output.suffix.lower())
     if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
         return file
-    # The values beside a .surf.gii are written later.
+    # A .surf.gii has no values of its own: they get files beside it, which are written later.
     named = output.with_name(output.name.lower().replace(".surf.gii", ".gii"))
     shown, _ = prepare_for_writing(named, isomatch.read_asset(file, sound=False))
     return replace(shown.placed, parts=(), document=shown.document)

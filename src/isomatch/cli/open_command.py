@@ -105,9 +105,8 @@ def open_page(
 def _require_result(folder: Path, options: list[str]) -> None:
     """Require the folder of a result, and no options that it has itself."""
     if not folder.is_dir():
-        raise SettingError(
-            f"{folder}: isomatch open needs two shapes, or the folder of a result of isomatch match"
-        )
+        message = f"{folder}: isomatch open needs two shapes, or the folder of a result of isomatch match"
+        raise SettingError(message)
     if options:
         raise SettingError(
             f"{', '.join(options)}: the result in {folder} has its own, and Save replaces it; leave the option out"

@@ -46,7 +46,7 @@ def write_wrapped(
     asset: isomatch.Asset,
     frame: Frame | None,
     wrapped: isomatch.Wrapped,
-    expected_error: FloatArray,  # of each source vertex, (n_source,)
+    expected_error: FloatArray,  # expected error at each source vertex, (n_source,)
     rounded: bool = False,
 ) -> dict[str, Any]:
     """Write the asset of the source in the shape of the target, and say how good it is."""

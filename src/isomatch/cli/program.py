@@ -18,7 +18,7 @@ from isomatch._core.skipped import telling_once
 from isomatch.cli.terminal import IncompleteError, complain, print_anything, start_clock
 
 DONE, BAD, MISUSED, INCOMPLETE, UNSURE, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit codes
-STRICT = "--strict"  # All commands have this option.
+STRICT = "--strict"  # option of all commands, which turns warnings into errors
 
 COMMANDS = (  # Each command has a group, module:function, and an example, which begins with its name.
     ("Match", "match_command:match", "match a.ply b.ply -o result"),
@@ -37,10 +37,11 @@ COMMANDS = (  # Each command has a group, module:function, and an example, which
     ("Develop", "machine_command:info", "info"),
     ("Develop", "machine_command:warm", "warm"),
 )
+# for each command, by name: its example, the place of its function, and its group in the help
 EXAMPLES = {example.split()[0]: example for _, _, example in COMMANDS}
 COMMAND_PLACES = {name: f"isomatch.cli.{place}" for name, (_, place, _) in zip(EXAMPLES, COMMANDS)}
-_ORDERED = {title: Group.create_ordered(title) for title in dict.fromkeys(row[0] for row in COMMANDS)}
-GROUPS = {name: _ORDERED[title] for name, (title, *_) in zip(EXAMPLES, COMMANDS)}
+_GROUP_OF_TITLE = {title: Group.create_ordered(title) for title in dict.fromkeys(row[0] for row in COMMANDS)}
+GROUPS = {name: _GROUP_OF_TITLE[title] for name, (title, *_) in zip(EXAMPLES, COMMANDS)}
 
 app = App(
     name="isomatch",
@@ -78,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for name, place in {**plugins, **COMMAND_PLACES}.items() if is_list else plugins.items():
             if name in app:
                 del app[name]
-            group = GROUPS.get(name, _ORDERED["Develop"])
+            group = GROUPS.get(name, _GROUP_OF_TITLE["Develop"])
             app.command(place, name=name, group=group, help=_first_line(place) if is_list else None)
     app.help_epilogue = f"Example: isomatch {EXAMPLES.get(words[0] if words else 'demo', 'demo')}"
     try:
@@ -107,14 +108,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     return DONE
 
 
-_NUMBERS = {int: "a whole number", float: "a number"}
+_WORDS_OF_TYPES = {int: "a whole number", float: "a number"}
 
 
 def _message_of(error: CycloptsError) -> str:
     """Say what is wrong with the arguments of a command, without the names of Python's types."""
-    if isinstance(error, CoercionError) and error.token and error.target_type in _NUMBERS:
+    if isinstance(error, CoercionError) and error.token and error.target_type in _WORDS_OF_TYPES:
         name = error.token.keyword or (error.argument and error.argument.name)
-        return f"{name}: {error.token.value!r} is not {_NUMBERS[error.target_type]}."
+        return f"{name}: {error.token.value!r} is not {_WORDS_OF_TYPES[error.target_type]}."
     return str(error)
 
 

@@ -21,8 +21,9 @@ from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import INDENT, in_shell, say, say_rows, say_table, waited
 
+# names of files: a result in plain values; the map back; a page to pick landmarks where no map was found
 RESULT, BACK, PICKER = "result.json", "map_back.npz", "picker.html"
-_FILES = {"map": "map.npz", "text": "map.txt", "result": RESULT, "picture": "map.png"}
+_FILES = {"map": "map.npz", "text": "map.txt", "result": RESULT, "picture": "map.png"}  # names by kind
 _FILES |= {"report": "report.html", "map back": BACK}
 BACK_REMOVED = "the map back belonged to the map before and was removed"
 
@@ -202,6 +203,7 @@ def _find_mesh(folder: Path, seen: str, typed: str) -> Path:
     )
 
 
+# types of the values that result.json must have for `choose` and `open`
 _REQUIRED_FIELDS: dict[str, type] = dict.fromkeys(("source", "target", "match_again", "origin"), str)
 _REQUIRED_FIELDS |= {"landmarks": list, "alternatives": list, "config": dict, "files": dict, "seed": int}
 
@@ -223,9 +225,8 @@ class Earlier:
             fields = record if isinstance(record := loads(text), dict) else {}
         missing = [name for name, kind in _REQUIRED_FIELDS.items() if not isinstance(fields.get(name), kind)]
         if missing:
-            raise FormatError(
-                f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
-            )
+            message = f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
+            raise FormatError(message)
         seen = fields.get("meshes")
         seen = map(str, seen) if isinstance(seen, list) and len(seen) == 2 else ("", "")
         if len(meshes) not in (0, 2):
@@ -275,8 +276,9 @@ def _alternative(evidence: Mapping[str, Any], other: isomatch.Correspondence) ->
     return matching.Alternative(lambda: other, energy, orientation, evidence["origin"])
 
 
+# styles of headlines in the terminal, by the outcome; the others are bold yellow
 _STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red", "MIRROR_IMAGE": "bold red"}
-MAX_NOTES = 2  # A summary shows at most this many notes; the report has all.
+MAX_NOTES = 2  # largest number of notes in a summary; the report has all
 
 
 def say_result(result: isomatch.MatchResult, details: bool = False) -> None:
@@ -323,5 +325,5 @@ def say_files(record: Mapping[str, Any]) -> None:
     sizes = f"{record['n_source']:,} → {record['n_target']:,} vertices"
     say_rows(("note", note) for note in record["undrawn"])
     say_rows([("took", f"{waited():.1f} s, of which {record['timings']['total']:.1f} s to match {sizes}")])
-    say(f"{'  open first':<{INDENT}}{first_file}")  # The line is not broken, so that it can be copied.
+    say(f"{'  open first':<{INDENT}}{first_file}")  # A long path is not broken, so that it can be copied.
     say_rows([("also there", ", ".join(sorted((names - alternatives) | short_names)))])

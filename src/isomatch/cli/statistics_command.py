@@ -106,7 +106,7 @@ def over_time(
         found = cohort.series(folder, output, **how, progress=tell, warn=complain)
 
     def summary() -> None:
-        say(found.told[0], "bold")
+        say(found.findings[0], "bold")
         say_rows([("note", note) for note in found.record["notes"]])
         say(f"open first: {output / 'time.png'}; the table is time.csv")
 
@@ -126,6 +126,6 @@ def say_statistics(found: cohort.Results) -> None:
         (f"mode {i}", f"{share:.1%} of the variance, sd {deviation:.4g}", f"{total:.1%} so far")
         for i, (share, total, deviation) in modes
     )
-    for line in found.told:
+    for line in found.findings:
         say(line)
     say(f"open first: {found.folder / 'index.html'}; {len(found.files)} files are there")

@@ -13,7 +13,7 @@ from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import require_writable, say_left_out
 from isomatch.cli.terminal import INDENT, TALK, Talk, say, say_rows
 
-LABEL_WIDTH = 16  # columns of a label
+LABEL_WIDTH = 16  # columns of the terminal that a label takes
 
 
 def project(model: Path, /, *shapes: Path, output: Output, force: Force = False, talk: Talk = TALK) -> None:

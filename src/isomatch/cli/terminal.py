@@ -27,13 +27,13 @@ from rich.text import Text
 from isomatch._core.errors import IsomatchError
 from isomatch._core.texts import json_text, without_nonfinite
 
-Tell: TypeAlias = Callable[[str, float], None]
+Tell: TypeAlias = Callable[[str, float], None]  # a function that is called with a stage and the share done
 
-# Texts are broken to at most, and even in a narrow terminal at least, this many columns.
+# largest and, in a narrow terminal, smallest number of columns to which texts are broken
 MAX_TEXT_COLUMNS, MIN_TEXT_COLUMNS = 100, 20
-MAX_NAMED = 5  # An error names at most this many of the shapes and pairs that failed.
-INDENT = 14  # A label takes this many columns.
-
+MAX_NAMED = 5  # An error names at most this number of the shapes and pairs that failed.
+INDENT = 14  # number of columns that a label takes before its text
+# visible text in place of each control character, by its code
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
 
 
@@ -112,7 +112,7 @@ def say_table(rows: Iterable[tuple[str, ...]]) -> None:
     Console(highlight=False).print(table)
 
 
-_STARTED = [time.time()]
+_STARTED = [time.time()]  # seconds since the epoch when the command was called
 
 
 def start_clock(*, with_process: bool) -> None:
@@ -157,7 +157,7 @@ class _Clock(ProgressColumn):
         return Text(str(self))
 
 
-_COUNTED = re.compile(r"(.+?) (\d+) of (\d+)")
+_COUNTED = re.compile(r"(.+?) (\d+) of (\d+)")  # a stage that counts its steps, as "matched 3 of 8"
 SECONDS_BETWEEN_LINES = 60.0  # seconds between two lines of progress in a log
 
 
@@ -263,7 +263,7 @@ def _log_on(console: Console) -> Iterator[None]:
 def part(tell: Tell, first: float, last: float) -> Tell:
     """Map the progress of a part of the work to the range of shares ``first`` to ``last``."""
 
-    def tell_part(stage: str, share: float) -> None:  # the end of a part is not the end of the work
+    def tell_part(stage: str, share: float) -> None:  # "done" is only the end of this part
         tell("finishing" if stage == "done" else stage, first + (last - first) * share)
 
     return tell_part

@@ -73,14 +73,13 @@ def transfer(
             name,x,y,z. The output is any of these, or .tps.
         curve_points: Number of equally spaced points on each carried curve; by default as many as it was drawn with.
     """
-    ends = source, target
+    ends, words = (source, target), split_words(data, "--data")
     if landmarks is None and curve_points is not None:
         raise SettingError("--curve-points needs --landmarks with a curve")
     if landmarks is not None:
         if data is not None or values or bake:
-            raise SettingError(
-                "--landmarks are carried alone; run again without them for --data, --values or --bake"
-            )
+            message = "--landmarks are carried alone; run again without them for --data, --values or --bake"
+            raise SettingError(message)
         _transfer_landmarks(map_file, ends, landmarks, output, to or "target", curve_points, force, talk)
         return
     to = to or "source"
@@ -92,9 +91,9 @@ def transfer(
         read_values = number_equal_names(a for path in values or () for a in read_attributes(path, giver))
         giver = giver.with_attributes(*read_values)
         assets = (assets[0], giver) if to == "source" else (giver, assets[1])
-        words = split_words(data) or [attribute.name for attribute in read_values] or ["all"]
+        words = words or [attribute.name for attribute in read_values] or ["all"]
         n_target = len(assets[1].points)
-        # These files hold several arrays or maps; the number of source vertices selects one.
+        # A .mat or .npz may hold several maps; the number of source vertices selects one.
         n_source = len(assets[0].points) if map_file.suffix in (".mat", ".npz") else None
         correspondence = isomatch.Correspondence.load(map_file, n_target, n_source)
         tell("carrying", 0.3)

@@ -13,7 +13,7 @@ from isomatch.cohort.landmarks import LandmarkTables as LandmarkTables
 from isomatch.cohort.landmarks import Semilandmarks as Semilandmarks
 from isomatch.cohort.landmarks import collected_landmarks as collected_landmarks
 from isomatch.cohort.landmarks import write_landmark_tables as write_landmark_tables
-from isomatch.cohort.ledger import CONTRADICTED as CONTRADICTED
+from isomatch.cohort.ledger import MAX_INCONSISTENCY as MAX_INCONSISTENCY
 from isomatch.cohort.ledger import MapRecord as MapRecord
 from isomatch.cohort.ledger import MapSummary as MapSummary
 from isomatch.cohort.ledger import PairAgreement as PairAgreement

@@ -20,7 +20,7 @@ from isomatch.cohort.plan import Layout
 from isomatch.cohort.shape_statistics import Asymmetry, CorrespondedShapes, draw_values
 from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.statistics import Scale, Weights
-from isomatch.cohort.statistics_folder import SCALES, VERSION, Results, StatisticsFolder, listed, tabulated
+from isomatch.cohort.statistics_folder import SCALINGS, VERSION, Results, StatisticsFolder, listed, tabulated
 from isomatch.cohort.study_input import doubts_in_words, read_study
 from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation
@@ -29,21 +29,23 @@ from isomatch.matching import Outcome
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, nearest_on_surface
 
-N_DRAWN = 3  # number of shapes that have a picture of their own: the most asymmetric ones
-DRAWN_DISPLACEMENT = 0.1  # length, over the size, to which the largest displacement is enlarged in pictures
+N_DRAWN = 3  # number of shapes that are drawn: the most asymmetric ones
+DRAWN_DISPLACEMENT = 0.1  # share of the mean's size to which pictures enlarge the largest displacement
 ANOVA_HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F", "p")
-WRONG = "; where they have one colour, the map between them is wrong"
-DIRECTIONAL = "Directional asymmetry: what all have in common."
-FLUCTUATING = "Fluctuating asymmetry: how far single ones differ from that."
-ALONG_NORMAL = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
-MEASURED = (
+# parts of captions and labels of pictures
+WRONG_MAP_CAPTION = "; where they have one colour, the map between them is wrong"
+DIRECTIONAL_CAPTION = "Directional asymmetry: what all have in common."
+FLUCTUATING_CAPTION = "Fluctuating asymmetry: how far single ones differ from that."
+NORMAL_LABEL = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
+WHAT_WAS_MEASURED = (  # section of the page on what was measured
     "Each shape is reflected and laid onto itself, or a left one onto the right one; the middle of both is symmetric. "
     "The asymmetry at a point is its distance from there: +1 where it stands out 2 units farther than its opposite."
 )
-ALIKE = (
+SAME_ERRORS_WARNING = (  # sentence about shapes that are not of a collection
     "shapes were compared in one topology, where maps go wrong alike in all: asymmetry near their errors may look "
     "directional at a small p; give the folder of isomatch collect"
 )
+# advice where the maps from left to right are doubtful
 REMEDY = "Give landmarks of both sides (--landmarks); a single bone has no mirror half: give left and right (--pairs)."
 
 
@@ -182,7 +184,7 @@ def asymmetry(
         cells = [[line[name] for name in columns] for line in lines]
         sections = {
             "To look at first": listed([*filter(None, [_below_error(lines)[0]]), *record["doubts"]]),
-            "What was measured": f"<p>{MEASURED}</p>",
+            "What was measured": f"<p>{WHAT_WAS_MEASURED}</p>",
             "What was found": listed(sentences),
             "Where the variation lies": tabulated(ANOVA_HEADS, (row.values() for row in rows))
             if rows
@@ -191,7 +193,7 @@ def asymmetry(
             "How asymmetric each is": tabulated(columns, cells),
         }
         title = f"Asymmetry of {lines[0]['name'] if len(of) == 1 else f'{len(of)} shapes'}"
-        used = f"{SCALES[scale]}. Lengths are in the units of the files. Seed {seed}, isomatch {VERSION}."
+        used = f"{SCALINGS[scale]}. Lengths are in the units of the files. Seed {seed}, isomatch {VERSION}."
         new.page(title, into.folder.resolve().name, used, sections, captions)
         new.finish(record)
         to.tell("done", 1.0)
@@ -222,7 +224,7 @@ def _match_sides(
             sides = _onto(mesh, places.interpolated(sides.pull_back(scan.vertices)))
             expected = places.interpolated(expected[:, None])[:, 0]
         maps.append(sides)
-        # the mean of both sides has half of the error of a map
+        # the symmetric shape, the mean of both sides, has half of the error of the map
         map_error = float(np.sqrt(np.nansum(mesh.vertex_areas * (expected / 2) ** 2)))
         about.append({"outcome": result.outcome.value, "map_error": map_error})
         notes += [f"{name}: {note}" for note in result.notes if note.endswith("are left unmatched")]
@@ -273,13 +275,13 @@ def _size(found: Asymmetry, share: FloatArray) -> float:
     return float(shape_statistics.centroid_sizes(found.symmetric[None], share)[0] / np.sqrt(len(share)))
 
 
-Drawn = tuple[list[dict[str, Any]], dict[str, str]]
-"""A line for each shape, and the caption of each picture."""
+# lines of a table, one for each shape, and captions of pictures
+LinesAndCaptions = tuple[list[dict[str, Any]], dict[str, str]]
 
 
 def _draw_landmarks(
     new: StatisticsFolder, both: CorrespondedShapes, paired: bool, share: FloatArray, found: Asymmetry
-) -> Drawn:
+) -> LinesAndCaptions:
     """Draw the asymmetry of landmarks, and make a line for each specimen."""
     m, size, mean, common = len(both) // 2, _size(found, share), found.symmetric, found.directional
     fluctuation = np.sqrt(((found.components - common) ** 2).sum(axis=2).mean(axis=0))
@@ -295,8 +297,8 @@ def _draw_landmarks(
         most = int(lengths.argmax())
         line = _line(both, found, i, size) | {"most": float(lengths[most]), "most_landmark": both.marks[most]}
         lines.append(line | {"left": both.names[m + i]} if paired else line)
-    enlarged = f"{DIRECTIONAL} Enlarged; grey: the symmetric mean."
-    return lines, {"directional": enlarged, "fluctuating": FLUCTUATING}
+    enlarged = f"{DIRECTIONAL_CAPTION} Enlarged; grey: the symmetric mean."
+    return lines, {"directional": enlarged, "fluctuating": FLUCTUATING_CAPTION}
 
 
 def _draw_meshes(
@@ -306,12 +308,12 @@ def _draw_meshes(
     share: FloatArray,
     found: Asymmetry,
     left_right: IntArray | None = None,
-) -> Drawn:
+) -> LinesAndCaptions:
     """Draw the asymmetry of meshes, turned like the mean, in one scale; make a line for each."""
     m, lines, captions = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
     known, size = both.seen[:m] & both.seen[m:], _size(found, share)
     mean = both.mesh(0).moved(found.symmetric)
-    normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # smoother than those of a shape
+    normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # of the mean, as they are smoother
     outward = np.where(known, np.einsum("mij,ij->mi", found.components, normals), np.nan)
     planes = [shape_statistics.symmetry_plane(*shape, share) for shape in zip(both.vertices, maps)]
     sides = [_sides(normal, shape, left_right) for shape, (normal, _) in zip(both.vertices, planes)]
@@ -326,17 +328,17 @@ def _draw_meshes(
         known_outward = np.where(known.any(axis=0), np.nan_to_num(outward), np.nan)
         common, deviation = known_outward.mean(axis=0), known_outward.std(axis=0)
         new.mesh("mean.ply", mean, {"directional": common, "fluctuating": deviation}, common)
-        draw_values(new.picture("directional"), mean, common, ALONG_NORMAL, views=views[0])
+        draw_values(new.picture("directional"), mean, common, NORMAL_LABEL, views=views[0])
         label = "standard deviation, along the normal"
         draw_values(new.picture("fluctuating"), mean, deviation, label, views=views[0])
-        captions |= {"directional": DIRECTIONAL, "fluctuating": FLUCTUATING}
+        captions |= {"directional": DIRECTIONAL_CAPTION, "fluctuating": FLUCTUATING_CAPTION}
     drawn = np.argsort(-found.amounts, kind="stable")[:N_DRAWN].tolist()
     high = float(np.nanquantile(np.abs(outward[drawn]), 0.995))
     for i in drawn:
         name, mesh = f"shapes/{both.names[i]}", both.mesh(i)
         mesh = mesh.moved(mesh.vertices @ turns[i])
-        draw_values(new.picture(name), mesh, outward[i], ALONG_NORMAL, views=views[i], high=high)
-        captions[name] = f"{both.names[i]}: where its sides differ{WRONG if planes else ''}."
+        draw_values(new.picture(name), mesh, outward[i], NORMAL_LABEL, views=views[i], high=high)
+        captions[name] = f"{both.names[i]}: where its sides differ{WRONG_MAP_CAPTION if planes else ''}."
     for i, signed in enumerate(outward):
         mesh, most = both.mesh(i), int(np.nanargmax(np.abs(signed)))
         length = np.where(known[i], np.linalg.norm(found.components[i], axis=1), np.nan)
@@ -394,7 +396,7 @@ def _sentences(record: dict[str, Any]) -> list[str]:
             f"p = {rows[2]['p_value']:.4g}"
             if len(rows) > 3
             else "nothing was measured twice: errors of measurement and of maps are part of the fluctuating asymmetry",
-            *([ALIKE] if record["in_one_topology"] else []),
+            *([SAME_ERRORS_WARNING] if record["in_one_topology"] else []),
             f"{record['share']:.1%} of the asymmetry is directional, p = {record['p_value']:.4g} "
             f"({record['n_permutations']} ways of exchanging sides; the smallest possible p is {2.0 ** (1 - n):.4g})",
         ]

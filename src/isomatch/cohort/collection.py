@@ -18,8 +18,8 @@ from isomatch.cohort.jobs import Event, Run
 from isomatch.cohort.ledger import Pair, PairRow, writing_ledger
 from isomatch.cohort.map_file import PairMaps, maps_of_pair
 from isomatch.cohort.plan import (
-    OTHERS,
-    PATTERNS,
+    OTHER_SHAPES,
+    PAIR_PATTERNS,
     Entry,
     Layout,
     Plan,
@@ -32,8 +32,7 @@ from isomatch.cohort.plan import (
 from isomatch.cohort.workers import Workers
 from isomatch.settings import Config
 
-# values that the row of a pair keeps when it is to be matched again
-KEPT_FOR_RETRY = ("source_hash", "target_hash", "reflected", "made_with")
+RETRY_VALUES = ("source_hash", "target_hash", "reflected", "made_with")  # kept in the row of a retried pair
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ class Collection(Plan):
             if Path(template).resolve() not in by_file:
                 raise InputError(f"template {template!r} is no shape of this collection; give name or file")
             template = by_file[Path(template).resolve()]
-        if pairs not in PATTERNS:
+        if pairs not in PAIR_PATTERNS:
             pairs = str(Path(pairs).resolve())
         if pairs not in ("star", "all"):
             pairs_of(names, pairs, template)
@@ -121,11 +120,11 @@ class Collection(Plan):
         if layout.plan.exists():
             old = cls._read(layout)
             new._require_same(old)
-            if pairs == "all":  # the source of each pair stays the same
+            if pairs == "all":  # old shapes stay in their order, so that the source of a pair stays the same
                 place = {name: i for i, name in enumerate(old.names)}
                 entries = tuple(sorted(entries, key=lambda entry: place.get(entry.name, len(place))))
             if units is None:
-                units_of = {name: unit for name, unit in old.units.items() if name in {OTHERS, *names}}
+                units_of = {name: unit for name, unit in old.units.items() if name in {OTHER_SHAPES, *names}}
             sides = old.reflect if reflect is None else sides
             neighbours = leader or old.leader, beside or old.beside
             new = cls(layout.folder, entries, *settings, sides, units_of, *neighbours)
@@ -177,7 +176,7 @@ class Collection(Plan):
         return replace(self, shapes=tuple(Entry(name, self.paths[name]) for name in names))
 
     def maps(self, source: str, target: str) -> PairMaps:
-        """Read the maps of a pair; ``there`` leads from source to target.
+        """Read the maps of a pair; ``forward`` leads from source to target.
 
         They belong to the surfaces in the files, also if these were reflected, which keeps vertex
         numbers. `FormatError` if the pair is not matched.
@@ -216,7 +215,7 @@ class Collection(Plan):
         """
         again = {
             pair: PairRow(
-                **{name: getattr(row, name) for name in KEPT_FOR_RETRY},
+                **{name: getattr(row, name) for name in RETRY_VALUES},
                 state="todo",
                 time=time.time(),
                 attempt=row.attempt + (which == "low"),
@@ -244,7 +243,7 @@ class Collection(Plan):
             raise SettingError(f"{self.folder}: {problem}; continue it with the same, or give another folder")
 
 
-_NEIGHBOURS = ("leader", "beside")  # fields of a plan that name other collections
+_NEIGHBOURS = ("leader", "beside")  # fields of a plan that are other collections
 
 
 def _check_reflect(

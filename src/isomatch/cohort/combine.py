@@ -20,7 +20,7 @@ from isomatch._core.memory import peak_memory, require_memory
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.jobs import Event, load_shape
 from isomatch.cohort.ledger import (
-    CONTRADICTED,
+    MAX_INCONSISTENCY,
     Ledger,
     MapRecord,
     MapSummary,
@@ -32,7 +32,7 @@ from isomatch.cohort.ledger import (
     writing_ledger,
 )
 from isomatch.cohort.map_file import PairMaps, digest_of
-from isomatch.cohort.plan import tiles_of
+from isomatch.cohort.plan import TILE_SIDE, tiles_of
 from isomatch.cohort.workers import Attempt, Task, Workers, workers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching import Evidence, Outcome, lower_outcome, match_both, outcome_of
@@ -40,14 +40,14 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
 MAX_ROUNDS = 3  # contradicted maps are replaced in at most this number of rounds
-TILE_SIDE = 8  # a task reads the maps of a square of pairs, with this number of shapes on either side
-UNSURE_WEIGHT = 0.25  # weight of a map whose own match does not trust it; all other maps have weight 1
-TRIANGLE_BYTES = 48  # memory of a triangle, 6 numbers of 8 bytes, measured with 150 shapes
+UNSURE_WEIGHT = 0.25  # weight of a map that its own match doubts; all other maps have weight 1 (chosen)
+TRIANGLE_BYTES = 48  # memory for each triple of shapes: 6 numbers of 8 bytes, measured with 150 shapes
 MAX_PATHS = 8  # number of compositions that are compared; more hardly change which one is in their middle
-N_SAMPLES = 100  # number of vertices of a shape, about 0.1 √area from each other, that give a mean distance
-MIN_SHARED = 0.5  # two maps are compared if both match at least this share of the samples
-ORIENTATIONS = {"preserve": 1, "reverse": -1, "any": 0}  # wanted sign of the orientation of maps, 0 for any
-SHARPNESS = 1.3 ** np.arange(15)  # rate, in each round, at which trust falls, 1 to 39 per √area
+N_SAMPLES = 100  # number of vertices, about 0.1 √area from each other, at which maps are compared
+MIN_SHARED = 0.5  # two maps are compared if both match at least this share of the samples (chosen)
+WANTED_SIGN = {"preserve": 1, "reverse": -1, "any": 0}  # wanted sign of the orientation of maps, 0 for any
+# β of `inconsistency` in each round, 1 to 39 per √area: trust in a map is exp(−β × its inconsistency)
+SHARPNESS = 1.3 ** np.arange(15)
 
 
 class Agreement(NamedTuple):
@@ -57,7 +57,7 @@ class Agreement(NamedTuple):
     are mirrored, only the orientation shows it.
     """
 
-    compared: int  # number of pairs in triangles of matched pairs
+    compared: int  # number of pairs whose maps were compared, which are in triangles of matched pairs
     contradicted: list[Pair]  # pairs whose maps the others still contradict
     replaced: list[Pair]  # pairs whose maps were replaced
     turned: list[str]  # shapes whose maps to the others mostly reverse the orientation
@@ -86,7 +86,7 @@ def agree(
         workers = held.enter_context(workers_of(executor, jobs, time_limit))
         others = [path for path in collection.layout.ledgers() if path != ledger_path]
         for path in others:
-            held.enter_context(claimed(path))  # so that runs of shards wait
+            held.enter_context(claimed(path))  # runs of shards wait for these files
         ledger = held.enter_context(writing_ledger(ledger_path))
         ledger.rows.merge(read_ledgers(others))
         ledger.rows = ledger.rows.of(collection.names)
@@ -120,7 +120,7 @@ def agreement_of(rows: Rows) -> Agreement:
     orientations = np.full((len(names), len(names)), np.nan)
     for pair in compared:
         i, j = (number[name] for name in pair)
-        orientation = rows.pairs[pair].there.measures["orientation"]
+        orientation = rows.pairs[pair].forward.measures["orientation"]
         orientations[i, j] = orientations[j, i] = np.nan if orientation is None else orientation
     contradicted = [pair for pair in compared if rows.pairs[pair].is_contradicted]
     replaced = [pair for pair in compared if rows.pairs[pair].replaced_by]
@@ -163,7 +163,7 @@ def _measure(job: CycleJob, ledger: Ledger, workers: Workers) -> FloatArray:
         a, b = (number[name] for name in pair)
         images[a, b], images[b, a] = both
     readings = np.full((len(names),) * 3, np.nan)
-    side = max(1, -(-len(names) // workers.count()))  # tasks are few, as the images travel with each of them
+    side = max(1, -(-len(names) // workers.count()))  # one task for each worker, as a task carries all images
     compare = partial(job.readings, images)
     tasks = [Task(tuple(names[i : i + side]), compare) for i in range(0, len(names), side)]
     for name, attempt in workers.completed(tasks):
@@ -178,7 +178,7 @@ def _measure(job: CycleJob, ledger: Ledger, workers: Workers) -> FloatArray:
 
 def _prior(row: PairRow, config: Config) -> float:
     """Weigh a map by its own evidence: less with low confidence, or the wrong orientation."""
-    wanted = ORIENTATIONS[config.orientation]
+    wanted = WANTED_SIGN[config.orientation]
     is_turned = any(wanted * (side.measures["orientation"] or 0.0) < 0 for side in row.sides)
     return UNSURE_WEIGHT if is_turned or any(x.is_doubtful for x in _own_outcomes(row)) else 1.0
 
@@ -200,10 +200,10 @@ def _record(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
         before = value if agreement.before is None else agreement.before
         outcomes = tuple(outcome.name for outcome in match_outcomes)
         agreement = replace(agreement, before=before, inconsistency=value, outcomes=outcomes)
-        poor = Evidence(poor=value > CONTRADICTED)
+        poor = Evidence(poor=value > MAX_INCONSISTENCY)
         lowered = (lower_outcome(outcome, poor) for outcome in match_outcomes)
         forward, backward = (side.with_outcome(outcome) for side, outcome in zip(row.sides, lowered))
-        new = replace(row, agreement=agreement, there=forward, back=backward)
+        new = replace(row, agreement=agreement, forward=forward, backward=backward)
         if new != row:
             ledger.put(pair, replace(new, time=time.time()))
 
@@ -215,9 +215,9 @@ def _as_matched(rows: Rows, a: str, b: str) -> Pair:
 def _plan_repairs(rows: Rows, job: CycleJob, inconsistencies: FloatArray) -> Sequence[Repair]:
     """Plan the repair of contradicted pairs that were not tried with as many shapes before."""
     names = list(job.prepared)
-    trusted = np.where(inconsistencies <= CONTRADICTED, trust_in(inconsistencies), 0.0)
+    trusted = np.where(inconsistencies <= MAX_INCONSISTENCY, trust_in(inconsistencies), 0.0)
     repairs = []
-    for a, c in np.argwhere(np.triu(inconsistencies > CONTRADICTED)):
+    for a, c in np.argwhere(np.triu(inconsistencies > MAX_INCONSISTENCY)):
         pair = _as_matched(rows, names[a], names[c])
         paths = trusted[a] * trusted[c]
         numbers = [int(b) for b in np.argsort(-paths)[:MAX_PATHS] if paths[b] > 0]
@@ -260,8 +260,8 @@ class Repair(NamedTuple):
     """A contradicted pair, and the shapes through which trusted maps lead around it."""
 
     pair: Pair
-    middles: tuple[str, ...]  # names of these other shapes
-    trust: tuple[float, ...]  # weight of the path through each
+    middles: tuple[str, ...]  # names of the shapes between
+    trust: tuple[float, ...]  # weight of the path through each shape between
     outcomes: tuple[str, ...]  # name of the least sure outcome along each path
     seed: int  # seed of the match
 
@@ -276,7 +276,8 @@ class CycleJob:
     def images(self, pair: Pair) -> tuple[list[IntArray], Replacement]:
         """Map the samples of both shapes of a pair; also return record and digest of its file."""
         maps = self.collection.maps(*pair)
-        images = [maps.there.vertices[self._samples(pair[0])], maps.back.vertices[self._samples(pair[1])]]
+        both = maps.forward, maps.backward
+        images = [found.vertices[self._samples(name)] for found, name in zip(both, pair)]
         return images, Replacement(maps.record, digest_of(self.collection.layout.maps(pair)))
 
     def readings(self, images: IntArray, target: str) -> FloatArray:
@@ -310,11 +311,11 @@ class CycleJob:
             finite = np.isfinite(distances)
             return float(np.average(distances[finite], weights=weights[finite])) if finite.any() else np.inf
 
-        before = disagreement(old.there.vertices, old.back.vertices)
+        before = disagreement(old.forward.vertices, old.backward.vertices)
         after = disagreement(rematched.source_to_target.map.vertices, rematched.target_to_source.map.vertices)
-        middle, side = repair.middles[best], ORIENTATIONS[config.orientation]
+        middle, side = repair.middles[best], WANTED_SIGN[config.orientation]
         refused = ""
-        if not after < min(before, CONTRADICTED):
+        if not after < min(before, MAX_INCONSISTENCY):
             refused = f"agrees no better once refined: {after:.2f} √area"
         elif any(result.outcome is Outcome.PRIORS_CONTRADICTED for result in rematched):
             refused = "changes when it is refined"
@@ -331,19 +332,19 @@ class CycleJob:
         results = [replace(x, outcome=outcome, notes=(note, *x.notes)) for x, outcome in lowered]
         forward, backward = (MapSummary.of(result, settings=True) for result in results)
         by = pair[0], middle, pair[1]
-        record = replace(old.record, there=forward, back=backward, memory=peak_memory(), replaced_by=by)
+        record = replace(old.record, forward=forward, backward=backward, memory=peak_memory(), replaced_by=by)
         file = self.collection.layout.maps(pair)
         PairMaps.of(results[0], results[1], record).save(file)
         return Replacement(record, digest_of(file))
 
     def _images_of(self, vertices: IntArray, source: str, target: str) -> IntArray:
         """Map vertices of one shape to another; −1 stays −1."""
-        images = self.collection.maps(source, target).there.vertices[vertices]
+        images = self.collection.maps(source, target).forward.vertices[vertices]
         return np.where(vertices >= 0, images, UNMATCHED)
 
     def _compositions(self, source: str, target: str, middles: Sequence[str]) -> IntArray:
         """Map the vertices of the source through each of q other shapes, (q, n)."""
-        begun = {middle: self.collection.maps(source, middle).there.vertices for middle in middles}
+        begun = {middle: self.collection.maps(source, middle).forward.vertices for middle in middles}
         return np.array([self._images_of(vertices, middle, target) for middle, vertices in begun.items()])
 
     def _shape(self, name: str) -> PreparedShape:
@@ -394,7 +395,7 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
         with np.errstate(invalid="ignore"):
             inconsistencies = (weights * errors).sum(axis=1) / total
         trust = prior_trust * trust_in(np.nan_to_num(inconsistencies, nan=np.inf), sharpness)
-    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # the mean removes rounding
+    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # both halves differ by rounding
 
 
 def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:
@@ -404,7 +405,7 @@ def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> F
 
 def turned_shapes(orientations: FloatArray) -> IntArray:
     """Find the shapes mirrored against the others, the smaller group of each connected set."""
-    links = np.nan_to_num(orientations)  # (n, n), near 1 or −1 for each pair; nan where unclear
+    links = np.nan_to_num(orientations)  # (n, n), near 1 or −1 for each pair; 0 where unclear
     np.fill_diagonal(links, 1.0)
     count, group = connected_components(links != 0, directed=False)
     sides = [_smaller_side(links, np.flatnonzero(group == i)) for i in range(count)]
@@ -412,7 +413,7 @@ def turned_shapes(orientations: FloatArray) -> IntArray:
 
 
 def _smaller_side(links: FloatArray, members: IntArray) -> IntArray:
-    # links are 1 inside two groups and −1 between them, where the leading eigenvector changes sign
+    # links are 1 within two groups and −1 between them: the leading eigenvector has one sign in each group
     side = np.linalg.eigh(links[np.ix_(members, members)])[1][:, -1]
     return min(members[side < 0], members[side >= 0], key=len)
 

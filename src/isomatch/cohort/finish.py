@@ -21,7 +21,7 @@ from isomatch._core.errors import FormatError, InputError, IsomatchError
 from isomatch._core.files import claimed, made_folder, replaced, staged, writing
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.ledger import (
-    CONTRADICTED,
+    MAX_INCONSISTENCY,
     Ledger,
     Pair,
     ShapeRow,
@@ -37,7 +37,7 @@ from isomatch.cohort.map_file import (
     put_files,
     require_unchanged,
 )
-from isomatch.cohort.plan import BETWEEN, Entry, Layout, identity_of_map
+from isomatch.cohort.plan import NAME_SEPARATOR, Entry, Layout, identity_of_map
 from isomatch.cohort.shape_statistics import MEASURED, doubtful_positions
 from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.specimen_page import Specimen, camera_like, write_specimen
@@ -51,10 +51,10 @@ from isomatch.visualization import camera_of, position_colours, surface_image, t
 
 SURFACES_PER_TASK = 4  # number of surfaces that a worker writes in one task
 N_COMPARED_VERTICES = 1000  # number of vertices by which shapes are compared to find outliers
-MAX_COMPARED = 2000  # if there are more shapes, a regular sample of about this number is compared
-SAVE_INTERVAL = 60.0  # seconds after which the table is written again, so that a killed run loses little
-MAX_WAYS = 20  # a surface is the median of at most this number of ways, as many as were measured
-THUMBNAIL_SIZE, MARGIN = 300, 6  # pixels of a side of a picture, and around the longest extent of the shape
+MAX_COMPARED_SHAPES = 2000  # of more shapes, a regular sample of about this number is compared
+SAVE_INTERVAL = 60.0  # seconds after which shapes.csv is written again, so that a killed run loses little
+MAX_WAYS = 20  # largest number of maps whose median gives a surface; medians of more were not measured
+THUMBNAIL_SIZE, MARGIN = 300, 6  # pixels along a side of a thumbnail, and between its border and the shape
 
 
 def finish(
@@ -200,7 +200,7 @@ def _remove_others(known: Snapshot, kept: set[str], lines: dict[str, SurfaceRow]
         for file in (layout.corresponded(name), *seen, landmarks):
             file.unlink(missing_ok=True)
             ledger.forget("files", file.relative_to(layout.folder).as_posix())
-        if lines.pop(name, None):  # the others are compared again without it
+        if lines.pop(name, None):  # the other shapes are compared again, without this one
             lines |= {other: replace(line, unlike="") for other, line in lines.items()}
     for pair in everything.pairs:
         if not set(pair) <= set(known.names):
@@ -211,7 +211,7 @@ def _tell_unlike(layout: Layout, names: list[str], lines: dict[str, SurfaceRow])
     """Add to lines why shapes are far from all others, unless all have been compared."""
     if all(lines[name].unlike for name in names):
         return
-    compared = names[:: len(names) // MAX_COMPARED + 1]
+    compared = names[:: len(names) // MAX_COMPARED_SHAPES + 1]
     sampled = []
     for name in compared:
         vertices = read_mesh(layout.corresponded(name)).vertices
@@ -244,6 +244,7 @@ def _tell_sides(known: Snapshot, lines: dict[str, SurfaceRow]) -> None:
 
 
 Ways: TypeAlias = tuple[tuple[Entry, ...], ...]
+"""The ways of maps from the template to a shape, each by the shapes between them; () is a direct map."""
 
 
 class PlannedSurface(NamedTuple):
@@ -251,11 +252,9 @@ class PlannedSurface(NamedTuple):
 
     entry: Entry
     pair: Pair | None  # the template and the shape; None for the template itself
-    key: str  # identifies the map, and with it the surface
-    scale: float = 1.0  # factor that brings its positions to the units of the others
-    # shapes through which maps lead from the template to it, none for the map of the pair; the
-    # median of all ways is taken. The way of the template itself leads once around a ring
-    ways: Ways = ((),)
+    key: str  # identifies the maps that give the surface
+    scale: float = 1.0  # factor that brings positions to the unit of the collection
+    ways: Ways = ((),)  # the surface is their median; the way of the template leads once around a ring
 
 
 def _write_surface(layout: Layout, of: Entry, plan: PlannedSurface) -> tuple[SurfaceRow, str]:
@@ -273,9 +272,9 @@ def _write_surface(layout: Layout, of: Entry, plan: PlannedSurface) -> tuple[Sur
     if plan.pair is None:
         template = mesh = surface = reflected(mesh) if plan.entry.reflected else mesh
     else:
-        map_there, error, n_ways = _map(layout, of, plan, mesh)
+        found_map, error, n_ways = _map(layout, of, plan, mesh)
         line = replace(line, expected_error=error, ways=n_ways)
-        matched = as_matched(map_there, template, mesh, (of.reflected, plan.entry.reflected))
+        matched = as_matched(found_map, template, mesh, (of.reflected, plan.entry.reflected))
         (_, template, surface), wrapped = matched, wrap(*matched)
         mesh = wrapped.mesh
         line = replace(line, **asdict(wrapped.quality))
@@ -301,10 +300,10 @@ def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> tuple[C
         composed, error = maps_along(layout, path, meshes.__getitem__)
         maps.append(composed)
         errors.append(float(np.nanmean(error)) if np.isfinite(error).any() else np.nan)
-    if len(maps) == 2:  # if two are far apart, one is wrong, and so is their median
+    if len(maps) == 2:  # if two maps differ much, one is wrong: the first is kept instead of the median
         first, second = (composed.pull_back(mesh.vertices) for composed in maps)
         mean = np.nanmean(np.linalg.norm(first - second, axis=1))
-        maps = maps[:1] if mean > CONTRADICTED * np.sqrt(mesh.area) else maps
+        maps = maps[:1] if mean > MAX_INCONSISTENCY * np.sqrt(mesh.area) else maps
     return median_map(maps, mesh, errors) if len(maps) > 1 else maps[0], errors[0], len(maps)
 
 
@@ -327,7 +326,7 @@ def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
 
 def _polygons(template: Entry, mesh: Mesh) -> Polygons:
     """Return the polygons of the template's file, or triangles if it was reflected."""
-    with suppress(IsomatchError):  # a file may have attributes that cannot be read
+    with suppress(IsomatchError):  # the file may have attributes that cannot be read
         if not template.reflected:
             return read_asset(template.path).polygons
     return Polygons.of_triangles(mesh.faces)
@@ -335,7 +334,7 @@ def _polygons(template: Entry, mesh: Mesh) -> Polygons:
 
 def _frame(entry: Entry, scale: float) -> Frame | None:
     """Return the space of a file, without its unit if scaled; None if the shape was reflected."""
-    with suppress(IsomatchError):  # a file may have attributes that cannot be read
+    with suppress(IsomatchError):  # the file may have attributes that cannot be read
         frame = read_asset(entry.path).frame
         if frame and not entry.reflected:
             return frame if scale == 1 else Frame(words=(f"SPACE={frame.axes}",) if frame.axes else ())
@@ -403,8 +402,8 @@ def export(
             yield last.parent / path.relative_to(new), tuple(attribute.name for attribute in left)
         for pair in pairs:
             pair_maps = collection.maps(*pair)
-            for ends, correspondence in ((pair, pair_maps.there), (pair[::-1], pair_maps.back)):
-                path = new / "maps" / f"{BETWEEN.join(ends)}{maps}"
+            for ends, correspondence in ((pair, pair_maps.forward), (pair[::-1], pair_maps.backward)):
+                path = new / "maps" / f"{NAME_SEPARATOR.join(ends)}{maps}"
                 correspondence.save(path)
                 yield last.parent / path.relative_to(new), ()
         write_table(rows, new / last.name)

@@ -50,7 +50,7 @@ from isomatch.cohort.plan import (
     why_again,
 )
 from isomatch.cohort.snapshot import Snapshot
-from isomatch.cohort.unusual_shapes import OF_SHAPES, Outlier, holes_of, likeness_of, outliers
+from isomatch.cohort.unusual_shapes import KINDS_BEFORE_MATCHING, Outlier, holes_of, likeness_of, outliers
 from isomatch.cohort.workers import Attempt, Task, Workers, try_job, workers_of
 from isomatch.correspondence import carry_along
 from isomatch.io import mesh_from, surface_from
@@ -59,11 +59,11 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Graph, Mesh, reflected
 
-MAX_TILE_PAIRS = 64  # largest number of pairs in a task; their rows are written when all of them are matched
-TILES_PER_WORKER = 4  # pairs are cut into this number of tasks a worker, so that all workers end together
-MAX_LOADED_BYTES = 256 * 2**20  # size of the prepared shapes that a worker keeps; a match needs more
-MAX_CARRIERS = 1500  # number of points of the leader's surface that carry other surfaces along
-REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
+MAX_TILE_PAIRS = 64  # largest number of pairs in a task, whose rows are written when all of them are matched
+TILES_PER_WORKER = 4  # number of tasks for each worker; with fewer, some workers would be idle at the end
+MAX_LOADED_BYTES = 256 * 2**20  # bytes of prepared shapes that a worker keeps for later pairs (chosen)
+MAX_CARRIERS = 1500  # largest number of points of the leader's surface that carry other surfaces along
+REFLECTED_NOTE = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
 R = TypeVar("R", ShapeRow, PairRow)
@@ -97,12 +97,13 @@ class Event(NamedTuple):
         """The step in words, and the share of all steps that are done."""
         name = self.name if isinstance(self.name, str) else " and ".join(self.name)
         again = f"; again, because {'; '.join(self.again)}" if self.again else ""
-        step = f"{_VERBS[self.what]} {self.done} of {self.of}"
+        step = f"{_PAST_VERBS[self.what]} {self.done} of {self.of}"
         return f"{step}: {name}, {_outcome_in_words(self.row)}{again}", self.done / self.of
 
 
-_VERBS = {"shape": "prepared", "outlier": "looked at", "pair": "matched"}
-_VERBS |= {"reflection": "reflected", "agreement": "compared"}
+_PAST_VERBS = dict(  # what was done in a step, by `Event.what`
+    shape="prepared", outlier="looked at", pair="matched", reflection="reflected", agreement="compared"
+)
 
 
 def _outcome_in_words(row: ShapeRow | PairRow | Outlier) -> str:
@@ -118,7 +119,7 @@ def _outcome_in_words(row: ShapeRow | PairRow | Outlier) -> str:
         return f"contradicted, but not replaced: {row.agreement.refused}"
     if row.replaced_by:
         return f"replaced by the composition over {row.replaced_by[1]}"
-    return row.ending.lower().replace("_", " ") if row.there.values else "done"
+    return row.ending.lower().replace("_", " ") if row.forward.values else "done"
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,7 @@ class Run:
                 ledger.put(name, OriginRow(time=time.time(), made_with=origin))
             yield from self._prepare_shapes(job, workers, ledger)
             odd = outliers(self.collection, Rows(ledger.rows.shapes))
-            odd = [outlier for outlier in odd if outlier.kind in OF_SHAPES]
+            odd = [outlier for outlier in odd if outlier.kind in KINDS_BEFORE_MATCHING]
             for count, outlier in enumerate(odd, 1):
                 yield Event("outlier", outlier.name, outlier, count, len(odd))
             tried: set[str] = set()
@@ -204,7 +205,7 @@ class Run:
             old = rows.pairs[plan.pair]
             if isinstance(attempt.result, tuple):
                 shape, pair = attempt.result
-                # the row of the shape is written first, as it tells whether pairs are to be matched
+                # the row of the shape is written first, as it decides which pairs are matched again
                 shape = self._with_reasons(shape, rows.shapes[entry.name], (entry.name,), None, rows)
                 ledger.put(entry.name, shape)
                 row = self._with_reasons(pair, old, plan.pair, None, rows)
@@ -243,7 +244,7 @@ class Run:
         """List the shapes that the shard needs: of its pairs, or all to choose the template."""
         names, (index, count) = self.collection.names, self.shard
         if self.collection.pairs == "star" and self.collection.template is None:
-            first = len(names) * index // count  # each shard begins with other shapes
+            first = len(names) * index // count  # shards begin at different shapes, to share the work
             names = [*names[first:], *names[:first]]
         elif count > 1:
             needed = {name for pair in self.pairs_of_shard(rows) for name in pair}
@@ -258,7 +259,7 @@ class Run:
         is_same = (row.size, row.changed) == (stat.st_size, stat.st_mtime_ns)
         if not is_same or row.state == "failed":
             return is_same
-        if not row.file:  # an earlier version wrote it; the job reads the file, and keeps it if it is whole
+        if not row.file:  # an earlier version wrote the row: the job reads the file, and keeps it if whole
             return False
         key = self._key(identity_of(row.hash, entry.reflected))
         return row.key == key and self.collection.layout.prepared(key).exists()
@@ -320,13 +321,13 @@ class PlannedPair(NamedTuple):
     """A pair to match."""
 
     pair: Pair
-    key: str  # key of the match
-    shapes: tuple[str, str]  # keys of the prepared shapes
+    key: str  # identifies the match by its inputs, see `key_of`
+    shapes: tuple[str, str]  # keys that identify the prepared shapes
     hashes: tuple[str, str]  # content_hash of the surfaces in the files
     reflected: tuple[str, ...]  # names of the shapes that are matched as mirror images
     attempt: int  # number of earlier attempts, added to the seed
-    contradicted: bool = False  # whether others contradict the earlier map, so that any new one wins
-    led_by: str = ""  # identifies the map of the leader that it starts from
+    contradicted: bool = False  # whether other maps contradict the earlier one: any new one then replaces it
+    led_by: str = ""  # identifies the map of the leader from which the match starts
 
     @property
     def known(self) -> dict[str, Any]:
@@ -337,7 +338,7 @@ class PlannedPair(NamedTuple):
     def row(self, found: Attempt[tuple[MapRecord, str]]) -> PairRow:
         """Return the row of the pair, with the record and the digest of the file of its maps."""
         ended: dict[str, Any] = {"attempt": self.attempt, "state": found.state, "time": found.time}
-        if found.result is None:  # the earlier map stays, and is judged as before
+        if found.result is None:  # the match failed: the earlier map stays, and is judged as before
             ended |= {"error": found.error, "seconds": found.seconds, "contradicted": self.contradicted}
             return PairRow(**self.known, **ended, key=self.key)
         record, file = found.result
@@ -374,7 +375,7 @@ class Job:
         if shape is None:
             shape = prepare(reflected(surface) if entry.reflected else surface, self.config, self.seed)
             if entry.reflected:
-                shape = replace(shape, notes=(REFLECTED, *shape.notes))
+                shape = replace(shape, notes=(REFLECTED_NOTE, *shape.notes))
             shape.save(file)
         return ShapeRow(
             state="done",
@@ -414,7 +415,7 @@ class Job:
             return shape.error
         file = self.layout.maps(plan.pair)
         maps = _load_if_whole(lambda: PairMaps.load(file))
-        if maps is None or maps.record.key != plan.key:  # otherwise a killed run has saved these maps
+        if maps is None or maps.record.key != plan.key:  # equal keys: a killed run has saved these maps
             maps = self._new_maps(plan)
             worst = min((side.outcome for side in maps.record.sides), key=lambda outcome: outcome.sureness)
             if worst.is_doubtful:
@@ -433,7 +434,7 @@ class Job:
         matches = match_both(source, target, initial_map=first_map, config=config, seed=seed)
         forward, backward = map(MapSummary.of, matches)
         effort: dict[str, Any] = {"seconds": time.perf_counter() - start, "memory": peak_memory()}
-        record = MapRecord(key=plan.key, **plan.known, there=forward, back=backward, **effort)
+        record = MapRecord(key=plan.key, **plan.known, forward=forward, backward=backward, **effort)
         return PairMaps.of(*matches, record)
 
 
@@ -442,20 +443,20 @@ def _carry_map(leader: Plan, plan: PlannedPair, source: PreparedShape, target: P
     maps, (a, b) = maps_of_pair(leader.layout, *plan.pair), plan.pair
     sides = a in plan.reflected, b in plan.reflected
     surfaces = mesh_from(leader.paths[a]), mesh_from(leader.paths[b])
-    map_there, leader_source, leader_target = as_matched(maps.there, *surfaces, sides)
-    images = map_there.pull_back(leader_target.vertices)
+    leader_map, leader_source, leader_target = as_matched(maps.forward, *surfaces, sides)
+    images = leader_map.pull_back(leader_target.vertices)
     rows = np.flatnonzero(np.isfinite(images).all(axis=1))
     rows = generator(0).permutation(rows)[:MAX_CARRIERS]
-    mirrored = (maps.record.there.measures["orientation"] or 0.0) < 0
+    mirrored = (maps.record.forward.measures["orientation"] or 0.0) < 0
     scale = float(np.sqrt(leader_target.area / leader_source.area))
     points, goals = cast(Mesh, source.surface).vertices, cast(Mesh, target.surface).vertices
     moved = carry_along(points, leader_source.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
-    # sheets may end elsewhere on their leaders, so their centroids are laid onto each other
+    # sheets, such as cartilages, may cover other parts of their leaders, so their centroids are aligned
     return np.asarray(cKDTree(goals - goals.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
 
 
 def _unsureness(record: MapRecord) -> tuple[int, float]:
-    return -record.there.outcome.sureness, record.there.measures["spectral_residual"] or 0.0
+    return -record.forward.outcome.sureness, record.forward.measures["spectral_residual"] or 0.0
 
 
 def _load_if_whole(load: Callable[[], T]) -> T | None:
@@ -465,21 +466,21 @@ def _load_if_whole(load: Callable[[], T]) -> T | None:
         return None
 
 
-_shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
-"""Prepared shapes of this process with their sizes, by file and time; the last used is last."""
-_shapes_lock = Lock()  # needed because a worker of a cluster may have several threads
+_loaded_shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
+"""Prepared shapes with their bytes, by file, time of its change (ns) and settings; the last used is last."""
+_loaded_shapes_lock = Lock()  # guards `_loaded_shapes`, as a worker of a cluster may have several threads
 
 
 def load_shape(file: Path, config: Config, room: int = MAX_LOADED_BYTES) -> PreparedShape:
     """Load a prepared shape, or take it from memory, which drops the least recently used ones."""
-    with _shapes_lock:
+    with _loaded_shapes_lock:
         if not file.exists():
             remedy = "run isomatch collect again, which makes it"
             raise MissingFileError(f"{file}: no such prepared shape; {remedy}")
         stat = file.stat()
         key = file, stat.st_mtime_ns, config
-        held = _shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)
-        _shapes[key] = held
-        while sum(size for _, size in _shapes.values()) > room and len(_shapes) > 2:
-            _shapes.popitem(last=False)
+        held = _loaded_shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)
+        _loaded_shapes[key] = held
+        while sum(size for _, size in _loaded_shapes.values()) > room and len(_loaded_shapes) > 2:
+            _loaded_shapes.popitem(last=False)
     return held[0]

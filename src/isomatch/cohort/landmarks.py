@@ -43,11 +43,12 @@ from isomatch.landmarks import (
 from isomatch.surfaces import Mesh, reflected
 from isomatch.transfer import carry_landmarks
 
-SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".tps", ".csv", ".txt")
-ERROR_COLUMNS = ("specimen", "landmark", "expected_error", "spread", "error")
-MIN_PLACED = 0.5  # landmarks of a shape slide if at least this share of them has a place
-N_LEAST_SURE = 3  # number of the least sure landmarks that are named, and of semilandmarks
-SAME_PLACE = 1e-4  # positions in two files are equal if they differ by less, over the extent of all landmarks
+# suffixes of files of landmarks; of several files of a shape, the one whose suffix comes first is read
+LANDMARK_SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".tps", ".csv", ".txt")
+ERROR_COLUMNS = ("specimen", "landmark", "expected_error", "spread", "error")  # of landmarks_errors.csv
+MIN_PLACED_SHARE = 0.5  # landmarks of a shape slide if at least this share of them has a position
+N_LEAST_SURE = 3  # number of landmarks, and of semilandmarks, that are reported as the least sure
+SAME_PLACE_SHARE = 1e-4  # share of the extent of all landmarks; positions that differ by less are equal
 
 
 @dataclass(frozen=True)
@@ -93,22 +94,22 @@ class LandmarkTables:
     format: str  # suffix of the files
     templates: list[str]  # shapes whose landmarks are given
     shapes: list[str]  # shapes that have a file
-    expected_error: dict[str, float]  # median of each shape
+    expected_error: dict[str, float]  # median over the landmarks of each shape
     check_first: dict[str, float]  # median errors of the least sure landmarks, then semilandmarks
     mean_spread: dict[str, float]  # mean spread of each shape over the templates
     largest_spread: dict[str, str]  # landmark with the largest spread
-    left_out_errors: dict[str, LeftOutError]  # errors of each template
+    left_out_errors: dict[str, LeftOutError]  # errors of each template's landmarks as carried from the others
     not_written: list[str]  # attributes that the format cannot hold
-    other_landmarks: list[str]  # shapes with other landmarks, which are not in the tables
-    misread_names: list[str]  # shapes whose names geomorph takes for lines of landmarks.tps
-    reflected: list[str]  # shapes that are reflected in the tables
-    axes: str | None  # the space of the tables
-    half_turned: list[str]  # shapes that were brought into it
-    doubtful: list[tuple[str, str]]  # maps that are not used
+    other_landmarks: list[str]  # shapes with other landmarks than the first, which are not in the tables
+    misread_names: list[str]  # shapes whose names the R package geomorph takes for lines of landmarks.tps
+    reflected: list[str]  # shapes whose mirror images are in the tables
+    axes: str | None  # axes of the space in which the tables are, such as RAS
+    half_turned: list[str]  # shapes whose landmarks were turned by half a turn into that space
+    doubtful: list[tuple[str, str]]  # pairs whose maps are not used
     slid: list[Slid]
-    not_slid: list[str]  # shapes with other landmarks, or few that have a place
+    not_slid: list[str]  # shapes with other landmarks, or with a position for fewer than half of them
     left_out: list[str]  # shapes that failed, or that no sure map leads to
-    look_at: str  # page of the least sure shape, from which others are linked; "" for none
+    look_at: str  # file of the page of the least sure shape, which links the others; "" for none
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""
@@ -167,8 +168,8 @@ def landmark_files(marks: Path, collection: Plan, template: str | None) -> dict[
     names = collection.names
     listed = marks.iterdir() if marks.is_dir() else [marks]
     present = {legible(path.name): path for path in listed if not path.name.startswith(".")}
-    of = {name: [present[name + suffix] for suffix in SUFFIXES if name + suffix in present] for name in names}
-    files = {name: paths[0] for name, paths in of.items() if paths}
+    found = {name: [present[f] for x in LANDMARK_SUFFIXES if (f := name + x) in present] for name in names}
+    files = {name: paths[0] for name, paths in found.items() if paths}
     if not files and isfile(marks):
         if template is None:
             problem = "it is not known of which shape"
@@ -177,12 +178,12 @@ def landmark_files(marks: Path, collection: Plan, template: str | None) -> dict[
     if not files:
         remedy = f"give a folder of files such as {names[0]}.mrk.json"
         raise InputError(f"{marks}: no landmarks of a shape of the collection; {remedy}")
-    used = {path for paths in of.values() for path in paths} | {*files.values()}
+    used = {path for paths in found.values() for path in paths} | {*files.values()}
     if others := sorted(path.name for path in present.values() if path not in used):
         tell_skipped(f"{marks}: {', '.join(others)} left out, named like no shape of the collection")
     for name, path in files.items():
         landmarks = Landmarks.read(path, collection.paths[name])
-        for other in of.get(name, ())[1:]:
+        for other in found.get(name, ())[1:]:
             if not _are_alike(landmarks, other, collection.paths[name]):
                 skipped = f"{other.name}, which has others, is left out"
                 tell_skipped(f"{name} has the landmarks of {path.name}; {skipped}")
@@ -196,7 +197,7 @@ def _are_alike(landmarks: Landmarks, other: Path, surface: Path) -> bool:
     except IsomatchError:
         return False
     size = np.ptp(landmarks.positions[landmarks.placed], axis=0).max() if landmarks.placed.any() else 0.0
-    near: dict[str, Any] = {"rtol": 0, "atol": SAME_PLACE * size, "equal_nan": True}
+    near: dict[str, Any] = {"rtol": 0, "atol": SAME_PLACE_SHARE * size, "equal_nan": True}
     return found.names == landmarks.names and np.allclose(found.positions, landmarks.positions, **near)
 
 
@@ -229,7 +230,7 @@ def write_tables(
         left_out = {comparison.name: comparison for comparison in landmarks_left_out(collection, *given)}
         first = next(iter(points.values()))
         axes = next((marks.axes for marks in points.values() if marks.axes), None)
-        alike = {}  # landmarks in the unit of the collection, reflected as they were matched
+        alike = {}  # landmarks of the tables, in one unit, reflected if their shape was matched reflected
         for name, marks in points.items():
             lost |= {*write_landmarks(to / f"{name}{suffix}", marks)}
             if (marks.names, marks.curves) == (first.names, first.curves):
@@ -243,7 +244,7 @@ def write_tables(
         views = _write_views(known, to, points, suffix)
         if to == own_folder:
             keep_files(collection.layout, (path for path in earlier if path.exists()))
-            write_page(Snapshot(known.plan, known.plan.rows()))  # pairs may have been matched meanwhile
+            write_page(Snapshot(known.plan, known.plan.rows()))  # new rows, as pairs may have been matched
     spread = {name: marks.spread for name, marks in points.items() if np.isfinite(marks.spread).any()}
     errors = {name: marks.expected_error for name, marks in points.items()}
     least_sure = max(views, key=lambda name: np.nanmax(errors[name], initial=0.0), default="")
@@ -290,7 +291,7 @@ def _slide(
 ) -> list[Slid]:
     """Slide the landmarks of shapes that have those of the first, and a place for half of them."""
     first = next(iter(points.values()))
-    marks = {name: landmarks for name, landmarks in points.items() if landmarks.placed.mean() >= MIN_PLACED}
+    marks = {name: marks for name, marks in points.items() if marks.placed.mean() >= MIN_PLACED_SHARE}
     names = [n for n in marks if (marks[n].names, marks[n].curves) == (first.names, first.curves)]
     signs = np.array([[_signs_of(name, turned)] for name in names])
     meshes = (read_mesh(collection.paths[name]) for name in names)
@@ -420,10 +421,10 @@ class _Templates:
             spread = spread_on_surface(_triangulate(start), surface_points, marks.positions[marks.placed])
             self._marks[first] = marks.with_patch(spread)
             for name in others:
-                map_there, _ = self._map(first, name)
+                found, _ = self._map(first, name)
                 patch = np.full_like(spread, np.nan)
-                if map_there is not None:
-                    patch = carry_landmarks(map_there, start, self._read(name), Landmarks(spread)).positions
+                if found is not None:
+                    patch = carry_landmarks(found, start, self._read(name), Landmarks(spread)).positions
                 self._marks[name] = self._marks[name].with_patch(patch)
 
     def landmarks_of(self, name: str) -> Landmarks:
@@ -436,11 +437,11 @@ class _Templates:
         """Return the median of what templates give a shape; None if no sure map leads to it."""
         found = []
         for template in templates:
-            map_there, error = self._map(template, name)
-            if map_there is not None:
+            template_map, error = self._map(template, name)
+            if template_map is not None:
                 given = self._read(template), self._read(name), self._marks[template]
                 how: dict[str, Any] = {"curve_points": self._curve_points, "expected_error": error}
-                found.append(carry_landmarks(map_there, *given, **how))
+                found.append(carry_landmarks(template_map, *given, **how))
         return median_landmarks(found, _triangulate(self._read(name))) if found else None
 
     def _map(self, source: str, target: str) -> tuple[Correspondence | None, FloatArray | None]:

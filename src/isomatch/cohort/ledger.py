@@ -15,16 +15,19 @@ from isomatch._core.errors import FormatError, UnwritableFileError
 from isomatch._core.files import claimed
 from isomatch._core.tables import read_table
 from isomatch._core.texts import write_csv
+from isomatch.correspondence import SIDES
 from isomatch.matching import MatchResult, Outcome
 
-State = Literal["todo", "failed", "done"]
+State = Literal["todo", "failed", "done"]  # of a shape or a pair
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""
-CONTRADICTED = 0.1  # √area: a map with a larger mean error is wrong; right maps have up to half of it
-N_EIGENVALUES, N_QUANTILES = 30, 20  # numbers of features by which a template is chosen
-N_RANKS = 64  # number of quantiles of a shape's distances from its centroid, which tell it from others
+# √area; a map is wrong if its mean distance from compositions of others is larger; of right maps it is ≤ 0.05
+MAX_INCONSISTENCY = 0.1
+# numbers of Laplace eigenvalues, and of quantiles of geodesic distances, by which a template is chosen
+N_EIGENVALUES, N_QUANTILES = 30, 20
+N_RANKS = 64  # number of quantiles of the distances of vertices from their centroid that identify a shape
 LOCK_TIMEOUT = 60.0  # seconds to wait while another process reads or writes a ledger
-_TABLES = """
+_CREATE_TABLES = """
 BEGIN IMMEDIATE;
 CREATE TABLE IF NOT EXISTS shapes (name TEXT PRIMARY KEY, record TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS pairs (source TEXT, target TEXT, record TEXT NOT NULL, PRIMARY KEY (source, target));
@@ -76,7 +79,7 @@ class MapSummary:
 class Row:
     """Values that are written as one JSON object; those equal to their default are left out."""
 
-    always: ClassVar[tuple[str, ...]] = ("state", "time")  # values that are written in any case
+    always: ClassVar[tuple[str, ...]] = ("state", "time")  # values that are written even if equal to defaults
     of_done: ClassVar[tuple[str, ...]] = ()  # values that are also written if the state is "done"
     # values that were read, and whose names this version does not know
     more: Mapping[str, Any] = field(default_factory=dict, repr=False)
@@ -85,12 +88,14 @@ class Row:
     def from_json(cls, record: Mapping[str, Any]) -> Self:
         """Take the values of an object."""
         known = cls.defaults()
-        values = {name: _READ.get(name, _plain)(value) for name, value in record.items() if name in known}
-        return cls(more={name: value for name, value in record.items() if name not in known}, **values)
+        named = {_FIELD_OF_KEY.get(key, key): value for key, value in record.items()}
+        values = {name: _READERS.get(name, _plain)(value) for name, value in named.items() if name in known}
+        return cls(more={name: value for name, value in named.items() if name not in known}, **values)
 
     def to_json(self) -> dict[str, Any]:
         """Return the object."""
-        return {**{name: _to_plain(value) for name, value in self.given().items()}, **self.more}
+        given = {_KEY_OF_FIELD.get(name, name): _to_plain(value) for name, value in self.given().items()}
+        return {**given, **self.more}
 
     def given(self) -> dict[str, Any]:
         """Return the values that are written, by the names of their fields."""
@@ -134,8 +139,8 @@ class ShapeRow(Row):
     file: str = ""  # digest of the file of the prepared shape
     n_vertices: int = 0
     area: float = 0.0
-    features: tuple[float, ...] = ()  # numbers that `features_of` computes
-    n_points: int = 0  # `likeness_of` explains this and the next three
+    features: tuple[float, ...] = ()  # see `features_of`
+    n_points: int = 0  # `likeness_of` computes this value and the next three
     spread: float = 0.0
     ranks: tuple[float, ...] = ()
     handedness: float | None = None
@@ -171,16 +176,16 @@ class MapRecord(Row):
     target_hash: str = ""
     reflected: tuple[str, ...] = ()  # names of the shapes that were matched as mirror images
     led_by: str = ""  # identifies the map of the leader that it started from
-    there: MapSummary = MapSummary()
-    back: MapSummary = MapSummary()
+    forward: MapSummary = MapSummary()  # the map source → target
+    backward: MapSummary = MapSummary()  # the map target → source
     seconds: float | None = None
-    memory: float | None = None  # peak of the process, in bytes
+    memory: float | None = None  # largest memory of the process until then, in bytes
     replaced_by: tuple[str, ...] = ()  # shapes of the composition that replaced it
 
     @property
     def sides(self) -> tuple[MapSummary, MapSummary]:
         """Both directions."""
-        return self.there, self.back
+        return self.forward, self.backward
 
     @property
     def hashes(self) -> tuple[str, ...]:
@@ -199,7 +204,7 @@ class PairRow(MapRecord):
     time: float = 0.0  # when the row was made, in seconds since the epoch
     error: str = ""
     file: str = ""  # digest of the file of the maps
-    contradicted: bool | None = None  # whether others contradict the map to be matched again
+    contradicted: bool | None = None  # whether other maps contradict the one that is matched again
     made_with: str = ""  # key of its `OriginRow`
     again: tuple[str, ...] = ()  # why it was matched again
     not_reflected: Mapping[str, str] = field(default_factory=dict)  # why a shape is not reflected
@@ -208,12 +213,12 @@ class PairRow(MapRecord):
     @property
     def verdict(self) -> Literal["todo", "failed", "low", "done"]:
         """Its state; "low" if it is matched with low confidence."""
-        return "low" if self.state == "done" and self.there.outcome.is_doubtful else self.state
+        return "low" if self.state == "done" and self.forward.outcome.is_doubtful else self.state
 
     @property
     def ending(self) -> str:
         """Name of the outcome; the state where there is no map."""
-        return self.there.outcome.name if self.there.values else self.state
+        return self.forward.outcome.name if self.forward.values else self.state
 
     @property
     def is_mirrored(self) -> bool:
@@ -222,13 +227,13 @@ class PairRow(MapRecord):
 
     @property
     def inconsistency(self) -> float:
-        """How far other maps contradict its maps, in √area; 0 where they were not compared."""
+        """Mean distance of its maps from compositions of others, in √area; 0 if not compared."""
         return (self.agreement.inconsistency if self.agreement else None) or 0.0
 
     @property
     def is_contradicted(self) -> bool:
         """Whether other maps contradict its map; False where they were not compared."""
-        return self.inconsistency > CONTRADICTED
+        return self.inconsistency > MAX_INCONSISTENCY
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,13 +263,13 @@ class SurfaceRow:
 
     name: str
     key: str = ""  # identifies the map
-    turned: Cell = ""  # `WrapQuality` explains this and the next three
+    turned: Cell = ""  # `WrapQuality` defines this value and the next three
     stretch: Cell = ""
     distance: Cell = ""
     extended: Cell = ""
     error: str = ""
     expected_error: Cell = ""  # expected error of the map, in √area
-    ways: Cell = ""  # number of maps; the surface is their median
+    ways: Cell = ""  # number of maps from the template, along different shapes, whose median this surface is
     scale: Cell = ""  # factor by which positions were multiplied
     reflected: str = ""  # yes if it was matched as its mirror image
     mirror_image: str = ""
@@ -286,10 +291,12 @@ class SurfaceRow:
         write_csv(path, map(vars, lines), SURFACE_COLUMNS)
 
 
-SURFACE_COLUMNS = tuple(column.name for column in fields(SurfaceRow))[:-1]
-OLDEST_COLUMNS = SURFACE_COLUMNS[: SURFACE_COLUMNS.index("error") + 1]  # columns of every version
-_READ: Mapping[str, Callable[[Any], Any]] = {
-    **dict.fromkeys(("there", "back"), lambda value: MapSummary(value or {})),
+SURFACE_COLUMNS = tuple(column.name for column in fields(SurfaceRow))[:-1]  # all but ``again``
+OLDEST_COLUMNS = SURFACE_COLUMNS[: SURFACE_COLUMNS.index("error") + 1]  # columns that every version writes
+_KEY_OF_FIELD = dict(zip(("forward", "backward"), SIDES))  # keys in JSON of fields with other names
+_FIELD_OF_KEY = dict(zip(SIDES, _KEY_OF_FIELD))
+_READERS: Mapping[str, Callable[[Any], Any]] = {  # functions from JSON to the values of some fields
+    **dict.fromkeys(_KEY_OF_FIELD, lambda value: MapSummary(value or {})),
     "agreement": PairAgreement.from_json,
 }
 
@@ -375,20 +382,21 @@ def _counts_more(one: ShapeRow | PairRow | FileRow, other: ShapeRow | PairRow | 
     return (one.state == "done", one.time) > (other.state == "done", other.time)
 
 
-# Types of the values of a row, by its state; a row with values of other types is damaged
-Kind = type | UnionType | Callable[[Any], bool]
-Kinds = Mapping[str, Mapping[str, Kind]]
+# kind of the value of a row: a type, or a function that tells which values are allowed
+ValueKind = type | UnionType | Callable[[Any], bool]
+RowKinds = Mapping[str, Mapping[str, ValueKind]]  # kinds of values, by name, that a row needs in each state
 NUMBER = int | float
 
 
-def _list_of(kind: Kind, count: int | None = None) -> Callable[[Any], bool]:
+def _list_of(kind: ValueKind, count: int | None = None) -> Callable[[Any], bool]:
     def is_list(value: Any) -> bool:
         return isinstance(value, list) and count in (None, len(value)) and all(_is(x, kind) for x in value)
 
     return is_list
 
 
-def _result(value: Any) -> bool:
+def _is_summary(value: Any) -> bool:
+    """Whether a value has what is read of a `MapSummary`."""
     quality = value.get("quality") if isinstance(value, dict) else None
     return (
         isinstance(quality, dict)
@@ -398,36 +406,38 @@ def _result(value: Any) -> bool:
     )
 
 
-_FEATURES, _holes, _texts = _list_of(NUMBER, N_EIGENVALUES + N_QUANTILES), _list_of(NUMBER, 2), _list_of(str)
-_OF_SHAPES: Kinds = {
-    "done": {"key": str, "hash": str, "bytes": int, "area": NUMBER, "features": _FEATURES, "notes": _texts},
+# checks of values that are lists: of texts, and the fields ``holes`` and ``features`` of a `ShapeRow`
+_TEXTS, _HOLES, _FEATURES = _list_of(str), _list_of(NUMBER, 2), _list_of(NUMBER, N_EIGENVALUES + N_QUANTILES)
+_SHAPE_VALUES: RowKinds = {  # of rows of shapes
+    "done": {"key": str, "hash": str, "bytes": int, "area": NUMBER, "features": _FEATURES, "notes": _TEXTS},
     "failed": {"error": str},
 }
-_OF_MATCH: Mapping[str, Kind] = {"source_hash": str, "target_hash": str, "there": _result, "back": _result}
-_OF_PAIRS: Kinds = {
-    "done": {"key": str, "attempt": int, **_OF_MATCH},
+_MATCH_VALUES: dict[str, ValueKind] = dict.fromkeys(("source_hash", "target_hash"), str)
+_MATCH_VALUES |= dict.fromkeys(SIDES, _is_summary)
+_PAIR_VALUES: RowKinds = {  # of rows of pairs
+    "done": {"key": str, "attempt": int, **_MATCH_VALUES},
     "failed": {"key": str, "attempt": int, "error": str},
     "todo": {"attempt": int},
 }
-TABLES: Mapping[str, tuple[type[Row], Kinds]] = {
-    "shapes": (ShapeRow, _OF_SHAPES),
-    "pairs": (PairRow, _OF_PAIRS),
+TABLES: Mapping[str, tuple[type[Row], RowKinds]] = {
+    "shapes": (ShapeRow, _SHAPE_VALUES),
+    "pairs": (PairRow, _PAIR_VALUES),
     "files": (FileRow, {"done": {"file": str}}),
     "origins": (OriginRow, {"done": {"made_with": dict}}),
 }
 """Class of the rows of each table of `Rows`, and the values that they must have."""
-_OPTIONAL: Mapping[str, Kind] = {  # types of the values that a row may lack
+_OPTIONAL_VALUES: Mapping[str, ValueKind] = {  # kinds of the values that a row may lack
     **dict.fromkeys(("file", "error", "source_hash", "target_hash", "led_by"), str),
     **dict.fromkeys(("seconds", "spread", "handedness"), NUMBER),
-    **dict.fromkeys(("again", "replaced_by"), _texts),
+    **dict.fromkeys(("again", "replaced_by"), _TEXTS),
     "memory": NUMBER | None,
-    "reflected": lambda value: isinstance(value, bool) or _texts(value),
+    "reflected": lambda value: isinstance(value, bool) or _TEXTS(value),
     "made_with": str | dict,
     "agreement": lambda value: isinstance(value, dict) and _is(value.get("inconsistency", 0.0), NUMBER),
-    "not_reflected": lambda value: isinstance(value, dict) and _texts(list(value.values())),
+    "not_reflected": lambda value: isinstance(value, dict) and _TEXTS(list(value.values())),
     "n_points": int,
     "ranks": _list_of(NUMBER, N_RANKS),
-    "holes": lambda value: value is None or _holes(value),
+    "holes": lambda value: value is None or _HOLES(value),
 }
 
 
@@ -439,12 +449,12 @@ def row_of(table: str, text: Any) -> Row | None:
         needed = {"time": NUMBER, **kinds[record["state"]]}
     except (ValueError, TypeError, KeyError, RecursionError):
         return None
-    wanted = {name: kind for name, kind in _OPTIONAL.items() if name in record} | needed
+    wanted = {name: kind for name, kind in _OPTIONAL_VALUES.items() if name in record} | needed
     is_whole = all(_is(record.get(name), kind) for name, kind in wanted.items())
     return kind.from_json(record) if is_whole else None
 
 
-def _is(value: Any, kind: Kind) -> bool:
+def _is(value: Any, kind: ValueKind) -> bool:
     return isinstance(value, kind) if isinstance(kind, type | UnionType) else kind(value)
 
 
@@ -486,10 +496,10 @@ def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
             if one_host:
                 # a power failure may lose the last rows, which are restored from the files of maps
                 connection.execute("PRAGMA synchronous = NORMAL")
-            connection.executescript(_TABLES)
+            connection.executescript(_CREATE_TABLES)
             ledger = Ledger(connection, path)
         yield ledger
-        with suppress(sqlite3.OperationalError):  # another process reads it
+        with suppress(sqlite3.OperationalError):  # another process reads the ledger
             connection.execute("PRAGMA busy_timeout = 0")
             connection.execute("PRAGMA journal_mode = DELETE")  # leaves one file, to be copied and read
 
@@ -511,7 +521,7 @@ def read_ledgers(paths: Iterable[Path]) -> Rows:
     """Read ledgers, also while they are written; `FormatError` if a file is no ledger."""
     rows = Rows()
     for path in paths:
-        # reading undoes the half-written changes of a killed process, which mode=ro could not
+        # reading undoes half-written changes of a killed process, which needs a writable file (mode=rw)
         address = f"{path.resolve().as_uri()}?mode=rw"
         with (
             _naming(path, "cannot be read as a ledger"),
@@ -524,8 +534,8 @@ def read_ledgers(paths: Iterable[Path]) -> Rows:
 def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
     present = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
     rows = Rows()
-    for table in filter(present.__contains__, TABLES):  # a ledger just begun, or an old one, has fewer
-        # all rows are fetched at once, since no other process can write while they are read
+    for table in filter(present.__contains__, TABLES):  # a new ledger, or an old one, may lack tables
+        # all rows are fetched at once, since other processes cannot write while rows are read
         for *names, text in connection.execute(f"SELECT * FROM {table}").fetchall():
             row = row_of(table, text)
             if row is None:

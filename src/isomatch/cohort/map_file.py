@@ -35,11 +35,11 @@ from isomatch.correspondence import PAIR_FORMAT, SIDES, Correspondence, pair_par
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh, reflected
 
-UNKNOWN_ERROR = -1.0  # stands in a file for an expected error that is not known
-KEPT = ("prepared", "maps", "corresponded", "landmarks")
-"""Folders whose files have digests in the ledgers."""
-MISSING, CHANGED = "is missing", "was changed after it was written"
-MAX_NAMED = 5  # an error about damaged files names at most this number of them
+UNKNOWN_ERROR = -1.0  # value in a file of an expected error that is not known
+DIGESTED_FOLDERS = ("prepared", "maps", "corresponded", "landmarks")
+"""Folders of a collection; the ledgers keep a digest of each of their files."""
+MISSING, CHANGED = "is missing", "was changed after it was written"  # what may be wrong with a file
+MAX_NAMED_FILES = 5  # an error about damaged files names at most this number of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +50,11 @@ class PairMaps:
     ends; nan where unknown, and None in files of earlier versions.
     """
 
-    there: Correspondence
-    back: Correspondence
+    forward: Correspondence
+    backward: Correspondence
     record: MapRecord
-    there_error: FloatArray | None = None
-    back_error: FloatArray | None = None
+    forward_error: FloatArray | None = None
+    backward_error: FloatArray | None = None
 
     @classmethod
     def of(cls, forward: MatchResult, backward: MatchResult, record: MapRecord) -> PairMaps:
@@ -64,17 +64,16 @@ class PairMaps:
     @property
     def turned(self) -> PairMaps:
         """The maps of the pair in the other order."""
-        return PairMaps(self.back, self.there, self.record, self.back_error, self.there_error)
+        return PairMaps(self.backward, self.forward, self.record, self.backward_error, self.forward_error)
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` file; indices take 4 bytes and barycentric coordinates too."""
         arrays: dict[str, object] = {"record": np.array(json.dumps(self.record.to_json()))}
-        for side in SIDES:
-            correspondence: Correspondence = getattr(self, side)
+        maps, all_errors = (self.forward, self.backward), (self.forward_error, self.backward_error)
+        for side, correspondence, errors in zip(SIDES, maps, all_errors):
             arrays[f"{side}_vertices"] = correspondence.vertices.astype(np.int32)
             arrays[f"{side}_faces"] = correspondence.faces.astype(np.int32)
             arrays[f"{side}_barycentric"] = correspondence.barycentric.astype(np.float32)
-            errors = getattr(self, f"{side}_error")
             if errors is not None:
                 arrays[f"{side}_expected_error"] = np.nan_to_num(errors, nan=UNKNOWN_ERROR).astype(np.float32)
         save_arrays(path, PAIR_FORMAT.version, arrays, compressed=True)
@@ -131,8 +130,8 @@ def keep_files(layout: Layout, paths: Iterable[Path]) -> None:
         put_files(ledger, layout, {path: digest_of(path) for path in paths})
 
 
-def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = KEPT) -> dict[Path, str]:
-    """Find the files in some `KEPT` folders that are missing or changed, and tell which it is."""
+def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = DIGESTED_FOLDERS) -> dict[Path, str]:
+    """Find files in some `DIGESTED_FOLDERS` that are missing or changed, and tell which it is."""
     wanted = set(folders)
     kept = [(path, row) for path, row in _kept_files(layout, rows) if path.parent.name in wanted]
     with ThreadPoolExecutor(n_threads()) as threads:
@@ -143,9 +142,9 @@ def require_unchanged(layout: Layout, folders: Iterable[str]) -> None:
     """Raise `FormatError` if files of some folders of a collection are not as they were written."""
     found = changed_files(layout, read_ledgers(layout.ledgers()), folders)
     if changed := [f"{path} {what}" for path, what in found.items()]:
-        more = f" and {len(changed) - MAX_NAMED} more" if len(changed) > MAX_NAMED else ""
+        more = f" and {len(changed) - MAX_NAMED_FILES} more" if len(changed) > MAX_NAMED_FILES else ""
         remedy = "run isomatch collect again, which makes what is damaged again"
-        raise FormatError(f"{', '.join(changed[:MAX_NAMED])}{more}; {remedy}")
+        raise FormatError(f"{', '.join(changed[:MAX_NAMED_FILES])}{more}; {remedy}")
 
 
 _KeptFile = tuple[Path, ShapeRow | PairRow | FileRow]  # a file, and the row with its digest
@@ -160,13 +159,13 @@ def _kept_files(layout: Layout, rows: Rows) -> Iterator[_KeptFile]:
 
 
 def _change_of(kept: _KeptFile) -> str:
-    # all bytes are read, since a disk may lose some and keep the size and time of the file
+    # all bytes are compared, since a disk may lose some and still report the same size and time
     path, row = kept
-    with suppress(FormatError, OSError):  # OSError: the disk does not give the file
+    with suppress(FormatError, OSError):  # OSError: the disk cannot read the file
         if digest_of(path) == row.file:
             return ""
         if isinstance(row, PairRow):
-            # a comparison may have replaced the maps, and was killed before it wrote the row
+            # a run may have replaced the maps, and been killed before it wrote their row
             record = PairMaps.load(path).record
             if record.key == row.key and record.replaced_by not in ((), row.replaced_by):
                 return ""
@@ -179,14 +178,14 @@ def maps_along(
     """Compose the maps along a path of shapes; also return the expected error of each vertex."""
     pairs = pairwise(path)
     maps = maps_of_pair(layout, *next(pairs))
-    composed, errors = maps.there, _expected_error(maps)
+    composed, errors = maps.forward, _expected_error(maps)
     for pair in pairs:
         maps = maps_of_pair(layout, *pair)
-        # errors of maps are taken as independent, so that their squares add up
+        # errors of the maps are taken as independent: their squares add up
         errors = np.asarray(np.hypot(errors, composed.pull_back(_expected_error(maps))))
-        composed = composed.then(maps.there, *map(mesh_of, pair))
+        composed = composed.then(maps.forward, *map(mesh_of, pair))
     return composed, errors
 
 
 def _expected_error(maps: PairMaps) -> FloatArray:
-    return np.full(len(maps.there.vertices), np.nan) if maps.there_error is None else maps.there_error
+    return np.full(len(maps.forward.vertices), np.nan) if maps.forward_error is None else maps.forward_error

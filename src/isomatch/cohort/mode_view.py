@@ -9,12 +9,12 @@ import numpy as np
 
 from isomatch._core.files import write_text
 from isomatch.cohort.shape_statistics import ShapeModel
-from isomatch.cohort.specimen_page import MOST_SHOWN, simplified, stops, template_of, text_of
+from isomatch.cohort.specimen_page import MAX_SHOWN_VERTICES, simplified, stops, template_of, text_of
 from isomatch.visualization import DrawnSurface, camera_of, html_page, scripts_of, stage_of
 
-FARTHEST = 3  # standard deviations from the mean to either end of a slider
-STEP = 0.1  # standard deviations between two positions of a slider
-OUTLIERS = 0.005  # share of the displacements that are longer than the colours can show
+SLIDER_END = 3  # standard deviations from the mean to either end of a slider
+SLIDER_STEP = 0.1  # standard deviations between two positions of a slider
+CLIPPED_SHARE = 0.005  # share of the vertices whose displacements are beyond the end of the colour scale
 
 
 def write_modes(path: str | Path, model: ShapeModel, n_modes: int = 3) -> None:
@@ -43,13 +43,13 @@ def mode_view(model: ShapeModel, n_modes: int) -> tuple[str, str]:
     The data are the vertices of the mean, and for each mode their displacements (n, 3) by one standard deviation.
     """
     mean, shown = model.mesh(), range(min(n_modes, model.n_modes))
-    surface = DrawnSurface(mean, camera_of(mean), MOST_SHOWN)
+    surface = DrawnSurface(mean, camera_of(mean), MAX_SHOWN_VERTICES)
     moves = [model.deviations[mode] * model.modes[mode] for mode in shown]
     outward = [np.abs((move * mean.vertex_normals).sum(axis=1)) for move in moves]
-    farthest = max((float(np.quantile(lengths, 1 - OUTLIERS)) for lengths in outward), default=0.0)
-    high = FARTHEST * farthest or 1.0
+    farthest = max((float(np.quantile(lengths, 1 - CLIPPED_SHARE)) for lengths in outward), default=0.0)
+    high = SLIDER_END * farthest or 1.0
     packed = surface.packed()
-    ends = [mean.vertices + FARTHEST * side * move for move in moves for side in (-1, 1)]
+    ends = [mean.vertices + SLIDER_END * side * move for move in moves for side in (-1, 1)]
     seen = [np.ptp(end @ camera_of(mean).T, axis=0) / np.sqrt(mean.area) for end in ends]
     packed["extent"] = np.max([packed["extent"], *seen], axis=0).tolist()
     scene = {
@@ -61,8 +61,8 @@ def mode_view(model: ShapeModel, n_modes: int) -> tuple[str, str]:
     }
     sliders = "".join(
         f'<label for="mode{mode + 1}">mode {mode + 1}: {model.variance_ratios[mode]:.1%} of the variance</label>'
-        f'<input type="range" id="mode{mode + 1}" min="-{FARTHEST}" max="{FARTHEST}" step="{STEP}" value="0">'
-        f'<output for="mode{mode + 1}"></output>'
+        f'<input type="range" id="mode{mode + 1}" min="-{SLIDER_END}" max="{SLIDER_END}" '
+        f'step="{SLIDER_STEP}" value="0"><output for="mode{mode + 1}"></output>'
         for mode in shown
     )
     less = simplified(surface, "The mean")

@@ -39,16 +39,16 @@ from isomatch.io import meshes_among
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
-STALE_AFTER = 3600.0  # seconds after which an unfinished file belongs to no run; writing a file takes a few
-NO_SETTING = "—"  # the value of a setting that an earlier version did not have
+STALE_AGE = 3600.0  # seconds; an older unfinished file belongs to no run, as a file is written in seconds
+NO_SETTING = "—"  # text in place of a setting that an earlier version did not have
 R = TypeVar("R", ShapeRow, PairRow)
-MEDOID_SAMPLE = 1000  # to find the medoid, each shape is compared with at most this number of others
-BETWEEN = "__"  # stands between two names in the name of the file of their maps
-PATTERNS = ("star", "all", "chain", "ring")
-OTHERS = "*"  # stands, among the names of shapes, for all whose unit is not given
-MAX_SIZE_RATIO = 2.0  # two shapes of one kind, in one unit, differ in size by a smaller factor
-TILE_SIDE = 8  # a shard is made of squares of pairs; this number of shapes is on either side of a square
-_NAMED = "give a list.csv with columns name and path"
+MAX_MEDOID_SAMPLE = 1000  # number of others, at most, with which each shape is compared to find the medoid
+NAME_SEPARATOR = "__"  # separates two names of shapes in the name of the file of their maps
+PAIR_PATTERNS = ("star", "all", "chain", "ring")  # ways to choose pairs, see `pairs_of`
+OTHER_SHAPES = "*"  # name by which ``units`` gives the unit of all shapes that it does not name
+MAX_SIZE_RATIO = 2.0  # shapes of one kind in one unit differ in size, √area, by a smaller factor (chosen)
+TILE_SIDE = 8  # number of shapes on either side of a square of pairs, which one task or shard takes together
+_NAMES_REMEDY = "give a list.csv with columns name and path"  # for names of files that cannot be used
 
 
 class Layout:
@@ -68,7 +68,7 @@ class Layout:
 
     def maps(self, pair: Pair) -> Path:
         """Return the path of the maps of a pair, both directions."""
-        return self.folder / "maps" / f"{BETWEEN.join(pair)}.npz"
+        return self.folder / "maps" / f"{NAME_SEPARATOR.join(pair)}.npz"
 
     def corresponded(self, name: str) -> Path:
         """Return the path of a shape's surface in the topology of the template."""
@@ -76,7 +76,7 @@ class Layout:
 
     def report(self, pair: Pair) -> Path:
         """Return the path of the report of a pair."""
-        return self.folder / "reports" / f"{BETWEEN.join(pair)}.html"
+        return self.folder / "reports" / f"{NAME_SEPARATOR.join(pair)}.html"
 
     def thumbnail(self, name: str) -> Path:
         """Return the path of a small picture of a shape."""
@@ -101,10 +101,10 @@ class Layout:
 
     def remove_unfinished(self, shard: tuple[int, int]) -> None:
         """Remove unfinished files of killed runs; beside other shards, only old files."""
-        # listed before the ledgers: a run that is writing one of these files has a ledger by then
+        # files are listed before ledgers: a run that is writing one of these files has a ledger by then
         unfinished = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
         is_only_run = shard[1] == 1 and self.ledgers() == [self.ledger(shard)]
-        remove_unfinished(unfinished, 0.0 if is_only_run else STALE_AFTER)
+        remove_unfinished(unfinished, 0.0 if is_only_run else STALE_AGE)
 
 
 def key_of(config: Config, seed: int, *surfaces: str) -> str:
@@ -140,7 +140,7 @@ def why_again(old: R, new: R, names: Sequence[str], origins: Mapping[str, Origin
     for name, was, now in zip(names, old.hashes, new.hashes):
         if was and now and was != now:
             reasons.append(f"the contents of {name} changed")
-    # a pair names the reflected shapes; a shape is reflected or not
+    # ``reflected`` of a pair is a tuple of names, ``reflected`` of a shape is true or false
     sides = (cast(Any, row).reflected for row in (old, new))
     before, after = (set(names if side is True else side or ()) for side in sides)
     reasons += [f"{name} is matched as its mirror image" for name in sorted(after - before)]
@@ -180,11 +180,11 @@ def features_of(shape: PreparedShape) -> tuple[float, ...]:
 
 def medoid(features: FloatArray) -> int:
     """Find the row of the shape with the least mean distance to the others, or to a sample."""
-    rows = np.nan_to_num(features)  # (m, q), each feature in standard deviations
+    rows = np.nan_to_num(features)  # (m, q)
     spread = rows.std(axis=0)
-    rows = rows / np.where(spread > 0, spread, 1.0)
-    others = rows[:: len(rows) // MEDOID_SAMPLE + 1]
-    blocks = (rows[i : i + MEDOID_SAMPLE] for i in range(0, len(rows), MEDOID_SAMPLE))
+    rows = rows / np.where(spread > 0, spread, 1.0)  # features in standard deviations
+    others = rows[:: len(rows) // MAX_MEDOID_SAMPLE + 1]
+    blocks = (rows[i : i + MAX_MEDOID_SAMPLE] for i in range(0, len(rows), MAX_MEDOID_SAMPLE))
     return int(np.concatenate([cdist(block, others).mean(axis=1) for block in blocks]).argmin())
 
 
@@ -228,10 +228,7 @@ class Plan:
         return read_ledgers(self.layout.ledgers()).of(self.names)
 
     def chosen_template(self, rows: Rows) -> str | None:
-        """Return the template: as asked for, of the leader or collection beside, or the medoid.
-
-        It is None until all shapes are prepared.
-        """
+        """Return the template: asked for, of the leader or collection beside, or medoid; None if unknown."""
         if self.template is not None:
             return self.template
         tried = [name for name in self.names if name in rows.shapes]
@@ -280,7 +277,7 @@ def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry
         raise InputError(f"{shapes}: no shapes that can be read; {remedy}")
     names = [entry.name for entry in entries]
     if repeated := [name for name, count in Counter(names).items() if count > 1]:
-        raise InputError(f"{shapes}: several shapes are named {', '.join(repeated)}; {_NAMED}")
+        raise InputError(f"{shapes}: several shapes are named {', '.join(repeated)}; {_NAMES_REMEDY}")
     require_shape_names(names, str(shapes))
     return tuple(entries)
 
@@ -294,12 +291,12 @@ def _in_table(path: Path) -> list[Entry]:
 
 def require_shape_names(names: Collection[str], where: str) -> None:
     """Raise `InputError` for names whose pairs share a file, as "a_" with "b", "a" with "_b"."""
-    require_names(names, "shape", where, _NAMED)
+    require_names(names, "shape", where, _NAMES_REMEDY)
     has_leading = any(name.startswith("_") for name in names)
     for name in names:
-        if BETWEEN in name or (has_leading and name.endswith("_")):
-            why = f"two are joined by {BETWEEN!r} in names of files"
-            raise InputError(f"{where}: {name!r} cannot be the name of a shape: {why}; {_NAMED}")
+        if NAME_SEPARATOR in name or (has_leading and name.endswith("_")):
+            why = f"two are joined by {NAME_SEPARATOR!r} in names of files"
+            raise InputError(f"{where}: {name!r} cannot be the name of a shape: {why}; {_NAMES_REMEDY}")
 
 
 def require_distinct_files(names: Iterable[str], folder: Path) -> None:
@@ -309,7 +306,8 @@ def require_distinct_files(names: Iterable[str], folder: Path) -> None:
         alike.setdefault(normalize("NFC", name).lower(), []).append(name)
     twice = [" and ".join(same) for same in alike.values() if len(same) > 1]
     if twice and ignores_case(folder):
-        raise InputError(f"{folder}: has one file for the shapes {twice[0]}, as it ignores case; {_NAMED}")
+        problem = f"has one file for the shapes {twice[0]}, as it ignores case"
+        raise InputError(f"{folder}: {problem}; {_NAMES_REMEDY}")
 
 
 def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[Pair]:
@@ -354,7 +352,7 @@ def tiles_of(pairs: Sequence[Pair], names: Sequence[str], side: int, most: int) 
 
 def checked_units(units: Mapping[str, str], names: Iterable[str]) -> dict[str, str]:
     """Return the units of shapes by name; `InputError` if a name or a unit is not known."""
-    if strangers := sorted(set(units) - {OTHERS, *names}):
+    if strangers := sorted(set(units) - {OTHER_SHAPES, *names}):
         raise InputError(f"{', '.join(strangers)}: units of no shape of this collection; give their names")
     if unknown := sorted({*units.values()} - set(METRES)):
         raise InputError(f"{', '.join(unknown)}: unknown units; known are {', '.join(METRES)}")
@@ -363,9 +361,9 @@ def checked_units(units: Mapping[str, str], names: Iterable[str]) -> dict[str, s
 
 def common_unit(units: Mapping[str, str], rows: Rows) -> str | None:
     """Return the unit of the shapes whose unit is not given, by ``"*"`` or sizes, if clear."""
-    named = {name: unit for name, unit in units.items() if name != OTHERS}
-    if OTHERS in units or not named:
-        return units.get(OTHERS)
+    named = {name: unit for name, unit in units.items() if name != OTHER_SHAPES}
+    if OTHER_SHAPES in units or not named:
+        return units.get(OTHER_SHAPES)
     sizes = {name: row.area**0.5 for name, row in rows.shapes.items() if row.area}
     others = [size for name, size in sizes.items() if name not in named]
     in_metres = [sizes[name] * METRES[unit] for name, unit in named.items() if name in sizes]
@@ -383,5 +381,5 @@ def scales_of(units: Mapping[str, str], rows: Rows) -> dict[str, float]:
     common = common_unit(units, rows)
     if common is None:
         return {}
-    named = {name: unit for name, unit in units.items() if name != OTHERS and unit != common}
+    named = {name: unit for name, unit in units.items() if name != OTHER_SHAPES and unit != common}
     return {name: METRES[unit] / METRES[common] for name, unit in named.items()}

@@ -22,7 +22,7 @@ from isomatch.cohort.finish import finish
 from isomatch.cohort.jobs import Event
 from isomatch.cohort.landmarks import LandmarkTables, Semilandmarks, landmark_files, write_tables
 from isomatch.cohort.ledger import writing_ledger
-from isomatch.cohort.map_file import KEPT, changed_files
+from isomatch.cohort.map_file import DIGESTED_FOLDERS, changed_files
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.snapshot import Snapshot
 from isomatch.cohort.study_page import write_reports, write_table
@@ -38,7 +38,7 @@ from isomatch.cohort.unusual_shapes import Outlier, outliers
 from isomatch.cohort.workers import Listener, Warn, Workers, workers_of
 from isomatch.settings import Config
 
-Reports = int | Literal["doubtful", "all", "none"]
+Reports = int | Literal["doubtful", "all", "none"]  # pairs that get a report, or their number
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Cohort:
     folder: Path
     #: collection of each structure; "" for shapes of one surface, "added" for what was added to them
     collections: Mapping[str, Collection]
-    gaps: Sequence[Gap] = ()  #: how structures lie on each other; empty if not measured now
+    gaps: Sequence[Gap] = ()  #: gaps between structures of subjects; empty if not measured in this run
     landmarks: LandmarkTables | None = None  #: what was written about landmarks
 
     @classmethod
@@ -65,7 +65,7 @@ class Cohort:
     def status(self, *, thorough: bool = False) -> dict[str, Status]:
         """Sum up each collection, with damaged landmarks or, if ``thorough``, all damaged files."""
         has_own = "" in self.collections
-        files = KEPT if thorough and has_own else ("landmarks",)
+        files = DIGESTED_FOLDERS if thorough and has_own else ("landmarks",)
         return {name: status_of(x, () if has_own and name else files) for name, x in self.collections.items()}
 
     @property
@@ -166,7 +166,7 @@ def run(
         doubts = subject_doubts(subjects, reflect, units or ())
         mirrored = {doubt.names[0] for doubt in doubts if doubt.kind == "mirrored"}
         for doubt in doubts:
-            if doubt.kind != "mirrored" or reflect != "auto":  # a mirrored subject is reflected
+            if doubt.kind != "mirrored" or reflect != "auto":  # "auto" reflects mirrored subjects
                 to.warn(f"{' and '.join(doubt.names)} {doubt.reason}")
         cohort = Cohort(Path(folder), subject_collections(folder, subjects, **settings))
     else:
@@ -190,7 +190,7 @@ def run(
                 to.tell("comparing maps with compositions of others", 1.0)
                 try:
                     follow(combine.agree(collection, workers), to)
-                except MemoryBudgetError as error:  # the maps are usable without it
+                except MemoryBudgetError as error:  # the maps are usable without a comparison
                     to.warn(f"maps were not compared: {error}")
             write_results(collection, reports, workers, to)
             if marks:
@@ -318,7 +318,7 @@ class Status:
 
 
 def status_of(collection: Collection, folders: Iterable[str] = ()) -> Status:
-    """Sum up a collection from all ledgers, with the damaged files of some `KEPT` folders."""
+    """Sum up a collection from all ledgers, with the damaged files of some `DIGESTED_FOLDERS` folders."""
     known = Snapshot(collection, collection.rows())
     rows, pairs = known.rows, [known.rows.pair(pair) for pair in known.wanted_pairs]
     changed = changed_files(known.layout, rows, folders)

@@ -18,7 +18,7 @@ from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surfaces_written
 from isomatch.cohort.ledger import Rows, ShapeRow
-from isomatch.cohort.plan import OTHERS, Entry, Layout, checked_units, common_unit, entries_of
+from isomatch.cohort.plan import OTHER_SHAPES, Entry, Layout, checked_units, common_unit, entries_of
 from isomatch.cohort.run import Reports, follow, status_of, write_results
 from isomatch.cohort.shape_statistics import ScoredShape, ShapeModel, leave_one_out, size_factors
 from isomatch.cohort.snapshot import Snapshot
@@ -29,9 +29,9 @@ from isomatch.io import Asset, Attribute, mesh_from, read_mesh, write_asset
 from isomatch.landmarks import Landmarks
 from isomatch.settings import Config
 
-# largest distance of the template from where the model has it, over its size, in single precision
-SAME_SURFACE = 1e-4
-LAST = "scored.json"  # name of the file about new shapes that is written last
+# share of the size of a model; a template farther than this from its scored shape is another surface
+MAX_TEMPLATE_CHANGE = 1e-4
+LAST_FILE = "scored.json"  # file about new shapes that is written last: where it is, all others are complete
 
 
 def add(
@@ -88,24 +88,24 @@ def add(
         remedy = f"run isomatch statistics {folder} -o {file.parent}, or give it by --model"
         raise InputError(f"{file}: no model; {remedy}")
     prior = ShapeModel.load(file)
-    # claimed, so that no run of the collection removes unfinished files meanwhile
+    # the ledger is claimed, so that no run of the collection removes unfinished files meanwhile
     with claimed(collection.layout.ledger()), workers_of(executor, jobs) as workers:
         shapes = new_shapes(files)
-        more, left_out = added(collection, shapes, model=prior, reflect=reflect, units=units)
+        more, left_out = plan_added(collection, shapes, model=prior, reflect=reflect, units=units)
         for problem in left_out.values():
             to.warn(f"not added: {problem}")
-        present = more.of(name for name in more.names if more.paths[name].exists())  # others stay
+        present = more.of(name for name in more.names if more.paths[name].exists())
         follow(present.run(workers), to)
         write_results(more, reports, workers, to)
         rows, written = more.rows(), surfaces_written(more)
         subjects = [name for name in more.names if name != more.template]
         paths = {name: more.layout.corresponded(name) for name in subjects if name in written}
         scored = {name: prior.score_file(path) for name, path in paths.items()}
-        outcomes = {name: rows.pairs[more.template or "", name].there.outcome for name in scored}
+        outcomes = {name: rows.pairs[more.template or "", name].forward.outcome for name in scored}
         landmarks = _nearest_landmarks(collection, more, scored)
         cells = {n: {"outcome": outcomes[n].name, "landmark": landmarks.get(n, "")} for n in scored}
         about = {"folder": str(more.folder), "left_out": left_out, "status": status_of(more).to_json()}
-        into = StatisticsFolder(more.folder, last=LAST)
+        into = StatisticsFolder(more.folder, last=LAST_FILE)
         with into.claimed(force=True) as inner:
             record = write_scored(inner, file, prior, scored, cells, about)
     for name in subjects:
@@ -133,7 +133,7 @@ def _nearest_landmarks(
     return {name: marks.names[np.nanargmin(lengths)] for name, lengths in distances.items()}
 
 
-def added(
+def plan_added(
     collection: Collection,
     files: str | Path | Iterable[str | Path | Entry],
     *,
@@ -141,12 +141,9 @@ def added(
     units: Mapping[str, str] | None = None,
     reflect: str | Iterable[str] | None = None,
 ) -> tuple[Collection, dict[str, str]]:
-    """Plan the matches of new subjects with the template of a finished collection.
-
-    They are a collection of their own, in the folder ``added``; also returns why some are left out.
-    """
-    # it is a star around the same template, with the same settings and seed: its maps and surfaces
-    # are those that the subjects would have had in the collection, if that is a star
+    """Plan the matches of new subjects with the template, in a folder ``added``; tell which are left out."""
+    # The new collection is a star around the same template, with the same settings and seed: in an
+    # old star, the subjects would have had the same maps and surfaces.
     old = Snapshot(collection, collection.rows())
     template = _template_of(collection, old)
     if model is not None:
@@ -161,8 +158,9 @@ def added(
     given = dict(units or {})
     known = {**(earlier.units if earlier else {}), **given}
     known |= _units_of_collection(old, known, areas)
-    if given.get(OTHERS, known.get(OTHERS)) != known.get(OTHERS):
-        raise InputError(f"{collection.folder}: is in {known[OTHERS]}, not {given[OTHERS]}; give that unit")
+    common = known.get(OTHER_SHAPES)
+    if given.get(OTHER_SHAPES, common) != common:
+        raise InputError(f"{collection.folder}: is in {common}, not {given[OTHER_SHAPES]}; give that unit")
     problems |= _in_other_units(old, known, areas)
     if problems and len(problems) == len(new):
         raise InputError(f"{collection.folder}: nothing is added; {'; '.join(problems.values())}")
@@ -206,7 +204,7 @@ def _require_model_of(collection: Collection, template: str, model: ShapeModel) 
     if template in model.names:
         within = np.linalg.norm(found.scores - model.scores[model.names.index(template)])
         off = max(float(within), found.error) / float(np.ptp(model.mean, axis=0).max())
-        if off > SAME_SURFACE:
+        if off > MAX_TEMPLATE_CHANGE:
             problem = f"was made of another surface of {template}, {off:.2g} of its size away"
             raise InputError(f"{model!r} {problem}; {remedy} as it is now")
 
@@ -255,7 +253,7 @@ def _units_of_collection(
     if common is None:
         problem = "in units that fit no unit of the collection by their sizes"
         raise InputError(f"{', '.join(known)}: {problem}; give that too, such as mm,scan7=cm")
-    return {OTHERS: common} | {name: unit for name, unit in units.items() if name == old.template}
+    return {OTHER_SHAPES: common} | {name: unit for name, unit in units.items() if name == old.template}
 
 
 def _in_other_units(old: Snapshot, known: Mapping[str, str], areas: Mapping[str, float]) -> dict[str, str]:
@@ -313,7 +311,7 @@ def project(
     FormatError, MeshError
         If a file cannot be read, or has another topology.
     """
-    into, listener = StatisticsFolder(Path(output), last=LAST), Listener.of(progress, None)
+    into, listener = StatisticsFolder(Path(output), last=LAST_FILE), Listener.of(progress, None)
     with into.claimed(force) as new:
         listener.tell("reading", 0.0)
         prior = ShapeModel.load(model)

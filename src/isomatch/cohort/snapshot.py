@@ -70,12 +70,12 @@ class Snapshot:
         shown = [pair for pair in pairs if rows.pairs[pair].is_mirrored]
         if not shown:
             return {}
-        if self.plan.pairs == "star":  # mirror images of the template
+        if self.plan.pairs == "star":  # the template counts as right, other shapes as mirrored
             mirrored = {name for pair in shown for name in pair} - {self.template}
         else:
             mirrored = set(self._mirrored_group(pairs))
         clearest: dict[str, Pair] = {}
-        scores = {pair: rows.pairs[pair].there.measures["mirrored"] for pair in shown}  # lower is clearer
+        scores = {pair: rows.pairs[pair].forward.measures["mirrored"] for pair in shown}  # low if clear
         for pair in sorted(shown, key=lambda pair: math.inf if (x := scores[pair]) is None else x):
             for name, other in (pair, pair[::-1]):
                 if name in mirrored and other not in mirrored:
@@ -87,7 +87,7 @@ class Snapshot:
         links: dict[str, dict[str, int]] = defaultdict(dict)
         for a, b in pairs:
             row = self.rows.pairs[a, b]
-            if row.is_mirrored or row.there.outcome.sureness >= Outcome.PARTIAL.sureness:
+            if row.is_mirrored or row.forward.outcome.sureness >= Outcome.PARTIAL.sureness:
                 links[a][b] = links[b][a] = -1 if row.is_mirrored else 1
 
         def weight(group: list[str]) -> tuple[bool, int, int]:

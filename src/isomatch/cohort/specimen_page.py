@@ -28,7 +28,7 @@ from isomatch.visualization import (
     turn_to_target,
 )
 
-MOST_SHOWN = 10_000  # a surface with more vertices is simplified to this number on a page
+MAX_SHOWN_VERTICES = 10_000  # a surface with more vertices is simplified to this number on a page
 N_STOPS = 9  # number of colours of a scale, between which a browser interpolates
 HELP = "Drag to rotate; the wheel or two fingers zoom."
 
@@ -56,7 +56,7 @@ def write_specimen(
     sides = [specimen] if is_template else [specimen, template]
     colours = position_colours(template.corresponded)
     cameras = [camera_like(template.corresponded, side.corresponded) for side in sides]
-    drawn = [DrawnSurface(side.mesh, camera, MOST_SHOWN) for side, camera in zip(sides, cameras)]
+    drawn = [DrawnSurface(side.mesh, camera, MAX_SHOWN_VERTICES) for side, camera in zip(sides, cameras)]
     scene = {
         "shapes": [
             surface.packed(colours[cKDTree(side.corresponded.vertices).query(side.mesh.vertices)[1]])
@@ -117,7 +117,7 @@ def _place_landmarks(surface: DrawnSurface, known: Landmarks | None, marks: Land
     known = Landmarks([]) if known is None else known
     rows = {name: row for row, name in enumerate(known.names)}
     found = [*range(len(marks))] if known is marks else [rows.get(name, -1) for name in marks.names]
-    # the last row is for a landmark without a place
+    # the row that is added, at index −1, is the position of a landmark without one
     positions = np.vstack([known.positions, np.full((1, 3), np.nan)])[found]
     errors = np.append(known.expected_error, np.nan)[found].tolist()
     plain = [None if np.isnan(error) else error for error in errors]

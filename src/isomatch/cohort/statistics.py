@@ -29,11 +29,11 @@ from isomatch.io import Asset, Attribute, holds_values, read_asset, read_attribu
 from isomatch.landmarks import read_landmark_pairs
 from isomatch.surfaces import Mesh
 
-Scale = Literal["keep", "remove"]
-Weights = Literal["area", "uniform"]
-Method = Literal["permutation", "parametric"]
-GROUP = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # pattern of the group in a formula
-SIZE = "size"  # name that a formula uses for the logarithm of the centroid size
+Scale = Literal["keep", "remove"]  # whether shapes keep their sizes, or are brought to one size
+Weights = Literal["area", "uniform"]  # whether a vertex counts by its area, or all count alike
+TestMethod = Literal["permutation", "parametric"]  # where p-values of a test come from
+GROUP_PATTERN = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # of ``group`` in a formula
+LOG_SIZE = "size"  # name in formulas of the logarithm of the centroid size
 
 
 def statistics(
@@ -45,7 +45,7 @@ def statistics(
     modes: int = 3,
     groups: Path | None = None,
     model: str | None = None,
-    test: Method = "permutation",
+    test: TestMethod = "permutation",
     tangent: bool = False,
     slide: Criterion | None = None,
     wireframe: Path | None = None,
@@ -200,7 +200,7 @@ def _add_mirror_images(
 
 
 def _test_groups(
-    model: ShapeModel, shapes: CorrespondedShapes, labels: dict[str, str], method: Method, seed: int
+    model: ShapeModel, shapes: CorrespondedShapes, labels: dict[str, str], method: TestMethod, seed: int
 ) -> tuple[shape_statistics.GroupTest | None, dict[str, Any]]:
     """Test where two groups differ; with plain values about the groups, also if there are more."""
     rows = [i for i, name in enumerate(model.names) if name in labels]
@@ -221,11 +221,11 @@ def _fit_linear(
     model: ShapeModel, formula: str, study: Study, log_sizes: FloatArray, seed: int, notes: list[str]
 ) -> shape_statistics.ShapeAnova:
     """Test the terms of a model in the shapes that have all values."""
-    names = model.names[: len(log_sizes)]  # without mirror images
-    cells = [{SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())]
+    names = model.names[: len(log_sizes)]  # mirror images come after these and are left out
+    cells = [{LOG_SIZE: size, **study.table.get(name, {})} for name, size in zip(names, log_sizes.tolist())]
     columns = dict.fromkeys(column for row in cells for column in row if column != "name")
-    # the group is a factor, even if its names are numbers, in capitals or not
-    formula = re.sub(GROUP, "factor(group)", formula, flags=re.IGNORECASE)
+    # the variable ``group``, in capitals or not, is a factor, even if the names of the groups are numbers
+    formula = re.sub(GROUP_PATTERN, "factor(group)", formula, flags=re.IGNORECASE)
     used = {word.strip() for word in re.split(r"[+*:()~]", formula)} & {*columns}
     lacks = [any(str(row.get(column, "")).lower() in NO_TEXT for column in used) for row in cells]
     if without := [*compress(names, lacks)]:

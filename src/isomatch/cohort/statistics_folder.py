@@ -33,16 +33,16 @@ from isomatch.cohort.shape_statistics import (
     ShapeRegression,
 )
 from isomatch.cohort.specimen_page import template_of, text_of
-from isomatch.cohort.study_page import LOCAL
+from isomatch.cohort.study_page import LOCAL_SOURCES
 from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.surfaces import Mesh
 
-VERSION = version("isomatch")
-DEVIATIONS = 2  # standard deviations by which the mean is moved along each mode that is written
-LINKED = ".csv", ".npz", ".h5", ".ply", ".vtp"  # suffixes of the files that a page links
+VERSION = version("isomatch")  # version of isomatch that results record
+MODE_DEVIATIONS = 2  # standard deviations by which files of modes move the mean
+LINKED_SUFFIXES = ".csv", ".npz", ".h5", ".ply", ".vtp"  # suffixes of the files that a page links
 Groups = list[str] | None  # the group of each shape
-GREY = 0.6  # share of white in the colour of vertices without a value
-GEODESIC = "difference of geodesic distances, in √area"
+GREY_LEVEL = 0.6  # red, green and blue, from 0 to 1, of vertices without a value
+GEODESIC_LABEL = "difference of geodesic distances, in √area"  # of charts
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class StatisticsFolder:
         high = highest or float(np.nanquantile(np.abs(shown), 0.995)) or 1.0
         name_of, low = ("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)
         paint = visualization.colour_scale(name_of, low, high)
-        rgb = np.nan_to_num(paint(shown[:, None]), nan=GREY)
+        rgb = np.nan_to_num(paint(shown[:, None]), nan=GREY_LEVEL)
         attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
         write_asset(self.path(name), Asset.of_mesh(mesh, [*attributes, colours]), binary=True)
@@ -96,9 +96,9 @@ class StatisticsFolder:
     def model(self, model: ShapeModel, shapes: CorrespondedShapes, n_modes: int, groups: Groups) -> None:
         """Write the model: meshes, scores, variances and the picture of the modes."""
         model.save(self.path("model.npz"))
-        scores = np.diag(DEVIATIONS * model.deviations)[: min(n_modes, model.n_modes)]
+        scores = np.diag(MODE_DEVIATIONS * model.deviations)[: min(n_modes, model.n_modes)]
         moved = {
-            f"mode_{i}_{word}{DEVIATIONS}sd": model.vertices(sign * score)
+            f"mode_{i}_{word}{MODE_DEVIATIONS}sd": model.vertices(sign * score)
             for i, score in enumerate(scores, start=1)
             for sign, word in ((-1, "minus"), (1, "plus"))
         }
@@ -216,7 +216,7 @@ class StatisticsFolder:
         for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
             if distances is not None:
                 self.table(name, name=shapes.names, **dict(zip(shapes.names, distances.T.tolist())))
-        label = GEODESIC if geodesic is not None else "Procrustes distance, in units of the shapes"
+        label = GEODESIC_LABEL if geodesic is not None else "Procrustes distance, in units of the shapes"
         geodesic = procrustes if geodesic is None else geodesic
         points = shape_statistics.classical_scaling(geodesic)
         x, y = points.T.tolist()
@@ -310,7 +310,7 @@ class StatisticsFolder:
     ) -> None:
         """Write the page with all pictures of a model, its modes in 3D, and what the command tells."""
         doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
-        n, scale, weights = len(record["shapes"]), SCALES[record["scale"]], WEIGHTS[record["weights"]]
+        n, scale, weights = len(record["shapes"]), SCALINGS[record["scale"]], WEIGHTINGS[record["weights"]]
         counted = f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
         modes = enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
         rows = [(str(i), f"{x:.1%}", f"{y:.1%}") for i, (x, y) in modes]
@@ -319,7 +319,7 @@ class StatisticsFolder:
         sections = {"To look at first": listed(doubts), "What was found": listed(sentences)}
         view, scripts = mode_view(model, record["modes"]) if len(model.faces) else ("", "")
         sections |= {**more, "Modes": view + tabulated(("mode", "share of the variance", "so far"), rows)}
-        self.page(f"Statistics of {counted}", folder, settings, sections, PICTURES, scripts)
+        self.page(f"Statistics of {counted}", folder, settings, sections, PICTURE_CAPTIONS, scripts)
 
     def page(
         self,
@@ -342,7 +342,7 @@ class StatisticsFolder:
             scripts=scripts,
         )
         style = text_of("cohort.css")
-        page = visualization.html_page(f"{title}, {folder}", body, style=style, images=LOCAL)
+        page = visualization.html_page(f"{title}, {folder}", body, style=style, images=LOCAL_SOURCES)
         write_text(self.path("index.html"), page)
 
     def finish(self, record: Mapping[str, object]) -> None:
@@ -357,7 +357,7 @@ class Results:
     folder: Path
     files: list[str]  #: names of the files that were written
     record: Mapping[str, Any]  #: settings and results in plain values, as in the file that is written last
-    told: list[str] = field(default_factory=list)  #: what was found, one sentence each
+    findings: list[str] = field(default_factory=list)  #: what was found, one sentence each
     model: ShapeModel | None = None  #: mean and modes of variation, of `statistics`
     unsure: str = ""  #: sentence of `asymmetry` on maps from left to right that are not sure
 
@@ -379,7 +379,7 @@ def _files_of(record: Path) -> list[str]:
         return []
 
 
-PICTURES = {
+PICTURE_CAPTIONS = {
     "modes": "The mean, and the mean moved along each mode.",
     "scores": "The shapes by their scores along the first two modes.",
     "variance": "How much each vertex varies.",
@@ -392,11 +392,11 @@ PICTURES = {
 }
 """What each picture shows, in the order of the page."""
 
-SCALES = {
+SCALINGS = {  # what the settings of ``scale`` and ``weights`` do
     "keep": "Size is part of the shape (scale keep)",
     "remove": "All shapes are brought to one size (scale remove)",
 }
-WEIGHTS = {
+WEIGHTINGS = {
     "area": "a vertex counts by its share of the area (weights area)",
     "uniform": "all vertices count alike (weights uniform)",
 }
@@ -410,7 +410,7 @@ def _figure(file: str, words: str) -> str:
 
 def _link_files(names: Iterable[str]) -> str:
     """Link tables and meshes of a folder; those in folders inside it open with a click."""
-    html, linked = "", sorted((name for name in names if name.endswith(LINKED)), key=dirname)
+    html, linked = "", sorted((name for name in names if name.endswith(LINKED_SUFFIXES)), key=dirname)
     for folder, inner in groupby(linked, dirname):
         links = ", ".join(f'<a href="{quote(name)}">{escape(basename(name))}</a>' for name in inner)
         in_folder = f"<details><summary>{escape(folder)}</summary>{links}</details>"

@@ -20,8 +20,8 @@ from isomatch.cohort.shape_statistics import CORRESPONDED, CorrespondedShapes, C
 from isomatch.io import FORMATS, meshes_among
 from isomatch.landmarks import Curve, is_of_landmarks, read_landmark_pairs, read_specimens
 
-TRUSTED = {"CONVERGED", "PARTIAL"}  # names of the outcomes of maps that are not in doubt
-Table = dict[str, dict[str, str]]  # cells of each shape by column; empty where there is no value
+TRUSTED_OUTCOMES = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt, as pairs.csv names them
+Table = dict[str, dict[str, str]]  # cells of each shape by column; "" where there is no value
 
 
 class Study(NamedTuple):
@@ -57,11 +57,7 @@ def read_study(
     wireframe: Path | None = None,
     slide: Criterion | None = None,
 ) -> Study:
-    """Read one mesh, a folder of meshes or of a collection, or landmarks, with a table of subjects.
-
-    The table has the given columns. Only landmarks slide, along curves and patch, and have a
-    wireframe.
-    """
+    """Read a mesh, a folder of meshes or of a collection, or landmarks, with a table of subjects."""
     slid = list[Slid]()
     if is_landmark_study(source):
         shapes, slid = _read_landmarks(source, wireframe, slide)
@@ -111,7 +107,7 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
     for row in read_table(pairs).records() if pairs.is_file() else ():
         for end in ("source", "target"):
             outcomes.get(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
-    doubtful = [(name, found) for name, found in outcomes.items() if found and not found & TRUSTED]
+    doubtful = [(name, found) for name, found in outcomes.items() if found and not found & TRUSTED_OUTCOMES]
     return [f"{name} may be matched wrongly: {', '.join(sorted(found))}" for name, found in doubtful]
 
 

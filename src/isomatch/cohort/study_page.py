@@ -28,22 +28,22 @@ from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.visualization import html_page, write_report
 
-# columns of the table of pairs on the page, and how their numbers are written
-SHOWN = dict.fromkeys(("in doubt", "distortion_mean"), "{:.1%}") | {"coverage": "{:.0%}", "matched": "{:.0%}"}
-SHOWN |= {"spectral_residual": "{:.2f}", "runner_up": "{:.2f}", "seconds": "{:.1f}"}
-# heads of columns that have another name in pairs.csv
+# formats of the numbers in the page's table of pairs, by column
+FORMATS = {"in doubt": "{:.1%}", "distortion_mean": "{:.1%}", "coverage": "{:.0%}", "matched": "{:.0%}"}
+FORMATS |= {"spectral_residual": "{:.2f}", "runner_up": "{:.2f}", "seconds": "{:.1f}"}
+# heads on the page of columns that have other names in pairs.csv
 HEADS = {"runner_up": "best alternative", "distortion_mean": "distortion"}
-MAX_TURNED_SHARE = 0.01  # the page tells the share of faces that are turned over if it is larger
-MAX_PAIRS = 200  # number of pairs on the page, at most
-MEASURES = tuple(field.name for field in fields(Quality))
-COLUMNS = (
+MAX_TURNED_SHARE = 0.01  # the page reports the share of turned-over faces of a shape if it is larger
+MAX_PAIRS = 200  # largest number of pairs on the page
+MEASURES = tuple(field.name for field in fields(Quality))  # names of the measures of a map
+PAIR_COLUMNS = (  # columns of pairs.csv
     *("source", "target", "state", "outcome", "outcome_back"),
     *(*MEASURES, *(f"{name}_back" for name in MEASURES)),
     *("inconsistency", "inconsistency_before", "replaced_by", "reflected", "seconds", "memory", "error"),
     *("source_hash", "target_hash", "key"),
 )
-LOCAL = "'self' file: data:"  # sources from which the page may load pictures
-ALSO_SHOWN = 3  # number of pairs that get a report though they are not in doubt: the worst ones
+LOCAL_SOURCES = "'self' file: data:"  # sources, in a content security policy, from which pages load pictures
+N_SURE_REPORTS = 3  # number of pairs, the worst of those not in doubt, that get a report too
 
 
 def write_page(known: Snapshot) -> None:
@@ -64,9 +64,9 @@ def write_page(known: Snapshot) -> None:
         shapes="".join(_figure(known, name, lines.get(name)) for name in known.names),
         count=f"{min(len(pairs), MAX_PAIRS)} of {len(pairs)}, worst first.",
         pairs="".join(_shown(layout, *pair) for pair in pairs[:MAX_PAIRS]),
-        columns="".join(f"<th scope=col>{HEADS.get(name, name.replace('_', ' '))}</th>" for name in SHOWN),
+        columns="".join(f"<th scope=col>{HEADS.get(name, name.replace('_', ' '))}</th>" for name in FORMATS),
     )
-    page = html_page(title, body, style=text_of("cohort.css"), images=LOCAL)
+    page = html_page(title, body, style=text_of("cohort.css"), images=LOCAL_SOURCES)
     write_text(layout.page, page)
 
 
@@ -99,9 +99,9 @@ def _figure(known: Snapshot, name: str, line: SurfaceRow | None) -> str:
 
 def _shown(layout: Layout, pair: Pair, row: PairRow) -> str:
     """Show one pair: names, outcome, measures, and links to its report and maps if they exist."""
-    measures = {**row.there.measures, "seconds": row.seconds, "in doubt": row.there.doubtful_area}
-    numbers = {name: measures.get(name) for name in SHOWN}
-    texts = [SHOWN[name].format(n) if isinstance(n, int | float) else "–" for name, n in numbers.items()]
+    measures = {**row.forward.measures, "seconds": row.seconds, "in doubt": row.forward.doubtful_area}
+    numbers = {name: measures.get(name) for name in FORMATS}
+    texts = [FORMATS[name].format(n) if isinstance(n, int | float) else "–" for name, n in numbers.items()]
     cells = "".join(f"<td>{escape(text)}</td>" for text in texts)
     files = {"report": layout.report(pair)} if has_report(layout, pair, row) else {}
     files |= {"maps": layout.maps(pair)} if layout.maps(pair).exists() else {}
@@ -122,7 +122,7 @@ def worst_first(rows: Rows) -> list[tuple[Pair, PairRow]]:
     """Order pairs: failed ones first, then by outcome and spectral residual."""
 
     def goodness(item: tuple[Pair, PairRow]) -> tuple[bool, int, float]:
-        summary = item[1].there
+        summary = item[1].forward
         sureness = summary.outcome.sureness if summary.values else -1
         return item[1].state == "done", sureness, -(summary.measures.get("spectral_residual") or 0.0)
 
@@ -132,19 +132,19 @@ def worst_first(rows: Rows) -> list[tuple[Pair, PairRow]]:
 def write_table(rows: Rows, path: Path) -> None:
     """Write a line for each pair as CSV, and as Parquet if the package pyarrow is installed."""
     lines = [_line(*item) for item in worst_first(rows)]
-    write_csv(path, lines, COLUMNS)
+    write_csv(path, lines, PAIR_COLUMNS)
     try:
         from pyarrow import Table, parquet
     except ImportError:
         return
-    table = Table.from_pylist([{name: line.get(name) for name in COLUMNS} for line in lines])
+    table = Table.from_pylist([{name: line.get(name) for name in PAIR_COLUMNS} for line in lines])
     with replaced(path.with_suffix(".parquet")) as file:
         parquet.write_table(table, file)
 
 
 def _line(pair: Pair, row: PairRow) -> dict[str, object]:
     line: dict[str, object] = {"source": pair[0], "target": pair[1], **row.to_json()}
-    for result, ending in ((row.there, ""), (row.back, "_back")):
+    for result, ending in ((row.forward, ""), (row.backward, "_back")):
         if result.values:
             line[f"outcome{ending}"] = result.outcome.name
             line |= {f"{name}{ending}": result.measures.get(name) for name in MEASURES}
@@ -172,8 +172,8 @@ def write_reports(
         raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")
     matched = [item for item in worst_first(collection.rows()) if item[1].state == "done"]
     if which == "doubtful":
-        doubtful = sum(row.there.outcome is not Outcome.CONVERGED for _, row in matched)
-        which = min(doubtful + ALSO_SHOWN, MAX_PAIRS)
+        doubtful = sum(row.forward.outcome is not Outcome.CONVERGED for _, row in matched)
+        which = min(doubtful + N_SURE_REPORTS, MAX_PAIRS)
     chosen = matched if which == "all" else matched[: int(which)]
     due = [(pair, row) for pair, row in chosen if not has_report(collection.layout, pair, row)]
     if not due:
@@ -200,19 +200,19 @@ def _write_report_of(collection: Collection, item: tuple[Pair, PairRow]) -> None
     source_turned, target_turned = (name in row.reflected for name in pair)
     maps = collection.maps(*pair)
     source, target = map(mesh_from, files)
-    forward, source, target = as_matched(maps.there, source, target, (source_turned, target_turned))
+    forward, source, target = as_matched(maps.forward, source, target, (source_turned, target_turned))
     command = join(["isomatch", "match", *map(str, files)])
     if source_turned != target_turned:
         command += " --orientation any"
     command += " -o DIR --landmarks landmarks.txt"
     path = collection.layout.report(pair)
-    # the result of a match, restored from its saved parts; notes say what is not in them
-    notes = row.there.notes
-    if row.there.values["alternatives"]:
+    # the result is restored from saved parts; notes say what these parts lack
+    notes = row.forward.notes
+    if row.forward.values["alternatives"]:
         notes.append("a collection does not keep alternatives; isomatch match finds them again")
     if row.is_contradicted:
         notes.insert(0, f"other maps contradict it by {row.inconsistency:.2f} √area")
-    result = MatchResult.from_dict(dict(row.there.values), forward, collection.config)
-    known: dict[str, Any] = {} if maps.there_error is None else {"expected_error": maps.there_error}
+    result = MatchResult.from_dict(dict(row.forward.values), forward, collection.config)
+    known: dict[str, Any] = {} if maps.forward_error is None else {"expected_error": maps.forward_error}
     result = replace(result, notes=tuple(notes), **known)
     write_report(path, source, target, result, names=pair, command=command)

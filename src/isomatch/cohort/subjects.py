@@ -23,7 +23,7 @@ from isomatch._core.texts import natural_order, write_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.finish import surfaces_written
-from isomatch.cohort.plan import OTHERS, Entry
+from isomatch.cohort.plan import OTHER_SHAPES, Entry
 from isomatch.cohort.shape_statistics import MEASURED, STRUCTURES, CorrespondedShapes, Doubt
 from isomatch.cohort.snapshot import Snapshot
 from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
@@ -33,13 +33,13 @@ from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected
 
 Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
 SURE_OUTCOMES = (Outcome.CONVERGED, Outcome.PARTIAL)  # outcomes of maps that can tell left from right
-CONTACT_DISTANCE = 0.1  # a structure touches a larger one where it is nearer than this, in its own √area
-MIN_CONTACT_AREA = 0.2  # two structures are in contact if this share of the area of the smaller one touches
-MIN_SHEET_AREA = 0.6  # touching share of area from which a structure follows the other; joints have less
-MOVEMENT_REACH = 0.1  # √area: points up to this far outside the contact are moved along with it
-N_ROUNDS = 4  # rounds in which a structure is moved; further ones hardly reduce the slip of knee cartilage
-MAX_SLIP = 0.5  # a point that still slips by more, in √(area of a vertex), has no counterpart
-MAX_WITHOUT = 0.5  # if a larger share of the touching points has no counterpart, nothing is moved
+CONTACT_DISTANCE = 0.1  # √area of the smaller of two structures, which touch where they are nearer than this
+MIN_CONTACT_SHARE = 0.2  # two structures are in contact if this share of the area of the smaller one touches
+MIN_SHEET_SHARE = 0.6  # a structure follows a larger one that touches this share of its area, unlike joints
+MOVEMENT_REACH = 0.1  # √area; points up to this far outside a contact are moved along with the contact
+N_ROUNDS = 4  # number of times that a sheet is moved; more times hardly reduce the slip of knee cartilage
+MAX_SLIP = 0.5  # √(area of a vertex); a touching point that still slips by more has no counterpart
+MAX_UNPAIRED_SHARE = 0.5  # a sheet is not moved if a larger share of its touching points has no counterpart
 
 
 def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
@@ -72,12 +72,12 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
         if alike := [name for name, fold in zip(names, folded) if folded.count(fold) > 1]:
             remedy = "name them alike, or otherwise"
             raise InputError(f"{source}: {', '.join(alike)} differ in case or accents alone; {remedy}")
-    # a structure of few subjects that all lack a usual one may be that one under another name
+    # a structure of a few subjects that lack a usual structure may be that structure under another name
     usual = [structure for structure, files in found.items() if 2 * len(files) > len(subjects)]
     for structure, files in found.items():
         lacked = [other for other in usual if found[other].keys().isdisjoint(files)]
         who = f"{source}: nothing is matched; {structure} of {', '.join(files)}"
-        if structure in ("corresponded", "statistics"):  # folders beside those of structures
+        if structure in ("corresponded", "statistics"):  # names of folders beside the folders of structures
             raise InputError(f"{who} cannot have this name; rename it")
         if structure not in usual and (lacked or len(files) == 1):
             same = f"may be the same as {' or '.join(lacked)}" if lacked else "is in no other subject"
@@ -94,16 +94,13 @@ def subject_collections(
     units: Mapping[str, str] | None = None,
     **options: Any,
 ) -> dict[str, Collection]:
-    """Make or continue a collection for each structure; one that lies on a larger one is led by it.
-
-    The template of the structure that most subjects have is also the template of the other
-    structures, where they have it.
-    """
+    """Make or continue a collection for each structure; one that lies on a larger one is led by it."""
     names = {name for files in found.values() for name in files}
     named = [] if reflect in (None, "auto") else list(reflect or ())
-    if strangers := {*named, *(units or ()), template} - names - {OTHERS, None}:
+    if strangers := {*named, *(units or ()), template} - names - {OTHER_SHAPES, None}:
         raise InputError(f"{', '.join(map(str, strangers))}: no subjects; give names such as {min(names)}")
     in_order = sorted(names, key=natural_order)
+    # the subject with most structures shows which structures lie on others
     whole = template or max(in_order, key=lambda name: sum(name in files for files in found.values()))
     meshes = dict[str, Mesh]()
     for structure, files in found.items():
@@ -119,7 +116,7 @@ def subject_collections(
             [Entry(name, file) for name, file in files.items()],
             template=template if template in files else None,
             reflect=reflect if reflect in (None, "auto") else [name for name in named if name in files],
-            units=units and {name: unit for name, unit in units.items() if name in {OTHERS, *files}},
+            units=units and {name: unit for name, unit in units.items() if name in {OTHER_SHAPES, *files}},
             leader=made.get(leaders.get(structure, "")),
             beside=made.get(free[0]),
             **options,
@@ -130,10 +127,7 @@ def subject_collections(
 def sides_of(
     found: Mapping[str, Snapshot], mirrored: Names[str] = ()
 ) -> tuple[set[str], list[tuple[str, str]]]:
-    """Decide which subjects are reflected; also list structures and subjects that disagree.
-
-    The layout of ``mirrored`` subjects fits the others better reflected, see `subject_doubts`.
-    """
+    """Decide which subjects are reflected, given ``mirrored`` layouts; also list what disagrees."""
     # The majority decides: the layout and each structure whose map is sure have a vote. A
     # structure, or a layout, that reflects no subject does not tell sides, and has no vote. Sides
     # are relative to a template, so those of a structure with another template may be opposite.
@@ -195,7 +189,7 @@ def subject_doubts(
 ) -> list[Doubt]:
     """Find subjects whose layout is unlike the others', by points that move with each structure."""
     sides = () if reflect in (None, "auto") else tuple(reflect or ())
-    marks, faces = dict[str, CorrespondedShapes](), np.array([[0, 1, 2]])  # any face will do
+    marks, faces = dict[str, CorrespondedShapes](), np.array([[0, 1, 2]])  # any one face: it is not used
     for structure, files in found.items():
         points = {}
         for name, file in files.items():
@@ -237,15 +231,15 @@ class Gap(NamedTuple):
     gap_after: float
     overlap_after: float
     slip_after: float
-    without: float  # share of the touching points that have no counterpart
-    note: str  # why nothing was moved
+    without: float  # share of the touching points without a counterpart on the other structure
+    note: str  # why the structure was not moved
 
 
 class _Contact(NamedTuple):
     other: str
     points: PrecisePoints  # points of the other structure nearest to each vertex
-    distances: FloatArray  # (n,) distances to these points, below 1 where they touch
-    area: float  # area of the part that touches
+    distances: FloatArray  # (n,) distances to these points over the contact distance: vertices below 1 touch
+    area: float  # area of the vertices that touch
 
     @classmethod
     def of(cls, mesh: Mesh, other: str, larger: Mesh) -> _Contact:
@@ -261,7 +255,7 @@ class _Contact(NamedTuple):
 
 def leaders_of(meshes: Mapping[str, Mesh]) -> dict[str, str]:
     """Find the larger structure on which each lies by 0.6 of its area, as cartilage on bone."""
-    found = [(name, contacts) for name, contacts in _contacts_of(meshes, MIN_SHEET_AREA).items() if contacts]
+    found = [(name, contacts) for name, contacts in _contacts_of(meshes, MIN_SHEET_SHARE).items() if contacts]
     return {name: max(contacts, key=lambda contact: contact.area).other for name, contacts in found}
 
 
@@ -291,15 +285,15 @@ def measure_contacts(
     def mesh_of(places: FloatArray, i: int, name: str) -> Mesh:
         return meshes[name].moved(places[i, parts[name]])
 
-    for name, contacts in _contacts_of(meshes, MIN_CONTACT_AREA).items():
-        sheets = [contact for contact in contacts if contact.area >= MIN_SHEET_AREA * meshes[name].area]
+    for name, contacts in _contacts_of(meshes, MIN_CONTACT_SHARE).items():
+        sheets = [contact for contact in contacts if contact.area >= MIN_SHEET_SHARE * meshes[name].area]
         sheet = max(sheets, key=lambda contact: contact.area, default=None)
         smooth = _smoothing(meshes[name], sheet) if sheet else None
         for i in np.flatnonzero(has[name]).tolist():
             surface, note = mesh_of(shapes.vertices, i, name), ""
             if move and sheet and smooth and has[sheet.other][i] and i != at:
                 moved, kept = _follow(surface, mesh_of(vertices, i, sheet.other), sheet, smooth)
-                if (without := 1 - kept[sheet.touches].mean()) > MAX_WITHOUT:
+                if (without := 1 - kept[sheet.touches].mean()) > MAX_UNPAIRED_SHARE:
                     note = f"left as matched: {without:.0%} of what touches would have no counterpart"
                 else:
                     vertices[i, parts[name]] = moved

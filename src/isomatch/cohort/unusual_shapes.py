@@ -10,25 +10,25 @@ import numpy as np
 
 from isomatch.cohort.ledger import N_RANKS, Rows, ShapeRow
 from isomatch.cohort.plan import Plan, common_unit
-from isomatch.cohort.shape_statistics import likely_units, size_factors, told_factor
+from isomatch.cohort.shape_statistics import likely_units, size_factors, size_in_words
 from isomatch.cohort.snapshot import Snapshot
 from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PointCloud
 
-MIN_RESCALING = 0.01  # logarithm of the ratio of sizes, from which a copy counts as rescaled
-MAX_SEAM = 0.05  # a surface counts as closed if its boundaries, in √area, have at most this length together
-Trouble = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]
-# kinds that a run tells before it matches; it has told broken shapes when they failed
-OF_SHAPES: tuple[Trouble, ...] = ("units", "twice", "mirrored", "holes")
-NOT_UNLIKE = "no"  # cell of a shape that was compared with the others and is not unlike them
-SAME_DISTANCE = 1e-5  # difference of distances over the size, below which they are equal in single precision
-MIN_HANDEDNESS = 1e-6  # differences of handedness that are smaller are rounding, as in a symmetric shape
+MIN_RESCALING = 0.01  # a copy counts as rescaled if the logarithm of the ratio of sizes is larger, about 1 %
+MAX_CLOSED_BOUNDARY = 0.05  # √area; a surface with boundaries of a smaller total length counts as closed
+OutlierKind = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]  # see `outliers`
+# kinds that a run reports before it matches; it reports a broken shape when its preparation fails
+KINDS_BEFORE_MATCHING: tuple[OutlierKind, ...] = ("units", "twice", "mirrored", "holes")
+NOT_UNLIKE = "no"  # value in the column ``unlike`` of a shape that was compared with the others and is alike
+SAME_DISTANCE = 1e-5  # shares of a shape's size; distances that differ by less are equal in single precision
+MIN_HANDEDNESS = 1e-6  # smaller differences of ``handedness``, which has no unit, are rounding
 
 
 class Outlier(NamedTuple):
     """A shape that does not fit in a collection: kind, name, and reason with the remedy."""
 
-    kind: Trouble
+    kind: OutlierKind
     name: str
     reason: str
 
@@ -93,12 +93,12 @@ def _in_other_units(known: Snapshot) -> Iterator[Outlier]:
 def explain_unit(name: str, factor: float) -> str:
     """Tell how many times as large as the others a shape is, and which unit would explain it."""
     units = likely_units(factor)
-    return f"{told_factor(factor)} (--units {name}={units[0] if units else 'UNIT'})"
+    return f"{size_in_words(factor)} (--units {name}={units[0] if units else 'UNIT'})"
 
 
 def _with_holes(shapes: dict[str, ShapeRow]) -> Iterator[Outlier]:
     holes = {name: row.holes for name, row in shapes.items() if row.holes}
-    is_open = {name: length > MAX_SEAM for name, (_, length) in holes.items()}
+    is_open = {name: length > MAX_CLOSED_BOUNDARY for name, (_, length) in holes.items()}
     if not 0 < sum(is_open.values()) < len(is_open) / 2:
         return
     for name, (count, length) in holes.items():
@@ -134,7 +134,7 @@ def likeness_of(surface: Mesh | PointCloud) -> dict[str, Any]:
     axes = np.linalg.svd(centred.T @ centred)[0]
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     along = centred @ axes / spread
-    # the product of the skewnesses along the principal axes has the opposite sign in a mirror image
+    # the handedness, the product of the skewnesses along the principal axes, changes its sign by a reflection
     skewness = (along**3).mean(axis=0) / np.maximum((along**2).mean(axis=0), SAME_DISTANCE**2) ** 1.5
     scaled = tuple(np.round(distances[ranks] / spread, 8).tolist())
     return {"n_points": len(points), "spread": spread, "ranks": scaled, "handedness": float(skewness.prod())}

@@ -24,11 +24,12 @@ from isomatch._core.skipped import tell_skipped
 from isomatch._core.stage_timer import Progress, with_two_arguments
 from isomatch._core.threads import n_threads
 
-TASKS_PER_WORKER = 2  # number of tasks sent ahead for each worker, so that none waits for the next one
+TASKS_PER_WORKER = 2  # number of tasks that are sent for each worker, so that none waits for its next one
 COUNT_INTERVAL = 2.0  # seconds after which the workers of a cluster are counted again
 S = TypeVar("S")
 T = TypeVar("T")
-LOST = "the workers gave their tasks up, as when the scheduler of a cluster ends; run again to continue"
+# message if all tasks of an executor are cancelled
+WORKERS_LOST = "the workers gave up their tasks, as when a cluster's scheduler ends; run again to continue"
 Warn: TypeAlias = Callable[[str], Any]
 """Called with a sentence about shapes or maps to look at; by default it is logged."""
 logger = logging.getLogger("isomatch.cohort")
@@ -40,7 +41,7 @@ class Task:
 
     items: tuple[Any, ...]
     function: Callable[[Any], Any]
-    lost: int = 0  # how often any worker died while this task was running
+    lost: int = 0  # number of times that any worker died while this task was running
 
 
 class Attempt(NamedTuple, Generic[T]):
@@ -62,10 +63,10 @@ def try_job(work: Callable[[S], T], item: S) -> Attempt[T]:
     start = time.perf_counter()
     try:
         return Attempt(work(item), "", time.time(), time.perf_counter() - start)
-    except Exception as error:  # becomes a row with its reason, as no item may end a run
+    except Exception as error:  # any error becomes a row with its reason, as no item may end a run
         if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
             raise
-        reason = legible(f"{type(error).__name__}: {error}")  # it may name a file
+        reason = legible(f"{type(error).__name__}: {error}")  # the message may have the name of a file
         return Attempt(None, reason, time.time(), time.perf_counter() - start)
 
 
@@ -135,7 +136,7 @@ class Workers(ExitStack):
                 try:
                     work = partial(_attempts, queue[0], self._threads, _here(), self.end)
                     running[executor.submit(work)] = queue[0]
-                except BrokenExecutor:  # a worker died between two tasks, by no fault of theirs
+                except BrokenExecutor:  # a worker died while it ran no task, so no task is to blame
                     broken = True
                 else:
                     queue.popleft()
@@ -144,10 +145,10 @@ class Workers(ExitStack):
                     self._renew()
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                try:  # failures are attempts, so any other error is the death of a worker
+                try:  # a failed item gives an attempt, so an error here is the death of a worker
                     error = future.exception()
                 except CancelledError:
-                    raise InputError(LOST) from None
+                    raise InputError(WORKERS_LOST) from None
                 if isinstance(error, UnwritableFileError):
                     raise error from None
                 broken = broken or isinstance(error, BrokenExecutor)
@@ -218,9 +219,9 @@ def _n_threads_of(client: Any) -> Callable[[], int]:
     @lru_cache(maxsize=1)
     def count(_: float) -> int:
         try:
-            return sum(client.nthreads().values()) or 1  # 1 before the first worker comes
+            return sum(client.nthreads().values()) or 1  # at first, no worker has come
         except OSError:
-            raise InputError(LOST) from None
+            raise InputError(WORKERS_LOST) from None
 
     return lambda: count(time.monotonic() // COUNT_INTERVAL)
 

@@ -37,7 +37,7 @@ class Creature:
         return f"Creature({self.kind}, style {self.style}{symmetric}, {self.mesh.n_vertices} vertices)"
 
 
-FILE = files("isomatch.datasets") / "shipped" / "creature_pair.npz"
+PAIR_FILE = files("isomatch.datasets") / "shipped" / "creature_pair.npz"  # arrays of `example_pair`
 
 
 def example_pair() -> tuple[Creature, Creature]:
@@ -52,7 +52,7 @@ def example_pair() -> tuple[Creature, Creature]:
     >>> source, target
     (Creature(quadruped, style 0, 2968 vertices), Creature(quadruped, style 0, 3242 vertices))
     """
-    with as_file(FILE) as path, np.load(path) as arrays:
+    with as_file(PAIR_FILE) as path, np.load(path) as arrays:
         source, target = (
             Creature(
                 mesh=Mesh(arrays[f"{name}_vertices"], arrays[f"{name}_faces"]),

@@ -18,10 +18,10 @@ from isomatch.io import Asset, Attribute, png_of, with_skeleton, with_texture
 from isomatch.landmarks import Landmarks
 from isomatch.surfaces import Mesh
 
-Species = Literal["cat", "lion"]
+Species = Literal["cat", "lion"]  # keys of `PROPORTIONS`
 
-# A feature is a bump: its direction, its width on the sphere, and where the surface is drawn to.
-# Features with x > 0 lie on both sides. x points to the animal's left, y up, z forward.
+# A feature of a head is a bump: its direction from the centre, its width on the unit sphere, and the
+# displacement of its top. Features with x > 0 are on both sides. x points to the left, y up, z forward.
 FEATURES = {
     "muzzle": ((0.0, -0.25, 1.0), 0.42, (0.0, -0.12, 0.42)),
     "nose": ((0.0, -0.05, 1.0), 0.13, (0.0, 0.03, 0.2)),
@@ -33,22 +33,22 @@ FEATURES = {
     "ear": ((0.62, 0.78, -0.05), 0.17, (0.3, 0.75, -0.05)),
     "neck": ((0.0, -0.85, -0.55), 0.5, (0.0, -0.65, -0.5)),
 }
-LEFT, RIGHT = np.array([1, 1, 1]), np.array([-1, 1, 1])  # signs of the coordinates
-SKULL = np.array([0.85, 0.9, 1.0])  # width, height and length of the skull
-# Factors by which a species enlarges the features, in their order, and the skull.
+LEFT, RIGHT = np.array([1, 1, 1]), np.array([-1, 1, 1])  # factors of x, y, z that put left points on a side
+SKULL = np.array([0.85, 0.9, 1.0])  # half of the width, height and length of the skull
+# factors by which a species enlarges the features, in their order, and the axes of the skull
 PROPORTIONS: dict[str, tuple[tuple[float, ...], tuple[float, float, float]]] = {
     "cat": ((0.6, 0.7, 0.7, 1.0, 0.8, 1.0, 1.1, 1.0, 0.8), (1.05, 1.0, 0.9)),
     "lion": ((1.4, 1.2, 1.6, 0.7, 1.3, 0.9, 0.8, 0.45, 1.3), (0.95, 0.95, 1.1)),
 }
 VARIATION = 0.2  # largest relative deviation of the factors of an individual from its species
-MOUTH = (-0.46, 0.35, 0.05, 0.1)  # height of its middle, rise to the corners, width and depth of the groove
-# Directions of the left corner of the mouth, of the left hinge of the jaw, and of the middle of the jaw.
-CORNER, HINGE, JAW = np.array([[0.33, -0.42, 0.84], [0.8, -0.3, 0.2], [0.0, -0.7, 0.75]])
-OPENING = 0.35  # radians by which the jaw turns
-LIP = 0.06  # The jaw moves as a whole from this height below the line of the mouth.
+MOUTH = (-0.46, 0.35, 0.05, 0.1)  # height of the mouth's middle, rise to its corners, width and depth
+# directions of the left corner of the mouth, of the left hinge of the jaw, and of the middle of the jaw
+CORNER, JAW_HINGE, JAW_MIDDLE = np.array([[0.33, -0.42, 0.84], [0.8, -0.3, 0.2], [0.0, -0.7, 0.75]])
+JAW_TURN = 0.35  # radians by which the jaw turns when the mouth opens
+LIP_HEIGHT = 0.06  # height below the line of the mouth over which the skin moves less than the jaw
 SMILE = np.array([0.1, 0.13, -0.05])  # displacement of the left corner of the mouth
-N_FINE = 12_000  # vertices before decimation
-LANDMARKS = {
+N_FINE = 12_000  # number of vertices of a head before decimation
+LANDMARKS = {  # directions of the landmarks of a head
     "nose": FEATURES["nose"][0],
     "chin": FEATURES["chin"][0],
     **{
@@ -57,10 +57,11 @@ LANDMARKS = {
         for side, signs in (("left", LEFT), ("right", RIGHT))
     },
 }
-DARK, LIGHT = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)  # red, green, blue of the stripes
-N_TEXELS = 512  # width of the picture of the stripes
-STRIPES = 26.0  # phase of the stripes, in radians per unit of direction
-POLE_SQUARE_SIDE = 0.14  # width of a square outside the disc, in a corner of the picture, which is 1 wide
+DARK_STRIPE, LIGHT_STRIPE = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)  # red, green, blue of the stripes
+N_TEXELS = 512  # pixels across the picture of the stripes
+STRIPE_PHASE = 26.0  # radians of the phase of stripes per unit of direction: about 8 stripes around a head
+# width of a square in a corner of the picture, which is 1 wide, for the faces at the pole of the neck
+POLE_SQUARE_SIDE = 0.14
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,7 @@ class AnimalHead:
     @property
     def keys(self) -> dict[str, FloatArray]:
         """Displacements (n, 3) by name: the jaw opens, the mouth smiles; exactly 0 elsewhere."""
-        turn = Rotation.from_euler("x", OPENING).as_matrix()
+        turn = Rotation.from_euler("x", JAW_TURN).as_matrix()
         opened = (self.mesh.vertices - self._hinge) @ (turn.T - np.eye(3))
         smile = sum(
             _bump(self.directions, CORNER * side, 0.35)[:, None] * (SMILE * side) for side in (LEFT, RIGHT)
@@ -110,13 +111,13 @@ class AnimalHead:
     @cached_property
     def _jaw(self) -> FloatArray:
         """(n,) how far each vertex moves with the jaw."""
-        below = np.clip(-_over_mouth(self.directions) / LIP, 0, 1)
-        return np.asarray(np.sqrt(_bump(self.directions, JAW, 0.85)) * below**2 * (3 - 2 * below))
+        below = np.clip(-_over_mouth(self.directions) / LIP_HEIGHT, 0, 1)
+        return np.asarray(np.sqrt(_bump(self.directions, JAW_MIDDLE, 0.85)) * below**2 * (3 - 2 * below))
 
     @property
     def _hinge(self) -> FloatArray:
         """A point of the axis of the jaw, which is parallel to x."""
-        return np.asarray(self._at(HINGE) * [0, 1, 1])
+        return np.asarray(self._at(JAW_HINGE) * [0, 1, 1])
 
     def _at(self, direction: ArrayLike) -> FloatArray:
         """Position of the vertex nearest to a direction."""
@@ -220,5 +221,5 @@ def _stripes() -> bytes:
     angle = np.pi * np.minimum(radius, 1)
     flat = np.stack([np.sin(angle) * x / radius, np.sin(angle) * y / radius, np.cos(angle)], axis=-1)
     direction = flat @ _axes().T
-    dark = np.sin(STRIPES * direction[..., 2] + 3 * direction[..., 0] ** 2) > 0.2
-    return png_of(np.where(dark[..., None], DARK, LIGHT))
+    dark = np.sin(STRIPE_PHASE * direction[..., 2] + 3 * direction[..., 0] ** 2) > 0.2
+    return png_of(np.where(dark[..., None], DARK_STRIPE, LIGHT_STRIPE))

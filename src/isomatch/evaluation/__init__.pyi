@@ -1,5 +1,5 @@
-from isomatch.evaluation.map_errors import LIMIT as LIMIT
-from isomatch.evaluation.map_errors import SHARES as SHARES
+from isomatch.evaluation.map_errors import CURVE_LIMIT as CURVE_LIMIT
+from isomatch.evaluation.map_errors import TABLE_THRESHOLDS as TABLE_THRESHOLDS
 from isomatch.evaluation.map_errors import THRESHOLDS as THRESHOLDS
 from isomatch.evaluation.map_errors import SidedErrors as SidedErrors
 from isomatch.evaluation.map_errors import area_under_curve as area_under_curve

@@ -17,10 +17,9 @@ from isomatch.matching import COVERAGE_RADIUS, covered_share
 from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PrecisePoints
 
-# Errors, in √(target area): the largest one of published curves, and the thresholds of curves and tables.
-LIMIT = 0.25
-THRESHOLDS = np.linspace(0.0, LIMIT, 101)
-SHARES = (0.05, 0.10, 0.25)
+CURVE_LIMIT = 0.25  # √(target area); largest error of published curves
+THRESHOLDS = np.linspace(0.0, CURVE_LIMIT, 101)  # √(target area); errors at which a curve has points
+TABLE_THRESHOLDS = (0.05, 0.10, 0.25)  # √(target area); tables have the share of errors at most this large
 UNMATCHED_ERROR = 1.0  # √(target area); the error that a vertex without an image adds to a mean
 
 
@@ -101,8 +100,8 @@ def _distances_to_points(
     target: Mesh, engine: DistanceEngine, vertices: IntArray, points: PrecisePoints
 ) -> FloatArray:
     """Distance (m,) from each of m vertices to a point in a triangle."""
-    # The distance is interpolated between the distances to the corners of the triangle; it is straight
-    # if the vertex is one of them.
+    # The distance is interpolated between the distances to the corners of the triangle; from a corner
+    # itself, it is the length of a straight line.
     pairs = np.column_stack([np.repeat(vertices, 3), points.corners.ravel()])
     to_corners = pair_distances(engine, pairs).reshape(-1, 3)
     weights = points.barycentric
@@ -165,13 +164,13 @@ def cumulative_curve(errors: FloatArray, thresholds: ArrayLike = THRESHOLDS) -> 
     return np.searchsorted(np.sort(errors), thresholds, side="right") / max(len(errors), 1)
 
 
-def area_under_curve(errors: FloatArray, limit: float = LIMIT) -> float:
+def area_under_curve(errors: FloatArray, limit: float = CURVE_LIMIT) -> float:
     """Area under the cumulative curve on [0, limit], divided by the limit: 0 to 1, where 1 is perfect.
 
     >>> area_under_curve(np.array([0.0, 0.125, np.inf, np.inf]))
     0.375
     """
-    return float(np.clip(1 - errors / limit, 0, 1).mean())  # exact: an error contributes a step to the limit
+    return float(np.clip(1 - errors / limit, 0, 1).mean())  # the exact integral of the steps
 
 
 def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERAGE_RADIUS) -> float:
@@ -189,9 +188,8 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERA
     (0.5, 1.0)
     """
     if correspondence.n_target != target.n_vertices:
-        raise MapError(
-            f"{correspondence!r} does not fit {target!r}; give the target that the map was made for"
-        )
+        message = f"{correspondence!r} does not fit {target!r}; give the target that the map was made for"
+        raise MapError(message)
     images, (welded, seams) = correspondence.vertices[correspondence.matched], without_seams(target)
     return covered_share(welded, seams.new_index[images] if seams else images, reach)
 

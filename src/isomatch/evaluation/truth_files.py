@@ -17,9 +17,9 @@ from isomatch.surfaces import Mesh, PrecisePoints
 
 # Published weights have few digits: they may be this negative, and their sum may differ from 1 by this.
 MAX_ROUNDING = 1e-2
-# The suffix of PARTIALSMAL, which appends to a map, counted from 0, which target vertices have a counterpart.
+# Suffix of maps of PARTIALSMAL, numbered from 0, which end with a mask of target vertices with a counterpart.
 MASKED_SUFFIX = ".map"
-EXPECTED = (
+TRUTH_CONTENTS = (  # what a file of truth may hold, in messages
     "expected, for each vertex of the source, a vertex of the target or a triangle and three weights, or else rows of a "
     "source vertex and a target vertex"
 )
@@ -28,7 +28,7 @@ EXPECTED = (
 class Truth(NamedTuple):
     """The truth between two shapes in a file."""
 
-    rows: IntArray  # source and target vertex (q, 2); of a point in a triangle, its corner of largest weight
+    rows: IntArray  # source and target vertex (q, 2): the corner of largest weight for a point in a triangle
     points: PrecisePoints | None  # the q images, if they are points in triangles
     alone: IntArray | None  # source vertices (m,) without a counterpart; None if the file does not say
     base: IndexBase  # the first index in the file
@@ -87,7 +87,7 @@ def _table(path: Path, n_source: int) -> FloatArray | None:
     if suffix == ".npy":
         arrays = [read_array(path)]
     elif suffix == ".mat":
-        arrays = [x for x in read_mat(path, "a truth", EXPECTED).values() if isinstance(x, np.ndarray)]
+        arrays = [x for x in read_mat(path, "a truth", TRUTH_CONTENTS).values() if isinstance(x, np.ndarray)]
         n_maps = sum(np.squeeze(x).shape == (n_source,) and x.dtype.kind in "iuf" for x in arrays)
     else:
         width = len(next((row.cells for row in tables.read_table(path).titled().filled), []))
@@ -149,9 +149,8 @@ def _truth_of_triangles(
 ) -> Truth:
     """Read a triangle, negative for no counterpart, and three weights for each source vertex."""
     if len(table) != n_source:
-        raise FormatError(
-            f"{path}: {len(table)} rows for the {n_source} vertices of the source; give one for each"
-        )
+        message = f"{path}: {len(table)} rows for the {n_source} vertices of the source; give one for each"
+        raise FormatError(message)
     triangle = np.where(np.isfinite(table).all(axis=1) & (table[:, 0] >= 0), table[:, 0], -1)
     triangle = _whole_numbers(path, triangle)
     base = IndexBase(counts_from or 0)
@@ -163,9 +162,8 @@ def _truth_of_triangles(
     sums = weights.sum(axis=1)
     bad = matched[(weights < -MAX_ROUNDING).any(axis=1) | (np.abs(sums - 1) > MAX_ROUNDING)]
     if len(bad):
-        raise FormatError(
-            f"{path}: weights of vertices {some(bad)} are negative or do not sum to 1; {EXPECTED}"
-        )
+        message = f"{path}: weights of vertices {some(bad)} are negative or do not sum to 1; {TRUTH_CONTENTS}"
+        raise FormatError(message)
     weights = np.maximum(weights, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
     corners = target.faces[faces]
@@ -176,7 +174,7 @@ def _truth_of_triangles(
 
 def _whole_numbers(path: Path, table: FloatArray) -> IntArray:
     if not (np.isfinite(table).all() and (table == np.rint(table)).all()):
-        raise FormatError(f"{path}: fractions are no vertices; {EXPECTED}")
+        raise FormatError(f"{path}: fractions are no vertices; {TRUTH_CONTENTS}")
     return table.astype(np.int64)
 
 

@@ -11,14 +11,12 @@ from isomatch._core.settings import generator
 from isomatch.geodesics import euclidean_farthest_points
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surface, vertex_normals
 
-# Longest step of a curve, in mean edges, on triangles and on points. A step on points goes to the
-# nearest point, and edges join each point with the next 30.
-MAX_STEP_EDGES = 0.5
+MAX_STEP_EDGES = 0.5  # longest step of a curve on triangles, in mean edge lengths (chosen)
+# Longest step of a curve on points, in mean lengths of the edges, which join each point with the next 30.
 MAX_STEP_EDGES_ON_POINTS = 1.5
-MAX_HALVINGS = 20  # how often the way between two points is halved
-MIN_SPACINGS = 0.4  # smallest distance of spread points from the given ones, in mean distances of all
-# Length of the normals that stand beside positions, in mean distances of all points, so that both sides
-# of a wall get points.
+MAX_HALVINGS = 20  # largest number of times that the way between two points is halved
+MIN_SPACINGS = 0.4  # mean distances of neighbours; no point is spread nearer than this to a given one
+# Length of normals as further coordinates, in mean distances of neighbours: both sides of a wall get points.
 NORMAL_LENGTH_SPACINGS = 0.25
 
 
@@ -32,7 +30,7 @@ def spread_on_surface(surface: Mesh, n: int, around: FloatArray) -> FloatArray:
         raise LandmarkError(f"cannot spread {n} points over an area of {surface.area:g}; give 1 and more")
     random, count = generator(0), 8 * n
     face = random.choice(surface.n_faces, count, p=surface.face_areas / surface.area)
-    low, high = np.sort(random.random((2, count)), axis=0)  # three lengths: uniform in a triangle
+    low, high = np.sort(random.random((2, count)), axis=0)  # two cuts of [0, 1] give three uniform weights
     points = PrecisePoints(surface.sound_faces[face], np.column_stack([low, high - low, 1 - high]))
     normals = points.interpolated(vertex_normals(surface.vertices, surface.faces))
     places, spacing = points.interpolated(surface.vertices), np.sqrt(surface.area / (n + len(around)))

@@ -21,19 +21,20 @@ from isomatch._core.texts import is_whole_number, read_text
 from isomatch.io import TURN, Axes, Frame
 from isomatch.surfaces import Mesh, PointCloud
 
+# what to write on a line of a file of pairs, and of a file of points, in messages
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
-AXES = "x", "y", "z"
-NAMES, VERTICES = ("name", "label", "id", "landmark"), ("vertex", "index")
+AXES = "x", "y", "z"  # titles of the columns of a table with positions
+# titles, the preferred ones first, of the column with names of points and of the column with their vertices
+NAME_TITLES, VERTEX_TITLES = ("name", "label", "id", "landmark"), ("vertex", "index")
 CURVES = "Curve", "ClosedCurve"  # types of markups of 3D Slicer
 NO_PLACE = 9999.0  # Programs for morphometrics write ±9999 in all coordinates of a point without a position.
 
 logger = logging.getLogger(__name__)
 
-# √area; a point farther from the surface than the first distance is reported, than the second refused.
+# √area; a point farther from the surface than the first is reported, than the second refused (chosen).
 MAX_SILENT_DISTANCE, MAX_DISTANCE = 0.02, 0.1
-# Points are in RAS if their mean distance from the surface in RAS is less than this fraction of the
-# one in LPS.
+# Points are in RAS if their mean distance from the surface is less than this fraction of the one in LPS.
 MAX_RAS_DISTANCE_RATIO = 0.5
 
 
@@ -42,7 +43,7 @@ class MarkedPoint:
     """One marked point: a vertex index, a position, or neither, if it was named but not placed."""
 
     name: str
-    at: tuple[float, ...]  # the vertex, or the position, in LPS if it comes from 3D Slicer
+    at: tuple[float, ...]  # vertex or position, in LPS if it is of 3D Slicer; () without a place
     where: str  # the place in the file, for messages
     axes: Axes | None = None  # the axes that the file of 3D Slicer names
     curve: str = ""  # the name of the curve along which the points follow each other
@@ -53,9 +54,8 @@ class MarkedPoint:
 def marked_pairs(path: Path) -> list[tuple[MarkedPoint, MarkedPoint]]:
     """Read pairs of points, of the source and of the target."""
     if path.suffix.lower() in READERS:
-        raise FormatError(
-            f"{path}: has the points of one shape only; give the file of the target's points too"
-        )
+        message = f"{path}: has the points of one shape only; give the file of the target's points too"
+        raise FormatError(message)
     table = read_table(path).titled({"source", "target", "source_x"})
     columns = _pair_columns(table) if table.titles else None
     pairs = []
@@ -88,14 +88,14 @@ def marked_points(path: Path) -> list[MarkedPoint]:
 
 
 def _text_points(path: Path) -> list[MarkedPoint]:
-    table = read_table(path).titled({*AXES, *VERTICES})
+    table = read_table(path).titled({*AXES, *VERTEX_TITLES})
     axes = [i for axis in AXES if (i := table.column(axis)) is not None]
-    vertex = table.column(*VERTICES)
+    vertex = table.column(*VERTEX_TITLES)
     place = axes if len(axes) == len(AXES) else [] if vertex is None else [vertex]
     if table.titles and not place:
         header = ", ".join(table.titles)[:80]
         raise FormatError(f"{path}:{table.titles_line}: the header {header!r} has neither x, y, z nor vertex")
-    name = table.column(*NAMES, *[""] * (table.titles[:1] == ("",)))
+    name = table.column(*NAME_TITLES, *[""] * (table.titles[:1] == ("",)))
     columns = {"name": name, "curve": table.column("curve"), "closed": table.column("closed")}
     points = []
     for row in table.filled:
@@ -145,9 +145,8 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
                 label, where = str(point.get("label", "")), f"{path}: point {i}"
                 points.append(MarkedPoint(label, at, where, axes, curve, kind == CURVES[1], unit))
     except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        raise FormatError(
-            f"{path}: is no list of markups of 3D Slicer, with positions of three numbers ({error!r})"
-        ) from None
+        message = f"{path}: is no list of markups of 3D Slicer, with positions of three numbers ({error!r})"
+        raise FormatError(message) from None
     return points
 
 
@@ -171,9 +170,8 @@ def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
             cells = [row[axis].strip().lower() for axis in AXES]
             at = _in_lps([None if cell in NO_NUMBER else float(cell) for cell in cells], axes)
         except (KeyError, ValueError):
-            raise FormatError(
-                f"{where}: {line[:80]!r} has no position in its columns {', '.join(columns)[:80]}"
-            ) from None
+            message = f"{where}: {line[:80]!r} has no position in its columns {', '.join(columns)[:80]}"
+            raise FormatError(message) from None
         points.append(MarkedPoint(row.get("label") or row.get("id", ""), at, where, axes))
     return points
 
@@ -250,7 +248,7 @@ def _place(words: list[str], where: str, line: str, remedy: str, may_miss: bool 
     return () if is_missing else tuple(numbers)
 
 
-READERS: dict[str, Callable[[Path], list[MarkedPoint]]] = {
+READERS: dict[str, Callable[[Path], list[MarkedPoint]]] = {  # readers of files by suffix; others are tables
     ".json": _slicer_markups,
     ".fcsv": _slicer_fiducials,
     ".pp": _meshlab_points,

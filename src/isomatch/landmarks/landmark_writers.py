@@ -22,11 +22,11 @@ from isomatch.landmarks.landmark_files import CURVES
 from isomatch.landmarks.landmarks import Landmarks
 from isomatch.landmarks.specimens import join_places
 
-SCHEMA = (
+MARKUPS_SCHEMA = (  # address in every file of markups, by which 3D Slicer knows its version
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
     "markups-schema-v1.0.3.json#"
 )
-FIDUCIAL_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID"
+FIDUCIAL_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID"  # of .fcsv, in this order
 
 
 def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
@@ -75,7 +75,7 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
         "landmarks without a place": not landmarks.placed.all(),
     }
     lost = [part for part in left_out if missing[part]]
-    if landmarks.axes and path.suffix.lower() not in WITH_AXES:
+    if landmarks.axes and path.suffix.lower() not in SUFFIXES_WITH_AXES:
         lost.append(f"the space ({landmarks.axes})")
     return tuple(lost)
 
@@ -104,7 +104,8 @@ def _markups(landmarks: Landmarks, title: str) -> str:
             "controlPoints": [_control_point(landmarks, row) for row in (curve.rows if curve else rows)],
         }
         markups.append(markup)
-    return json.dumps({"@schema": SCHEMA, "markups": markups}, indent=1, ensure_ascii=False) + "\n"
+    record = {"@schema": MARKUPS_SCHEMA, "markups": markups}
+    return json.dumps(record, indent=1, ensure_ascii=False) + "\n"
 
 
 def _control_point(landmarks: Landmarks, row: int) -> dict[str, Any]:
@@ -140,7 +141,7 @@ def _picked_points(landmarks: Landmarks, title: str) -> str:
 def _table(landmarks: Landmarks, title: str) -> str:
     columns = list(_columns(landmarks))
     text = table_text([[name for name, _ in columns], *zip(*(cells for _, cells in columns))])
-    return re.sub(r"(?m)^#[^,]*", r'"\g<0>"', text)  # without quotes, a name begins a comment
+    return re.sub(r"(?m)^#[^,]*", r'"\g<0>"', text)  # without quotes, a name with # would begin a comment
 
 
 def _columns(landmarks: Landmarks) -> Iterator[tuple[str, list[Any]]]:
@@ -164,7 +165,8 @@ def _description(landmarks: Landmarks, row: int) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in parts if np.isfinite(value))
 
 
-WITH_AXES = ".json", ".fcsv"
+SUFFIXES_WITH_AXES = ".json", ".fcsv"  # suffixes of files that name the axes of their coordinates
+# writers by suffix, and the parts of landmarks that their files cannot hold
 WRITERS: dict[str, tuple[Callable[[Landmarks, str], str], tuple[str, ...]]] = {
     ".json": (_markups, ()),
     ".fcsv": (_fiducials, ("curves", "landmarks without a place")),
@@ -242,10 +244,10 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
     if first.patch:
         slide = [{"slide": row + 1} for row in first.patch]
         write_csv(path.with_name(f"{path.stem}_surfaces.csv"), slide, ("slide",))
-    return [name for name in specimens if is_tps and COMMANDS.search(name)]
+    return [name for name in specimens if is_tps and MISREAD_NAMES.search(name)]
 
 
-COMMANDS = re.compile(r"SCALE|(?i:LM3?=|COMMENT=)|ID=|^\s*$")  # names that geomorph takes for lines of TPS
+MISREAD_NAMES = re.compile(r"SCALE|(?i:LM3?=|COMMENT=)|ID=|^\s*$")  # geomorph takes them for lines of TPS
 
 
 def tps_text(specimens: Mapping[str, Landmarks]) -> str:

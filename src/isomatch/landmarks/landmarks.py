@@ -24,7 +24,7 @@ from isomatch.landmarks.landmark_files import PAIRS, POINTS, MarkedPoint, marked
 from isomatch.landmarks.specimen_files import specimen_points
 from isomatch.surfaces import Graph, Mesh, PointCloud, nearest_on_surface
 
-# The part of a template's expected error that all templates share; measured with 3, 6 and 19 templates.
+# Fraction of a template's expected error that all templates share, measured with 3, 6 and 19 templates.
 COMMON_ERROR_SHARE = 0.5
 
 
@@ -216,9 +216,8 @@ class Landmarks:
         if surface is None:
             return landmarks_of(points, dim)
         if dim != 3:
-            raise LandmarkError(
-                f"{path}: has landmarks in the plane; those of a surface have three coordinates"
-            )
+            message = f"{path}: has landmarks in the plane; those of a surface have three coordinates"
+            raise LandmarkError(message)
         surface, frame = with_frame(surface)
         shape = _shape_with_positions(surface)
 

@@ -16,9 +16,8 @@ from isomatch._core.tables import NO_NUMBER, Row, Table, parse_table, read_table
 from isomatch._core.texts import read_text
 from isomatch.landmarks.landmark_files import NO_PLACE, MarkedPoint, marked_points
 
-# Titles of the columns with the names of specimens and of landmarks.
-SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")
-LANDMARK_TITLES = ("landmark", "point", "label", "name")
+SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")  # titles of the column with specimens
+LANDMARK_TITLES = ("landmark", "point", "label", "name")  # titles of the column with landmarks
 SUFFIXES_OF_MANY = ".tps", ".nts", ".dta", ".txt", ".csv", ".tsv"  # of files of one or more specimens
 
 
@@ -36,9 +35,8 @@ def specimen_points(path: Path) -> tuple[list[MarkedPoint], int]:
     specimens = list(specimens_in(path))
     if len(specimens) > 1:
         names = ", ".join(specimen.name for specimen in specimens)[:80]
-        raise FormatError(
-            f"{path}: has the landmarks of {len(specimens)} specimens, {names}; give a file of one"
-        )
+        message = f"{path}: has the landmarks of {len(specimens)} specimens, {names}; give a file of one"
+        raise FormatError(message)
     return (specimens[0].points, specimens[0].dim) if specimens else ([], 3)
 
 
@@ -69,9 +67,8 @@ def _point(
     except ValueError:
         at = ()
     if len(at) not in (2, 3) or not np.isfinite(at).all():
-        raise FormatError(
-            f"{where}: {' '.join(cells)[:80]!r} is no position; write 2 or 3 numbers, or NA for none"
-        )
+        message = f"{where}: {' '.join(cells)[:80]!r} is no position; write 2 or 3 numbers, or NA for none"
+        raise FormatError(message)
     at = () if all(abs(x) == NO_PLACE for x in at) else tuple(x * scale for x in at)
     return MarkedPoint(name, at, where, curve=curve)
 
@@ -95,18 +92,16 @@ def _tps(text: str, path: Path) -> Iterator[Specimen]:
         try:
             scale = float(keys.get("SCALE", "1").replace(",", "."))
         except ValueError:
-            raise FormatError(
-                f"{path}:{block[0][0]}: SCALE={keys['SCALE']!r} is no number; correct it"
-            ) from None
+            message = f"{path}:{block[0][0]}: SCALE={keys['SCALE']!r} is no number; correct it"
+            raise FormatError(message) from None
         points, n_points, kind, n_curves = list[MarkedPoint](), 0, "", 0
         for number, line in block:
             key, eq, value = (part.strip().upper() for part in line.partition("="))
             if eq:
                 if key in ("LM", "LM3", "POINTS", "CURVES", "OUTLINES"):
                     if not value.isdecimal():
-                        raise FormatError(
-                            f"{path}:{number}: {line[:80]!r} gives no count; write {key}=NUMBER"
-                        )
+                        message = f"{path}:{number}: {line[:80]!r} gives no count; write {key}=NUMBER"
+                        raise FormatError(message)
                     kind = "" if key.startswith("LM") else kind if key == "POINTS" else key
                     n_points += 0 if key in ("CURVES", "OUTLINES") or kind == "OUTLINES" else int(value)
                     n_curves += key == "POINTS" and kind == "CURVES"
@@ -142,7 +137,7 @@ def _ntsys(text: str, path: Path) -> Iterator[Specimen]:
     rows, columns, dim, missing = int(head[1]), int(head[3]), int(head[7]), head[6] or "NA"
     n_labels = bool(head[2]) * rows, bool(head[4]) * columns
     cells = [cell for line in lines[1:] for cell in line.split()]
-    if len(cells) != sum(n_labels) + rows * columns and n_labels[0]:  # labels with blanks, one on a line
+    if len(cells) != sum(n_labels) + rows * columns and n_labels[0]:  # a label with blanks has a line
         labels, rest = lines[1 : rows + 1], [cell for line in lines[rows + 1 :] for cell in line.split()]
         cells = [*labels, *rest]
     if len(cells) != sum(n_labels) + rows * columns or columns % dim:
@@ -186,9 +181,8 @@ def _morphologika(text: str, path: Path) -> Iterator[Specimen]:
         links = [tuple(int(cell) - 1 for cell in line.split()) for line in sections.get("wireframe", [])]
     except (KeyError, IndexError, ValueError):
         needed = "[individuals], [landmarks], [dimensions] and [rawpoints]"
-        raise FormatError(
-            f"{path}: lacks one of {needed}, which a file of morphologika has; add it"
-        ) from None
+        message = f"{path}: lacks one of {needed}, which a file of morphologika has; add it"
+        raise FormatError(message) from None
     names = sections.get("names") or [str(i + 1) for i in range(n)]
     if len(rows) != n * p or len(names) != n:
         counts = f"{len(names)} names and {len(rows)} points, for {n} individuals of {p} landmarks"
@@ -227,9 +221,8 @@ def _table(text: str, path: Path) -> list[Specimen]:
     columns_of = {name: columns for name, columns in columns_of.items() if len(columns) > 1}
     axes_used = [*"xyz"[: max(map(len, columns_of.values()), default=0)]]
     if bad := [name for name, columns in columns_of.items() if axes_used != sorted(columns)]:
-        raise FormatError(
-            f"{path}: the landmark {bad[0]!r} lacks the column of a coordinate; write {bad[0]}_X, …"
-        )
+        message = f"{path}: the landmark {bad[0]!r} lacks the column of a coordinate; write {bad[0]}_X, …"
+        raise FormatError(message)
     if not columns_of:
         return []
     specimens = []
@@ -258,7 +251,6 @@ def landmark_numbers(path: Path, columns: Sequence[str], m: int) -> IntArray:
     except (ValueError, IndexError):
         numbers = np.array([[-1]])
     if numbers.size and not ((numbers >= 0) & (numbers < m)).all():
-        raise FormatError(
-            f"{path}: give numbers of landmarks from 1 to {m} in the columns {', '.join(columns)}"
-        )
+        message = f"{path}: give numbers of landmarks from 1 to {m} in the columns {', '.join(columns)}"
+        raise FormatError(message)
     return numbers.reshape(-1, len(columns))

@@ -25,9 +25,9 @@ from isomatch.landmarks.specimen_files import SUFFIXES_OF_MANY, Specimen, landma
 # root mean square distance of the points of a specimen from their mean.
 SAME_PLACE_RATIO = 1e-4
 SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # of files of one specimen
-SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"
+SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"  # of tables, which may hold other things than landmarks
 FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # files that hold all specimens of a folder
-KINDS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
+INPUTS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
 
 
 def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
@@ -69,7 +69,7 @@ def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
         path = next((path / name for name in FOLDER_FILES if (path / name).is_file()), path)
     specimens = list(_specimens_in_folder(path) if path.is_dir() else specimens_in(path))
     if not specimens or (empty := [specimen.name for specimen in specimens if not specimen.points]):
-        raise LandmarkError(f"{path}: no landmarks{f' of {empty[0]}' if specimens else ''}; give {KINDS}")
+        raise LandmarkError(f"{path}: no landmarks{f' of {empty[0]}' if specimens else ''}; give {INPUTS}")
     first, counts = specimens[0], Counter(specimen.name for specimen in specimens)
     if twice := sorted(name for name, count in counts.items() if count > 1):
         raise LandmarkError(
@@ -87,9 +87,8 @@ def read_specimens(source: str | PathLike[str]) -> dict[str, Landmarks]:
         landmarks[name] = replace(marks, curves=(*marks.curves, *wireframe))
     usual = landmarks[first.name]
     if other := [name for name, marks in landmarks.items() if marks.curves != usual.curves]:
-        raise LandmarkError(
-            f"{path}: {other[0]} has other curves than {first.name}; draw the same, with as many points"
-        )
+        message = f"{path}: {other[0]} has other curves than {first.name}; draw the same, with as many points"
+        raise LandmarkError(message)
     sliders, surfaces = (path.with_name(f"{path.stem}_{kind}.csv") for kind in ("sliders", "surfaces"))
     m, curves = len(usual), usual.curves
     if sliders.is_file() and not curves:
@@ -195,7 +194,7 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     for rows, curve in zip(on_curves, first.curves):
         inner.update(rows if curve.closed else rows[1:-1])
     order = sorted(rank)
-    ranks = [rank[row] for row in order if row in inner or row not in on_any]  # an end may be a landmark
+    ranks = [rank[row] for row in order if row in inner or row not in on_any]  # ends may have any rank
     order = order if ranks == sorted(ranks) else sorted(rank, key=lambda row: (rank[row], row))
     place = np.full(m, -1)
     place[order] = np.arange(len(order))
@@ -209,7 +208,8 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     members = [np.flatnonzero(head == row) for row in order] if len(order) < m else [[row] for row in order]
     joined = {}
     for name, marks in specimens.items():
-        rows = [int(group[int(marks.placed[group].argmax())]) for group in members]  # the first with a place
+        # of points at one place, the first that is known
+        rows = [int(group[int(marks.placed[group].argmax())]) for group in members]
         values = marks.positions[rows], [marks.names[row] for row in order], pieces
         errors = marks.expected_error[rows], marks.spread[rows]
         joined[name] = Landmarks(*values, *errors, marks.axes, marks.unit)

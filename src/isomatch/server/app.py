@@ -15,8 +15,8 @@ from isomatch._core.first_use import package
 from isomatch.server.guard import App, Guard
 from isomatch.server.session import Session
 
-HOST = "127.0.0.1"
-EXTRA, FEATURE = "open", "isomatch open"
+HOST = "127.0.0.1"  # address of this machine alone: no other machine can reach the server
+EXTRA, FEATURE = "open", "isomatch open"  # extra with the packages of the server, and what needs it
 REFUSED_STATUS = 400  # A request that fails has this HTTP status; its body gives the reason in words.
 VERTEX_LIMIT = 2**31  # A request names vertices below this number; all surfaces have fewer.
 
@@ -108,9 +108,8 @@ def _bind(port: int) -> socket.socket:
         made.listen()  # A browser that asks before the server is ready then waits.
     except (OSError, OverflowError) as error:
         made.close()
-        raise SettingError(
-            f"--port {port} cannot be used: {error}; leave it out to take any that is free"
-        ) from None
+        message = f"--port {port} cannot be used: {error}; leave it out to take any that is free"
+        raise SettingError(message) from None
     return made
 
 

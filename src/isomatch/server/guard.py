@@ -7,18 +7,18 @@ from hmac import compare_digest
 from typing import Any
 from urllib.parse import parse_qs
 
+# types of the standard interface of web applications, ASGI: a request, its parts, its answer, an application
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-TOKEN_HEADER = b"x-isomatch-token"
+TOKEN_HEADER = b"x-isomatch-token"  # header in which the page's script sends the token
 MAX_BODY_BYTES = 2**20  # A request with a larger body is refused; about 70 000 pairs of landmarks fit.
-# The page's address carries the token; the page's script sends the token in a header.
-PAGE = "/"
-HEADERS = (
+PAGE = "/"  # path of the page, whose address has the token in its query
+HEADERS = (  # headers of all answers, by which a browser protects the page from others
     (b"cache-control", b"no-store"),
-    (b"referrer-policy", b"no-referrer"),  # No other page is told the address, which carries the token.
+    (b"referrer-policy", b"no-referrer"),  # Pages that are linked do not get the address with the token.
     (b"x-content-type-options", b"nosniff"),
     (b"content-security-policy", b"frame-ancestors 'none'"),
     (b"cross-origin-opener-policy", b"same-origin"),

@@ -17,19 +17,16 @@ from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Surface
 from isomatch.visualization import WorkPage
 
-Tell = Callable[[str, float], None]
+Tell = Callable[[str, float], None]  # a function that is called with a stage and the share done
 POLL_SECONDS = 0.05  # seconds between two checks whether a job has ended
 logger = logging.getLogger(__name__)
 
 Pairs = Sequence[Sequence[int]]  # pairs (source vertex, target vertex)
-SHARE_BEFORE_DRAWING = 0.97  # A match ends, and drawing begins, at this share of the progress.
+SHARE_BEFORE_DRAWING = 0.97  # share of the progress of a job at which the match ends and drawing begins
 
 
 class Job(Call):
-    """Runs a function on its own thread; the function reports stage and share of the work.
-
-    If the job is abandoned, the function ends at the next point where it checks for a stop.
-    """
+    """Runs a function on its own thread; the function reports its progress, and ends soon if abandoned."""
 
     def __init__(self, name: str, work: Callable[[Tell], Any]) -> None:
         super().__init__()

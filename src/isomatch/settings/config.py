@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
-from isomatch._core.errors import FormatError, SettingError
-from isomatch._core.files import open_file
+from isomatch._core.errors import SettingError
 from isomatch._core.first_use import Shown
 from isomatch._core.settings import Settings, require_one_of, setting
+from isomatch._core.texts import read_toml
 from isomatch.geodesics import engine_names
 from isomatch.settings import (
     ElasticSettings,
@@ -47,9 +46,6 @@ class MatchSettings(Protocol):
 
     def changed(self) -> dict[str, Any]:
         """Return the settings that differ from their defaults."""
-
-
-MAX_FILE_BYTES = 2**14  # A larger file is not read; all settings together take a fifth of this.
 
 
 @dataclass(frozen=True)
@@ -168,16 +164,7 @@ class Config(Settings, Shown):
         SettingError
             If a setting is unknown, or its value is not allowed.
         """
-        with open_file(Path(path)) as file:
-            text = file.read(MAX_FILE_BYTES + 1)
-        if len(text) > MAX_FILE_BYTES:
-            raise FormatError(
-                f"{path}: more than {MAX_FILE_BYTES} bytes are not settings; give a TOML file of settings"
-            )
-        try:
-            values = tomllib.loads(text.decode("utf-8"))
-        except (ValueError, RecursionError) as error:  # The file is no text or no TOML, or nested too deeply.
-            raise FormatError(f"{path}: not a TOML file ({error}); correct it or write it again") from None
+        values = read_toml(Path(path))
         try:
             return cls.from_dict(values)
         except SettingError as error:

@@ -33,10 +33,10 @@ from isomatch.transfer.choices import Side
 TEXELS_PER_CHUNK = 2**18  # texels whose colours are computed at once, which bounds the memory
 UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey, for unmatched places and unreadable pictures
 SIZE_LIMITS = (8, 16384)  # smallest and largest width of a picture, in texels
-FIRST_UDIM_TILE = 1001
+FIRST_UDIM_TILE = 1001  # number of the tile of texture coordinates in 0…1
 MAX_TILES = 16  # A picture repeats if the coordinates are in more UDIM tiles than this.
 MIN_HIDDEN_SHARE = 5e-4  # smallest share of the surface under other parts in the picture that is reported
-SAME_PLACE_DISTANCE = 0.01  # √area; two points of one texel that are farther apart are different places
+SAME_PLACE_DISTANCE = 0.01  # √area; points of one texel that are farther apart are different places (chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +115,8 @@ def bake_texture(
     from scipy.ndimage import distance_transform_edt
 
     if not SIZE_LIMITS[0] <= size <= SIZE_LIMITS[1]:
-        raise SettingError(
-            f"size = {size}; give a number of texels from {SIZE_LIMITS[0]} to {SIZE_LIMITS[1]}"
-        )
+        message = f"size = {size}; give a number of texels from {SIZE_LIMITS[0]} to {SIZE_LIMITS[1]}"
+        raise SettingError(message)
     receiver = source if to == "source" else target
     if not receiver.of_kind("uv"):
         remedy = "carry those of the other instead (uv)"
@@ -158,7 +157,7 @@ def _split_into_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]
     low = np.floor(uv.mean(axis=1))
     uv -= low[:, None]
     is_without = np.isnan(uv).any(axis=(1, 2))
-    uv[is_without] = -1.0  # lies outside the first tile
+    uv[is_without] = -1.0  # outside all tiles, where nothing is drawn
     is_in_first = is_without | (low < 0).any(axis=1) | (low[:, 0] > 9)
     tile = np.where(is_in_first, FIRST_UDIM_TILE, FIRST_UDIM_TILE + low @ [1, 10]).astype(np.int64)
     if len(np.unique(tile[~is_without])) > MAX_TILES:

@@ -17,18 +17,17 @@ from isomatch.io import Asset, Attribute
 from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-# Fraction of the extent of the surface. A corner that ends farther from its image than this was stopped
-# at a texture seam.
+# Share of the surface's extent; a search for the image of a corner that ends farther off met a texture seam.
 ACROSS_SEAM_DISTANCE = 1e-6
-# Shapes whose sizes differ by a smaller factor count as equal: it comes from bending and noise of the map.
+# Shapes whose sizes differ by a smaller factor count as equal: bending and errors of the map explain it.
 SAME_SIZE_RATIO = 1.1
 # √area; the length over which the rotations of shape keys are averaged. It was measured on bodies and
 # heads of different people with keys that move by one vector: the directions differ by at most 4°
 # (median), 6° with half the length.
 SMOOTHING_LENGTH = 0.1
-# Vertices of the mesh on which rotations are averaged; its edges have a sixth of that length.
+# Number of vertices of the mesh on which rotations are averaged, with edges of a sixth of `SMOOTHING_LENGTH`.
 N_COARSE_VERTICES = 4000
-LAPLACIAN_SHIFT = 1e-9  # 1 / area; added to a singular Laplacian to make it definite
+LAPLACIAN_SHIFT = 1e-9  # 1 / area; number that is added to a singular Laplacian to make it definite
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,7 +287,7 @@ def interpolated_at_corners(bridge: Bridge, attribute: Attribute) -> tuple[Float
 def _first_corners(asset: Asset, attribute: Attribute) -> IntArray:
     """Find the first corner (c,) at the same vertex with the same values."""
     values = columns(attribute)[rows_of_corners(asset, attribute)]
-    none = np.finfo(np.float64).max  # stands for nan, which is equal to no number
+    none = np.finfo(np.float64).max  # replaces nan, which equals no number, not even itself
     return first_equal(np.column_stack([asset.vertex_of_corner, np.where(np.isnan(values), none, values)]))
 
 

@@ -28,7 +28,7 @@ from isomatch.io import (
 from isomatch.transfer.bridge import Bridge, Patches, columns, interpolated_at_corners, is_seamless
 from isomatch.transfer.choices import Labelling, NumbersAs, Side
 
-_SYNONYMS: dict[str, Kind] = {
+_SYNONYMS: dict[str, Kind] = {  # kinds of attributes by other words for them
     "color": "colour",
     "texture": "uv",
     "skin": "weights",
@@ -144,7 +144,7 @@ def carry_attributes(
             new, n_across = _interpolate(attribute, bridge)
             across = max(across, n_across)
         asset = asset.with_attributes(receiver.from_placed(new))
-    # Formats that store a single attribute of a kind write the first one.
+    # Carried attributes come first, as formats that store one attribute of a kind write the first.
     carried_first = sorted(asset.attributes, key=lambda attribute: attribute.name not in names)
     asset = replace(asset, attributes=tuple(carried_first))
     kinds, notes = {attribute.kind for attribute in chosen}, list[str]()

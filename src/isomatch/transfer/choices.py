@@ -2,6 +2,6 @@
 
 from typing import Literal
 
-Labelling = Literal["nearest", "majority"]
-NumbersAs = Literal["labels", "values"]
-Side = Literal["source", "target"]
+Labelling = Literal["nearest", "majority"]  # whether a point gets the nearest label, or that with most area
+NumbersAs = Literal["labels", "values"]  # whether numbers are carried like labels, or interpolated
+Side = Literal["source", "target"]  # the shape that receives

@@ -12,14 +12,15 @@ from isomatch.correspondence import Correspondence, nearest_rotation
 from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
 
-STANDING_VIEW = 32.0, 14.0  # The viewer is this many degrees from the broad side, and above the horizon.
-SHEET_VIEW = 0.0, 0.0  # A sheet is seen from these degrees: it faces the viewer with its broad side.
-SHEET_RATIO = 0.1  # A shape is a sheet if its thickness is below this share of its width.
-UPRIGHT_RATIO = 1.6  # A shape this many times longer than deep, as a person, stands on its end if it can.
-GROUND_SHARE = 0.06  # Vertices up to this share of the height above the lowest one carry the shape.
-MAX_OVERHANG = 0.02  # A shape falls if its centroid is farther beyond its support, as a share of the height.
-# A source is not rotated if it is turned by less than the first angle, in radians, as its pose may
-# explain that. A rotation within the second angle of quarter turns is replaced by them.
+# degrees of the viewer around the shape from its broad side, and above the horizon: for a shape that stands,
+# and for a sheet, which faces the viewer with its broad side
+STANDING_VIEW, SHEET_VIEW = (32.0, 14.0), (0.0, 0.0)
+SHEET_RATIO = 0.1  # A shape is a sheet if its thickness is below this share of its width (chosen).
+UPRIGHT_RATIO = 1.6  # A shape longer than deep by a larger factor, as a person, stands on its end if it can.
+GROUND_SHARE = 0.06  # share of the height; vertices up to this far above the lowest one support the shape
+MAX_OVERHANG = 0.02  # share of the height; a shape falls if its centroid is farther outside its support
+# Radians: a source that is turned by less than the first angle stays as it is, as its pose may explain the
+# turn; a rotation that differs from a quarter turn by less than the second angle is replaced by it.
 MAX_KEPT_TURN, MAX_SNAP_ANGLE = np.radians(65.0), np.radians(35.0)
 
 

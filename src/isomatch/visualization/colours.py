@@ -13,6 +13,7 @@ VIVID_CHROMA = 0.17  # Chromas in Oklab are moved towards this one, which screen
 CHROMA_EVENNESS = 0.3
 UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # red, green and blue in linear light
 
+# matrices of Ottosson 2020: from Oklab to cube roots of cone responses, and from responses to linear sRGB
 _OKLAB_TO_LMS = np.array(
     [
         [1.0, 0.3963377774, 0.2158037573],

@@ -53,7 +53,7 @@ class Measure:
         return (self.most is None or number <= self.most) and (self.least is None or number >= self.least)
 
 
-_SHOWN = {  # Each field of `Quality` has a name, a format of its value, and a unit.
+_NAMES_AND_UNITS = {  # Each field of `Quality` has a name, a format of its value, and a unit.
     "spectral_residual": ("spectral residual", "{:.2f}", "0: same; 0.4: two people"),
     "runner_up": ("best alternative", "{:.2f} ×", "1 is a tie; large is clear"),
     "mirrored": ("mirror image", "{:.2f} ×", "1 is a tie; above 1.5 clear"),
@@ -72,7 +72,7 @@ _SHOWN = {  # Each field of `Quality` has a name, a format of its value, and a u
     "landmark_error": ("landmark error", "{:.2%}", "of √(target area)"),
     "initial_map_error": ("distance to the initial map", "{:.2%}", "of √(target area), median"),
 }
-_MEANINGS = {
+_MEANINGS = {  # what each field of `Quality` means, for a reader who meets it for the first time
     "spectral_residual": "Mean distance between corresponding points when eigenfunctions, signatures, positions and "
     "normals are compared together. 0 for the same shape; about 0.4 for a correct map between two different people.",
     "runner_up": "How much worse the best map that differs fits, as a ratio of scores. 1 is a tie, as between the two "
@@ -107,9 +107,9 @@ _MEANINGS = {
     "initial_map_error": "Median geodesic distance on the target between the images and those of the initial map, "
     "relative to √area.",
 }
-MEASURES = {field: Measure(*shown, _MEANINGS[field]) for field, shown in _SHOWN.items()}
-# Each measure that has a bound names its side, and the setting that holds it; maps of parts have others.
-_BOUNDS = {
+MEASURES = {field: Measure(*texts, _MEANINGS[field]) for field, texts in _NAMES_AND_UNITS.items()}
+"""The measure of each field of `Quality`, without its bound."""
+_BOUNDS = {  # side of the bound of a measure, and the setting with its value
     "spectral_residual": ("most", "outcome.poor_spectral_residual"),
     "runner_up": ("least", "outcome.tie"),
     "mirrored": ("least", "outcome.mirror_tie"),
@@ -121,7 +121,7 @@ _BOUNDS = {
     "landmark_error": ("most", "outcome.contradiction"),
     "initial_map_error": ("most", "outcome.contradiction"),
 }
-_BOUNDS_OF_PART = {
+_BOUNDS_OF_PART = {  # the same for the map of a part
     "runner_up": ("least", "parts.tie"),
     "doubt": ("most", "parts.poor_doubt"),
     "initial_map_error": ("most", "outcome.contradiction"),

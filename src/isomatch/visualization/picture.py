@@ -26,12 +26,12 @@ from isomatch._core.cached import cached_property
 from isomatch._core.errors import DescriptorError, SettingError
 from isomatch.visualization.surface_image import SurfaceView
 
-DPI = 200  # dots per inch, which turns the points of letters into pixels
-SHARPNESS = 2  # A page shows pictures with this many of their pixels for each of its own, for sharp screens.
-MAX_HEIGHT_RATIO = 1.15  # A panel is at most this many times higher than wide.
-MIN_WIDTH = 200  # A picture has at least this many pixels across.
+DPI = 200  # dots per inch; a letter of 9 points is 25 pixels high
+SHARPNESS = 2  # pixels of a picture for each pixel of a page, for sharp screens
+MAX_HEIGHT_RATIO = 1.15  # largest height of a panel over its width
+MIN_WIDTH = 200  # smallest width of a picture in pixels
 MARGIN, TITLE_HEIGHT = 30, 70  # pixels between panels, and pixels of height that a title takes
-MIN_BAR_ROOM = 175  # A colour bar with its label takes at least this many pixels across.
+MIN_BAR_ROOM = 175  # smallest width in pixels of a colour bar with its label
 BAR_WIDTH, BAR_HEIGHT = 24, 0.7  # width of a bar in pixels, and its height as a share of the panel's
 # Panels beside a bar have at least this height in pixels, for two numbers and a word of its label.
 MIN_HEIGHT_BESIDE_BAR = 120
@@ -42,7 +42,7 @@ class Picture(Figure):
     """A matplotlib figure with a size in pixels; ``seen`` describes what it shows."""
 
     def __init__(self, width: int, height: int, seen: str = "") -> None:
-        spare = 1e-6  # Rounding loses no pixel if each side is longer by this share of one.
+        spare = 1e-6  # pixels that are added to each side, so that rounding loses none
         super().__init__(((width + spare) / DPI, (height + spare) / DPI), dpi=DPI, facecolor="white")
         FigureCanvasAgg(self)
         self.seen = seen
@@ -170,12 +170,12 @@ def vertex_values(values: ArrayLike, n: int, name: str) -> FloatArray:
     return np.where(np.isfinite(rows), rows, np.nan)
 
 
-OUTLIER_SHARE = 0.01  # This share of the values lies beyond each end of the colour bar.
-# Values have both signs, and a two-sided colour map, if they reach this share of the largest
-# magnitude on both sides of 0.
+OUTLIER_SHARE = 0.01  # share of the values beyond each end of the colour bar
+# Values get a two-sided colour map if they reach this share of the largest magnitude on both sides of 0.
 BOTH_SIGNS_RATIO = 0.2
-ZERO_START_RATIO = 0.5  # Positive values that begin below this share of the highest are shown from 0.
-ONE_SIGN_MAP, BOTH_SIGNS_MAP = "cividis", "PuOr_r"  # These colour maps are safe for the colour-blind.
+ZERO_START_RATIO = 0.5  # share of the highest value; bars whose lowest is below, but not below 0, begin at 0
+# colour maps for values of one sign, and of both signs; the colour-blind can read them
+ONE_SIGN_MAP, BOTH_SIGNS_MAP = "cividis", "PuOr_r"
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,7 +257,7 @@ class ValuePanel:
         return low, high if high > low else low + 1.0
 
 
-Paint = Callable[[FloatArray], FloatArray]
+Paint = Callable[[FloatArray], FloatArray]  # a function from values (m, 1) to screen colours (m, 3)
 
 
 def colour_scale(name: str, low: float, high: float, bands: int = 0) -> Paint:

@@ -25,7 +25,8 @@ from isomatch.visualization.surface_image import SurfaceView
 
 WIDTH = 1800  # pixels across a picture of a map or a basis
 MIN_AREA = 1e-100  # A mesh of a smaller area after scaling is not drawn, as the squares of its areas vanish.
-SEEN = "{} on the left, {} on the right; points of the same colour correspond."
+# description of a picture of a map, with the names of both shapes
+MAP_TEXT = "{} on the left, {} on the right; points of the same colour correspond."
 
 
 def draw_map(
@@ -80,7 +81,7 @@ def draw_map(
         SurfaceView(source, turned, correspondence.pull_back(colours), title=titles[0]),
         SurfaceView(target, camera, colours, title=titles[1]),
     ]
-    seen = SEEN.format(titles[0] or "source", titles[1] or "target")
+    seen = MAP_TEXT.format(titles[0] or "source", titles[1] or "target")
     if values is not None:
         panels.append(paint_values(source, turned, values, title=titles[0]))
         seen += f" On the far right, the first once more, coloured by {values.label or 'values'}."
@@ -111,12 +112,13 @@ def paint_values(
     return SurfaceView(mesh, camera, rows[:, None], lambda seen: linear_of(values.paint(seen)), title)
 
 
-CLAY = linear_of(np.array([200, 200, 196]) / 255)  # linear light of a surface without values
+CLAY_COLOUR = linear_of(np.array([200, 200, 196]) / 255)  # linear light of a surface without values
 ALONE_WIDTH = 1000  # pixels across a picture of one surface
-N_SHOWN_VECTORS = 4  # This many vectors of a basis are drawn on a surface.
+N_SHOWN_VECTORS = 4  # largest number of vectors of a basis that are drawn on a surface
 NULL_RATIO = 1e-9  # Eigenvalues below this share of the largest are rounding errors, and shown as 0.
-CHART_HEIGHT_RATIO = 0.36  # A chart is this many times as high as wide.
-POSITIVE, NEGATIVE = "#0072b2", "#d55e00"  # These colours are safe for the colour-blind (Okabe & Ito).
+CHART_HEIGHT_RATIO = 0.36  # height of a chart over its width
+# colours of positive and negative eigenvalues, which the colour-blind can tell apart (Okabe & Ito)
+POSITIVE, NEGATIVE = "#0072b2", "#d55e00"
 
 
 def plot_surface(
@@ -176,7 +178,7 @@ def plot_surface(
     camera, seen = camera_of(mesh, view=view), title or repr(surface)
     rows = None if values is None else numbers_of(values, "values", DescriptorError)
     if rows is None or rows.ndim == 2:
-        clay = np.tile(CLAY, (mesh.n_vertices, 1))
+        clay = np.tile(CLAY_COLOUR, (mesh.n_vertices, 1))
         colours = clay if rows is None else linear_of(np.clip(rows, 0.0, 1.0))
         if colours.shape != (mesh.n_vertices, 3):
             raise DescriptorError(
@@ -259,8 +261,8 @@ def _label_axes(axes: Axes, x: str, y: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-N_NEIGHBOURS = 8  # Triangles are drawn between a point and this many neighbours.
-MAX_GAP_ANGLE = 2.6  # A wider angle between two neighbours, in radians, is a hole or a border (about 150°).
+N_NEIGHBOURS = 8  # number of neighbours of a point of a cloud between which triangles are drawn
+MAX_GAP_ANGLE = 2.6  # radians, about 150°; a wider angle between two neighbours is a hole or a border
 
 
 def drawable(surface: Surface) -> Mesh:

@@ -23,7 +23,7 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization import viewer
 from isomatch.visualization.measures import quality_measures
 from isomatch.visualization.picture import png
-from isomatch.visualization.plots import SEEN, WIDTH, draw_map
+from isomatch.visualization.plots import MAP_TEXT, WIDTH, draw_map
 from isomatch.visualization.scene import Layer, layers_of, scene_of, user_layers
 from isomatch.visualization.summary import (
     describe_alternative,
@@ -33,16 +33,16 @@ from isomatch.visualization.summary import (
     summary_of,
 )
 
-COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
-SIDES = ("source", "target")
+MATCH_COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"  # command that a page offers
+SIDES = ("source", "target")  # names of shapes without other names
 GIVEN = "the map that was given"  # name of the map that a match started from, or that was judged
-DIFFERENCE = "distance from the given map"
-# A verdict is shown in the colour of this outcome.
-VERDICTS = {
+DIFFERENCE = "distance from the given map"  # name of a layer of colours
+OUTCOME_OF_VERDICT = {  # outcomes in whose colours verdicts are shown
     "right": Outcome.CONVERGED,
     "doubtful": Outcome.SYMMETRY_AMBIGUOUS,
     "wrong": Outcome.LOW_CONFIDENCE,
 }
+# outcomes for which a page asks for landmarks
 _HELPED_BY_LANDMARKS = (Outcome.PRIORS_CONTRADICTED, Outcome.SYMMETRY_AMBIGUOUS, Outcome.LOW_CONFIDENCE)
 
 
@@ -57,7 +57,7 @@ def write_report(
     facts: Mapping[str, object] | None = None,
     layers: Mapping[str, ArrayLike] | None = None,
     landmarks: ArrayLike | None = None,
-    command: str = COMMAND,
+    command: str = MATCH_COMMAND,
     given: Correspondence | None = None,
     said: Mapping[str, str] | None = None,
 ) -> None:
@@ -129,7 +129,7 @@ def write_report(
         shown,
         every_layer,
         **{name: escape(text) for name, text in (said or {}).items()},
-        picture=f'<img src="{png(still)}" alt="{SEEN.format("Source", "target")}">' if still else "",
+        picture=f'<img src="{png(still)}" alt="{MAP_TEXT.format("Source", "target")}">' if still else "",
         picking=" checked" if helped else "",
         landmarks=_list(command, shown=helped or bool(len(pairs))),
         details=details,
@@ -158,9 +158,8 @@ def write_judgement(
         If the file cannot be written.
     """
     if judgement.result is None:
-        raise MapError(
-            "the map was judged by a reference; judge it without, for a page of isomatch's own map"
-        )
+        message = "the map was judged by a reference; judge it without, for a page of isomatch's own map"
+        raise MapError(message)
     notes = str(judgement), *judgement.result.notes
     # the page shows isomatch's own map, so the map that was given is the other one
     regions = tuple(
@@ -180,7 +179,7 @@ def write_judgement(
             "headline": sentence(f"{judgement}."),
             "sureness": f"“The map” is isomatch's own. The colour “{DIFFERENCE}” shows where {GIVEN} differs from it.",
             "advice": "",
-            "colour": outcome_colour(VERDICTS[judgement.verdict]),
+            "colour": outcome_colour(OUTCOME_OF_VERDICT[judgement.verdict]),
         },
     )
 
@@ -194,7 +193,7 @@ def write_landmark_picker(
     names: tuple[str, str] = SIDES,
     facts: Mapping[str, object] | None = None,
     landmarks: ArrayLike | None = None,
-    command: str = COMMAND,
+    command: str = MATCH_COMMAND,
 ) -> None:
     """Write the report of a match without a map: the reason, and both shapes to pick landmarks.
 
@@ -225,8 +224,8 @@ def _list(command: str, *, shown: bool) -> str:
     return viewer.template("landmarks.html").substitute(unpicked=unpicked, command=escape(command))
 
 
-MOST_ALTERNATIVES = 4  # A page shows at most this many alternatives.
-MIN_TURN_DEGREES = 0.1  # The page does not mention a smaller turn of the source.
+MOST_ALTERNATIVES = 4  # largest number of alternatives that a page shows
+MIN_TURN_DEGREES = 0.1  # smallest turn of the source, in degrees, that a page mentions
 
 
 class ShownMap(NamedTuple):
@@ -281,7 +280,7 @@ def page_of_result(
     return page_of(shapes, names, scene, pairs, **parts)
 
 
-# A page may lack these parts; a served page has a kind and adds to the content security policy.
+# parts of the template that a page may lack; only a served page has a kind and a policy
 _OPTIONAL_PARTS = ("sureness", "policy", "kind", "work", "picture", "plain", "maps", "details", "run")
 
 
@@ -356,11 +355,11 @@ def title_of(side: str, name: str) -> str:
 
 
 STILL_WIDTH = 640  # pixels across the picture of an alternative
-_HOW_TO_CHOOSE = (
+_HOW_TO_CHOOSE = (  # advice below alternatives
     "Where DIR is the folder that <code>isomatch match</code> wrote, <code>isomatch choose DIR 1</code> refines "
     "alternative 1, measures it and makes it the map."
 )
-LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
+LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")  # whose versions a page shows
 
 
 def _section(title: str, content: str) -> str:

@@ -18,9 +18,9 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import camera_of, of_ordinary_size, turn_to_target
 from isomatch.visualization.colours import UNMATCHED_GREY, position_colours
 from isomatch.visualization.picture import vertex_values
-from isomatch.visualization.viewer import MOST_SHOWN, DrawnSurface, encoded, encoded_colours, encoded_normals
+from isomatch.visualization.viewer import MAX_SHOWN, DrawnSurface, encoded, encoded_colours, encoded_normals
 
-Side = Literal["source", "target"]
+Side = Literal["source", "target"]  # one of the two shapes
 
 
 def scene_of(
@@ -30,7 +30,7 @@ def scene_of(
     *,
     layers: Mapping[str, Layer] | None = None,
     landmarks: IntArray | None = None,
-    most: int = MOST_SHOWN,
+    most: int = MAX_SHOWN,
 ) -> dict[str, Any]:
     """Collect the data of a report's 3D view; layers are values at the source's vertices under the first map."""
     # The values are plain, for JSON; arrays are little-endian, in base 64:
@@ -53,7 +53,7 @@ class DrawnPair:
         facing: Correspondence | None = None,  # The source is turned to face like the target under this map.
         *,
         landmarks: IntArray | None = None,  # Simplification keeps the vertices of these pairs, (q, 2).
-        most: int = MOST_SHOWN,
+        most: int = MAX_SHOWN,
     ) -> None:
         self._source, self._target = of_ordinary_size(source), of_ordinary_size(target)
         self._camera = camera_of(self._target)
@@ -111,13 +111,13 @@ class DrawnPair:
         return self._camera @ turn.T @ self._camera.T
 
 
-# The report itself has layers with these names; every map has the first two.
-BUILT_IN = ("position", "stretch", "expected error", "descriptor distance", "doubt")
-N_RAMP_COLOURS = 9  # A ramp is sent as this many colours, between which the browser interpolates.
-MAX_LEVEL, NO_VALUE_LEVEL = 254, 255  # A value is sent as a level from 0 to the first; the second is nan.
-MIN_ERROR_RANGE = 0.05  # The ramp extends at least to this error, in √area, at which the confidence is ½.
-DESCRIPTOR_RANGE = 1.0  # The ramp ends at this many standard deviations; random points differ by about 0.8.
-OUTLIER_SHARE = 0.02  # At most this share of the values lies beyond each end of the ramp.
+# names of the layers of colours that a report itself has; every map has the first two
+BUILT_IN_LAYERS = ("position", "stretch", "expected error", "descriptor distance", "doubt")
+N_RAMP_COLOURS = 9  # number of colours of a scale that are sent; the browser interpolates between them
+MAX_LEVEL, NO_VALUE_LEVEL = 254, 255  # values are sent as 0 to the first; nan as the second
+MIN_ERROR_RANGE = 0.05  # √area; the scale of expected errors ends here or above, where the confidence is ½
+DESCRIPTOR_RANGE = 1.0  # standard deviations; end of the scale of descriptor distances, 0.8 at random
+OUTLIER_SHARE = 0.02  # largest share of the values beyond each end of a scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,7 @@ def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Lay
     """Make layers of named values, after checks of names and lengths (`DescriptorError`)."""
     layers = {}
     for name, layer_values in values.items():
-        if name in BUILT_IN:
+        if name in BUILT_IN_LAYERS:
             raise DescriptorError(f"every report has a layer {name!r} of its own; give yours another name")
         rows = vertex_values(layer_values, n_source, f"layer {name!r}")
         low, high = 0.0, 1.0

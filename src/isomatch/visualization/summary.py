@@ -14,12 +14,11 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import of_ordinary_size
 from isomatch.visualization.measures import config_of, is_of_whole, quality_measures
 
-# A confidence below this stands for an expected error above 0.05 √area, see `MatchResult.confidence`.
-LOW_CONFIDENCE_LIMIT = 0.5
-MIN_SHARE_TOLD = 0.005  # A summary does not mention smaller shares of the vertices.
-UNCERTAIN_SHARE = 0.1  # A map is uncertain if more than this share of the vertices has low confidence.
+LOW_CONFIDENCE_LIMIT = 0.5  # confidence of an image with an expected error of 0.05 √area; lower ones are low
+MIN_SHARE_TOLD = 0.005  # smallest share of the vertices that a summary mentions
+UNCERTAIN_SHARE = 0.1  # A map is uncertain if a larger share of the vertices has low confidence.
 
-# Each outcome has a headline and an advice; `Outcome.advice` says more.
+# headline and advice for each outcome; `Outcome.advice` says more
 _HEADLINES_AND_ADVICE = {
     Outcome.PRIORS_CONTRADICTED: (
         "The map and your priors do not agree: either may be wrong.",
@@ -54,6 +53,7 @@ _HEADLINES_AND_ADVICE = {
 HEADLINES = {outcome: headline for outcome, (headline, _) in _HEADLINES_AND_ADVICE.items()}
 """The headline of each outcome."""
 
+# headlines in place of those of CONVERGED and, for the last two, of LOW_CONFIDENCE
 PARTLY_SURE = "The shapes match, but parts of this map are uncertain."
 MOSTLY_RIGHT = "Most of this map looks right, but not all of it."
 ANOTHER_IS_BETTER = "This map is doubtful: another one fits as well or better."
@@ -156,7 +156,7 @@ def _per_cent(share: float) -> str:
     return f"{share:.1%}" if 0 < share < 0.1 else f"{share:.0%}"
 
 
-SAME_PLACE_DISTANCE = 0.05  # Images nearer to each other than this, in √area, are at the same place.
+SAME_PLACE_DISTANCE = 0.05  # √area; images of a vertex that are nearer to each other are at the same place
 
 
 def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Correspondence) -> float:
@@ -213,11 +213,11 @@ def _sides(result: MatchResult, other: Alternative) -> str:
     return "Mirror image of the map: left and right are exchanged."
 
 
-# The colours are safe for the colour-blind (Okabe & Ito); the text states the outcome as well.
+# colours of outcomes, which the colour-blind can tell apart (Okabe & Ito)
 _COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00", Outcome.MIRROR_IMAGE: "#d55e00"}
-_UNDECIDED = "#e69f00"
+_OTHER_COLOUR = "#e69f00"  # colour of the other outcomes
 
 
 def outcome_colour(outcome: Outcome) -> str:
     """Return the colour of an outcome, as CSS writes it."""
-    return _COLOURS.get(outcome, _UNDECIDED)
+    return _COLOURS.get(outcome, _OTHER_COLOUR)

@@ -16,7 +16,7 @@ from isomatch.surfaces import Mesh, Raster, rasterise
 from isomatch.visualization.camera import camera_of, of_ordinary_size, seen_from, used_vertices
 from isomatch.visualization.colours import UNMATCHED_GREY, to_screen
 
-OVERSAMPLING = 2  # A pixel is the mean of this many samples along each axis.
+OVERSAMPLING = 2  # number of samples along each axis whose mean is a pixel
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +98,9 @@ def surface_image(
     return view.pixels(width, height, resolution)
 
 
-MAX_FACES = 50_000  # A mesh is rounded, which makes four faces of one, as long as it has no more after that.
-PHONG_ROUNDING = 0.75  # The strength of rounding; Boubekeur & Alexa, Phong Tessellation, 2008.
-MIN_LENGTH = 1e-300  # Normals are divided by at least this length, so that none is divided by zero.
+MAX_FACES = 50_000  # largest number of faces that rounding, which cuts each into four, makes of a coarse mesh
+PHONG_ROUNDING = 0.75  # strength of rounding, from 0 to 1: ¾ in Boubekeur & Alexa, Phong Tessellation, 2008
+MIN_LENGTH = 1e-300  # smallest length by which a normal is divided, so that none is divided by zero
 # An edge stays sharp if the cosine of the angle between the normals at its ends is below this. With
 # 0.5, thin limbs get lumps.
 MIN_EDGE_COSINE = 0.0
@@ -136,16 +136,15 @@ def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Me
     return Mesh(vertices, faces), np.concatenate([columns, (columns[i] + columns[j]) / 2])
 
 
-# Directions towards the lights and the viewer have the coordinates right, up, towards the viewer.
-KEY_LIGHT = np.array([-0.45, 0.65, 0.62])
-FILL_LIGHT = np.array([0.75, 0.05, 0.45])
+# directions towards the lights and the viewer, with the coordinates right, up, towards the viewer
+KEY_LIGHT, FILL_LIGHT = np.array([-0.45, 0.65, 0.62]), np.array([0.75, 0.05, 0.45])
 TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])
-AMBIENT, KEY, FILL = 0.30, 0.62, 0.16  # shares of the surface's colour that each light adds at most
+AMBIENT, KEY, FILL = 0.30, 0.62, 0.16  # largest share of the surface's colour that each light adds (chosen)
 GLOSS, GLOSS_EXPONENT = 0.10, 30.0  # white that a highlight adds at most, and how narrow a highlight is
-CREVICE_RADIUS = 0.025  # A depth is compared with surroundings of this share of the image height.
-CREVICE_DEPTH = 0.06  # A crevice this share of the image height below its surroundings is darkest.
-CREVICE_DARKNESS = 0.55  # The darkest crevice loses this share of its diffuse light.
-CREVICE_STEP = 6  # The surroundings are computed on every sixth pixel of each row and column.
+CREVICE_RADIUS = 0.025  # share of the image height; depths are compared with their mean over this distance
+CREVICE_DEPTH = 0.06  # share of the image height; a crevice this deep below its surroundings is darkest
+CREVICE_DARKNESS = 0.55  # share of its diffuse light that the darkest crevice loses
+CREVICE_STEP = 6  # pixels between those at which the depth of the surroundings is computed
 
 
 def compute_light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -28,8 +28,8 @@ from isomatch.visualization.surface_image import (
     KEY_LIGHT,
 )
 
-MOST_SHOWN = 30_000  # A page shows at most this many vertices of a shape; it numbers them with 16 bits.
-CELL_GROWTH = 1.15  # Each attempt at simplification has grid cells this many times wider than the last.
+MAX_SHOWN = 30_000  # largest number of vertices of a shape that a page draws; it numbers them with 16 bits
+CELL_GROWTH = 1.15  # factor by which grid cells are wider in each further attempt at simplification
 
 
 def text_of(name: str) -> str:
@@ -107,7 +107,7 @@ class DrawnSurface:
     """
 
     def __init__(
-        self, mesh: Mesh, camera: FloatArray, most: int = MOST_SHOWN, kept: IntArray | Sequence[int] = ()
+        self, mesh: Mesh, camera: FloatArray, most: int = MAX_SHOWN, kept: IntArray | Sequence[int] = ()
     ) -> None:
         self._mesh, self._camera = mesh, camera
         self.points = seen_from(camera, mesh)  # positions of the vertices, (n, 3)

@@ -13,12 +13,13 @@ from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch_lab.baselines.functional_maps import orientations, products
 
-WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
+WAVE_KERNELS = 20  # number of wave kernels, the first columns of the signatures; the others are curvatures
 
-MAX_MATCHED = 14  # functions for which all combinations of signs can be tried
-MAX_EXCHANGE_DISTANCE = 2  # largest difference of places in the spectrum of two functions that are exchanged
+MAX_MATCHED = 14  # largest number of functions whose combinations of signs can all be tried
+MAX_EXCHANGE_DISTANCE = 2  # largest difference of the numbers of two eigenfunctions that are exchanged
 
-SIDES: dict[Orientation, float] = {"preserve": 1.0, "reverse": -1.0, "any": 0.0}
+# sign of the orientation that a map shall have, 0 for any
+ORIENTATION_SIGN: dict[Orientation, float] = {"preserve": 1.0, "reverse": -1.0, "any": 0.0}
 
 
 def signed_permutation(pair: Problem, m: int, side: float) -> FloatArray:

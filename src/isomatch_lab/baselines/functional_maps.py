@@ -22,16 +22,16 @@ from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh, Surface
 from isomatch_lab.baselines.task import Task
 
-KERNEL_FUNCTIONS = 100  # eigenfunctions in wave and heat kernels
-KERNEL_STEP = 5  # every fifth of a hundred energies or times, because neighbours overlap
-ICP_STEPS = 10
-SIGNATURES: dict[str, Callable[..., FloatArray]] = {
+KERNEL_FUNCTIONS = 100  # number of eigenfunctions in wave and heat kernels
+KERNEL_STEP = 5  # one of this number of energies or times is taken, as neighbours overlap
+ICP_STEPS = 10  # number of refinements by iterative closest points in the spectral domain
+SIGNATURES: dict[str, Callable[..., FloatArray]] = {  # functions of signatures by name
     "wave": wave_kernel_signature,
     "heat": heat_kernel_signature,
 }
 
-KernelSignatures = Literal["wave", "heat", "both"]
-FunctionalRefinement = Literal["icp", "none"]
+KernelSignatures = Literal["wave", "heat", "both"]  # signatures that are compared
+FunctionalRefinement = Literal["icp", "none"]  # how a functional map is refined
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def _comparable(of_source: FloatArray, of_target: FloatArray) -> tuple[FloatArra
     return of_source / size, of_target / size
 
 
-RIDGE = 1e-9  # share of the mean diagonal entry added to it; decides where the energy is flat
+RIDGE = 1e-9  # share of the mean diagonal entry that is added to the diagonal, for directions of no energy
 
 
 class FunctionalEnergy:
@@ -240,9 +240,8 @@ def orientations(basis: LaplaceBasis, mesh: Mesh, coefficients: FloatArray) -> F
     # g_a) = g_a (f_c − f_b) + g_b (f_a − f_c) + g_c (f_b − f_a), whatever its shape
     corners = phi[mesh.faces]  # (m, 3, k)
     tested = corners.mean(axis=1).T / 2
-    across = np.roll(functions[mesh.faces], 1, axis=1) - np.roll(
-        functions[mesh.faces], -1, axis=1
-    )  # (m, 3, q)
+    at_corners = functions[mesh.faces]  # (m, 3, q)
+    across = np.roll(at_corners, 1, axis=1) - np.roll(at_corners, -1, axis=1)
     return np.array(
         [tested @ np.einsum("mc,mck->mk", across[..., q], corners) for q in range(across.shape[2])]
     )

@@ -12,7 +12,7 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 
-PLAIN: dict[str, Any] = {"hypotheses": "given", "weights": "uniform", "resolution": "full"}
+PAPER_SETTINGS: dict[str, Any] = {"hypotheses": "given", "weights": "uniform", "resolution": "full"}
 
 
 def gdd(
@@ -50,7 +50,7 @@ def gdd(
     the first map that agree with the landmarks are tried as well, and the selection is the one in `match`. Automatic
     hypotheses are searched as alternatives only if the settings switch ``search_runners_up`` on.
     """
-    config = replace(config or Config(), refinement="none", **PLAIN)
+    config = replace(config or Config(), refinement="none", **PAPER_SETTINGS)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)
 
 
@@ -74,5 +74,5 @@ def gdd_post(
     source, target, landmarks, initial_map, initial_descriptors, config, seed
         As for `gdd`. The result and the errors are the same, too.
     """
-    config = replace(config or Config(), refinement="laplace_icp", **PLAIN)
+    config = replace(config or Config(), refinement="laplace_icp", **PAPER_SETTINGS)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

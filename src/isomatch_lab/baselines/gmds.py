@@ -20,7 +20,7 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 from isomatch_lab.baselines.task import Task
 
-MIN_POINTS = 3  # needed to place another point by its distances
+MIN_POINTS = 3  # smallest number of points whose distances to another point fix its place
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
     return np.column_stack([samples, image]), origin
 
 
-MIN_STRESS_DECREASE = 1e-4  # the descent ends when a sweep lowers the stress by less than this share
+MIN_STRESS_DECREASE = 1e-4  # share of the stress; the descent ends when a sweep lowers it by less
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ class Placement:
 
     vertices: IntArray  # (m,) source body vertices
     corners: IntArray  # (m, 3) target body vertices of the triangle that holds each place
-    barycentric: FloatArray  # (m, 3) their weights: not negative, sum 1
+    barycentric: FloatArray  # (m, 3) weights of the corners: not negative, sum 1
 
     @classmethod
     def at_vertices(cls, pairs: IntArray) -> Placement:

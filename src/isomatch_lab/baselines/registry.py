@@ -43,7 +43,7 @@ class Baseline:
     preparation: Config | None = field(default_factory=lambda: AT_FULL_RESOLUTION)
 
 
-AS_PUBLISHED = replace(AT_FULL_RESOLUTION, weights="uniform")
+AS_PUBLISHED = replace(AT_FULL_RESOLUTION, weights="uniform")  # settings of the paper
 BASELINES = {
     "gdd": Baseline(gdd, AS_PUBLISHED, needs_prior=True, preparation=AS_PUBLISHED),
     "gdd_post": Baseline(gdd_post, AS_PUBLISHED, needs_prior=True, preparation=AS_PUBLISHED),

@@ -21,8 +21,8 @@ from isomatch.surfaces import Surface
 from isomatch_lab.baselines.functional_maps import FunctionalEnergy
 from isomatch_lab.baselines.task import Task
 
-HEAT_TIMES = 6  # heat from a landmark is compared at this many times, from local to global
-WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
+HEAT_TIMES = 6  # number of times, from local to global, at which heat from a landmark is compared
+WAVE_KERNELS = 20  # number of wave kernels, the first columns of the signatures; the others are curvatures
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,11 @@ from isomatch.matching import MatchResult, Problem
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh, Surface
-from isomatch_lab.baselines.eigenfunction_matching import MAX_MATCHED, SIDES, signed_permutation
+from isomatch_lab.baselines.eigenfunction_matching import MAX_MATCHED, ORIENTATION_SIGN, signed_permutation
 from isomatch_lab.baselines.laplace_nearest_neighbours import first_functional_map
 from isomatch_lab.baselines.task import Task
 
-N_FROM_PRIORS = 20  # size of the first functional map, which a few priors determine
+N_FROM_PRIORS = 20  # number of eigenfunctions in the first functional map, which a few priors determine
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def _start(task: Task, config: GradientFieldsConfig) -> tuple[FloatArray, str]:
     if task.priors.any:
         return first_functional_map(task, task.functions_at_most(min(N_FROM_PRIORS, config.n_functions)))
     m = task.functions_at_most(config.n_matched + 1) - 1
-    return signed_permutation(task.pair, m, SIDES[config.orientation]), "eigenfunctions"
+    return signed_permutation(task.pair, m, ORIENTATION_SIGN[config.orientation]), "eigenfunctions"
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ class KernelMaps:
             else np.zeros((shape.body.n_vertices, 0), dtype=np.complex128)
             for shape in (pair.source, pair.target)
         ]
-        weights = config.gradient_weight * np.array([1.0, SIDES[config.orientation]])
+        weights = config.gradient_weight * np.array([1.0, ORIENTATION_SIGN[config.orientation]])
         return cls(pair, fields[0], fields[1], weights)
 
     def embedding(self, functional_map: FloatArray) -> Embedding:

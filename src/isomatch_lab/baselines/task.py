@@ -29,14 +29,14 @@ from isomatch.shapes import PreparedShape
 NOT_JUDGED = "a baseline tries no other map: there is no spectral residual or runner-up, and symmetric maps go unnoticed"
 
 
-AT_FULL_RESOLUTION = Config(resolution="full", n_functions=200)  # as in Melzi et al. 2019
+AT_FULL_RESOLUTION = Config(resolution="full", n_functions=200)  # settings of Melzi et al. 2019
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
     """Two prepared shapes, and the priors about their map."""
 
-    pair: Problem  # with what the user gave
+    pair: Problem  # the two shapes, with landmarks and maps that the user gave
     seed: int
     timer: StageTimer = field(repr=False)
 

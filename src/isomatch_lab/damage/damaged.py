@@ -12,8 +12,8 @@ from isomatch.repair import check
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch_lab.sets import BenchmarkPair
 
-SHARE_RANGE = (0.0, 1.0)
-EDGE_LENGTH_RANGE = (1e-100, 1e100)  # allowed edge lengths, so that areas neither vanish nor overflow
+SHARE_RANGE = (0.0, 1.0)  # allowed shares of a surface
+EDGE_LENGTH_RANGE = (1e-100, 1e100)  # allowed edge lengths in mesh units: areas neither vanish nor overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +85,8 @@ def require_usable(mesh: Mesh, name: str, level: float, bounds: tuple[float, flo
         raise MeshError("; ".join(fatal))
     longest = float(mesh.edge_lengths.max())
     if not EDGE_LENGTH_RANGE[0] < longest < EDGE_LENGTH_RANGE[1]:
-        raise MeshError(
-            f"the longest edge of {mesh!r} is {longest:g}, whose square is no number; scale the mesh"
-        )
+        message = f"the longest edge of {mesh!r} is {longest:g}, whose square is no number; scale the mesh"
+        raise MeshError(message)
     require_between(name, level, bounds)
 
 
@@ -189,9 +188,8 @@ def damaged_pair(
     truths = [rows for rows in (pair.truth, pair.mirrored) if rows is not None]
     left = np.all([(moved(rows) >= 0).all(axis=1) for rows in truths], axis=0)
     if not left.any():
-        raise InputError(
-            f"{pair.name}: nothing of the truth remains after the damage; damage less of the shapes"
-        )
+        message = f"{pair.name}: nothing of the truth remains after the damage; damage less of the shapes"
+        raise InputError(message)
     whole = [rows[left] for rows in truths]
     remaining = [moved(rows) for rows in whole]
     points = pair.points and PrecisePoints(pair.points.corners[left], pair.points.barycentric[left])

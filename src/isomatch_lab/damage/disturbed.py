@@ -16,12 +16,10 @@ from isomatch.geodesics import distance_engine, euclidean_farthest_points, perip
 from isomatch.surfaces import Mesh
 from isomatch_lab.damage.damaged import SHARE_RANGE, Damaged, require_usable, with_faces
 
-MIN_LIMB_DISTANCE = (
-    0.5  # √area along the surface; above half a torso's girth, so that only different limbs are glued
-)
+MIN_LIMB_DISTANCE = 0.5  # √area along the surface; more than half a torso's girth, so other limbs are glued
 GAP_RANGE = (0.0, MIN_LIMB_DISTANCE)  # allowed gaps, in √area
-MIN_FOLD_DISTANCE = 0.2  # √area along the surface; facing vertices nearer than this lie in one fold
-N_PATCHES = 60  # patches of the surface; parts far away are searched from each
+MIN_FOLD_DISTANCE = 0.2  # √area along the surface; facing vertices that are nearer lie in one fold
+N_PATCHES = 60  # number of patches of the surface, each of them a start to search far parts
 DISTANCE_RANGE = (0.0, 10.0)  # allowed distances, in mean edge lengths
 
 

@@ -29,7 +29,7 @@ from isomatch_lab.damage.disturbed import (
 from isomatch_lab.damage.missing import VIEW_COUNT_RANGE, cut, holes, limb_removed, view
 from isomatch_lab.sets import BenchmarkPair
 
-SIDES = ("source", "target", "both")
+SIDES = ("source", "target", "both")  # shapes that may be damaged
 
 
 @dataclass(frozen=True)
@@ -125,9 +125,8 @@ class DamageChoice:
         try:
             number = float(level) if level else None
         except ValueError:
-            raise SettingError(
-                f"damage {text!r} has {level!r} in the place of a number; write NAME:LEVEL"
-            ) from None
+            message = f"damage {text!r} has {level!r} in the place of a number; write NAME:LEVEL"
+            raise SettingError(message) from None
         return cls(name, number, side or "target")
 
     def __call__(self, pair: BenchmarkPair, seed: int = 0) -> DamagedPair:

@@ -37,7 +37,7 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[Row]:
             if identity_of(run.identity(pair, method)) not in done:
                 endings = jobs.setdefault((pair, base), [])
                 if ending and not endings and identity_of(run.identity(pair, base)) not in done:
-                    endings.append("")  # the start is computed anyway, and its row shows the gain
+                    endings.append("")  # the map to start from is computed anyway; its row shows the gain
                 if ending not in endings:
                     endings.append(ending)
     with made_folder(out), appending(out) as append:
@@ -92,7 +92,7 @@ class _Worker:
     def rows(self, names: PairNames, base: str, endings: list[str]) -> list[Row]:
         """Match a pair with one method and continue from its map; a problem becomes part of the row."""
         rows = [self._run.identity(names, f"{base}+{ending}" if ending else base) for ending in endings]
-        directions = (False, True) if self._run.cycles else (False,)  # whether to match backwards
+        directions = (False, True) if self._run.cycles else (False,)  # also target → source to measure cycles
         try:
             subject = self._subject(names)
             starts = [subject.match(self._run.method(base), backwards=backwards) for backwards in directions]

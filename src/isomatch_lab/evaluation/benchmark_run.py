@@ -24,7 +24,7 @@ from isomatch_lab.evaluation.methods import (
 )
 from isomatch_lab.sets import BenchmarkSet, benchmark_set
 
-PairNames: TypeAlias = tuple[str, str]
+PairNames: TypeAlias = tuple[str, str]  # names of source and target
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray
 from isomatch._core.files import replaced
-from isomatch.evaluation import LIMIT, THRESHOLDS
+from isomatch.evaluation import CURVE_LIMIT, THRESHOLDS
 from isomatch_lab.evaluation.ledger import set_label
 from isomatch_lab.evaluation.methods import METHODS
 
@@ -30,9 +30,10 @@ COLOURS = (  # Petroff 2021: ten colours that the colour-blind can distinguish
     "#3f90da", "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70", "#717581", "#92dadd",
 )  # fmt: skip
 DASHES = ((0, (1, 1.5)), (0, (6, 1.5, 1, 1.5)))  # dashes of published curves; each style uses all ten colours
-DIRECT, EITHER, CONTINUED = "direct truth", "one flip allowed for each pair", "started from another map"
-OURS = "isomatch"
-PANEL, PER_ROW = (5.4, 4.6), 2  # inches of a panel with its legend: its text can be read on a phone
+# titles of panels, by how errors are measured and where maps come from
+DIRECT, FLIPPED, CONTINUED = "direct truth", "one flip allowed for each pair", "started from another map"
+OURS = "isomatch"  # name of our method in rows
+PANEL, PER_ROW = (5.4, 4.6), 2  # inches of a panel with its legend, legible on a phone; panels in a row
 Panel = dict[str, tuple[FloatArray, int]]
 """Mean curve and number of pairs of each method."""
 
@@ -74,7 +75,7 @@ def curve_panels(rows: list[dict[str, Any]], published: Sequence[PublishedCurve]
         members = [row for row in good if row["set"] == name]
         at_landmarks = any(row.get("judged_at") == "landmarks" for row in members)
         for kind, panel in _panels(members).items():
-            published_set = {DIRECT: name, EITHER: f"{name}_AllowingFlips"}.get(kind)
+            published_set = {DIRECT: name, FLIPPED: f"{name}_AllowingFlips"}.get(kind)
             others = [curve for curve in published if curve.set_name == published_set]
             title = f"{name}{', at landmarks' * at_landmarks}: {kind}"
             panels.append(CurvePanel(title, panel, others, colours, kind == CONTINUED))
@@ -111,19 +112,19 @@ def _family(method: str) -> str:
 
 def _panels(rows: list[dict[str, Any]]) -> dict[str, Panel]:
     """Curves of one set, by kind of panel."""
-    panels: dict[str, Panel] = {DIRECT: {}, EITHER: {}, CONTINUED: {}}
+    panels: dict[str, Panel] = {DIRECT: {}, FLIPPED: {}, CONTINUED: {}}
     for method in _distinct(rows, "method"):
         members = [row for row in rows if row["method"] == method]
         direct, either = (np.mean([row[key] for row in members], axis=0) for key in ("curve", "curve_either"))
         if "+" in method:
             panels[CONTINUED][method] = (direct, len(members))
         else:
-            panels[DIRECT][method], panels[EITHER][method] = (direct, len(members)), (either, len(members))
+            panels[DIRECT][method], panels[FLIPPED][method] = (direct, len(members)), (either, len(members))
     if panels[CONTINUED]:
         bases = {method.partition("+")[0] for method in panels[CONTINUED]} | {OURS}
         panels[CONTINUED] |= {method: panel for method, panel in panels[DIRECT].items() if method in bases}
-    if all(np.array_equal(panels[DIRECT][method][0], panels[EITHER][method][0]) for method in panels[DIRECT]):
-        panels[EITHER] = {}
+    if all(np.array_equal(panel[0], panels[FLIPPED][method][0]) for method, panel in panels[DIRECT].items()):
+        panels[FLIPPED] = {}
     return {kind: panel for kind, panel in panels.items() if panel}
 
 
@@ -151,7 +152,7 @@ def _draw(
     axes.set_axis_on()
     axes.set(
         xlabel="geodesic error × 100 / √area",
-        xlim=(0, 100 * LIMIT),
+        xlim=(0, 100 * CURVE_LIMIT),
         ylabel="correspondences, %",
         ylim=(0, 101),
     )

@@ -17,8 +17,9 @@ from isomatch._core.files import claimed, writing
 Row: TypeAlias = dict[str, Any]
 """Measurements for one pair and one method, or the problem that prevented them."""
 
+# columns by which rows are the same measurement
 IDENTITY = ("set", "damage", "pair", "method", "points", "seed", "judged_at", "version", "settings", "data")
-FILE = "rows.jsonl"
+LEDGER_FILE = "rows.jsonl"  # name of the file with all rows of a run
 logger = logging.getLogger(__name__)
 
 
@@ -42,7 +43,7 @@ def read_rows(out: str | Path) -> list[Row]:
     FormatError
         If any other line is not a row.
     """
-    path = Path(out) / FILE
+    path = Path(out) / LEDGER_FILE
     if not path.exists():
         return []
     *lines, rest = path.read_bytes().split(b"\n")
@@ -58,7 +59,7 @@ def read_rows(out: str | Path) -> list[Row]:
             raise FormatError(
                 f"{path}:{number}: not a row of a benchmark run ({error}); remove this line, and its pair is run again"
             ) from error
-        rows.pop(identity, None)  # so that the order is the order of writing
+        rows.pop(identity, None)  # rows stay in the order in which they were written
         rows[identity] = row
     return list(rows.values())
 
@@ -66,7 +67,7 @@ def read_rows(out: str | Path) -> list[Row]:
 @contextmanager
 def appending(out: str | Path) -> Iterator[Callable[[Row], None]]:
     """Open the rows of a folder for one process to write; gives a function that adds a row in a single write."""
-    path = Path(out) / FILE
+    path = Path(out) / LEDGER_FILE
 
     def append(row: Row) -> None:
         line = json.dumps(row, allow_nan=False).encode() + b"\n"

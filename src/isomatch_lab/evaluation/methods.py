@@ -92,7 +92,7 @@ def methods_of(baselines: Mapping[str, Baseline]) -> dict[str, Method]:
     return methods
 
 
-METHODS = {
+METHODS = {  # methods by name
     "isomatch": Method(match, config=Config()),
     f"isomatch_{N_LANDMARKS}pt": Method(match, N_LANDMARKS, config=Config()),
     **methods_of(BASELINES),
@@ -129,8 +129,8 @@ def digest_of(settings: Mapping[str, Any], ending: str = "") -> str:
     return sha256(json.dumps(every, sort_keys=True).encode()).hexdigest()[:12]
 
 
-MAP_SUFFIXES = (".npz", ".npy", ".mat", ".txt", ".map", ".csv")
-NAME_SEPARATORS = ("__", "-", "_")  # stand between the names of a pair in a file name
+MAP_SUFFIXES = (".npz", ".npy", ".mat", ".txt", ".map", ".csv")  # suffixes of files of maps
+NAME_SEPARATORS = ("__", "-", "_")  # separate the names of a pair in a file name
 EXPECTED = "a function takes two meshes, source and target, and returns an array of target vertices, or a map"
 
 
@@ -188,8 +188,8 @@ class OwnFunction:
 
 
 _FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {}  # functions by name and digest of their text
-_TEXTS: dict[str, bytes] = {}  # texts of modules, by name, as they were when loaded
-_BEGAN = time()  # a file changed after this time may have been imported earlier
+_TEXTS: dict[str, bytes] = {}  # texts of modules when they were loaded, by name
+_BEGAN = time()  # seconds since the epoch; a file that changed later may have been imported before
 
 
 def _find_function(name: str, digest: str) -> Callable[..., Any]:
@@ -214,15 +214,14 @@ def _load_function(name: str) -> str:
     except IsomatchError:
         raise
     except (Exception, SystemExit) as error:  # a foreign module may raise anything when it is imported
-        raise SettingError(
-            f"method {name!r}: {place} cannot be imported ({type(error).__name__}: {error})"
-        ) from error
+        message = f"method {name!r}: {place} cannot be imported ({type(error).__name__}: {error})"
+        raise SettingError(message) from error
     function = getattr(module, attribute, None)
     if not callable(function):
         raise SettingError(f"method {name!r}: {place} has no function {attribute!r}; {EXPECTED}")
     texts = [text if is_file else _TEXTS[place]]
     home = sys.modules.get(getattr(function, "__module__", None) or "")
-    if home is not None and home is not module:  # the module only imports the function from its home
+    if home is not None and home is not module:  # the module imports the function from another one
         now = _text_of(home)
         if _TEXTS.setdefault(home.__name__, now) != now:
             raise SettingError(f"method {name!r}: {home.__file__} has changed; start Python again")
@@ -250,7 +249,7 @@ def _current_module(place: str) -> ModuleType:
     text = _text_of(module)
     before = _TEXTS.get(place)
     if before is None and not is_new and text and Path(str(module.__file__)).stat().st_mtime > _BEGAN:
-        before = b""  # the text at its import is not known
+        before = b""  # the text that was imported is not known
     if before not in (None, text):
         exec(compile(text, str(module.__file__), "exec"), module.__dict__)
     _TEXTS[place] = text
@@ -294,7 +293,7 @@ class NamedPair(NamedTuple):
 
     source: str
     target: str
-    moved: IntArray | None  # (n_target,) what became of the target's vertices, if they were relabelled
+    moved: IntArray | None  # (n_target,) new numbers of the target's vertices, if they were renumbered
     others: tuple[tuple[str, str], ...]  # all pairs of the run
     n_target_of: Callable[[str, str], int]  # number of target vertices of any pair
     kept: dict[Any, Any]  # what methods found in the files of all pairs, by method

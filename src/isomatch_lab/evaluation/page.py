@@ -14,7 +14,8 @@ from isomatch._core.files import write_text
 from isomatch_lab.evaluation.curves import CurvePanel
 from isomatch_lab.evaluation.ledger import set_label
 
-MAX_PAIRS = 20  # worst pairs shown
+MAX_PAIRS = 20  # largest number of pairs that are shown, the worst ones
+# columns of words, and of sentences; all others hold numbers
 TEXT_COLUMNS = ("set", "damage", "group", "pair", "method", "outcome", "judged_at", "version")
 SENTENCE_COLUMNS = ("notes", "problem")
 PART_COLUMNS = ("iou", "error_matched", "precision", "recall")
@@ -58,23 +59,23 @@ MEANINGS = {
     "version": "version of isomatch",
 }
 """What columns mean; those that are told of together share an entry, with blanks between them."""
-SUMMARY_COLUMNS = (
+SUMMARY_COLUMNS = (  # columns of the first table
     "method", "judged_at", "version", "pairs", "mean", "median", "max", "failures", "problems", "iou", "error_matched",
     "auc", "within_05", "seconds",
 )  # fmt: skip
-FURTHER_COLUMNS = (
+FURTHER_COLUMNS = (  # columns of the table of further measures
     "method", "either", "unmatched", "precision", "recall", "within_10", "within_25", "distortion_l2",
     "distortion_l2_truth", "distortion_table", "distortion_table_truth", "cycle", "image_area", "smoothness",
 )  # fmt: skip
-WORST_COLUMNS = (
+WORST_COLUMNS = (  # columns of the table of the worst pairs
     "pair", "set", "group", "damage", "method", "error", "median", "p95", "direct", "mirrored", "unmatched", "iou",
     "seconds", "outcome", "notes", "problem",
 )  # fmt: skip
-GAIN_COLUMNS = (
+GAIN_COLUMNS = (  # columns of the table of maps that started from others
     "method", "pairs", "error_before", "error_after", "error_smaller", "distortion_l2_before", "distortion_l2_after",
     "distortion_l2_smaller", "distortion_pairs", "distortion_l2_truth",
 )  # fmt: skip
-COMMON_COLUMNS = ("judged_at", "version")  # columns that are told above the table if all rows agree
+COMMON_COLUMNS = ("judged_at", "version")  # columns that are above the table if all rows agree
 GAINS_HTML = '<h2>Started from the map of another method</h2>\n<div class="wide">{}</div>'
 CURVE_HTML = '<img src="data:image/svg+xml;base64,{}" alt="{}">'
 FORMATS = {
@@ -113,7 +114,7 @@ def write_page(
         )
     columns = [name for name in SUMMARY_COLUMNS if name not in once]
     every = [(columns, summary), (FURTHER_COLUMNS, summary), (GAIN_COLUMNS, gains), (WORST_COLUMNS, worst)]
-    # how errors were judged is told above the table
+    # the meaning of ``judged_at`` is always explained, as a sentence above the table may use it
     shown = {"judged_at"} | {column for names, lines in every for column in _filled_columns(names, lines)}
     page = Template((files("isomatch_lab.evaluation") / "page.html").read_text(encoding="utf-8")).substitute(
         title=escape(f"isomatch bench: {sets}"),

@@ -22,7 +22,7 @@ COLUMNS = {
     "error_matched": "where matched", "iou": "IoU", "problems": "problems", "seconds": "seconds",
 }  # fmt: skip
 """Columns of the table, by their key in `summaries`, and their titles."""
-UNIT = "Errors of pairs: geodesic distance × 100 / √(target area)."
+UNIT_REMARK = "Errors of pairs: geodesic distance × 100 / √(target area)."
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,14 +74,14 @@ class BenchmarkResult:
             ).rstrip()
             for line in table
         ]
-        return "\n".join([*lines, UNIT, *self._remarks()])
+        return "\n".join([*lines, UNIT_REMARK, *self._remarks()])
 
     def _repr_html_(self) -> str:
         """Return the table, for notebooks."""
         head, *body = self._table()
         titles = "".join(f"<th>{escape(cell)}</th>" for cell in head)
         lines = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in line)}</tr>" for line in body)
-        remarks = "".join(f"<p>{escape(remark)}</p>" for remark in (UNIT, *self._remarks()))
+        remarks = "".join(f"<p>{escape(remark)}</p>" for remark in (UNIT_REMARK, *self._remarks()))
         return f"<table><thead><tr>{titles}</tr></thead><tbody>{lines}</tbody></table>{remarks}"
 
     def _table(self) -> list[list[str]]:

@@ -46,7 +46,7 @@ def dirichlet_energy(source: Mesh, target: Mesh, correspondence: Correspondence)
         raise MapError(
             f"{correspondence!r} does not fit {source!r} and {target!r}; give the shapes that the map was made for"
         )
-    images = correspondence @ target.vertices  # nan where unmatched
+    images = correspondence @ target.vertices  # images of the source's vertices, nan where unmatched
     kept = correspondence.matched[source.sound_faces].all(axis=1) & (source.face_areas > 0)
     faces = source.faces[kept]
     edges, mapped = (

@@ -16,7 +16,7 @@ from isomatch._core.memory import memory_budget
 from isomatch._core.threads import n_threads, parallel_map, serial_blas
 from isomatch.correspondence import Correspondence
 from isomatch.evaluation import (
-    SHARES,
+    TABLE_THRESHOLDS,
     area_under_curve,
     counted,
     coverage,
@@ -35,8 +35,8 @@ from isomatch_lab.evaluation.methods import MatchInput, Method
 from isomatch_lab.evaluation.smoothness import dirichlet_energy
 from isomatch_lab.evaluation.true_landmarks import true_landmarks
 
-DISTORTION_ROWS = 100  # points whose distances to 1000 others are compared in every row
-TABLE_SHARE = 4  # a quarter of the points are rows of the table, because columns are slow on large meshes
+DISTORTION_ROWS = 100  # number of points whose distances to 1000 others are compared for each pair
+TABLE_DIVISOR = 4  # one of this number of points is a row of the table, as rows are slow on large meshes
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Subject:
             numbers |= self._distortion("distortion_l2", answer.map, n_rows=DISTORTION_ROWS)
         if run.table_distortion:
             n_points = min(run.n_points, len(pair.truth))
-            draw = {"n_rows": n_points // TABLE_SHARE, "n_columns": n_points, "same_points": True}
+            draw = {"n_rows": n_points // TABLE_DIVISOR, "n_columns": n_points, "same_points": True}
             numbers |= self._distortion("distortion_table", answer.map, **draw)
         if back is not None:
             cycle = cycle_errors(pair.source, answer.map, back.map, run.n_points, run.seed, self._engines[0])
@@ -162,7 +162,7 @@ class Subject:
         }
         if self.pair.alone is not None and np.isfinite(sides.direct).any():
             numbers["error_matched"] = 100 * errors[np.isfinite(sides.direct)].mean()
-        for threshold, share in zip(SHARES, cumulative_curve(errors, SHARES)):
+        for threshold, share in zip(TABLE_THRESHOLDS, cumulative_curve(errors, TABLE_THRESHOLDS)):
             numbers[f"within_{100 * threshold:02.0f}"] = share
         curves = {"curve": direct, "curve_either": better}
         return _plain(numbers) | {

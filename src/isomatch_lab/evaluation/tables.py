@@ -14,7 +14,7 @@ from isomatch_lab.evaluation.curves import PublishedCurve, curve_panels, draw_cu
 from isomatch_lab.evaluation.ledger import Row, identity_of, read_rows
 from isomatch_lab.evaluation.page import write_page
 
-FAILURE = 10.0  # mean error × 100 above which a pair counts as failed
+FAILURE_ERROR = 10.0  # 100 × mean error; a pair with a larger one counts as failed
 COLUMNS = (
     "set", "damage", "group", "pair", "method", "points", "seed", "judged_at", "version", "settings", "data", "n_source",
     "n_target", "error", "median", "p95", "direct", "mirrored", "either", "unmatched", "error_matched", "precision",
@@ -100,7 +100,7 @@ def summaries(rows: list[Row]) -> list[dict[str, Any]]:
                 "mean": float(errors.mean()) if len(good) else None,
                 "median": float(np.median(errors)) if len(good) else None,
                 "max": float(errors.max()) if len(good) else None,
-                "failures": int((errors > FAILURE).sum()),
+                "failures": int((errors > FAILURE_ERROR).sum()),
                 "problems": len(members) - len(good),
                 **{key: _mean([row.get(key) for row in good]) for key in AVERAGED},
             }
@@ -126,7 +126,7 @@ def improvements(rows: list[Row]) -> list[dict[str, Any]]:
         line: dict[str, Any] = {"set": name, "damage": damage, "method": method, "pairs": len(members)}
         for key in ("error", "distortion_l2"):
             measured = [[row[key] for row in both] for both in members if all(key in row for row in both)]
-            values = np.array(measured, dtype=np.float64).reshape(-1, 2)  # None, of torn maps, becomes NaN
+            values = np.array(measured, dtype=np.float64).reshape(-1, 2)  # the None of torn maps becomes nan
             before, after = np.where(np.isnan(values), np.inf, values).T
             finite = np.isfinite(before) & np.isfinite(after)
             line[f"{key}_before"], line[f"{key}_after"] = (_mean(x[finite].tolist()) for x in (before, after))

@@ -10,9 +10,9 @@ from isomatch._core.settings import generator
 from isomatch.geodesics import DistanceEngine, distance_engine
 from isomatch_lab.sets import BenchmarkPair
 
-N_LANDMARKS = 5  # as in the paper
-N_REFERENCES = 30  # true pairs against which all others are checked
-RELIABLE_SHARE = 0.95  # share of the truth from which landmarks are drawn
+N_LANDMARKS = 5  # number of true landmarks that a method is given, as in the paper
+N_REFERENCES = 30  # number of true pairs with which all others are compared
+RELIABLE_SHARE = 0.95  # share of the truth, the pairs whose distances agree best, that may be landmarks
 
 
 def true_landmarks(

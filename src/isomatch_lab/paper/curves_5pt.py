@@ -7,7 +7,7 @@ from typing import Any
 from isomatch_lab.paper import princeton_curves
 from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 
-METHODS: dict[str, tuple[str, dict[str, Any]]] = {
+METHODS: dict[str, tuple[str, dict[str, Any]]] = {  # label and style of the curve of each method
     "isomatch": ("isomatch, automatic", {"color": "black", "linestyle": "-", "lw": 1.2}),
     "gdd_post": ("GDD-5pt + post", {"color": "#D55E00", "linestyle": "-", "lw": 2}),
     "gdd": ("GDD-5pt", {"color": "#E69F00", "linestyle": "-", "lw": 2}),
@@ -16,13 +16,13 @@ METHODS: dict[str, tuple[str, dict[str, Any]]] = {
     "sgmds_5pt": ("SGMDS", {"color": "#009E73", "linestyle": "-.", "lw": 1.5}),
     "sgf_5pt": ("Spectral-GF", {"color": "#CC79A7", "linestyle": ":", "lw": 2}),
 }
-BELOW = ("functional_maps_5pt", "sgmds_5pt")
+METHODS_BELOW = ("functional_maps_5pt", "sgmds_5pt")  # methods whose curves the paper shows below ours
 
 
 def make(setting: Setting) -> Reproduction:
     """Run all methods and compare their curves."""
     curves, facts = princeton_curves.measure_curves(setting, tuple(METHODS))
-    verdicts = [_above("gdd_post", other, curves) for other in BELOW]
+    verdicts = [_above("gdd_post", other, curves) for other in METHODS_BELOW]
     figure = princeton_curves.draw(curves, METHODS, facts)
     return Reproduction(figure, princeton_curves.table(curves), verdicts, facts)
 

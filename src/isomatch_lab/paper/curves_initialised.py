@@ -8,8 +8,8 @@ from isomatch_lab.paper import princeton_curves
 from isomatch_lab.paper.item import RUNNERS_UP, Item, Reproduction, Setting, Verdict
 
 BASELINES = {name: RUNNERS_UP[name] for name in ("sgmds_5pt", "functional_maps_5pt", "sgf_5pt")}
-ALONE, PUBLISHED, OURS = "", "+gdd_post", "+isomatch"
-VARIANTS = {
+ALONE, PUBLISHED, OURS = "", "+gdd_post", "+isomatch"  # endings of names of methods, by what continues them
+VARIANTS = {  # dashes, width and ending of the label of curves
     ALONE: (":", 1.5, ""),
     PUBLISHED: ("-", 2.0, " + GDD + post"),
     OURS: ("--", 1.0, " + GDD, our refinement"),

@@ -13,11 +13,11 @@ from isomatch import Mesh, distance_basis, geodesic_distance_descriptor, geodesi
 from isomatch._core.arrays import FloatArray
 from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 
-RANK = 50
-N_POINTS, QUICK_POINTS = 1000, 300
-BINS = 40
-CLEAR_DIFFERENCE = 0.1  # difference of two rank correlations that counts as clear
-NAMES = {"gdd": "geodesic distance descriptors", "lbo": "Laplace–Beltrami eigenfunctions"}
+RANK = 50  # number of descriptors and of eigenfunctions
+N_POINTS, QUICK_POINTS = 1000, 300  # number of drawn points, and of points in a quick run
+BINS = 40  # number of intervals of the geodesic distance
+CLEAR_DIFFERENCE = 0.1  # smallest difference of two rank correlations that counts as clear (chosen)
+LABELS = {"gdd": "geodesic distance descriptors", "lbo": "Laplace–Beltrami eigenfunctions"}
 
 
 def embeddings(mesh: Mesh, seed: int = 0, rank: int = RANK) -> dict[str, FloatArray]:
@@ -71,7 +71,7 @@ def make(setting: Setting) -> Reproduction:
         density = axes.hexbin(geodesic, e, gridsize=90, bins="log", cmap="cividis", mincnt=1, rasterized=True)
         axes.plot(lines[kind][:, 0], lines[kind][:, 2], color="#D55E00", lw=1.8, label="median")
         axes.set(
-            title=f"{NAMES[kind]}\nrank correlation {ranks[kind]:.3f}",
+            title=f"{LABELS[kind]}\nrank correlation {ranks[kind]:.3f}",
             xlabel="geodesic distance D / √area",
             ylabel="‖x − y‖ / area^¼" if kind == "gdd" else "‖φ(x) − φ(y)‖ · √area",
             xlim=(0, None),

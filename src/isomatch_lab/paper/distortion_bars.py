@@ -21,9 +21,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
     figure = Figure((8.5, 4.0), layout="constrained")
     axes = figure.add_subplot(ylabel="mean square distortion / that of the truth")
     shown = [method for method in LABELS if method in rows[0]]
-    offsets = dict(
-        zip(shown, np.linspace(-0.4, 0.4, 2 * len(shown) + 1)[1::2])
-    )  # of the bars within their group
+    offsets = dict(zip(shown, np.linspace(-0.4, 0.4, 2 * len(shown) + 1)[1::2]))
     for method, offset in offsets.items():
         label, colour = LABELS[method]
         ratios = [row[f"{method}_over_truth"] for row in rows]

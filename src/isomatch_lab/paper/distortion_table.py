@@ -12,11 +12,11 @@ from isomatch_lab.paper.benchmark_rows import benchmark_rows
 from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 from isomatch_lab.sets import BenchmarkSet, benchmark_set
 
-PUBLISHED = {  # GDD / truth in the paper's table
+PUBLISHED = {  # distortion of GDD over distortion of the truth in the paper's table
     "horse": 0.845, "victoria": 0.879, "cat": 0.770, "wolf": 0.841, "centaur": 0.799, "david": 0.853,
 }  # fmt: skip
 SHOWN = tuple(distortion_bars.LABELS)
-POST_LIMIT = 1.05  # times the truth; the paper's post-processing hardly exceeds it
+POST_LIMIT = 1.05  # largest distortion, over the truth's, after the paper's post-processing
 
 
 def classes_of(chosen: BenchmarkSet, setting: Setting) -> dict[str, list[tuple[str, str]]]:

@@ -15,7 +15,7 @@ from isomatch.datasets import example_pair
 from isomatch_lab.sets import tosca
 
 UP_AXIS = 2  # vertical axis of TOSCA and of the creatures
-RUNNERS_UP = {  # other methods that are given landmarks: label, colour
+RUNNERS_UP = {  # label and colour of other methods that are given landmarks
     "sgf_5pt": ("Spectral-GF", "#CC79A7"),
     "sgmds_5pt": ("SGMDS", "#009E73"),
     "functional_maps_5pt": ("functional maps", "#0072B2"),

@@ -9,8 +9,8 @@ from typing import Any
 
 from isomatch._core.files import write_text
 
-PAGE = "index.md"
-ELSEWHERE = (
+PAGE_FILE = "index.md"
+LEFT_OUT = (
     "item",
     "origin",
     "title",
@@ -20,7 +20,7 @@ ELSEWHERE = (
     "isomatch",
     "files",
     "pairs",
-)  # facts shown elsewhere or too long for the page; NAME.json has them
+)  # facts that are elsewhere on the page, or too long for it; NAME.json has them
 
 
 def write_page(out: Path, names: Iterable[str]) -> None:
@@ -34,7 +34,7 @@ def write_page(out: Path, names: Iterable[str]) -> None:
         "# Figures and table of *Geodesic Distance Descriptors*, reproduced\n\n"
         "Written by `isomatch paper`; `isomatch paper NAME --data DIR -o OUT` makes one of them.\n"
     )
-    write_text(out / PAGE, head + "".join(map(_section, records)))
+    write_text(out / PAGE_FILE, head + "".join(map(_section, records)))
 
 
 def _section(record: dict[str, Any]) -> str:
@@ -46,7 +46,7 @@ def _section(record: dict[str, Any]) -> str:
     facts = "; ".join(
         f"{key}: {_plain(value)}"
         for key, value in record.items()
-        if key not in ELSEWHERE and value not in ({}, [], "")
+        if key not in LEFT_OUT and value not in ({}, [], "")
     )
     return (
         f"\n## {name}: {record['origin']}\n\n{record['title']}: [numbers]({name}.csv), "

@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from isomatch._core.arrays import FloatArray
-from isomatch.evaluation import LIMIT, THRESHOLDS
+from isomatch.evaluation import CURVE_LIMIT, THRESHOLDS
 from isomatch_lab.paper.benchmark_rows import benchmark_rows
 from isomatch_lab.paper.item import Setting
 from isomatch_lab.sets import benchmark_set
 
-SETS = ("tosca", "scape")
-NOTHING = np.zeros(len(THRESHOLDS))
+SETS = ("tosca", "scape")  # sets of the figure
+ZERO_CURVE = np.zeros(len(THRESHOLDS))  # start of a sum of curves
 Curves = dict[tuple[str, str], FloatArray]
 """Mean curve of each set and method: share of correspondences within each threshold."""
 
@@ -40,7 +40,7 @@ def measure_curves(setting: Setting, methods: tuple[str, ...]) -> tuple[Curves, 
             if missing:
                 facts["without a map"][f"{name}, {method}"] = missing
             # a pair without a map counts: none of its correspondences is within any error
-            curves[name, method] = sum((np.array(row["curve"]) for row in matched), NOTHING) / len(pairs)
+            curves[name, method] = sum((np.array(row["curve"]) for row in matched), ZERO_CURVE) / len(pairs)
     return curves, facts
 
 
@@ -56,7 +56,7 @@ def draw(curves: Curves, styles: Mapping[str, tuple[str, dict[str, Any]]], facts
             + "s" * (len(facts["pairs"][name]) > 1),
             xlabel="geodesic error / √(target area)",
             ylabel="correspondences within the error, %",
-            xlim=(0, LIMIT),
+            xlim=(0, CURVE_LIMIT),
             ylim=(0, 101),
         )
         axes.legend(loc="lower right", fontsize="small")
@@ -83,4 +83,4 @@ def least_lead(curves: Curves, above: str, below: str) -> tuple[float, str, floa
 
 def area(curve: FloatArray) -> float:
     """Area under a curve on [0, 0.25], divided by 0.25."""
-    return float(np.trapezoid(curve, THRESHOLDS) / LIMIT)
+    return float(np.trapezoid(curve, THRESHOLDS) / CURVE_LIMIT)

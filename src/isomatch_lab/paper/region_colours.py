@@ -7,13 +7,13 @@ from matplotlib.colors import to_rgb
 
 from isomatch._core.arrays import FloatArray, IntArray
 
-PALETTE = (
+PALETTE = (  # colours of regions
     "#0b3c5d", "#0072b2", "#56b4e9", "#b5dcf5", "#3d3d8f",
     "#5c3d00", "#a86f00", "#e69f00", "#f7d278", "#f0e442",
     "#5b1046", "#9c3480", "#cc79a7", "#efc4dc", "#8c8c8c",
     "#00442f", "#009e73", "#7fd0b5", "#d55e00", "#f4f4f4",
 )  # fmt: skip
-TRIALS = 4000  # random assignments of colours to regions; the best is kept
+TRIALS = 4000  # number of random assignments of colours to regions; the best one is kept
 DEUTERANOPIA = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]])
 """Perceived linear light without green cones: Machado, Oliveira & Fernandes 2009."""
 

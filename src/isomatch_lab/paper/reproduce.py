@@ -23,7 +23,7 @@ from isomatch_lab.paper import (
     voronoi,
 )
 from isomatch_lab.paper.item import Item, Reproduction, Setting
-from isomatch_lab.paper.page import PAGE, write_page
+from isomatch_lab.paper.page import PAGE_FILE, write_page
 
 ITEMS: dict[str, Item] = {
     "basis-error": basis_error.ITEM,
@@ -35,8 +35,8 @@ ITEMS: dict[str, Item] = {
     "voronoi": voronoi.ITEM,
     "curves-initialised": curves_initialised.ITEM,
 }
-SUFFIXES = ("png", "svg", "csv", "json")
-DPI = 150
+SUFFIXES = ("png", "svg", "csv", "json")  # of the files of an item
+DPI = 150  # dots per inch of figures
 STYLE: dict[Any, Any] = {"svg.hashsalt": "isomatch", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3}
 
 
@@ -76,7 +76,7 @@ def reproduce(
     out = Path(out)
     with (
         made_folder(out),
-        claimed(out / PAGE, [] if force else [path for name in names for path in _files(out, name)]),
+        claimed(out / PAGE_FILE, [] if force else [path for name in names for path in _files(out, name)]),
     ):
         for name in names:
             with rc_context(STYLE):

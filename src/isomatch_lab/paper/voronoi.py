@@ -15,13 +15,13 @@ from isomatch_lab.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdic
 from isomatch_lab.paper.region_colours import region_colours
 from isomatch_lab.sets import BenchmarkPair, BenchmarkSet, benchmark_set, tosca
 
-CLASS = "cat"
-N_REGIONS, N_POSES = 20, 4
+CLASS = "cat"  # class of TOSCA whose poses are shown
+N_REGIONS, N_POSES = 20, 4  # number of regions, and of poses
 BORDER_HALF_WIDTH = 0.006  # half the width of a border, in √area
 DOT_RADIUS = 0.018  # radius of a centre, in √area
-DARK = 0.12
+BORDER_GREY = 0.12  # red, green and blue, from 0 to 1, of borders and centres
 MIN_RIGHT_SHARE = 0.9  # a pose is right if at least this share of its area lies in its true region
-RESOLUTION = 330
+RESOLUTION = 330  # pixels per √area
 
 
 def make(setting: Setting) -> Reproduction:
@@ -98,7 +98,7 @@ def paint_regions(seen: FloatArray, palette: FloatArray) -> FloatArray:
     """Colours of the nearest centre; dark at borders and centres."""
     nearest = np.partition(seen, 1, axis=1)
     dark = (nearest[:, 1] - nearest[:, 0] < 2 * BORDER_HALF_WIDTH) | (nearest[:, 0] < DOT_RADIUS)
-    return np.where(dark[:, None], DARK, palette[seen.argmin(axis=1)])
+    return np.where(dark[:, None], BORDER_GREY, palette[seen.argmin(axis=1)])
 
 
 ITEM = Item(

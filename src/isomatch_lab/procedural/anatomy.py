@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import SettingError
 
+# least and largest angle of a joint about x, y and z, in degrees
 Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
@@ -21,8 +22,8 @@ Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 class Joint:
     """A point of a limb about which everything beyond it rotates."""
 
-    name: str  # unique in the body
-    node: int  # of the limb; 0 is where the limb grows out of its parent
+    name: str  # name of the limb, unique in the body
+    node: int  # number of a node of the limb; at 0 the limb grows out of its parent
     limits: Limits  # degrees about x (pitch: positive raises what points forward), y (roll), z (yaw: positive: left)
 
 
@@ -171,6 +172,7 @@ def _biped(draw: FloatArray, lopsided: float) -> tuple[Limb, ...]:
     return tuple(replace(limb, nodes=_raise_nodes(limb, rise)) for limb in limbs)
 
 
+# limbs of each body plan, by a generator of them
 PLANS: dict[str, Callable[[FloatArray, float], tuple[Limb, ...]]] = {"quadruped": _quadruped, "biped": _biped}
 
 

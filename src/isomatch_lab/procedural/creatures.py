@@ -16,7 +16,7 @@ from isomatch_lab.procedural.implicit import Skin
 from isomatch_lab.procedural.posing import Pose, natural_pose, pose_points
 from isomatch_lab.procedural.tessellation import tessellate
 
-MIN_VERTICES = 1500
+MIN_VERTICES = 1500  # smallest number of vertices at which thin limbs stay whole
 
 
 def creature(

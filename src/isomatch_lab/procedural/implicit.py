@@ -12,7 +12,7 @@ from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_map
 from isomatch_lab.procedural.anatomy import Limb
 
-CHUNK = 2048  # points a thread handles at once
+CHUNK = 2048  # number of points that a thread handles at a time
 BLEND = 0.022  # width of the fillet between limbs, in body units
 TRANSITION_WIDTH = 0.05  # width of the transition between a limb and its parent when posed, in body units
 
@@ -25,7 +25,7 @@ class Skin:
     # b log(number of bones) of the distance to the union
     cones: FloatArray  # (m, 8) start point, end point, start radius and end radius of each bone
     owner: IntArray  # (m,) limb that each bone belongs to
-    blend: float = BLEND  # b, the width of the fillets
+    blend: float = BLEND  # width b of the fillets between limbs
 
     @classmethod
     def of(cls, limbs: tuple[Limb, ...]) -> Skin:

@@ -17,7 +17,7 @@ from isomatch.surfaces import Mesh
 from isomatch_lab.procedural.implicit import Skin
 from isomatch_lab.procedural.tessellation import tessellate
 
-OrganSymmetry = Literal["none", "mirror", "turn"]
+OrganSymmetry = Literal["none", "mirror", "turn"]  # symmetry of the rest surface
 
 SIGNS: dict[OrganSymmetry, tuple[float, float, float]] = {
     "none": (1.0, 1.0, 1.0),
@@ -28,8 +28,8 @@ SIGNS: dict[OrganSymmetry, tuple[float, float, float]] = {
 
 BLEND = 0.035  # width of the fillets, in the units below
 MAX_BEND = 0.6  # curvature of a bent axis, in radians for each unit of length
-MAX_TWIST = 0.5
-MAX_STRETCH = 0.05
+MAX_TWIST = 0.5  # largest twist about x, in radians for each unit of length
+MAX_STRETCH = 0.05  # largest relative change of an extent
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,7 @@ def _kidney(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         _chain(arc, [0.15, 0.2, 0.21, 0.2, 0.17]),
         _chain([[0, 0.02, -0.02], [0.04, 0.05, -0.14]], [0.09, 0.06]),
     ]
-    return np.concatenate([*cones, _bump([0.33, 0.1, 0.1], 0.13), _bump([-0.2, -0.17, 0.1], 0.1)]), CLOSED
+    return np.concatenate([*cones, _bump([0.33, 0.1, 0.1], 0.13), _bump([-0.2, -0.17, 0.1], 0.1)]), NO_CUTS
 
 
 def _hippocampus(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -170,7 +170,7 @@ def _hippocampus(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         _chain([[0.3, -0.05, 0.05], [0.3, -0.22, 0.08]], [0.12, 0.09]),
         *(_bump([0.3 + 0.08 * i, 0.1, 0.1 - 0.05 * i], 0.07) for i in range(3)),
     ]
-    return np.concatenate(cones), CLOSED
+    return np.concatenate(cones), NO_CUTS
 
 
 def _liver(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -180,7 +180,7 @@ def _liver(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         _chain([[0.1, 0.2, -0.1], [0.04, 0.25, -0.2]], [0.07, 0.06]),
         _chain([[-0.05, -0.12, 0.0], [-0.12, -0.14, -0.1]], [0.09, 0.08]),
     ]
-    return np.concatenate(cones), CLOSED
+    return np.concatenate(cones), NO_CUTS
 
 
 def _heart(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -191,13 +191,13 @@ def _heart(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         _bump([-0.2, -0.1, 0.2], 0.13),
         _bump([0.18, -0.14, 0.2], 0.12),
     ]
-    return np.concatenate(cones), CLOSED
+    return np.concatenate(cones), NO_CUTS
 
 
 def _nodule(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Make a lump with six bumps in random directions."""
     bumps = [_bump(_direction(rng) * [0.34, 0.28, 0.24], rng.uniform(0.07, 0.14)) for _ in range(6)]
-    return np.concatenate([_chain([[-0.12, 0, 0], [0.12, 0, 0]], [0.24, 0.26]), *bumps]), CLOSED
+    return np.concatenate([_chain([[-0.12, 0, 0], [0.12, 0, 0]], [0.24, 0.26]), *bumps]), NO_CUTS
 
 
 def _face(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -241,7 +241,7 @@ def _direction(rng: np.random.Generator) -> FloatArray:
     return unit
 
 
-CLOSED = np.zeros((0, 4))
+NO_CUTS = np.zeros((0, 4))  # planes of an organ that is not cut open
 
 PLANS: dict[str, Callable[[np.random.Generator], tuple[FloatArray, FloatArray]]] = {
     "kidney": _kidney,

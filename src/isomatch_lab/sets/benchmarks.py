@@ -59,7 +59,7 @@ class BenchmarkSet:
         return (self.load(*pair) for pair in self.pairs)
 
 
-OPENERS: dict[str, Callable[[Path], ShapeSet | CrossSpecies]] = {
+OPENERS: dict[str, Callable[[Path], ShapeSet | CrossSpecies]] = {  # functions that open a set in a folder
     "faust_r": remeshed,
     "tosca_iso_r": remeshed,
     "scape_r": remeshed,
@@ -111,9 +111,8 @@ def benchmark_set(
             f"unknown benchmark set {name!r}; choose from {', '.join([*OPENERS, *MADE])}, or give a folder of your own"
         )
     elif folder is None:
-        raise SettingError(
-            f"benchmark set {name!r} has to be read from a folder, but none was given; {EXPECTED}"
-        )
+        message = f"benchmark set {name!r} has to be read from a folder, but none was given; {EXPECTED}"
+        raise SettingError(message)
     elif not (Path(folder) / name).is_dir():
         raise MissingFileError(f"benchmark set {name!r} not found in {folder}; {EXPECTED}")
     else:

@@ -13,7 +13,7 @@ from isomatch_lab.sets.published import scape, tosca
 from isomatch_lab.sets.shape_files import arrays, stored_indices
 from isomatch_lab.sets.shape_set import BenchmarkPair, ShapeSet
 
-POSES_PER_DIRECTION = 2
+POSES_PER_DIRECTION = 2  # number of poses of each species of a pair
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +21,8 @@ class CrossSpecies:
     """Classes of TOSCA and SCAPE, and maps between them."""
 
     truth: Path  # arrays "A|B": the vertex of class B of each vertex of class A, counted from 0
-    classes: Mapping[str, tuple[ShapeSet, tuple[str, ...]]] = field(
-        repr=False
-    )  # set of each class, and its poses in it
+    # set of each class, and its poses in it
+    classes: Mapping[str, tuple[ShapeSet, tuple[str, ...]]] = field(repr=False)
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -62,9 +61,8 @@ class CrossSpecies:
         for name, (shapes, poses) in self.classes.items():
             if shape in poses:
                 return shapes, name
-        raise MissingFileError(
-            f"{self.truth}: no shape {shape!r}; choose from {', '.join(self.classes)} by pose"
-        )
+        message = f"{self.truth}: no shape {shape!r}; choose from {', '.join(self.classes)} by pose"
+        raise MissingFileError(message)
 
 
 def cross_species(root: str | Path) -> CrossSpecies:
@@ -72,9 +70,8 @@ def cross_species(root: str | Path) -> CrossSpecies:
     root = Path(root)
     truth = root / "truth.npz"
     if not truth.exists():
-        raise MissingFileError(
-            f"{truth}: no truth between classes; docs/dev/lab/benchmarks.md describes its contents"
-        )
+        message = f"{truth}: no truth between classes; docs/dev/lab/benchmarks.md describes its contents"
+        raise MissingFileError(message)
     named = {name for key in arrays(truth) for name in key.split("|")}
     classes: dict[str, tuple[ShapeSet, tuple[str, ...]]] = {}
     if "scape" in named:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -13,7 +12,7 @@ import numpy as np
 
 from isomatch._core.arrays import IntArray
 from isomatch._core.errors import FormatError, IsomatchError, MissingFileError, SettingError
-from isomatch._core.texts import read_text
+from isomatch._core.texts import read_toml
 from isomatch.correspondence import IndexBase
 from isomatch.evaluation import Truth, read_indices, read_marked, read_truth
 from isomatch.io import FORMATS
@@ -24,16 +23,16 @@ from isomatch_lab.sets.shape_files import read_shape, shapes_in
 from isomatch_lab.sets.shape_set import BenchmarkPair
 from isomatch_lab.sets.stored_set import SHAPES, TRUTH, StoredSet, stored_set
 
-SETTINGS = "set.toml"
-KINDS = ("vertices", "vts", "pairs", "onto", "landmarks")
+SETTINGS = "set.toml"  # file with the settings of a folder
+KINDS = ("vertices", "vts", "pairs", "onto", "landmarks")  # kinds of files of truth, see `own_set`
 SHAPE_FOLDERS = ("shapes", "off", "models")  # the first is ours, published sets use the others
 TRUTH_FOLDERS = ("truth", "corres", "maps")  # the first that exists; published sets use the last two
-SHAPE_SUFFIXES = {*FORMATS, ".mat", ".npz", ".vert"}
-NAME_SEPARATORS = ("__", "-", "_")  # stand between the names of a pair in a file name
-MAX_KEPT_SHAPES = 100  # shapes held in memory while files of truth are searched
-MIRRORED = (".sym", "_sym")
-ONTO_SUFFIXES = {".vts", ".baryc_gt", ".baryc_gt_sym"}  # which count from 1, as published
-LANDMARKS = "landmarks"
+SHAPE_SUFFIXES = {*FORMATS, ".mat", ".npz", ".vert"}  # suffixes of files of shapes
+NAME_SEPARATORS = ("__", "-", "_")  # separate the names of a pair in a file name
+MAX_KEPT_SHAPES = 100  # number of shapes in memory while files of truth are searched
+MIRRORED_ENDINGS = (".sym", "_sym")  # endings of names of files with the mirrored truth
+ONTO_SUFFIXES = {".vts", ".baryc_gt", ".baryc_gt_sym"}  # suffixes of published files that count from 1
+LANDMARKS = "landmarks"  # kind of truth that is a file of landmarks for each shape
 TRUTH_SUFFIXES: dict[str, set[str]] = {
     "vertices": set(),
     "vts": {".vts"},
@@ -74,10 +73,7 @@ class FolderSettings:
         path = root / SETTINGS
         if not path.is_file():
             return cls()
-        try:
-            values = tomllib.loads(read_text(path))
-        except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits
-            raise FormatError(f"{path}: not TOML ({error})") from None
+        values = read_toml(path)
         kinds: dict[str, Any] = {
             "truth": str, "counts_from": int, "symmetric": bool, "target": str, "shapes": (str, list),
         }  # fmt: skip
@@ -167,7 +163,7 @@ class FolderSet:
             return _of_rows(self._equal_vertices(source, target, *meshes)), None
         if kind == "vts":
             rows = np.column_stack(self._marks(source, target, meshes, ""))
-            for ending in MIRRORED:
+            for ending in MIRRORED_ENDINGS:
                 if target + ending in self.truths:
                     images = self._marks(source, target, meshes, ending)[1]
                     return _of_rows(rows), np.column_stack([rows[:, 0], images])
@@ -271,7 +267,7 @@ class FolderSet:
         return truths[0]
 
     def _mirrored_of(self, source: str, target: str) -> Path | None:
-        names = (stem + ending for stem in self._stems(source, target) for ending in MIRRORED)
+        names = (stem + ending for stem in self._stems(source, target) for ending in MIRRORED_ENDINGS)
         return next((self.truths[name] for name in names if name in self.truths), None)
 
 
@@ -386,7 +382,7 @@ def _truth_files(root: Path, kind: str, beside: list[Path], shapes: set[Path]) -
             continue
         name = path.name.removesuffix(path.suffix)
         if path.suffix == ".baryc_gt_sym":
-            name += MIRRORED[0]
+            name += MIRRORED_ENDINGS[0]
         if kind == LANDMARKS:
             name = name.removesuffix(".mrk")
         if kind == "onto":

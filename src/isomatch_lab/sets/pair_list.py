@@ -9,8 +9,8 @@ from pathlib import Path
 from isomatch._core.errors import FormatError, MissingFileError
 from isomatch._core.texts import text_lines
 
-FILES = ("pairs.txt", "test_pairs.txt")
-_MOST_NAMED = 8  # shapes that a message lists
+FILES = ("pairs.txt", "test_pairs.txt")  # files that list pairs; the first that exists is read
+_MAX_NAMED = 8  # largest number of shapes that a message names
 
 
 @dataclass(frozen=True)
@@ -53,5 +53,5 @@ def _shape_name(word: str, names: Collection[str], where: str) -> str:
         return word
     if Path(word).stem in names:
         return Path(word).stem
-    some = ", ".join([*sorted(names)[:_MOST_NAMED], *["…"] * (len(names) > _MOST_NAMED)])
+    some = ", ".join([*sorted(names)[:_MAX_NAMED], *["…"] * (len(names) > _MAX_NAMED)])
     raise MissingFileError(f"{where}: there is no shape {word!r}; the set has {some}")

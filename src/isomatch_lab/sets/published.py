@@ -10,7 +10,7 @@ from isomatch._core.texts import text_lines
 from isomatch_lab.sets.shape_files import SUFFIXES, shapes_in
 from isomatch_lab.sets.shape_set import ShapeSet
 
-OBTAIN = {
+OBTAIN = {  # where to obtain each set, in messages
     "tosca": "TOSCA, the high-resolution shapes of the project Numerical Geometry of Non-Rigid Shapes (Bronstein, "
     "Bronstein & Kimmel)",
     "scape": "SCAPE, from its authors at Stanford (Anguelov et al., SIGGRAPH 2005)",
@@ -111,9 +111,8 @@ def _open(name: str, root: str | Path, pattern: str, shared: bool) -> ShapeSet:
             continue
         for shape in filter(re.compile(pattern).fullmatch, shapes_in(path)):
             if shape in shapes:
-                raise FormatError(
-                    f"{shape} is both in {shapes[shape]} and in {path}; give a folder with one of them"
-                )
+                message = f"{shape} is both in {shapes[shape]} and in {path}; give a folder with one of them"
+                raise FormatError(message)
             shapes[shape] = path
     if not shapes:
         raise MissingFileError(f"{root}: no shapes of the set {name!r} in this folder; obtain {OBTAIN[name]}")

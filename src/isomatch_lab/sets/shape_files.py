@@ -15,7 +15,7 @@ from isomatch.evaluation import counted_from, read_numbers
 from isomatch.io import read_mesh
 from isomatch.surfaces import Mesh
 
-SUFFIXES = (".mat", ".npz", ".obj", ".off", ".ply", ".vert")
+SUFFIXES = (".mat", ".npz", ".obj", ".off", ".ply", ".vert")  # of files of shapes, preferred ones first
 
 
 def shapes_in(path: Path) -> list[str]:

@@ -16,8 +16,8 @@ from isomatch.surfaces import Mesh
 from isomatch_lab.sets.pair_list import PairList
 from isomatch_lab.sets.shape_set import BenchmarkPair
 
-SHAPES, TRUTH = "shapes.npz", "truth.npz"
-MIRROR, SCALE = "mirror", "scale"
+SHAPES, TRUTH = "shapes.npz", "truth.npz"  # files of a set
+MIRROR, SCALE = "mirror", "scale"  # endings of names of arrays of truth
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +73,12 @@ class StoredSet:
             raise FormatError(f"{path}: {key!r} has no vertex with a counterpart; leave this pair out")
         if mirror is not None:
             if mirror.shape != (len(rows),) or mirror.dtype.kind not in "iu":
-                raise FormatError(
-                    f"{path}: '{key}|{MIRROR}' is no array of one vertex for each row of {key!r}"
-                )
+                message = f"{path}: '{key}|{MIRROR}' is no array of one vertex for each row of {key!r}"
+                raise FormatError(message)
             mirrored = np.column_stack([truth[:, 0], mirror[has]]).astype(np.int64)
             if mirrored[:, 1].min() < 0 or mirrored[:, 1].max() >= shapes[1].n_vertices:
-                raise FormatError(
-                    f"{path}: '{key}|{MIRROR}' names vertices outside 0…{shapes[1].n_vertices - 1}"
-                )
+                message = f"{path}: '{key}|{MIRROR}' names vertices outside 0…{shapes[1].n_vertices - 1}"
+                raise FormatError(message)
         if unit is not None and not (unit.size == 1 and np.isfinite(unit).all() and float(unit) > 0):
             raise FormatError(f"{path}: '{key}|{SCALE}' is no positive number; give √area of the whole")
         return BenchmarkPair(
@@ -94,9 +92,8 @@ class StoredSet:
         path = self.root / SHAPES
         arrays = _read(path, name, f"{name}_faces")
         if len(arrays) < 2:
-            raise MissingFileError(
-                f"{path}: no arrays {name!r} and '{name}_faces', the vertices and faces of a shape"
-            )
+            message = f"{path}: no arrays {name!r} and '{name}_faces', the vertices and faces of a shape"
+            raise MissingFileError(message)
         return Mesh(arrays[name], arrays[f"{name}_faces"])
 
 

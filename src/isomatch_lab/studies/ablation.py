@@ -27,17 +27,17 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-FAILURE_ERROR = 10.0
-NOTICEABLE_CHANGE = 0.3  # smallest difference of errors that counts as worse or better
-EVERYTHING = "everything"
+FAILURE_ERROR = 10.0  # 100 × mean error / √area; a pair with a larger one has failed
+NOTICEABLE_CHANGE = 0.3  # 100 × error / √area; smallest difference that counts as worse or better
+EVERYTHING = "everything"  # name of the variant that leaves nothing out
 STEPS = RefinementSettings()
-LATE_POSITIONS = RefinementSettings(
+LATE_POSITIONS = RefinementSettings(  # positions and normals count in the last step only
     sizes_without_positions=STEPS.sizes_without_positions + STEPS.sizes_with_positions + STEPS.final_sizes,
     sizes_with_positions=(),
     final_sizes=(),
     registration_steps=0,
 )
-VARIANTS: dict[str, Config] = {
+VARIANTS: dict[str, Config] = {  # settings that leave one thing out
     EVERYTHING: Config(),
     "no model selection: energy alone decides": Config(selection=SelectionSettings(most_contenders=1)),
     "model selection by spectral residual alone": Config(selection=SelectionSettings(energy_exponent=0.0)),

@@ -26,7 +26,7 @@ from isomatch._core.threads import serial_blas
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import mean_error, parse_arguments, write_rows, write_table
 
-KINDS = {
+KINDS = {  # set and two shapes of each kind of pair
     "people": ("faust_r", "tr_reg_002", "tr_reg_012"),
     "two species": ("smal", "cow_01", "wolf_02"),
     "fused limbs": ("topkids", "kid01", "kid00"),
@@ -34,59 +34,59 @@ KINDS = {
     "holes": ("shrec16_holes", "holes_cat_shape_1", "null_cat"),
     "two parts": ("shrec16_parts", "cuts_cat_shape_1", "cuts_cat_shape_2"),
 }
-SHOWN_STAGES = 1  # the table shows, for each pair, this many of the stages that take most seconds
-UPDATE_BYTES = 6 * (
-    12 + 16
-)  # a front reads about six edges of 12 and six updates of 16 bytes when it settles a vertex
-ENTRY_BYTES = 12  # an entry of a sparse factor is a number of 8 bytes and an index of 4
-Row = dict[str, Any]
+SHOWN_STAGES = 1  # number of the slowest stages that the table shows for each pair
+# bytes that a front reads when it settles a vertex: about six edges of 12 and six updates of 16
+UPDATE_BYTES = 6 * (12 + 16)
+ENTRY_BYTES = 12  # bytes of an entry of a sparse factor: a number of 8 and an index of 4
+Variables = dict[str, Any]  # local variables of a routine as it returns, by name
+Row = dict[str, Any]  # values of a line of the table, by column
 Work: TypeAlias = tuple[int, float, float]  # vertices that fronts settle, operations, and bytes to read
 
 
-def _front(of: Row) -> Work:
-    visits = np.isfinite(of["settled"]).sum()
+def _front(local: Variables) -> Work:
+    visits = np.isfinite(local["settled"]).sum()
     return visits, 0.0, UPDATE_BYTES * visits
 
 
-def _all_against_all(of: Row) -> Work:
-    return 0, 2.0 * len(of["queries"]) * of["candidates"].size, 0.0
+def _all_against_all(local: Variables) -> Work:
+    return 0, 2.0 * len(local["queries"]) * local["candidates"].size, 0.0
 
 
-def _by_cells(of: Row) -> Work:
+def _by_cells(local: Variables) -> Work:
     # each query is compared with all centres, and with the members of one cell at least
-    centres = len(of["cells"].centres)
-    return 0, 2.0 * of["queries"].size * (centres + len(of["candidates"]) / centres), 0.0
+    centres = len(local["cells"].centres)
+    return 0, 2.0 * local["queries"].size * (centres + len(local["candidates"]) / centres), 0.0
 
 
-def _precise_points(of: Row) -> Work:
-    return 0, 30.0 * of["queries"].size, 0.0  # six triangles, five operations for each dimension
+def _precise_points(local: Variables) -> Work:
+    return 0, 30.0 * local["queries"].size, 0.0  # six triangles, five operations for each dimension
 
 
-def _solve(of: Row) -> Work:
-    entries = 2 * len(of["by_row"][2])  # the factor is read by rows and then by columns
-    return 0, 2.0 * entries * of["q"], float(ENTRY_BYTES * entries)
+def _solve(local: Variables) -> Work:
+    entries = 2 * len(local["by_row"][2])  # the factor is read by rows and then by columns
+    return 0, 2.0 * entries * local["q"], float(ENTRY_BYTES * entries)
 
 
-def _krylov_space(of: Row) -> Work:
+def _krylov_space(local: Variables) -> Work:
     # the space has size vectors; those of small meshes come from a dense matrix
-    n, size = of["n"], of.get("size", of["n"])
-    return 0, 2.0 * n * size * (size + of["k"]), 0.0
+    n, size = local["n"], local.get("size", local["n"])
+    return 0, 2.0 * n * size * (size + local["k"]), 0.0
 
 
-def _rigid_step(of: Row) -> Work:
+def _rigid_step(local: Variables) -> Work:
     # one iteration at least reads each edge from both ends, for three columns
-    edges = len(of["self"].neighbours)
-    return 0, 6.0 * edges, 16.0 * edges + 8.0 * 12 * len(of["right"])
+    edges = len(local["self"].neighbours)
+    return 0, 6.0 * edges, 16.0 * edges + 8.0 * 12 * len(local["right"])
 
 
-def _singular_values(of: Row) -> Work:
-    return 0, 12.0 * of["a"].size * min(of["a"].shape[-2:]), 0.0
+def _singular_values(local: Variables) -> Work:
+    return 0, 12.0 * local["a"].size * min(local["a"].shape[-2:]), 0.0
 
 
 FRONTS, POINTS, SOLVES, PRODUCTS = "fronts", "nearest points", "sparse solves", "dense products"
-NEAREST = "isomatch.correspondence.nearest"
+NEAREST = "isomatch.correspondence.nearest"  # module with four of the routines
 # for the module and the name of a routine: what bounds its calls, and a function from their variables to their work
-ROUTINES: dict[tuple[str, str], tuple[str, Callable[[Row], Work]]] = {
+ROUTINES: dict[tuple[str, str], tuple[str, Callable[[Variables], Work]]] = {
     ("isomatch.geodesics.fast_marching", "_front"): (FRONTS, _front),
     (NEAREST, "nearest_rows"): (POINTS, _all_against_all),
     (NEAREST, "nearest_of_few"): (POINTS, _all_against_all),

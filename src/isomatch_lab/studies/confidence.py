@@ -30,8 +30,8 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-MAX_RIGHT_ERROR, MIN_WRONG_ERROR = 3.0, 10.0
-SEED = 2026
+MAX_RIGHT_ERROR, MIN_WRONG_ERROR = 3.0, 10.0  # 100 × mean error / √area of right, and of wrong maps
+SEED = 2026  # of drawn pairs and of damage
 KINDS = {  # how the maps of each kind are provoked
     "plain": "pairs of the benchmark sets",
     "damaged": "one of the shapes damaged: noise, welded limbs, small holes, uneven sampling, decimation",
@@ -43,7 +43,7 @@ KINDS = {  # how the maps of each kind are provoked
     "either side": "a symmetric creature with orientation = 'any': its mirror image fits as well",
 }
 
-EVIDENCE = (
+EVIDENCE = (  # measures of `Quality` that are compared with errors
     "spectral_residual",
     "runner_up",
     "mirrored",
@@ -52,7 +52,8 @@ EVIDENCE = (
     "orientation",
     "distortion_p95",
 )
-DAMAGED = ("noise:0.3", "noise:0.6", "weld:0.02", "holes:0.1", "decimate:0.25", "resample:4", "resample:16")
+# kinds and amounts of damage; the name of a shape decides which one it gets
+DAMAGE = ("noise:0.3", "noise:0.6", "weld:0.02", "holes:0.1", "decimate:0.25", "resample:4", "resample:16")
 Job = tuple[str, str, str, tuple[str, str]]  # folder of the sets, kind, set, pair
 
 
@@ -79,7 +80,7 @@ def jobs(data: str) -> Iterator[Job]:
         if len(classes) == 2 and classes != {
             "david",
             "victoria",
-        }:  # two humans have a right map
+        }:  # two humans are left out, as they have a right map
             other += 1
             yield data, "other kind", "tosca_iso_r", (a, b)
     for i in range(8):
@@ -103,7 +104,7 @@ def measure_job(job: Job) -> dict[str, Any]:
     row: dict[str, Any] = {"kind": kind, "set": name, "pair": f"{a}-{b}"}
     damaged = None
     if kind == "damaged":
-        choice = DamageChoice.parse(DAMAGED[crc32(whole.name.encode()) % len(DAMAGED)])
+        choice = DamageChoice.parse(DAMAGE[crc32(whole.name.encode()) % len(DAMAGE)])
         try:
             damaged = choice(whole, SEED)
         except isomatch.MeshError:  # limbs do not touch, so nothing can be welded

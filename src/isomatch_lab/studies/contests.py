@@ -24,11 +24,11 @@ from isomatch.evaluation import THRESHOLDS
 from isomatch_lab.evaluation import benchmark
 from isomatch_lab.studies.shared import UNFLAGGED_OUTCOMES, parse_arguments, write_rows, write_table
 
-POINTS = 1000  # truth points of each pair
-WRONG_ERROR = 10.0  # a pair is wrong above this mean error × 100 / √area
-NO_MAP_ERROR = 100.0  # the error of a pair without a map
+POINTS = 1000  # largest number of points of the truth that are measured for each pair
+WRONG_ERROR = 10.0  # 100 × mean error / √area; a pair with a larger one is wrong
+NO_MAP_ERROR = 100.0  # 100 × error / √area of a pair without a map
 COLUMNS = ("contest", "pair", "group", "error", "error_matched", "iou", "outcome", "seconds")
-DECIMATED = "decimate:0.5"
+DECIMATED = "decimate:0.5"  # damage that halves the vertices
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Contest:
     people: range = range(0)
     damage: str | None = None
     groups: Callable[[str], bool] = lambda group: True
-    overlap: bool = False  # both shapes are parts, and what they share is to be found
+    overlap: bool = False  # whether both shapes are parts, whose common part is to be found
 
 
 def of_one_species(group: str) -> bool:
@@ -53,7 +53,7 @@ def of_two_species(group: str) -> bool:
     return not of_one_species(group)
 
 
-CONTESTS = {
+CONTESTS = {  # contests by name
     "people_000": Contest("FAUST remeshed, 000–019", "faust_r", range(20)),
     "people_030": Contest("FAUST remeshed, 030–049", "faust_r", range(30, 50)),
     "topkids": Contest("TOPKIDS", "topkids"),

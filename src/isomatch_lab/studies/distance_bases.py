@@ -23,19 +23,18 @@ from isomatch_lab.paper.basis_error import project_distances, relative_error
 from isomatch_lab.procedural import creature
 from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
-Row: TypeAlias = tuple[
-    str, str, int, int, float, Any
-]  # weights, method, k, p, error, processor seconds or "" without them
-RANKS = (5, 10, 20, 30, 40, 50, 75, 100)
+# weights, method, rank k, number of columns p, relative error, processor seconds or "" without them
+Row: TypeAlias = tuple[str, str, int, int, float, Any]
+RANKS = (5, 10, 20, 30, 40, 50, 75, 100)  # ranks that are measured
 TABLE_RANKS = (5, 10, 20, 30, 50, 100)  # ranks that the table shows
-COLUMNS = (60, 80, 100, 140, 200, 300, 400)
-METHODS: dict[BasisMethod, str] = {"predicted": "C3", "nystrom": "C0", "fmds": "C2", "smds": "C4"}
-COMPARED_BASES: tuple[tuple[BasisMethod, int], ...] = (
+COLUMNS = (60, 80, 100, 140, 200, 300, 400)  # numbers of distance columns at rank 50
+METHODS: dict[BasisMethod, str] = {"predicted": "C3", "nystrom": "C0", "fmds": "C2", "smds": "C4"}  # colours
+COMPARED_BASES: tuple[tuple[BasisMethod, int], ...] = (  # methods and numbers of columns in the table
     ("predicted", 100),
     ("predicted", 200),
     ("nystrom", 100),
 )
-NAMES = {
+NAMES = {  # labels of methods
     "exact": "exact (optimum)",
     "predicted": "predicted columns (default)",
     "nystrom": "Nyström",
@@ -145,7 +144,7 @@ def main() -> None:
     data = Path(asked.data)
     with np.load(data / "tosca" / "wolf.npz") as poses:
         mesh = Mesh(poses["wolf0"], poses["faces"])
-    distance_basis(mesh, 5, 10)  # compiles
+    distance_basis(mesh, 5, 10)  # compiles loops, which are not timed
     rows = list(measure(mesh, all_distances(mesh)))
     columns = ("weights", "method", "k", "p", "relative_error", "processor_seconds")
     written = ((*row[:4], f"{row[4]:.5f}", row[5]) for row in rows)

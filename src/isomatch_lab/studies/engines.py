@@ -21,9 +21,9 @@ from isomatch_lab.procedural import creature
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
-SOURCES = 10
-REPEATS = 10  # the fastest counts; exact is timed once
-REAL = (
+SOURCES = 10  # number of vertices from which distances are timed
+REPEATS = 10  # number of runs; the fastest counts, and exact distances are timed once
+REAL = (  # sets and shapes that are measured
     ("faust_r", "tr_reg_000"),
     ("faust_r", "tr_reg_033"),
     ("tosca_iso_r", "cat0"),
@@ -45,7 +45,7 @@ def measure(name: str, mesh: Mesh) -> Iterator[dict[str, Any]]:
     sources = np.random.default_rng(0).integers(mesh.n_vertices, size=SOURCES)
     columns, seconds = {}, {}
     for engine, solver in installed_engines(mesh).items():
-        solver.distances_from(sources[:1])  # compiles, factorises
+        solver.distances_from(sources[:1])  # compiles loops and factorises matrices, which are not timed
         runs = []
         for _ in range(1 if engine == "exact" else REPEATS):
             started = time.perf_counter()

@@ -22,12 +22,13 @@ from isomatch_lab.evaluation import (
 )
 from isomatch_lab.studies.shared import parse_arguments, write_table
 
-SETS = ("faust_r", "tosca_iso_r", "scape")
-PAIRS, POINTS = 10, 500
-WITH_PRIORS = (
+SETS = ("faust_r", "tosca_iso_r", "scape")  # sets that are measured
+PAIRS, POINTS = 10, 500  # number of pairs of each set, and of points of each pair
+WITH_PRIORS = (  # methods that are given landmarks or a map
     *("gdd", "gdd_post", "phi", "functional_maps_5pt", "zoomout_5pt"),
     *("sgmds_5pt", "sgf_5pt", "gmds_5pt", "gw_5pt"),
 )
+# methods that are given nothing; all methods alone; and methods whose maps others continue
 AUTOMATIC = ("functional_maps", "zoomout", "sgmds", "sgf", "gmds", "gw", "pyfm")
 ALONE = ("isomatch", *WITH_PRIORS, *AUTOMATIC)
 STARTED = (

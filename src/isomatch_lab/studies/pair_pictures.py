@@ -21,8 +21,8 @@ from isomatch.visualization import ValuePanel, draw_map
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.contests import CONTESTS
 
-PAGES = Path(__file__).parents[3] / "docs" / "accuracy"
-SHOWN = ("topkids", "cuts", "holes", "species_other", "two_parts")
+PAGES = Path(__file__).parents[3] / "docs" / "accuracy"  # folder of the pages with the pictures
+SHOWN_CONTESTS = ("topkids", "cuts", "holes", "species_other", "two_parts")
 
 
 def by_error(table: str) -> list[dict[str, str]]:
@@ -36,7 +36,7 @@ def pairs(data: Path, count: int) -> Iterator[tuple[str, str, str | Path | None,
     """Give the picture of each pair, its set, the folder of the sets, and its name."""
     for number, row in enumerate(by_error("pairs.csv")[:count], 1):
         yield f"worst_{number}.png", row["set"], data, row["pair"]
-    for contest in SHOWN:
+    for contest in SHOWN_CONTESTS:
         rows = [row for row in by_error("contests.csv")[::-1] if row["contest"] == contest]
         folder = str(data / CONTESTS[contest].of)
         yield f"{contest}.png", folder, None, rows[len(rows) // 2]["pair"]

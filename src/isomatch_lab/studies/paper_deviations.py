@@ -23,9 +23,9 @@ from isomatch_lab.evaluation import CachingEngine, metric_distortion, true_landm
 from isomatch_lab.sets import BenchmarkPair, benchmark_set
 from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
-SEED = 0
-AT_ONCE_STEPS = 12  # more steps change little
-PAIRS = {"tosca_iso_r": ("cat", "centaur"), "tosca": ("wolf",)}  # set: its classes, one pair each
+SEED = 0  # of drawn pairs
+AT_ONCE_STEPS = 12  # number of refinements with all functions at once; more change little
+PAIRS = {"tosca_iso_r": ("cat", "centaur"), "tosca": ("wolf",)}  # classes of each set, with one pair each
 
 
 def whole(config: Config, pair: BenchmarkPair) -> Config:
@@ -38,6 +38,7 @@ def as_usual(config: Config, pair: BenchmarkPair) -> Config:
     return config
 
 
+# settings that depart from ours in one thing, as their names in `VARIANTS` say
 MIXED = Config(preparation=PreparationSettings(block_diagonal=False))
 UNFLIPPED = Config(search=SearchSettings(flip_landmarks=False))
 MESH_UNITS = Config(preparation=PreparationSettings(distance_unit="user"))

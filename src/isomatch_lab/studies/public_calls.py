@@ -54,7 +54,7 @@ class Folders:
         return [self.shapes(file, "vertices", coarsened=False)[0] for file in files]
 
 
-CALLS: dict[str, Callable[[Folders], Any]] = {}
+CALLS: dict[str, Callable[[Folders], Any]] = {}  # recorded calls by name, see `call`
 
 
 def call(*variants: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -69,8 +69,7 @@ def call(*variants: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     return register
 
 
-# Shapes
-
+# arguments of calls: the example shapes, the same with 400 vertices, their match, and its ground truth
 shipped = cache(lambda: tuple(made.mesh for made in example_pair()))  # 2968 and 3242 vertices
 tiny = cache(lambda: tuple(coarse(mesh, 400) for mesh in shipped()))
 result = cache(lambda: match(*shipped()))
@@ -143,7 +142,7 @@ def add_attributes(mesh: Mesh) -> Asset:
     return Asset.of_mesh(mesh, attributes)
 
 
-PAIRS: dict[str, Callable[[Folders], Iterable[Any]]] = {
+PAIRS: dict[str, Callable[[Folders], Iterable[Any]]] = {  # pairs that `match` is called with
     "shipped": lambda at: shipped(),
     "tosca": lambda at: at.remeshed("tosca_iso_r/wolf0.npz", "tosca_iso_r/wolf1.npz"),
     "faust": lambda at: at.remeshed("faust_r/tr_reg_000.npz", "faust_r/tr_reg_011.npz"),
@@ -171,7 +170,7 @@ PAIRS: dict[str, Callable[[Folders], Iterable[Any]]] = {
     "points": lambda at: [points(coarse(mesh, 1500)) for mesh in shipped()],
     "graphs": lambda at: [graph(coarse(mesh, 1500)) for mesh in shipped()],
 }
-SETTINGS: dict[str, dict[str, Any]] = {
+SETTINGS: dict[str, dict[str, Any]] = {  # settings that `match` is called with
     **{f"refinement {name}": {"refinement": name} for name in ("none", "laplace_icp", "joint", "smooth")},
     **{f"orientation {name}": {"orientation": name} for name in ("reverse", "any")},
     **{f"resolution {name}": {"resolution": name} for name in ("full", "fast")},
@@ -191,9 +190,7 @@ GIVEN = {  # folder of the case, map, receiver, giver
     "other skin": ("14-skin-same-rig", "identity.txt", "other_names.glb", "rigged.glb"),
 }
 FORMATS = ".off .obj .stl .stl-text .ply .ply-text .glb .gltf .vtk .vtk-text .vtp .vtu .gii .pial"
-MENDED_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".glb", ".gltf", ".gii")  # of cases to mend
-
-# Calls
+MENDED_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".glb", ".gltf", ".gii")  # of files that are repaired
 
 
 @call(*PAIRS)
@@ -378,7 +375,7 @@ def _collection(at: Folders, variant: str) -> Any:
     model, x, mesh = shape_statistics.ShapeModel.fit(shapes), shapes.vertices, shapes.mesh(3)
     distances, observed = shape_statistics.procrustes_distances(x), np.arange(len(x[0])) % 5 == 0
     return {
-        "maps": [(pair.there, pair.back, pair.there_error, pair.back_error) for pair in maps],
+        "maps": [(pair.forward, pair.backward, pair.forward_error, pair.backward_error) for pair in maps],
         "shapes": (
             shapes,
             shape_statistics.doubtful_shapes(shapes),

@@ -9,7 +9,7 @@ import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-PUBLISHED = Path(__file__).with_suffix(".csv")
+PUBLISHED = Path(__file__).with_suffix(".csv")  # table of published numbers
 OURS = {  # contest in published.csv: heading, and our rows in contests.csv with what each covers
     "faust": (
         "FAUST remeshed",

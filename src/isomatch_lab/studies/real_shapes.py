@@ -17,7 +17,7 @@ from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import in_parallel, parse_arguments, write_rows, write_table
 
-METHODS = ("isomatch", "isomatch_5pt")
+METHODS = ("isomatch", "isomatch_5pt")  # methods that are measured
 LEVELS = {  # levels of damage; pairs take them in turn, once for the target and once for the source
     "holes": (0.15, 0.25, 0.4),
     "cut": (0.15, 0.3, 0.5),
@@ -25,9 +25,9 @@ LEVELS = {  # levels of damage; pairs take them in turn, once for the target and
     "view": (1,),
     "two views": (2,),
 }
-BOTH = {"cut": 0.25, "holes": 0.2, "view": 1}  # damage to both shapes
-REAL = {"faust_r": 6, "tosca_iso_r": 6, "scape": 3}  # pairs drawn from sets of real shapes
-CREATURES = 5
+BOTH = {"cut": 0.25, "holes": 0.2, "view": 1}  # level of each damage to both shapes
+REAL = {"faust_r": 6, "tosca_iso_r": 6, "scape": 3}  # number of pairs that are drawn from each real set
+CREATURES = 5  # number of pairs of creatures
 COLUMNS = [
     "kind",
     "damage",

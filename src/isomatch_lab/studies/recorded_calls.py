@@ -29,9 +29,9 @@ from scipy.sparse import find, issparse
 from isomatch import Config, MatchResult, Quality
 from isomatch_lab.studies.public_calls import CALLS, Attempt, Folders
 
-REAL_DATA = Path(__file__).parents[4] / "shared" / "data"
+REAL_DATA = Path(__file__).parents[4] / "shared" / "data"  # folder of the sets, by default
 SKIPPED = ("timings", "document")  # fields that differ at every run, or hold a format's own data
-MAX_SHOWN = 20  # differences printed for each call
+MAX_SHOWN = 20  # largest number of differences that are printed for each call
 Arrays = Mapping[str, np.ndarray]
 
 

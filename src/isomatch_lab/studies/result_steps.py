@@ -34,11 +34,11 @@ def study(
     return Step(of or script, minutes, command, tables or {script: f"{script}_table.csv"}, kept)
 
 
-FIGURES = (
+FIGURES = (  # figures and tables of the paper that the documentation has
     *("basis-error", "basis-vectors", "descriptor-distance", "descriptor-field"),
     *("curves-5pt", "distortion-table", "voronoi", "curves-initialised"),
 )
-STEPS = (
+STEPS = (  # studies whose results the documentation has
     study("accuracy", 50, "pairs.csv", "summary.csv", "curves.png", folder="accuracy"),
     study(
         *("methods", 35),
@@ -72,7 +72,7 @@ STEPS = (
     study("real_shapes", 21, parts="real_shapes_table.csv"),
     study(
         *("performance", 17, "performance.csv", "performance.svg"),
-        options="--pyfm 30000",  # a match of a larger mesh takes minutes
+        options="--pyfm 30000",  # pyFM takes minutes for larger meshes
         folder="performance",
         speed="pairs_table.csv",
     ),

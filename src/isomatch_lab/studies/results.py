@@ -39,10 +39,11 @@ from isomatch._core.machine import processor
 from isomatch_lab.studies import published
 from isomatch_lab.studies.result_steps import STEPS, Step
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[3]  # folder of the repository
 SHARED = ("shared.py", "hard_pairs.txt")  # files that several studies need
-RESULTS = Path("docs", "results")
-PACKAGES = ("numpy", "scipy", "numba")
+RESULTS = Path("docs", "results")  # folder of tables and stamps
+PACKAGES = ("numpy", "scipy", "numba")  # packages whose versions a stamp has
+# a marked place in a page: name of the result, part, and contents
 MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
 NOT_TABLES = ("stamp", "beside")  # marked places that hold no table
 Stamp = dict[str, Any]

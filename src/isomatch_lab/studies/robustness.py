@@ -24,15 +24,15 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-METHODS = ("isomatch", "pyfm")
-POINTS = 400
-PAIRS = (
+METHODS = ("isomatch", "pyfm")  # methods that are measured
+POINTS = 400  # number of points of the truth that are measured for each pair
+PAIRS = (  # sets and two shapes
     ("creatures", "quadruped_asymmetric_0_1_3000", "quadruped_asymmetric_0_2_3000"),
     ("faust_r", "tr_reg_000", "tr_reg_011"),
     ("creatures", "biped_asymmetric_1_3_3000", "biped_asymmetric_1_4_3000"),
     ("tosca_iso_r", "horse0", "horse5"),
 )
-TOUCHING = (  # limbs of the target touch
+TOUCHING = (  # pairs in which limbs of the target touch
     ("faust_r", "tr_reg_010", "tr_reg_016"),
     ("tosca_iso_r", "victoria0", "victoria7"),
     ("tosca_iso_r", "victoria1", "victoria25"),

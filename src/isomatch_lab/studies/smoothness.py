@@ -27,14 +27,14 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-SEED = 8
-PAIRS = {"faust_r": 5, "tosca_iso_r": 8, "scape": 3}
-VARIANTS = {
+SEED = 8  # of drawn pairs
+PAIRS = {"faust_r": 5, "tosca_iso_r": 8, "scape": 3}  # number of pairs that are drawn from each set
+VARIANTS = {  # settings that are compared
     "without registration": Config(refining=RefinementSettings(registration_steps=0)),
     "default": Config(),
     "smooth": Config(refinement="smooth"),
 }
-MEASURES = ("error", "cycle", "dirichlet", "image_area", "seconds")
+MEASURES = ("error", "cycle", "dirichlet", "image_area", "seconds")  # columns of the table
 
 
 def measure_job(job: Job) -> list[dict[str, Any]]:

@@ -22,7 +22,7 @@ from isomatch._core.arrays import IntArray
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import Job, draw_jobs, in_parallel, parse_arguments, write_rows, write_table
 
-PAIRS = {
+PAIRS = {  # number of pairs of each set
     "example": 1,
     "organs": 1,
     "faust_r": 3,
@@ -32,8 +32,8 @@ PAIRS = {
     "shrec16_cuts": 1,
     "shrec16_holes": 1,
 }  # number of pairs drawn from each set
-N_DISTURBED = 30  # disturbed matches of each pair
-MAX_MOVE_RATIO = 1e-9  # largest move of a coordinate, divided by the extent of the shape
+N_DISTURBED = 30  # number of matches of each pair with disturbed coordinates
+MAX_MOVE_RATIO = 1e-9  # largest move of a coordinate over the extent of the shape
 
 
 def disturb(mesh: Mesh, seed: int) -> Mesh:

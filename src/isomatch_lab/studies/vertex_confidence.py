@@ -31,16 +31,16 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-SEED = 5
-COUNTS = {"faust_r": 8, "creatures": 8, "tosca_iso_r": 8, "scape": 6, "tosca": 6, "cross": 24, "smal": 8}
-# of ``knees/BONE.npz``, with an array of vertices for each subject and their ``faces``
+SEED = 5  # of drawn pairs
+N_PAIRS = {"faust_r": 8, "creatures": 8, "tosca_iso_r": 8, "scape": 6, "tosca": 6, "cross": 24, "smal": 8}
+# bones and two subjects, of ``knees/BONE.npz`` with an array of vertices for each subject and ``faces``
 BONES = (("femur", "S081", "S085"), ("tibia", "S082", "S095"), ("patella", "S084", "S099"))
 KEPT_SHARE = 0.7  # share of its vertices that a target bone keeps
-DAMAGES = ("noise", "stretch", "cut", "holes")  # creatures, four pairs each
-N_POINTS = 500
-WORST_SHARE = 0.1  # share of the vertices that count as worst
+DAMAGES = ("noise", "stretch", "cut", "holes")  # damage to creatures, with four pairs each
+N_POINTS = 500  # number of points of the truth that are measured for each pair
+WORST_SHARE = 0.1  # share of the vertices, those with the largest errors, that count as worst
 SMOOTHING_RADIUS = 0.1  # √area: the radius over which the plain ingredients are averaged
-BINS = 5
+BINS = 5  # number of groups of vertices, by expected error
 
 Job = tuple[str, str, tuple[str, str]]
 
@@ -48,9 +48,9 @@ Job = tuple[str, str, tuple[str, str]]
 def jobs(data: str, kinds: list[str]) -> list[Job]:
     """Draw the pairs of each set; those asked for, or all."""
     drawn = []
-    for name in kinds or [*COUNTS, "knees", *DAMAGES]:
-        if name in COUNTS:
-            pairs = benchmark_set(name, data).chosen(COUNTS[name], SEED).pairs
+    for name in kinds or [*N_PAIRS, "knees", *DAMAGES]:
+        if name in N_PAIRS:
+            pairs = benchmark_set(name, data).chosen(N_PAIRS[name], SEED).pairs
         elif name == "knees":
             pairs = tuple((f"{bone}_{a}", f"{bone}_{b}") for bone, a, b in BONES)
         else:
@@ -62,7 +62,7 @@ def jobs(data: str, kinds: list[str]) -> list[Job]:
 def measure_job(job: Job) -> dict[str, Any]:
     """Match one pair; capture of each measure, and mean errors, true and expected, in bins of the expected one."""
     data, name, names = job
-    if name in COUNTS:
+    if name in N_PAIRS:
         pair = benchmark_set(name, data).load(*names)
     elif name == "knees":
         pair = bones(Path(data) / name, *names)
@@ -161,7 +161,7 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    asked = parse_arguments(__doc__, "vertex_confidence.csv", [*COUNTS, "knees", *DAMAGES])
+    asked = parse_arguments(__doc__, "vertex_confidence.csv", [*N_PAIRS, "knees", *DAMAGES])
     results = write_rows(
         asked.output / "vertex_confidence.csv", None, in_parallel(measure_job, jobs(asked.data, asked.kinds))
     )

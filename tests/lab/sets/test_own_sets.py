@@ -264,7 +264,7 @@ def test_shapes_that_are_missing(tmp_path, folder, image):
         ("set.toml", 'truth = "magic"', "'magic' is not known; say which in set.toml: truth = \"vertices\""),
         ("set.toml", "colour = 1", "unknown setting 'colour'; known are truth"),
         ("set.toml", "counts_from = 2", "counts_from = 2 is no value"),
-        ("set.toml", "counts_from", "not TOML"),
+        ("set.toml", "counts_from", "not a TOML file"),
         ("set.toml", 'shapes = ["nowhere"]', "there is no folder .*nowhere of shapes"),
     ],
 )

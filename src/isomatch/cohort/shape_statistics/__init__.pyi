@@ -37,7 +37,7 @@ from isomatch.cohort.shape_statistics.likeness import geodesic_distortions as ge
 from isomatch.cohort.shape_statistics.likeness import likely_units as likely_units
 from isomatch.cohort.shape_statistics.likeness import shape_tree as shape_tree
 from isomatch.cohort.shape_statistics.likeness import size_factors as size_factors
-from isomatch.cohort.shape_statistics.likeness import told_factor as told_factor
+from isomatch.cohort.shape_statistics.likeness import size_in_words as size_in_words
 from isomatch.cohort.shape_statistics.linear_model import Classification as Classification
 from isomatch.cohort.shape_statistics.linear_model import PairTest as PairTest
 from isomatch.cohort.shape_statistics.linear_model import ShapeAnova as ShapeAnova

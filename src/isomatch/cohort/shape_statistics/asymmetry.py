@@ -29,9 +29,9 @@ from isomatch.settings import Config
 from isomatch.surfaces import Mesh, reflected
 
 MIN_VARIANCE = 1e-12  # a principal component with a smaller share of the largest variance is rounding
-MIN_SIDE_DISTANCE = 0.02  # √area from the plane of symmetry; a point farther away is on one side of it
-MAX_TRIED = 5  # number of shapes whose left–right map is tried; where none is sure, further ones hardly are
-SOURCES = ("individuals", "sides", "individuals × sides", "error")
+MIN_SIDE_DISTANCE = 0.02  # √area; points nearer to the plane of symmetry may be on either side of it (chosen)
+MAX_TRIED_SHAPES = 5  # number of shapes whose left–right map is tried; if none is sure, others hardly are
+VARIATION_SOURCES = ("individuals", "sides", "individuals × sides", "error")  # rows of `Asymmetry.anova`
 
 
 class SumOfSquares(NamedTuple):
@@ -42,7 +42,7 @@ class SumOfSquares(NamedTuple):
     share: float
     degrees: int
     mean_square: float
-    f: float  # ratio of mean squares; nan if there is no other to compare with
+    f: float  # ratio of the mean square to the mean square of the error term; nan without an error term
     p_value: float  # probability by permutations; nan if there is no test
 
 
@@ -54,16 +54,15 @@ class Asymmetry:
     directional: FloatArray  #: (n, 3) mean of the components: the asymmetry that all shapes share
     components: FloatArray  #: (m, n, 3) asymmetric component of each shape
     amounts: FloatArray  #: (m,) root mean square of each component, in the units of the shapes
-    fluctuating: FloatArray  #: (m,) root mean square of its difference from the mean component
+    fluctuating: FloatArray  #: (m,) root mean square of the difference of each from the mean component
     #: individuals (symmetric variation), sides (directional asymmetry), individuals × sides
     #: (fluctuating asymmetry), and error, if individuals were measured repeatedly
     anova: tuple[SumOfSquares, ...]
-    share: float  #: directional share of the asymmetry, by squares
-    #: probability of as large a share if left and right are exchangeable, from mirrored
-    #: individuals; nan for one
+    share: float  #: share of the squared asymmetry that is directional
+    #: probability of as large a share if the sides of random individuals are exchanged; nan for one
     p_value: float
-    n_permutations: int  #: number of ways in which some individuals were mirrored
-    seed: int  #: seed that draws these ways
+    n_permutations: int  #: number of choices of individuals that were mirrored
+    seed: int  #: seed that draws these choices
     individuals: tuple[IndividualScores, ...]  #: the individuals, in the order of their names
 
 
@@ -74,8 +73,8 @@ class IndividualScores(NamedTuple):
     asymmetry: float  # root mean square of its asymmetric component
     fluctuating: float  # root mean square of its difference from the mean component
     directional: float  # its asymmetry in the direction of the mean component
-    symmetric_scores: tuple[float, ...]  # along principal components of symmetric variation
-    asymmetric_scores: tuple[float, ...]  # along principal components of fluctuating asymmetry
+    symmetric_scores: tuple[float, ...]  # scores along the principal components of symmetric variation
+    asymmetric_scores: tuple[float, ...]  # scores along those of fluctuating asymmetry
 
 
 def asymmetry(
@@ -151,7 +150,7 @@ def asymmetry(
     degrees = np.array([(k - 1) * even, odd, (k - 1) * odd, (m - k) * (even + odd)])
     with np.errstate(divide="ignore", invalid="ignore"):
         mean_squares = values / degrees
-        ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # each over its error term
+        ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # ratios to the error terms
     # A mirrored individual has the component −āᵢ, so that the share is
     # |Σ ± rᵢ āᵢ|² / (m Σ |a|²) = ±ᵀ P ± / (m Σ |a|²)
     products = scalar_products(repeats[:, None, None] * means[1], share)
@@ -159,7 +158,7 @@ def asymmetry(
     share_of_mean, p_value, drawn = float(products.sum()) / total if total > 0 else 0.0, np.nan, 0
     if k > 1:
         test = permutation_test(
-            (np.ones(k),),  # the signs of one sample are exchanged
+            (np.ones(k),),  # scipy changes the signs of these numbers at random
             lambda signs, axis: np.einsum("...i,ij,...j->...", signs, products, signs),
             permutation_type="samples",
             vectorized=True,
@@ -177,7 +176,8 @@ def asymmetry(
         drawn_among = explained_squares(belongs, scalar_products(parts[1] - middles[1], share), orders)
         p_values[2] = (drawn_among >= drawn_among[0] * (1 - 1e-9)).mean()
     columns = values, values / (values.sum() or 1.0), degrees, mean_squares, ratios, p_values
-    rows = tuple(SumOfSquares(*row) for row in zip(SOURCES, *(column.tolist() for column in columns)))
+    values_of = zip(VARIATION_SOURCES, *(column.tolist() for column in columns))
+    rows = tuple(SumOfSquares(*row) for row in values_of)
     amounts, fluctuating = np.sqrt(squares(parts[1])), np.sqrt(squares(parts[1] - middles[1]))
     shapes = middles[0], middles[1], parts[1], amounts, fluctuating
     tests = rows if m > k else rows[:3], share_of_mean, p_value, drawn, seed
@@ -216,7 +216,7 @@ def symmetry_dimensions(
         return of_shape, of_shape
     middle = int((left_right.vertices == np.arange(n)).sum())
     pairs = (n - middle) // 2
-    # in space, a turn about the normal of the plane and two shifts keep symmetry, the others do not
+    # in space, two shifts and one turn, about the plane's normal, keep symmetry; the other three do not
     moves = (3, 3) if dim == 3 else (1, 2)
     return pairs * dim + middle * (dim - 1) - moves[0] - sized, pairs * dim + middle - moves[1]
 
@@ -376,7 +376,7 @@ def left_right_of_shapes(
     distances = [np.linalg.norm(aligned_to(centre, shape, uniform) - centre) for shape in shapes.vertices]
     nearest = [int(i) for i in np.argsort(distances, kind="stable") if shapes.seen[i].all()]
     outcomes = list[Outcome]()
-    for i in (None, *nearest[:MAX_TRIED]):
+    for i in (None, *nearest[:MAX_TRIED_SHAPES]):
         result = left_right_map(mean if i is None else shapes.mesh(i), seed=seed)
         if result.outcome.sureness >= Outcome.PARTIAL.sureness:
             return result.map, "" if i is None else shapes.names[i]

@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.transforms import Bbox
 
-PictureFormat = Literal["png", "pdf", "svg"]
+PictureFormat = Literal["png", "pdf", "svg"]  # suffixes of pictures
 Groups = Sequence[str] | None  # the group of each shape
 
-BLUE, GREY = "#3f90da", "#717581"  # colours of Petroff 2021
-COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
+BLUE, GREY = "#3f90da", "#717581"  # colours that colour-blind readers can tell apart (Petroff 2021)
+COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")  # of groups
 DPI = 300  # dots per inch, as for print
 CHART_SIZE = (5.6, 4.5)  # width and height of a scatter plot in inches; all charts have this width
-MAX_TICKS = 6  # number of ticks along x, at most, so that their numbers do not overlap
+MAX_TICKS = 6  # largest number of ticks along x, so that their numbers do not overlap
 NAME_SIZE = 8  # font size, in points, of the names of shapes
-WIDTH = 6.5  # width in inches of a picture of surfaces
+SURFACES_WIDTH = 6.5  # width in inches of a picture of surfaces or landmarks
 FILLED_SHARE = 0.9  # share of the width of a panel that the widest surface takes
 TEXT_SIZE = 9.0  # font size, in points, of titles and numbers
 BAR_HEIGHT = 0.7  # height in inches of a colour bar with its numbers and label
 MIN_KNOWN = 0.5  # a pixel is coloured if vertices with a value make up at least this share of it
-DIVERGING, RISING = "RdBu_r", "viridis"  # colour maps for values of both signs, and for values from 0
+SIGNED_MAP, RISING_MAP = "RdBu_r", "viridis"  # colour maps for values of both signs, and for values from 0
 
 
 def draw_scores(
@@ -257,7 +257,7 @@ def draw_landmarks(
     per_row = 4 // len(sides)
     rows = -(-len(shown) // per_row)
     columns = min(len(shown), per_row) * len(sides)
-    figure = Figure((WIDTH, 0.5 + rows * WIDTH / max(columns, 2)), layout="constrained")
+    figure = Figure((SURFACES_WIDTH, 0.5 + rows * SURFACES_WIDTH / max(columns, 2)), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     high = None if values is None else float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
     for panel in panels:
@@ -270,13 +270,13 @@ def draw_landmarks(
                 for line in links.tolist():
                     panel.plot(*seen[line].T, color=colour, linewidth=0.9, zorder=1)
                 if values is not None and colour == BLUE:
-                    panel.scatter(*seen.T, 14, c=values, cmap=RISING, norm=Normalize(0, high), zorder=3)
+                    panel.scatter(*seen.T, 14, c=values, cmap=RISING_MAP, norm=Normalize(0, high), zorder=3)
                 else:
                     panel.scatter(*seen.T, 6, color=colour, zorder=2)
             panel.set_aspect("equal", adjustable="datalim")
             panel.set_title(title if j == 0 else "", fontsize="small", parse_math=False)
     if high is not None:
-        _add_bar(figure, list(panels), RISING, 0.0, high, label)
+        _add_bar(figure, list(panels), RISING_MAP, 0.0, high, label)
     save_figure(figure, path)
 
 
@@ -300,14 +300,14 @@ def draw_values(
     if high is None:
         high = float(np.quantile(np.abs(values[has_value]), 0.995)) if has_value.any() else 0.0
     high = high or 1.0
-    name, low = (DIVERGING, -high) if (values < 0).any() else (RISING, 0.0)
+    name, low = (SIGNED_MAP, -high) if (values < 0).any() else (RISING_MAP, 0.0)
     front = camera_of(mesh)
     seen = {title: _turn_camera(front, direction) for title, direction in (views or {}).items()}
     cameras = seen or {"": front, " ": front * [[-1], [1], [-1]]}
     paint = colour_scale(name, low, high)
     used = mesh.vertices[np.unique(mesh.faces)]
     widest = max(float(np.ptp(used @ camera[0])) for camera in cameras.values()) or 1.0
-    density = DPI * FILLED_SHARE * WIDTH / 2 / widest * np.sqrt(mesh.area)  # pixels per √area
+    density = DPI * FILLED_SHARE * SURFACES_WIDTH / 2 / widest * np.sqrt(mesh.area)  # pixels per √area
 
     def paint_known(seen: FloatArray) -> FloatArray:
         share = np.where(seen[:, 1:] < MIN_KNOWN, np.nan, seen[:, 1:])
@@ -315,7 +315,7 @@ def draw_values(
 
     columns = np.column_stack([np.where(has_value, values, 0.0), has_value])
     images = [surface_image(mesh, columns, paint_known, camera, density) for camera in cameras.values()]
-    figure, axes = arranged_panels(images, list(cameras), 2, WIDTH, TEXT_SIZE)
+    figure, axes = arranged_panels(images, list(cameras), 2, SURFACES_WIDTH, TEXT_SIZE)
     if has_value.any():
         _add_bar(figure, axes, name, low, high, label)
     else:

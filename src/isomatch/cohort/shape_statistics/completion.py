@@ -27,16 +27,16 @@ from isomatch.matching import Outcome, match
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface
 
-Pose = Literal["fitted", "given"]
-MIN_NOISE = 1e-6  # least noise over the size of the mean; double precision does not suffice for less
-TOLERANCE = 1e-9  # a fit ends once the shape moves by less than this share of its size in a step
-MAX_STEPS = 200  # a fit that still moves after this number of steps fails
+Pose = Literal["fitted", "given"]  # whether the points may be moved to the model, or lie where it is
+MIN_NOISE = 1e-6  # share of the mean's size; smaller noise is raised to this, as double precision needs it
+TOLERANCE = 1e-9  # share of the shape's size; a fit ends once a step moves the shape by less
+MAX_STEPS = 200  # a fit fails if the shape still moves after this number of steps
 MAX_ROUNDS = 30  # nearest points are renewed at most this number of times; about 10 suffice
-MAX_MOVEMENT = 1e-3  # nearest points are final once the shape moves by less than this share of its size
-MAX_WIDTH = 1e-3  # points are on a line, so that any turn around it is possible, if width over length is less
-PATCH = 0.2  # √area: points nearer than this have about the same error; docs/statistics.md, how to complete a shape
-ALONG_WEIGHT = 0.1  # weight of an offset along the surface, relative to one across it, at nearest points
-MIN_COSINE = 0.5  # least cosine of the angle between the normals of a point and of its nearest point
+MAX_MOVEMENT = 1e-3  # share of the shape's size; nearest points are final once a round moves it by less
+MAX_WIDTH = 1e-3  # width over length; narrower points are on a line, around which any turn is possible
+PATCH_LENGTH = 0.2  # √area; vertices within this distance have about the same error, see docs/statistics.md
+ALONG_WEIGHT = 0.1  # weight of offsets along the surface over the weight of offsets across it (chosen)
+MIN_COSINE = 0.5  # a nearest point counts if its normal is at most 60° from the normal of the point (chosen)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,13 +47,13 @@ class Completion:
     #: (n,) standard deviation of each vertex within the modes: the root of the sum of the variances
     #: of its three coordinates
     standard_deviation: FloatArray
-    residual: float  #: distance from the modes that no score reduces, see `model_noise`
+    residual: float  #: distance of shapes from what modes describe, see `model_noise`
     scores: FloatArray  #: (k,) coordinates along the modes, in the units of the model
     score_deviations: FloatArray  #: (k,) their standard deviations
     #: root mean square distance of the given points from the shape, each weighted by one over the
     #: square of its noise; nan without points
     error: float
-    scale: float  #: the motion from the model: x ↦ scale · rotation @ x + translation
+    scale: float  #: factor of the motion from the model, x ↦ scale · rotation @ x + translation
     rotation: FloatArray  #: (3, 3) rotation of this motion
     translation: FloatArray  #: (3,) translation of this motion
     n_points: int  #: number of points used
@@ -109,7 +109,7 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     if observations.surface:
         fit, observations, notes = _fit_nearest(model, observations.surface, fit, is_free=pose == "fitted")
     motion, shape = fit.motion, fit.shape(model)
-    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3) displacements
+    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3) displacements by one deviation
     if pose == "fitted":
         columns = np.concatenate([columns, _motions(shape, fit.centre, fit.size, model.size is not None)])
     offsets = observations.positions - motion.apply(observations.points.interpolated(shape))
@@ -131,8 +131,8 @@ class _Fit:
     motion: _Motion
     # root of the covariance of scores and small motions about the centre, in units of the size
     root: FloatArray
-    centre: FloatArray
-    size: float
+    centre: FloatArray  # (3,) centroid of the points on the shape, in the coordinates of the model
+    size: float  # root mean square distance of the model's mean from its centroid
 
     def shape(self, model: ShapeModel) -> FloatArray:
         """(n, 3) the shape in the coordinates of the model."""
@@ -272,9 +272,8 @@ class Observations:
 
     points: PrecisePoints  #: q points, on the triangles of the model
     positions: FloatArray  #: (q, 3) where they were seen
-    #: one for all, or (q,): root mean square distance between a seen point and the nearest one of the
-    #: model's modes, in the units of the positions. Errors are taken as independent: points that
-    #: err together need more noise
+    #: root mean square distance of seen points from what the modes describe, in the units of the
+    #: positions, for all points or each (q,). Points with dependent errors need more noise.
     noise: FloatArray
     #: (q, 3) unit normals, if noise along the surface is ten times as large as across it
     normals: FloatArray | None = None
@@ -334,7 +333,7 @@ class SeenSurface:
         normals = points.interpolated(shape.vertex_normals)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
         cosines = (normals * self.mesh.vertex_normals).sum(axis=1)
-        if np.median(cosines) < 0:  # the surface is wound inside out
+        if np.median(cosines) < 0:  # the surface is inside out: its normals point inward
             cosines = -cosines
         rows = np.flatnonzero((cosines > MIN_COSINE) & np.isfinite(self.noise))
         if not len(rows):
@@ -490,7 +489,7 @@ def _of_structures(folder: Path, model: ShapeModel, noise: float | None, **how: 
 
 def _root_of_observations(shares: FloatArray) -> FloatArray:
     """Root of the number of independent observations that a vertex stands for, at most 1."""
-    return np.minimum(np.sqrt(shares) / PATCH, 1.0)
+    return np.minimum(np.sqrt(shares) / PATCH_LENGTH, 1.0)
 
 
 def _noise(noise: float | None, model: ShapeModel, points: PrecisePoints, positions: FloatArray) -> float:

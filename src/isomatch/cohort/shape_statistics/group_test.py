@@ -15,8 +15,8 @@ from isomatch._core.settings import generator, require_one_of
 from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.linear_model import N_PERMUTATIONS
 
-TestMethod = Literal["permutation", "parametric"]
-MAX_NUMBERS = 2**22  # number of floating-point numbers that a block of permutations may take in memory
+TestMethod = Literal["permutation", "parametric"]  # where p-values come from
+MAX_NUMBERS = 2**22  # floating-point numbers, 32 MiB, in a block of permutations (chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ def _permute_groups(
 ) -> FloatArray:
     m, n, dim = white.shape
     labels = generator(seed).permuted(np.tile(contrast, (n_permutations, 1)), axis=1)
-    reached = np.ones(n)  # the labels as they are
+    reached = np.ones(n)  # number of labellings with as large a q; the given labelling counts
     width = max(MAX_NUMBERS // (dim * n_permutations), 1)
     with serial_blas():
         for first in range(0, n, width):

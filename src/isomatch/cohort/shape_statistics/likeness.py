@@ -18,25 +18,26 @@ from isomatch.cohort.shape_statistics.procrustes import generalised_procrustes, 
 from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 
-# In seven sets of animals and people in many poses, with up to half of the shapes mirrored at
-# random, the first two find 202 of 208 mirror images, none in TOSCA victoria, whose poses differ
-# most, and no wrong ones.
-MIN_SAMPLE_AGREEMENT = 0.35  # median agreement of all pairs; if it is lower, poses differ too much
-MIN_SHAPE_AGREEMENT = 0.15  # median agreement of a shape with the others; if it is lower, its side is unclear
-MIRROR_RATIO = 0.7  # among few shapes, a mirror image must be nearer than the shape itself by this factor
-MIN_THICKNESS = 0.01  # a shape that is thinner, over its size, equals its mirror image
-SAME_SHAPE = 1e-5  # two shapes whose distance over their size is smaller are one shape in two files
+# Agreement of two shapes, from −1 (mirror images) to 1. In seven sets of animals and people in many
+# poses, with up to half of the shapes mirrored, these bounds find 202 of 208 mirror images, none in
+# TOSCA victoria, whose poses differ most, and no wrong ones.
+MIN_SAMPLE_AGREEMENT = 0.35  # median agreement of all pairs, below which poses differ too much to find any
+MIN_SHAPE_AGREEMENT = 0.15  # median agreement of a shape with the others, below which its side is unclear
+# With fewer than `MIN_SHAPES`, a shape is mirrored if its mirror image is nearer to another by this factor.
+MIRROR_RATIO = 0.7
+MIN_THICKNESS = 0.01  # share of a shape's size; a thinner shape is taken as equal to its mirror image
+SAME_SHAPE = 1e-5  # share of the size; two shapes with a smaller Procrustes distance are equal
 FAR_SIZES = 10.0  # a shape is far if its centroid is more than this number of sizes from the middle of all
-UNLIKE_RATIO = 2.0  # a shape is unlike the others if it is farther from them than usual by this factor
-MIN_SHAPES = 4  # with fewer shapes, it is not known what is usual
-Kind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]
-N_SAMPLES = 100  # number of points between which geodesic distances are compared
+UNLIKE_RATIO = 2.0  # a shape is unlike the others if its distance from them is above the usual by this factor
+MIN_SHAPES = 4  # of fewer shapes, none is called far or unlike, as it is not known what is usual
+DoubtKind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]  # see `doubtful_shapes`
+N_SAMPLES = 100  # number of vertices between which geodesic distances are compared
 
 
 class Doubt(NamedTuple):
     """Shapes that hardly belong to a sample: kind, see `doubtful_shapes`, and reason."""
 
-    kind: Kind
+    kind: DoubtKind
     names: tuple[str, ...]
     reason: str
 
@@ -86,8 +87,8 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
     factors = size_factors(sizes)
     mirrored = _find_mirrored(distances, reflected)
     opposite, nearer = mirrored[:, None] != mirrored, "fits the others better as its mirror image"
-    reasons: dict[Kind, dict[int, str]] = {
-        "units": {i: told_factor(factors[i]) for i in np.flatnonzero(factors != 1).tolist()},
+    reasons: dict[DoubtKind, dict[int, str]] = {
+        "units": {i: size_in_words(factors[i]) for i in np.flatnonzero(factors != 1).tolist()},
         "mirrored": dict.fromkeys(np.flatnonzero(mirrored).tolist(), nearer),
         "far": _far(vertices.mean(axis=1), sizes, factors),
         "unlike": _unlike(np.where(opposite, reflected, distances)),
@@ -102,9 +103,9 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
 def _find_mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
     """Tell which shapes, (m,), are mirror images of most."""
     # Two shapes agree by 1 if their thinnest directions do, and by −1 if these are opposite, so
-    # that the mirror image is nearer. Signs of the leading eigenvector of the agreements tell the
-    # sides. reflected² − distance² = ±4 σ₃, with the least singular value σ₃ of XᵀWY: thickness²
-    # for a shape and itself
+    # that the mirror image is nearer. The leading eigenvector of the agreements has one sign for
+    # each side. reflected² − distance² = ±4 σ₃, with the least singular value σ₃ of XᵀWY; of a
+    # shape and itself, 4 σ₃ is the square of its thickness.
     m = len(distances)
     thickness = np.diag(reflected)
     scale = thickness[:, None] * thickness
@@ -146,11 +147,11 @@ def _unlike(distances: FloatArray) -> dict[int, str]:
 
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 """Units of length, in metres."""
-MIN_SIZE_RATIO = 2.0  # units may explain a size that differs from the median by this factor or more
-MIN_SIZE_GAP = 5.0  # the sizes of one kind of shape, in order, have no ratio of neighbours as large as this
-MAX_DEVIATIONS = 6.0  # a value farther from the median, in standard deviations, is an outlier
+MIN_SIZE_RATIO = 2.0  # units may explain a size that differs from the median by this factor or more (chosen)
+MIN_SIZE_GAP = 5.0  # sizes, in order, are in two units if one is larger than the size before by this factor
+MAX_DEVIATIONS = 6.0  # standard deviations; a value farther from the median is an outlier (chosen)
 MAD_TO_SD = 1.4826  # ratio of standard deviation and median absolute deviation in a normal distribution
-# units of a shape and of the others that are tried first, in this order
+# pairs of units, of a shape and of the others, that are tried before all others, in this order
 USUAL_UNITS = ("mm", "m"), ("mm", "cm"), ("cm", "m"), ("mm", "in")
 
 
@@ -191,7 +192,7 @@ def likely_units(factor: float) -> tuple[str, str] | None:
     return pairs[best] if errors[best] < min(abs(np.log(factor)), np.log(MIN_SIZE_RATIO)) else None
 
 
-def told_factor(factor: float) -> str:
+def size_in_words(factor: float) -> str:
     """Tell the ratio of a size to the size of the others, and which units would explain it."""
     text = f"is {factor:.4g} times as large as the others"
     units = likely_units(factor)

@@ -25,13 +25,13 @@ from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.procrustes import scalar_products, shares_of
 
 N_PERMUTATIONS = 4999  # number of random permutations of a test, so that no p-value is below 1 / 5000
-MAX_NUMBERS = 2**21  # number of floating-point numbers that a block of permutations may take in memory
-MIN_SHAPES = 3  # a regression needs this number of shapes, as two shapes differ along any variable
-POWERS = (-5.0, 5.0)  # least and largest power of a Box–Cox transformation
-MIN_SINGULAR = 1e-9  # a variable with a smaller singular value, over the largest, depends on the others
-HELD_VARIANCE = 0.95  # shapes are classified by the first modes that hold this share of the variance
+MAX_NUMBERS = 2**21  # floating-point numbers, 16 MiB, in a block of permutations (chosen)
+MIN_SHAPES = 3  # a regression needs this number of shapes, as a line fits two shapes exactly
+BOX_COX_RANGE = (-5.0, 5.0)  # least and largest power of a Box–Cox transformation (chosen)
+MIN_SINGULAR = 1e-9  # share of the largest singular value; variables with a smaller one depend on others
+CLASSIFIED_VARIANCE = 0.95  # share of the variance in the modes that classify shapes (chosen)
 
-Terms = tuple[tuple[str, ...], ...]
+Terms = tuple[tuple[str, ...], ...]  # the variables of each term
 
 
 class TermTest(NamedTuple):
@@ -50,7 +50,7 @@ class TermTest(NamedTuple):
 class PairTest(NamedTuple):
     """The distance of two groups: of their means, or of their slopes along a variable."""
 
-    of: str  # the factor, or the term with a slope for each group
+    of: str  # name of the factor, or of the term with a slope for each group
     first: str
     second: str
     distance: float  # distance of means, or of slopes for one unit of the variable
@@ -66,7 +66,7 @@ class ShapeDesign:
 
     formula: str
     terms: Terms  #: variables of each term, terms of one variable first
-    #: (m, q) numbers of each variable; of a factor, 0 and 1 in a column for each level but the first
+    #: (m, q) numbers of each variable; a factor has a column of 0 and 1 for each level but the first
     codes: Mapping[str, FloatArray]
     levels: Mapping[str, tuple[str, ...]]  #: names of the groups of each factor
 
@@ -262,7 +262,7 @@ def _test_terms(products: FloatArray, design: ShapeDesign, n_permutations: int, 
     none = np.nan, np.nan, np.nan
     rows.append(TermTest("residuals", free, residual, residual / free, residual / (total or 1.0), *none))
     rows.append(TermTest("total", m - 1, total, np.nan, 1.0, *none))
-    # the groups of a single factor are compared by means, or by slopes of a number
+    # groups are compared for terms with one factor: alone by means, with one number by slopes
     of_one = [term for term in design.terms if len(term) < 3 and len(design.levels.keys() & {*term}) == 1]
     pairs = [pair for term in of_one for pair in _pairs(design, blocks, products, orders, term)]
     return ShapeAnova(tuple(rows), tuple(pairs), n_permutations, seed)
@@ -274,7 +274,7 @@ def _orthonormal_parts(blocks: Sequence[FloatArray], m: int) -> Iterator[FloatAr
     yield basis
     for block in blocks:
         scale = np.linalg.norm(block, axis=0).max(initial=0.0)
-        for _ in range(2):  # the second time removes rounding of the first
+        for _ in range(2):  # the second projection removes rounding errors of the first
             block = block - basis @ (basis.T @ block)
         part, singular, _ = np.linalg.svd(block, full_matrices=False)
         part = part[:, singular > MIN_SINGULAR * scale]
@@ -307,8 +307,8 @@ def _compare_first(values: FloatArray) -> tuple[float, float]:
         return np.nan, p_value
     positive = values if values.min() > 0 else values - values.min() + 1e-4
     positive = np.clip(positive / np.exp(np.log(positive[1:]).mean()), 1e-30, 1e30)
-    # if the geometric mean of values is 1, the likeliest power leaves the least variance
-    power = minimize_scalar(lambda x: boxcox(positive[1:], x).var(), bounds=POWERS, method="bounded").x
+    # for values with the geometric mean 1, the likeliest power is the one with the least variance
+    power = minimize_scalar(lambda x: boxcox(positive[1:], x).var(), bounds=BOX_COX_RANGE, method="bounded").x
     like_normal = boxcox(positive, power)
     deviation = float(like_normal.std())
     return float((like_normal[0] - like_normal.mean()) / deviation) if deviation > 0 else np.nan, p_value
@@ -338,7 +338,7 @@ def _pairs(
         angle = float(np.degrees(np.arccos(cosine))) if slope else np.nan
         distance = float(np.sqrt(max(float(difference @ products @ difference), 0.0)))
         found.append(PairTest(":".join(of), levels[i], levels[j], distance, angle, z, p_value, p_value))
-    # Holm multiplies the i-th of n ascending p-values, i from 0, by n − i; none may be below the last
+    # Holm multiplies the i-th of n ascending p-values, i from 0, by n − i; the products may not fall
     ascending = np.argsort([pair.p_value for pair in found], kind="stable").tolist()
     least = 0.0
     for i, row in enumerate(ascending):
@@ -468,7 +468,8 @@ def classify(scores: FloatArray, groups: Sequence[str]) -> Classification:
     discriminant: Any = package("sklearn.discriminant_analysis", "statistics", "canonical variates")
     selection: Any = package("sklearn.model_selection", "statistics", "canonical variates")
     shares = np.cumsum((scores**2).sum(axis=0)) / max((scores**2).sum(), 1e-300)
-    n_modes = max(min(int(np.searchsorted(shares, HELD_VARIANCE)) + 1, (m - g) // 2, scores.shape[1]), 1)
+    n_held = int(np.searchsorted(shares, CLASSIFIED_VARIANCE)) + 1
+    n_modes = max(min(n_held, (m - g) // 2, scores.shape[1]), 1)
     used = scores[:, :n_modes]
     model = discriminant.LinearDiscriminantAnalysis(priors=np.full(g, 1 / g))
     with warnings.catch_warnings(action="ignore"):  # warnings of modes in which a group does not vary

@@ -13,7 +13,7 @@ from isomatch._core.texts import natural_order
 from isomatch._core.threads import parallel_map
 from isomatch.surfaces import Mesh
 
-# a ray meets a face if no weight of a corner is less: below 0, so that no edge lets it pass
+# A ray meets a face if no barycentric coordinate is less: rounding below 0 lets no ray pass through an edge.
 MIN_CORNER_WEIGHT = -1e-9
 
 
@@ -75,7 +75,7 @@ def wall_thickness(mesh: Mesh) -> FloatArray:
     a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     n = np.cross(u, v)
     square = (n**2).sum(axis=1, keepdims=True)
-    with np.errstate(invalid="ignore"):  # without area, no comparison holds
+    with np.errstate(invalid="ignore"):  # rows of faces without area are nan, so that no comparison holds
         rows = np.stack([n / np.sqrt(square), np.cross(v, n) / square, np.cross(n, u) / square])
     levels, middles = np.einsum("kfd,fd->kf", rows, a), corners.mean(axis=1)
     return np.array(parallel_map(lambda i: _cast(i, middles, rows, levels), range(len(n))))
@@ -89,8 +89,8 @@ def _cast(i: int, middles: FloatArray, rows: FloatArray, levels: FloatArray) -> 
     for f in range(len(middles)):
         slope = rows[0, f, 0] * dx + rows[0, f, 1] * dy + rows[0, f, 2] * dz
         height = levels[0, f] - rows[0, f, 0] * x - rows[0, f, 1] * y - rows[0, f, 2] * z
-        # one branch for three conditions, as each is often true, and a processor that guesses wrong
-        # loses more time than all three take
+        # The conditions are one branch: a branch that the processor predicts wrongly, as it often
+        # would for each of them, takes longer than all three.
         if (slope > 0) & (height > 0) & (height < nearest * slope):
             px, py, pz = x + height / slope * dx, y + height / slope * dy, z + height / slope * dz
             b = rows[1, f, 0] * px + rows[1, f, 1] * py + rows[1, f, 2] * pz - levels[1, f]

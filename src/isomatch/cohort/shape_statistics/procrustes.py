@@ -14,10 +14,10 @@ from isomatch._core.settings import require_one_of
 from isomatch._core.threads import serial_blas
 from isomatch.correspondence import nearest_rotation
 
-Scale = Literal["keep", "remove"]
+Scale = Literal["keep", "remove"]  # whether shapes keep their sizes, or are brought to one size
 
-TOLERANCE = 1e-11  # shapes are aligned once none moves by more than this share of the size of the mean
-MAX_ITERATIONS = 1000  # an analysis that is not done after this number of iterations fails
+TOLERANCE = 1e-11  # share of the mean's size; shapes are aligned once an iteration moves none by more
+MAX_ITERATIONS = 1000  # an analysis fails if shapes still move after this number of iterations
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class ProcrustesAlignment:
     rotations: FloatArray  #: (m, d, d) rotation of each shape
     translations: FloatArray  #: (m, d) translation of each shape
     scales: FloatArray  #: (m,) factor of each shape; 1 if the scale is kept
-    #: root mean square distance from the centroid that all shapes got; None if the scale is kept
+    #: size of all aligned shapes, root mean square distance from the centroid; None if sizes are kept
     size: float | None
     n_iterations: int  #: number of times that all shapes were turned to their mean
 
@@ -88,7 +88,7 @@ def generalised_procrustes(
     centred = centred * scales[:, None, None]
     products = _products(centred, share)
     rotations, n_iterations = _rotate_onto_mean(products, most_iterations)
-    rotations = _nearest_rotations(rotations.sum(axis=0)) @ rotations  # nearest to the identity
+    rotations = _nearest_rotations(rotations.sum(axis=0)) @ rotations  # a common turn, to the identity
     translations = centroids.mean(axis=0) - scales[:, None] * np.einsum("sij,sj->si", rotations, centroids)
     aligned = centred @ rotations.transpose(0, 2, 1)
     if tangent:

@@ -31,11 +31,11 @@ from isomatch.cohort.shape_statistics.shapes import (
 from isomatch.io import write_mesh
 from isomatch.surfaces import Mesh
 
-Weighting = Literal["area", "uniform"]
-MIN_DEVIATION = 1e-10  # a mode with a smaller standard deviation, over the size of the mean, is rounding
-MAX_LEFT_OUT = 100  # if there are more shapes, only this number of them, drawn at random, is left out in turn
-N_SAMPLES = 1000  # random shapes drawn; Styner et al. 2003 draw 10 000, but 1000 give the mean to about 1 %
-FORMAT = ArrayFormat(
+Weighting = Literal["area", "uniform"]  # whether a vertex counts by its area, or all count alike
+MIN_DEVIATION = 1e-10  # share of the mean's size; a mode with a smaller standard deviation is rounding
+MAX_LEFT_OUT = 100  # largest number of shapes, drawn at random, that are left out, one at a time
+N_RANDOM_SHAPES = 1000  # draws of `specificity`: 10 000 in Styner et al. 2003; 1000 give it to about 1 %
+FORMAT = ArrayFormat(  # contents of the file of a model
     what="a shape model",
     writer="ShapeModel.save",
     version=1,
@@ -165,7 +165,7 @@ class ShapeModel:
             least = MIN_DEVIATION * np.sqrt(len(shapes) * (share @ about_centre**2).max())
             kept = int((values[: len(shapes) - 1] > least).sum())
             u, values = u[:, :kept], values[:kept]
-            # displacements without weights, so that vertices of weight 0 have modes too
+            # modes are made of displacements without weights, so that vertices of weight 0 move too
             modes = np.tensordot(u.T / values[:, None], about_mean, 1)
         outward = share[:, None] * (about_centre**2).sum(axis=1, keepdims=True) * about_centre
         signs = np.where(np.einsum("kij,ij->k", modes, outward) < 0, -1.0, 1.0)
@@ -322,8 +322,8 @@ def _without_each(
     model: ShapeModel, seed: int, most: int
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield the difference of each shape from the mean of the others, their axes and variances."""
-    # scores take the place of shapes, as both have the same distances: the modes are orthonormal.
-    # The mirror image of a shape is left out with the shape
+    # Scores have the same distances as shapes, as the modes are orthonormal, and take their place.
+    # The mirror image of a shape is left out with the shape.
     m = len(model.names)
     chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
     individuals = np.array([name.removesuffix(MIRRORED) for name in model.names])
@@ -353,7 +353,7 @@ def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MAX_LEFT_OUT
     rows = []
     for missed, axes, _ in _without_each(model, seed, most):
         row = np.full(len(model.names) - 1, np.linalg.norm(missed))
-        for j, axis in enumerate(axes, start=1):  # what is left without the parts along the first j axes
+        for j, axis in enumerate(axes, start=1):  # ``missed`` loses its parts along the first j axes
             missed = missed - (missed @ axis) * axis
             row[j:] = np.linalg.norm(missed)
         rows.append(row)
@@ -393,7 +393,7 @@ def leave_one_out(model: ShapeModel, *, seed: int = 0, most: int = MAX_LEFT_OUT)
     return LeaveOneOut(np.array(distances), np.array(errors))
 
 
-def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0) -> ModelCurve:
+def specificity(model: ShapeModel, *, n_samples: int = N_RANDOM_SHAPES, seed: int = 0) -> ModelCurve:
     """Measure how much random shapes of the model look like the shapes that it was made from.
 
     The curve is the root mean square distance of a random shape of j modes from the nearest of the

@@ -35,12 +35,12 @@ from isomatch.surfaces import Mesh
 MIRRORED = "_mirrored"  # ending of the names of shapes that are mirror images
 
 T = TypeVar("T")
-MEASURED = "measured"  # attribute of points: 1 where a surface was measured, 0 where it was continued
-MIN_MEASURED = 0.5  # a shape is left out if a smaller share of its vertices was measured
+MEASURED = "measured"  # attribute of points: 1 where a surface was measured, 0 where it was interpolated
+MIN_MEASURED = 0.5  # a shape is left out if a smaller share of its vertices was measured (chosen)
 CORRESPONDED = "corresponded"  # folder, inside the folder of a collection, of its shapes in one topology
-STRUCTURES = "structures.csv"  # table of the number of vertices of each structure of subjects
-TOLERANCE = 1e-6  # missing vertices are placed once none moves by more, over the size of the mean
-MAX_ROUNDS = 500  # limit of rounds; each multiplies the movement by the largest missing share, or less
+STRUCTURES = "structures.csv"  # name of the table of the number of vertices of each structure of subjects
+TOLERANCE = 1e-6  # share of the mean's size; missing vertices are in place once a round moves none by more
+MAX_ROUNDS = 500  # largest number of rounds that place missing vertices; enough for 97 % missing
 
 
 def slices_of(structures: Mapping[str, int]) -> dict[str, slice]:
@@ -72,8 +72,7 @@ class CorrespondedShapes:
     #: (f, 3) 0-based vertex indices of the triangles that they share; landmarks have none
     faces: IntArray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
     left_out: tuple[str, ...] = ()  #: the shapes that were left out, each with the reason
-    #: (m, n) which vertices have a counterpart on the shape, rather than a place by those around
-    #: them; by default all
+    #: (m, n) which vertices have a counterpart on the shape, and are not interpolated; by default all
     measured: BoolArray | None = None
     #: for subjects of several surfaces, see `stacked`: number of vertices of each structure
     structures: Mapping[str, int] = field(default_factory=dict)
@@ -335,7 +334,7 @@ def read_corresponding(path: str | Path, faces: IntArray) -> tuple[Mesh, BoolArr
 def _is_cut_as(polygons: Polygons, triangles: IntArray) -> bool:
     if len(triangles) != (polygons.sizes - 2).sum():
         return False
-    of = np.repeat(np.arange(len(polygons)), polygons.sizes - 2)  # the polygon of each triangle
+    of = np.repeat(np.arange(len(polygons)), polygons.sizes - 2)  # number of the polygon of each triangle
     first = (np.cumsum(polygons.sizes) - polygons.sizes)[of, None]
     whole = polygons.sizes[of] == 3
     n = max(int(polygons.corners.max(initial=0)), int(triangles.max(initial=0))) + 1

@@ -22,14 +22,15 @@ from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes, filled
 from isomatch.landmarks import Curve
 from isomatch.surfaces import Mesh, nearest_on_surface, vertex_normals
 
-MAX_ROUNDS = 4  # number of times, at most, that the mean is taken and points slide
+MAX_ROUNDS = 4  # largest number of times that the mean is taken and points slide towards it
 MIN_GAIN = 0.02  # another round follows if the last one reduced the energy by at least this share
-MAX_ITERATIONS = 30  # number of iterations of conjugate gradients, at most
-MAX_RESIDUAL = 0.01  # conjugate gradients end once the residual is this share of the first one
-STEP_SHARES = 1.0, 0.5, 0.25  # shares of a step that are tried in turn
+MAX_ITERATIONS = 30  # largest number of iterations of conjugate gradients for a step
+MAX_RESIDUAL = 0.01  # share of the first residual at which conjugate gradients end
+STEP_SHARES = 1.0, 0.5, 0.25  # shares of a step; the first after which the normal turns by under 90° is taken
 N_NEIGHBOURS = 5  # number of points, including the point itself, to which a tangent plane is fitted
-AFFINE_WEIGHT = 0.01  # weight of affine functions over m × the mean kernel; 1 takes twice the iterations
-RIDGE = 1e-10  # added to the diagonal, over the mean of the kernel, so that two curves may end in one point
+# weight of affine functions in the kernel, over m times its mean; 1 takes twice the iterations
+AFFINE_WEIGHT = 0.01
+RIDGE = 1e-10  # share of the kernel's mean that is added to its diagonal, so that two points may coincide
 
 
 class Slid(NamedTuple):
@@ -56,7 +57,7 @@ class SlidSemilandmarks(NamedTuple):
         return [Slid(*row) for row in zip(names, *(column.tolist() for column in columns))]
 
 
-Criterion = Literal["bending", "distance"]
+Criterion = Literal["bending", "distance"]  # measure that sliding minimises
 
 
 def slid_semilandmarks(
@@ -134,7 +135,7 @@ def slid_semilandmarks(
         for _ in range(most_rounds):
             onto_mean = generalised_procrustes(now, scale="remove")
             mean, bending = onto_mean.mean, BendingEnergy(onto_mean.mean)
-            # the mean is brought to the common size, and placed like each specimen: x = (y − t) R / s
+            # the mean at the common size is the goal; y on it goes to x = (y − t) R / s on each specimen
             about = mean - mean.mean(axis=0)
             whole = mean + about * (onto_mean.size / np.sqrt((about**2).sum(axis=1).mean()) - 1)
             goal = (whole - onto_mean.translations[:, None]) @ onto_mean.rotations
@@ -232,7 +233,7 @@ class _Specimen:
         else:
             self._vertex_normals = vertex_normals(surface.vertices, surface.faces)
             self.normals = nearest_on_surface(surface, points[self._patch]).interpolated(self._vertex_normals)
-        self._tracks = []  # of each curve, the points that slide, those before them, those after them
+        self._tracks = []  # for each curve: points that slide, and the points before and after them
         self._lines = list[Mesh]()  # polylines of the curves, if there is a surface
         for _, of, closed in curves:
             rows, n = np.array(of), len(of) - 1 if closed else len(of) - 2
@@ -246,7 +247,7 @@ class _Specimen:
     def _normals_of(self, points: FloatArray) -> FloatArray:
         """Fit the normals of the patch: of the plane nearest to each point and its neighbours."""
         if points.shape[1] == 2 or not len(self._patch):
-            return np.zeros((len(self._patch), points.shape[1]))  # all directions are in the plane
+            return np.zeros((len(self._patch), points.shape[1]))  # in the plane, points may move anywhere
         near = points[cKDTree(points).query(points[self._patch], min(N_NEIGHBOURS, len(points)))[1]]
         return np.asarray(np.linalg.svd(near - near.mean(axis=1, keepdims=True))[2][:, -1])
 
@@ -274,7 +275,8 @@ class _Specimen:
             rows = self._patch[left]
             near = nearest_on_surface(self._surface, self.positions[rows] + share * steps[rows])
             turned = near.interpolated(self._vertex_normals)
-            is_near = (turned * normals[left]).sum(axis=1) > 0  # false beyond an edge, or behind a wall
+            # normals differ by more than 90° beyond a sharp edge, or behind a thin wall
+            is_near = (turned * normals[left]).sum(axis=1) > 0
             after[rows[is_near]] = near.interpolated(vertices)[is_near]
             normals[left[is_near]], left = turned[is_near], left[~is_near]
         return after, normals
