@@ -196,7 +196,7 @@ class PreparedShape(SmoothShape, Shown):
     def on_original(self, points: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:
         """Carry points back to the original's body, and flag those on no cap, or near its rim."""
         vertices = points.corners[:, 0]
-        off_caps = self.to_original[vertices] <= self.config.parts.rim
+        off_caps = self.to_original[vertices] <= self.config.parts.boundary_tolerance
         carried = PrecisePoints.at_vertices(self.original_vertex[vertices])
         inside = (self.to_original[points.corners] == 0).all(axis=1)
         carried.corners[inside] = self.original_vertex[points.corners[inside]]

@@ -221,7 +221,7 @@ class SmoothShape:
         if self.detail:
             stretches, weights = np.empty((len(owner), 2)), places.barycentric.copy()
             _fill_stretches(self.detail.transfer.coarse.mesh.vertices, positions, places.corners, stretches)
-            limit = np.sqrt(self.config.outcome.torn) * np.median(stretches)
+            limit = np.sqrt(self.config.outcome.max_counted_growth) * np.median(stretches)
             _leave_out(stretches, limit, matched, places.corners, weights)
             places = PrecisePoints(places.corners, weights)
         images = target.transfer.near_fine(places.interpolated(positions), points.corners[owner])

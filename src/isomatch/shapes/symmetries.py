@@ -115,11 +115,11 @@ class SymmetrySearch:
 
     @cached_property
     def _first_maps(self) -> list[Alignment]:
-        return self._improve_maps(slice(self.settings.most))
+        return self._improve_maps(slice(self.settings.n_assignments))
 
     @cached_property
     def _further_maps(self) -> list[Alignment]:
-        n = self.settings.most
+        n = self.settings.n_assignments
         return self._improve_maps(slice(n, int(NEAR_ASSIGNMENTS_RATIO * n)))
 
     def _improve_maps(self, rows: slice) -> list[Alignment]:
