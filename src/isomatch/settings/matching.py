@@ -311,7 +311,7 @@ class OutcomeSettings(Settings):
     """
 
     coverage_radius: float = setting(COVERAGE_RADIUS, "√area; the spacing of the search vertices", least=0)
-    tie: float = setting(1.25, "× score; 5 right maps of 63 flagged: decisions.md, descriptor weight", least=1)
+    tie: float = setting(1.25, "× score; 5 right of 63 are flagged: decisions.md, descriptor weight", least=1)
     elastic_tie: float = setting(1.15, "× own score, chosen: decisions.md, descriptor bounds", least=1)
     mirror_tie: float = setting(1.5, "× own score, if either side may win; lab/benchmarks.md", least=1)
     mirror_image: float = setting(0.6, "× own score; lopsided shapes ≤ 0.52, bodies ≥ 0.67", least=0, most=1)
