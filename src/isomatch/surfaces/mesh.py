@@ -83,7 +83,7 @@ class Mesh(Plotted):
         """(n,) barycentric area of each vertex, a third of the area of its faces; 0 if no face uses it."""
         thirds = np.repeat(self.face_areas / 3, 3)
         areas = np.bincount(self.sound_faces.ravel(), thirds, self.n_vertices)
-        return areas.astype(np.float64, copy=False)  # integers without faces
+        return areas.astype(np.float64, copy=False)  # without faces, bincount returns integers
 
     @cached_property
     def area(self) -> float:

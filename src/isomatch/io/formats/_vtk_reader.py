@@ -23,7 +23,7 @@ _READERS: dict[str, Any] = {
     ".vtp": vtkIOXML.vtkXMLPolyDataReader,
     ".vtu": vtkIOXML.vtkXMLUnstructuredGridReader,
 }
-_VERTEX, _LINE, _TRIANGLE, _STRIP, _POLYGON, _QUAD = 1, 3, 5, 6, 7, 9  # codes of the types of cells
+_VERTEX, _LINE, _TRIANGLE, _STRIP, _POLYGON, _QUAD = 1, 3, 5, 6, 7, 9  # codes of types of cells
 
 
 def _main(path: Path, room: int) -> None:
