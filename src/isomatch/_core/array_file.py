@@ -26,6 +26,7 @@ _VERSION = "format_version"  # name of the array that holds the version of the f
 # the kinds of numpy types that a stored array may have, and their name in messages
 _KINDS = {"float": ("fiu", "numbers"), "integer": ("iu", "integers"), "text": ("U", "a text")}
 MAX_HEADER_BYTES = 1000  # Longest header of an array that is read; chosen, numpy writes 128 bytes.
+# readers of the header of an array, by the version of the format of numpy
 _READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 Header = tuple[tuple[int, ...], np.dtype[np.generic]]  # shape and type of an array

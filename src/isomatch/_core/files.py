@@ -30,7 +30,7 @@ _ERRORS_OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # errors of file systems without locks
 UNFINISHED = ".isomatch-{}.unfinished"  # name of an incomplete file or folder; {} is a random number
 _SURROGATE = re.compile("[\ud800-\udfff]")  # letters that stand for bytes that are not UTF-8
-_SURROGATE_OR_PERCENT = re.compile("[%\ud800-\udfff]")
+_SURROGATE_OR_PERCENT = re.compile("[%\ud800-\udfff]")  # letters that are written as % and two digits
 logger = logging.getLogger(__name__)
 
 

@@ -27,14 +27,14 @@ _SEPARATORS = ";\t,"  # separators in the order of trial; the comma is last, as 
 _NO_SEPARATOR = "\x1f"  # the separator of a table with one column; no text contains it
 _MAX_ROWS_COUNTED_BY_CHANCE = 3  # rows; a longer column 1, 2, 3, … numbers the rows and holds no values
 _MAX_ROWS_EXAMINED = 1000  # number of first rows from which separator and header are inferred; chosen
-_DECIMAL = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?"
-_NUMBER = re.compile(rf"{_DECIMAL}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNORECASE)
-_WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?", re.ASCII)
-_WITH_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d{1,4})?", re.ASCII)
-_WORD = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')
-_COMMENT = re.compile(r"\s*(?://|[#%](?=\s|$))")
-_COMMENT_MARK = re.compile(r"\s*(?:#|//)\s*")
-_NUMBERS = re.compile(r"[-+0-9.,;\seE]+")
+_DECIMAL = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?"  # a decimal number
+_NUMBER = re.compile(rf"{_DECIMAL}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNORECASE)  # any number
+_WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?", re.ASCII)  # such as 1,5
+_WITH_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d{1,4})?", re.ASCII)  # such as 1.5
+_WORD = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')  # a word in quotes, or up to a blank
+_COMMENT = re.compile(r"\s*(?://|[#%](?=\s|$))")  # the start of a comment
+_COMMENT_MARK = re.compile(r"\s*(?:#|//)\s*")  # what precedes the text of a comment
+_NUMBERS = re.compile(r"[-+0-9.,;\seE]+")  # letters of numbers and separators only
 logger = logging.getLogger(__name__)
 
 

@@ -42,7 +42,7 @@ FORMAT = ArrayFormat(
 )
 
 SIDES = ("there", "back")  # prefixes of the arrays of both maps of a pair: source → target, and back
-_ENDS = tuple(zip(SIDES, ("n_source", "n_target")))
+_ENDS = tuple(zip(SIDES, ("n_source", "n_target")))  # each map with the name of its length
 PAIR_FORMAT = ArrayFormat(
     what="the maps of a pair",
     writer="isomatch collect",
@@ -62,7 +62,7 @@ _HEADER = re.compile(
     r"(?:.*\n#.*\n# source hash (?P<source_hash>\w+), target hash (?P<target_hash>\w+))?"
 )
 MAX_HEADER_BYTES = 1000  # first bytes of a text in which its header is sought; chosen
-_LINES = "write one 0-based target vertex on each line, -1 where unmatched"
+_LINES = "write one 0-based target vertex on each line, -1 where unmatched"  # the remedy in messages
 _MAX_LISTED_ARRAYS = 8  # most arrays of a file that a message lists; chosen
 
 

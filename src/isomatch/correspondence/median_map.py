@@ -17,8 +17,7 @@ from isomatch.surfaces import PrecisePoints
 MAX_STEPS = 1000  # most steps of the iteration; chosen
 # Largest movement of a point in the last step, over the extent of all points; the second bound is for
 # maps, whose errors are far larger.
-EXACT_STEP = 1e-12
-PRECISE_STEP = 1e-6
+EXACT_STEP, PRECISE_STEP = 1e-12, 1e-6
 
 
 def median_map(

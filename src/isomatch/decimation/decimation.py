@@ -31,8 +31,7 @@ MIN_PROGRESS_SHARE = 0.02  # if a round merged a smaller share of the vertices, 
 # Weights of squared distances to the merged vertices, relative to squared distances to the planes of faces.
 # If no vertex may move, the smaller weight keeps the volume of an animal better by 1 %, with a tenth of
 # its vertices.
-POINT_WEIGHT = 1e-2
-IN_PLACE_POINT_WEIGHT = 1e-3
+POINT_WEIGHT, IN_PLACE_POINT_WEIGHT = 1e-2, 1e-3
 N_SAMPLED_FACES = 20_000  # faces whose edges give the distribution of costs; chosen
 
 

@@ -18,8 +18,7 @@ MAX_STARTS = 8  # vertices of a group, at most, among which a search starts at t
 # A point is inside a face, and the search ends, if all its barycentric weights exceed the first bound,
 # far above rounding, and its squared distance is at most the second, far below the squared size of a
 # face of the mesh, which is scaled to [−1, 1].
-MIN_INSIDE_WEIGHT = 1e-9
-MAX_SQUARED_DISTANCE = 1e-20
+MIN_INSIDE_WEIGHT, MAX_SQUARED_DISTANCE = 1e-9, 1e-20
 CHUNK_POINTS = 8192  # points of one task; fixed, so that the number of threads changes nothing
 
 

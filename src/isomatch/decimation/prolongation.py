@@ -25,8 +25,7 @@ from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
 
 # Least cosine between the normals of a vertex and of a face that suits it (60°). Below, the squared distance of
 # the face grows by NORMAL_WEIGHT × area of the coarse vertex × missing cosine; chosen.
-MIN_FACING_COSINE = 0.5
-NORMAL_WEIGHT = 0.2
+MIN_FACING_COSINE, NORMAL_WEIGHT = 0.5, 0.2
 MAX_ROUNDING = 1e-6  # bound of the rounding to single precision of positions in [−1, 1]
 
 

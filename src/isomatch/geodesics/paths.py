@@ -24,7 +24,7 @@ from isomatch.surfaces import Mesh, PrecisePoints
 
 MAX_EXCESS_RATIO = 1e-9  # largest excess of an exact length over the path along edges, which is rounding
 MIN_SEGMENT_RATIO = 1e-12  # least length of a segment over its path; a shorter one is rounding at a vertex
-PATH_SUFFIXES = (".obj", ".vtp")
+PATH_SUFFIXES = (".obj", ".vtp")  # formats in which paths are written
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,6 +18,7 @@ from isomatch.io.attribute import Attribute, Domain, Kind, guess_kind, number_eq
 from isomatch.io.materials import png_of, texture_of
 from isomatch.io.polygons import Polygons, split_at_seams, triangles_of_strips
 
+# Names, in lower case, without blanks and a final s, that libraries give to attributes without a name.
 _STANDARD_NAMES = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
 
 

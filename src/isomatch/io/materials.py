@@ -23,7 +23,7 @@ UNTINTED = (1.0, 1.0, 1.0, 1.0)  # the factors of a colour that change nothing
 IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))  # the transform of texture coordinates that moves nothing
 _PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # first bytes of pictures by format
 _PILLOW_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # Pillow knows them by contents
-_CANNOT_READ = "a picture cannot be read: "
+_CANNOT_READ = "a picture cannot be read: "  # the beginning of messages
 _MAX_PAINTED_WIDTHS = 8  # widths of a picture over which its clamped border is painted at most; chosen
 DEFAULT_DIFFUSE = (102, 102, 102, 255)  # the colour of a simple material of trimesh that has none
 

@@ -28,7 +28,7 @@ from isomatch.io.formats._reading import reading, unexpected
 _VERTEX_NAMES = ("vertex", "vertex_index", "vertex_id", "vertexid", "point", "point_id", "node")
 _FACE_NAMES = ("face", "face_index", "polygon", "polygon_index", "triangle", "cell", "element")
 _INDEX_NAMES = ("index", "unnamed: 0", "id")  # names of columns that number points or polygons
-_DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}
+_DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}  # what a column with a name numbers
 _IN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,]\d{3})*(?:[.,]\d+)?", re.ASCII)  # such as 1,234,567.8
 logger = logging.getLogger(__name__)
 
@@ -266,7 +266,7 @@ _GIFTI = partial(ValuesFormat, gifti.read_attributes, gifti.write_attributes, ha
 _FREESURFER = partial(
     ValuesFormat, freesurfer.read_attributes, freesurfer.write_attributes, is_single=True, has_names=True
 )
-VALUES_FORMATS = {
+VALUES_FORMATS = {  # the format of files with a suffix
     ".gii": _GIFTI(gifti.keeps),
     ".annot": _FREESURFER(_on_points("label")),
     ".func.gii": _GIFTI(_on_points("scalar", "label")),

@@ -27,9 +27,10 @@ from isomatch.repair.steps import (
 from isomatch.surfaces import Mesh, in_spatial_order
 
 LARGE_MESH = 2**16  # vertices; arrays of a larger mesh do not fit into the cache, so it is sorted in space
+# Defects, by the names of `check`, of a mesh whose sheets may be glued together.
 SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
-KEEP_TOGETHER = "if they belong together, set preparation.sheet_distance = inf"
-INSIDE_OUT = (
+KEEP_TOGETHER = "if they belong together, set preparation.sheet_distance = inf"  # the remedy in notes
+INSIDE_OUT = (  # a note
     "it seems to be inside out, and its openings are too large to turn it over unasked; with a shape that does not, "
     "`match` tries both windings of its faces"
 )

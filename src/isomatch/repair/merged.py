@@ -32,8 +32,7 @@ MIN_SHEET_REACH = 0.8
 # normals of copies, because merged limbs face each other. In 200 merges of bodies of FAUST, TOSCA, SCAPE and
 # MakeHuman, contacts had shares of 0.29 to 1 and cosines up to 0.3; folds and holes had shares up to
 # 0.2 and cosines from 0.
-MIN_MARKED_SHARE = 0.25
-MARKED_SHARE_AT_RIGHT_ANGLES = 0.2
+MIN_MARKED_SHARE, MARKED_SHARE_AT_RIGHT_ANGLES = 0.25, 0.2
 # Least share of the area of a whole body, from which bodies are parted entirely; a leg has 0.17.
 MIN_BODY_SHARE = 0.2
 COPY_OFFSET_EDGES = 0.25  # mean edges by which copies move inward, so that they are not welded again; chosen

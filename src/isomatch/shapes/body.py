@@ -15,7 +15,7 @@ from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
 MIN_VERTICES = 50  # fewest vertices of a body, which needs 8 distance columns and 20 functions
-LEFT_UNMATCHED = "are left unmatched"
+LEFT_UNMATCHED = "are left unmatched"  # in notes on parts that are not matched
 GRAPH_AVERAGE_DISTANCE = 0.75  # mean distance to which a graph, without area, is scaled, as in people
 MIN_COMPONENT_SHARE = 0.001  # least share of the area of a component that is matched, such as an eye
 

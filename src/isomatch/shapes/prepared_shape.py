@@ -362,7 +362,8 @@ FORMAT = ArrayFormat(
     version=3,  # raise it whenever shapes are prepared in another way: files of other versions are refused
     arrays={"about": Stored("text"), "digest": Stored("text")},
 )
-_ARRAY = re.compile(r"array_[0-9]{1,9}")
+_ARRAY = re.compile(r"array_[0-9]{1,9}")  # names of arrays in a file
+# Classes of the objects that a file may hold; KINDS makes an object from the name of its class.
 _SURFACES, _BASES = (Mesh, PointCloud), (DistanceBasis, LaplaceBasis, Sampling)
 _STORED = *_SURFACES, *_BASES, Body, Detail, Level, Decimated, Prolongation
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}

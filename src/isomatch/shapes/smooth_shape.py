@@ -30,8 +30,7 @@ from isomatch.surfaces import Mesh, Surface, vertex_normals
 SIGNATURE_FUNCTIONS = 100  # functions in the wave kernel signature; Aubry et al. 2011 take 100 to 300
 # Root mean squares of the wave kernel signature, and of the curvatures, in the point signatures. The mean
 # error on 9 pairs is 2.43 % of √area; with 0.8 for waves it is 2.41, with 0.6 for curvatures 2.70.
-WAVE_WEIGHT = 0.6
-CURVATURE_WEIGHT = 0.4
+WAVE_WEIGHT, CURVATURE_WEIGHT = 0.6, 0.4
 MIN_POSITIVE = np.finfo(float).tiny  # least value in a logarithm or a denominator, which then is not 0
 
 

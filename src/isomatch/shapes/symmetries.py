@@ -40,8 +40,7 @@ MIN_MOVED = 0.15  # mean movement below which a map is the identity; as selectio
 SAME_SYMMETRY = 0.1  # mean distance below which two maps are one; about the spacing of the samples
 # Largest residuals, over the largest residual of a symmetry: of maps that are multiplied, and of maps whose
 # orientation need not be clear, as on one-sided surfaces; chosen.
-GENERATOR_RESIDUAL_RATIO = 1.5
-EXACT_RESIDUAL_RATIO = 0.75
+GENERATOR_RESIDUAL_RATIO, EXACT_RESIDUAL_RATIO = 1.5, 0.75
 # Largest residual among the samples of the search over the residual among all samples. Near the bound, six
 # bodies of FAUST have 1.03 to 1.08.
 SEARCH_RESIDUAL_RATIO = 1.2

@@ -39,8 +39,7 @@ SHIFT_RATIO = 0.1
 # Shifts, in 1 / area, that are added to all eigenvalues. The first makes the singular Laplacian definite.
 # The second, for single precision, is near the second eigenvalue: with a smaller shift, rounding of the
 # largest part of the inverse hides the other parts.
-SHIFT = 1e-2
-SINGLE_SHIFT = 10.0
+SHIFT, SINGLE_SHIFT = 1e-2, 10.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -30,8 +30,7 @@ BLOCK_ROWS = 4096  # rows of predicted columns that a thread computes at once
 # Weights μ of the values at the samples, at unit area, in the biharmonic interpolant, and in its spectral
 # form. Above 1e4 the interpolant is practically exact at the samples. The spectral weight is lower, because
 # p functions that follow p values closely oscillate between the samples.
-FIDELITY = 1e6
-SPECTRAL_FIDELITY = 1e4
+FIDELITY, SPECTRAL_FIDELITY = 1e6, 1e4
 
 
 def nystrom_basis(sampling: Sampling, weights: FloatArray, rank: int, engine: str) -> DistanceBasis:

@@ -27,11 +27,11 @@ from isomatch.io.polygons import triangles_of_strips
 
 _MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"  # marks of a GLB file and of its chunks
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by code
-_CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
+_CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}  # code of a numpy type
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}  # numbers in an entry
-_TYPES = {width: name for name, width in _WIDTHS.items()}
+_TYPES = {width: name for name, width in _WIDTHS.items()}  # name of entries of a width
 VERTICES, INDICES = 34962, 34963  # codes of buffer views for vertices and for indices
-_COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
+_COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}  # extensions that cannot be read
 _MAX_GLB_BYTES = 2**32 - 64  # most bytes of JSON and data together, as GLB stores sizes in 32 bits
 _ENTRY_BYTES = 24  # bytes of memory for an entry of an array while parts are joined; measured
 _JSON_BYTES = {b"{": 200, b"[": 88, b",": 32}  # bytes in Python of an object, a list, an item; measured

@@ -18,7 +18,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from isomatch._core.arrays import AnyArray, IntArray
 
-_READERS: dict[str, Any] = {
+_READERS: dict[str, Any] = {  # reader of files with a suffix
     ".vtk": vtkIOLegacy.vtkGenericDataObjectReader,
     ".vtp": vtkIOXML.vtkXMLPolyDataReader,
     ".vtu": vtkIOXML.vtkXMLUnstructuredGridReader,

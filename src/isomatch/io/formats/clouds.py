@@ -19,7 +19,7 @@ from isomatch.io.formats._text import are_bytes, frame_in_comments, read_lines
 from isomatch.io.polygons import Polygons
 
 _NORMAL_TOLERANCE = 0.05  # largest difference from 1 of the length of a normal; chosen
-_POSITIONS = ("x", "y", "z")
+_POSITIONS = ("x", "y", "z")  # columns of positions
 _EXAMINED_LETTERS = 2**16  # number of first letters that tell the columns and the separator; chosen
 _ROW_COUNT = re.compile(r"(?:[ \t]*(?:(?://|#).*)?\n)*[ \t]*(\d{1,18})[ \t]*\n")
 """A line with the number of rows, before them and perhaps after comments."""
@@ -29,9 +29,9 @@ _NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {  # name and kind of 
     ("nx", "ny", "nz"): ("normal", "normal"),
     ("normal_x", "normal_y", "normal_z"): ("normal", "normal"),
 }
-_POINT_COUNT = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")
+_POINT_COUNT = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")  # the line of PCD with the number of points
 _MAX_HEADER_BYTES = 2**16  # number of first bytes in which a PCD file tells its number of points; chosen
-_NORMAL_COLUMNS = ("normal_x", "normal_y", "normal_z")
+_NORMAL_COLUMNS = ("normal_x", "normal_y", "normal_z")  # columns of normals in PCD
 _NO_POLYGONS = Polygons([], [])
 
 

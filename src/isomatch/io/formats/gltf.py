@@ -30,7 +30,7 @@ from isomatch.io.formats._reading import reading
 from isomatch.io.polygons import Polygons, Renumbering, split_at_seams
 
 _PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024  # memory of a part, or a primitive, beside its arrays; measured
-_KINDS: dict[str, tuple[str, Kind]] = {
+_KINDS: dict[str, tuple[str, Kind]] = {  # name and kind of the attribute of a key, without its number
     "NORMAL": ("normal", "normal"),
     "TEXCOORD": ("uv", "uv"),
     "COLOR": ("color", "colour"),

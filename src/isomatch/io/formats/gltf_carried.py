@@ -32,8 +32,9 @@ from isomatch.io.materials import (
 
 _MATERIAL_LISTS = ("images", "samplers", "textures", "materials")  # lists of the JSON that materials need
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}  # by code
-_WRAP_CODES = {wrap: code for code, wrap in _WRAPS.items()}
+_WRAP_CODES = {wrap: code for code, wrap in _WRAPS.items()}  # code of what happens beyond the picture
 _NEAREST = 9728  # code of the filter that takes the nearest pixel
+# Names of extensions of materials.
 _TRANSFORM, _VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
 _GLOSSINESS, _EMISSIVE_STRENGTH = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_emissive_strength"
 _NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys of nodes that joints do not keep

@@ -16,7 +16,7 @@ from isomatch.io.polygons import Polygons, spans
 from isomatch.surfaces import Mesh
 
 _HEADER = re.compile(r"(?P<letters>(?:ST|[CN4])*)OFF(?![A-Z])\s*(?P<rest>[^#]*)(?:#.*)?", re.IGNORECASE)
-_MAP_INDICES = "indices into a colour map"
+_MAP_INDICES = "indices into a colour map"  # what is refused, in messages
 
 
 class _Tables(NamedTuple):

@@ -33,7 +33,7 @@ _TYPES = {
 }  # fmt: skip
 _COUNT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4")  # types of the length of a list
 _LETTERS = {kind: letters for letters, kind in reversed(_TYPES.items())}  # the first name of each type
-_BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}  # by the encoding
 _MAX_HEADER_BYTES = 2**18  # longest header that is read; chosen
 _MAX_DECLARED = 1000  # most elements and properties in a header; real headers have fewer than 100
 _MAX_ROW_BYTES = 2**31 - 1  # longest row of an element, by the types of numpy

@@ -30,7 +30,7 @@ TITLE_BYTES = 255  # longest title in the second line of a legacy file, by the f
 # Text that is added to a legacy file: if an array is too short, VTK reads into this, and misses the mark.
 _END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _END_MARK.encode()
 _ENDED_EARLY = "the reader came to an end over it, as where more is declared than the file holds"
-_POLYGON_COUNT = {
+_POLYGON_COUNT = {  # finds the numbers of polygons that a file declares
     ".vtk": re.compile(rb"(?im)^POLYGONS\s+(-?\d+)"),
     ".vtp": re.compile(rb"""\sNumberOfPolys\s*=\s*["'](\d+)"""),
 }
