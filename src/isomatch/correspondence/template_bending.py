@@ -29,8 +29,8 @@ MIN_LENGTH_EDGES = 1.5  # least length in median edges, so that edges resist noi
 NORMAL_UNIT = 0.03
 # Least cosine between the normals of a vertex and of a point that attracts it; chosen.
 MIN_FACING_COSINE = 0.3
-# Largest distance, in √area, from which the boundary of the target attracts boundary vertices of the template,
-# and of a vertex over an opening from a point that is its counterpart; chosen.
+# √area; boundary vertices of the template nearer than this to the boundary of the target are attracted by it,
+# and a vertex over an opening farther than this from its nearest point has no counterpart; chosen.
 BOUNDARY_DISTANCE = 0.025
 BOUNDARY_PULL = 4.0  # attraction by a point of the boundary; other points have 1; chosen
 REST_PULL = 0.02  # attraction of a vertex by its present place; other points have 1; chosen

@@ -205,9 +205,10 @@ def _propagate(
     n = len(bends)
     distance = np.full(n, np.inf)
     reached = np.full(n, -1, np.int64)
-    spread_at = np.full(n, np.inf)  # distance (n,) of each root when its light spread last
-    split_at = np.full(len(length), np.inf)  # distance of the apex by the window that a side splits
-    split_ray = np.zeros(len(length))  # where the ray of that window to the apex crosses the side
+    spread_at = np.full(n, np.inf)  # distance (n,) of a vertex from the source when it last became a root
+    # of the best window (see below) that enters a face by a side: the distance at the opposite corner c, and
+    # where the ray to c crosses the side
+    split_at, split_ray = np.full(len(length), np.inf), np.zeros(len(length))
     windows = [(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0) for _ in range(0)]  # no entry, only their types
     queue = [(0.0, -1 - source)]
     distance[source] = 0.0
@@ -250,9 +251,9 @@ def _propagate(
             d = sigma + np.hypot(x - px, y - py)
             _reach(c, d, item, distance, reached, bends, queue, goal)
             # "One angle, one split" (Chen & Han 1990): several windows may enter a face at one side
-            # with light on both sides of its corner c. Only the one that reaches c first goes on at
-            # both. Rays of another window beyond the first one's path to c would cross that path,
-            # and shortest paths from one source do not cross.
+            # with light on both sides of its corner c. Only the window that reaches c first leaves the
+            # face by both other sides. Rays of another window beyond this path to c would cross the
+            # path, and shortest paths from one source do not cross.
             if left and right and first[edge[side] + 1] - first[edge[side]] == 2:
                 if d < split_at[side]:
                     split_at[side], split_ray[side] = d, ray
@@ -281,7 +282,7 @@ def _propagate(
                 continue
             # The root in the frame of the side that the light leaves by: its components along and
             # at right angles to it.
-            along = (sx * ax + py * y) / reach  # distance from the common end
+            along = (sx * ax + py * y) / reach  # from the common end of both sides
             height = abs(sx * y - py * ax) / reach
             if j == 1:
                 light = (begin * reach, end * reach, along, height, sigma)

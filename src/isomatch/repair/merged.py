@@ -96,7 +96,7 @@ def _part_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
     points = parted.vertices.copy()
     points[moves] -= COPY_OFFSET_EDGES * mesh.edge_lengths.mean() * parted.vertex_normals[moves]
     together = np.flatnonzero(moves & (first_equal(points) != np.arange(len(points))))
-    if len(together):  # normals of crumpled sheets may agree
+    if len(together):  # copies coincide again where normals of crumpled sheets agree
         start, end = np.concatenate([parted.edges, parted.edges[:, ::-1]]).T
         count = np.maximum(np.bincount(start, minlength=len(points)), 1)
         middle = np.column_stack([np.bincount(start, x[end], len(points)) / count for x in parted.vertices.T])

@@ -27,10 +27,10 @@ class SearchSettings(Settings):
     """Number of leading descriptor columns that a few points align."""
     near_rigid: float = setting(0.05, "bones of one kind have 0.034 to 0.043", least=0)
     """Mean distance of two shapes after a rigid motion, in √area, up to which nearest points are a first map."""
-    off_diagonal: tuple[float, ...] = setting((0.01, 0.001, 0.0001), "three values: lab/paper.md", least=0)
-    """Penalties of `alignments_from_points` on mixed columns; all for landmarks, the first for extremities."""
+    off_diagonal: tuple[float, ...] = setting((0.01, 0.001, 0.0001), "error 4.3 → 2.6: lab/paper.md", least=0)
+    """Penalties on mixing descriptor columns; all are tried for landmarks, the first one for extremities."""
     ridge: float = setting(0.001, "0.0001 and 0.01 do as well", least=0)
-    """Penalty of `alignments_from_points` on every entry."""
+    """Penalty on every entry of the matrix that aligns descriptor columns, see `alignments_from_points`."""
     extremity_counts: tuple[int, ...] = setting((4, 5, 6), "one count errs by 1 % more", least=1)
     """Numbers of extremities of one shape that are assigned together."""
     n_candidate_extremities: int = setting(7, "6 err by 10 % more, 8 do as well", least=1)
@@ -172,18 +172,18 @@ class PartSettings(Settings):
     poor_doubt: float = setting(8.5e-5, "31 of 40 right maps have less, wrong ones ≥ 1.8e-4", least=0)
     """Doubt of a map (see `Quality`) above which it is not sure."""
     little_trusted: float = setting(0.15, "lab/robustness.md, parts", least=0, most=1)
-    """Share of pairs of anchors with a known distance on the whole, below which ``clear_lead`` is asked for."""
+    """Share of known distances between anchors on the whole, below which a sure map needs ``clear_lead``."""
     clear_lead: float = setting(2.0, "1.10 to 1.39 beside wrong maps: lab/robustness.md", least=1)
     """Score of the best alternative over the map's own, from which a map is sure if few distances are known."""
     descriptor_weight: float = setting(6.0, "decisions.md, cost of a part", least=0)
-    """As `SelectionSettings.descriptor_weight`, for parts, and for roughly refined maps."""
+    """The same as `SelectionSettings.descriptor_weight`, for parts and for roughly refined maps."""
     n_common: int = setting(8, "chosen", least=1)
     """Number of likeliest common regions of two overlapping parts that are refined."""
     sure_common: float = setting(0.5, "wrong maps have up to 0.44: decisions.md, two parts", least=0)
     """Least evidence for a sure common region: area that looks alike, less what lacks an image."""
     tie: float = setting(1.2, "chosen on cuts and holes, with the other bounds", least=1)
     """Score of an alternative over the map's own, below which the map is not sure."""
-    poor_via: float = setting(0.03, "wrong maps have at least 0.033: decisions.md, by way of a whole", least=0)
+    poor_via: float = setting(0.03, "wrong maps have 0.033 or more: decisions.md, by way of a whole", least=0)
     """Cost by `verify` above which a composed map is not sure."""
 
 
@@ -238,7 +238,7 @@ class OutcomeSettings(Settings):
     poor_far_descriptor_distance: float = setting(0.465, "right ≤ 0.46: decisions.md, individuals", least=0)
     """`Quality.descriptor_distance` above which a map is poor, for shapes far from isometric."""
     poor_descriptor_distance: float = setting(0.42, "right ≥ 0.38: decisions.md, descriptor bounds", least=0)
-    """Mean descriptor distance that a map must have well below this if no further strategies are tried."""
+    """Bound: further strategies are tried unless the mean descriptor distance is well below this."""
     doubtful_descriptor_distance: float = setting(0.65, "right maps but one ≤ 0.54, wrong ≥ 0.78", least=0)
     """Mean descriptor distance around a vertex, above the map's median, from which its image is doubtful."""
     doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)

@@ -189,8 +189,8 @@ def choose_nodes(
     points: FloatArray, samples: IntArray, weights: FloatArray, gain: FloatArray, n_nodes: int
 ) -> tuple[IntArray, FloatArray]:
     """Choose r quadrature nodes with weights: the p samples, then each farthest from all before it."""
-    # The weight of a node is the sum over the vertices nearest to it. Distances are Euclidean,
-    # times the gain (n,) of each vertex: cheap, and accurate enough to place the nodes. O(n r).
+    # The weight of a node is the sum of the weights of the vertices nearest to it. Distances are Euclidean,
+    # which is cheap and accurate enough to place nodes, and multiplied by a gain (n,) of vertices. O(n r).
     nodes = list(samples)
     nearest = KDTree(points[nodes]).query(points)[0] * gain
     while len(nodes) < min(n_nodes, len(points)):

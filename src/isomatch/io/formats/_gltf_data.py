@@ -199,7 +199,8 @@ class GltfData:
             if "mesh" in nodes[i] and nodes[i]["mesh"] not in placed:
                 skin, placement = nodes[i].get("skin"), matrix
                 if skin is not None:
-                    # The joints place the points, and the node does not. Joints in a pose leave them in place.
+                    # The joints place the points, not the node. If joints do not move alike, the shape is
+                    # posed, and its points stay where the file has them.
                     bound, placement = self.binding(self.json["skins"][skin], matrices), np.eye(4)
                     if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, placement):
                         placement = bound[0]
