@@ -58,7 +58,7 @@ def test_a_map_between_species_is_judged_by_how_much_the_shapes_are_bent(found):
     bounds, quality = Config().outcome, found.quality
     sure = quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
     sure &= quality.descriptor_distance <= bounds.poor_far_descriptor_distance
-    sure &= quality.runner_up >= bounds.look_tie and AMBIGUITY_NOTE not in found.notes
+    sure &= quality.runner_up >= bounds.elastic_tie and AMBIGUITY_NOTE not in found.notes
     assert (found.outcome is Outcome.CONVERGED) == sure
     assert quality.runner_up >= 1
     strict = replace(bounds, poor_bending=0.5 * quality.bending_cost)
@@ -123,7 +123,7 @@ def test_a_map_that_fits_and_keeps_lengths_stays_what_it_was(animals):
     moved, _ = relabelled(creature(2000, pose=1, triangulation=3).mesh, 0)
     bodies = prepare(animals[0].mesh), prepare(moved)
     without = match(*bodies)
-    sought = match(*bodies, config=Config(elastic=ElasticSettings(sought=0.0)))
+    sought = match(*bodies, config=Config(elastic=ElasticSettings(min_spectral_residual=0.0)))
     assert any(stage.startswith("elastic") for stage in sought.timings)
     assert not any(stage.startswith("elastic") for stage in without.timings)
     np.testing.assert_array_equal(sought.map.vertices, without.map.vertices)

@@ -105,7 +105,7 @@ def test_a_cap_that_goes_to_the_other_pole_is_torn_off():
     opposite = (sphere.vertices @ -sphere.vertices[cap].T).argmax(axis=0)
 
     def torn_off(images):
-        return torn_off_share(sphere, sphere.area, sphere.vertices[images], BOUNDS.torn_apart)
+        return torn_off_share(sphere, sphere.area, sphere.vertices[images], BOUNDS.torn_growth)
 
     assert torn_off(images) == 0.0
     assert torn_off(images[::-1]) < 0.05, "scattered points are no piece"

@@ -136,7 +136,7 @@ def test_wrong_maps_bend_badly(found):
 def test_a_part_in_doubt_is_not_sure(bodies, prepared, close):
     """With and without closed holes, the shape is matched as a part."""
     part = cut(bodies[0], 0.3, seed=4)
-    settings = PartSettings(poor_doubt=0.0, close=close)
+    settings = PartSettings(poor_doubt=0.0, close_holes=close)
     found = match(part.mesh, prepared, config=Config(parts=settings))
     assert found.outcome is Outcome.LOW_CONFIDENCE
     assert 0 < found.quality.doubt < PartSettings().poor_doubt
@@ -316,7 +316,7 @@ def test_roles_are_found(bodies):
 @pytest.mark.long
 def test_a_view_in_doubt_is_chosen_by_verification_and_has_alternatives(bodies, prepared):
     part = view(bodies[0], 1, seed=3).mesh
-    config = Config(parts=PartSettings(poor_doubt=1e-9, close=False))  # so that nothing is sure
+    config = Config(parts=PartSettings(poor_doubt=1e-9, close_holes=False))  # so that nothing is sure
     source = prepare(part, config)
     found = match(source, prepared, config=config)
     assert found.outcome is Outcome.LOW_CONFIDENCE

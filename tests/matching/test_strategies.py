@@ -49,7 +49,7 @@ def test_of_a_part_the_part_is_tried_with_and_without_its_holes_closed(example, 
     problem = prepare_pair(part, example[1].mesh, Config(part=asked))
     ways = {"part", "holes closed", "part, from the holes closed", "part, from both sides"}
     assert set(names(problem)) == ways
-    parts = replace(problem.config.parts, close=False)
+    parts = replace(problem.config.parts, close_holes=False)
     assert names(replace(problem, config=replace(problem.config, parts=parts))) == ["part"]
 
 

@@ -117,7 +117,7 @@ def test_what_resolves_the_symmetry(brick, by):
 
 
 def test_without_a_search_there_are_no_symmetries():
-    config = Config(symmetry=SymmetrySettings(most=0))
+    config = Config(symmetry=SymmetrySettings(n_assignments=0))
     pair = prepare_pair(box(8, 16, 24), box(8, 16, 24), config)
     assert not pair.target.symmetries
     assert not symmetric_variants(pair, np.arange(400))

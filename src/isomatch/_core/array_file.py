@@ -21,10 +21,12 @@ from isomatch._core.errors import FormatError, IsomatchError, MemoryBudgetError,
 from isomatch._core.files import open_file, read_bytes, replaced
 from isomatch._core.memory import require_memory, room_for
 
-FIRST_VERSION = 1  # format of files that carry no version, which isomatch 0.1 wrote
-_VERSION = "format_version"
+FIRST_VERSION = 1  # format version of a file that names none
+_VERSION = "format_version"  # name of the array that holds the version of the format
+# the kinds of numpy types that a stored array may have, and their name in messages
 _KINDS = {"float": ("fiu", "numbers"), "integer": ("iu", "integers"), "text": ("U", "a text")}
-MAX_HEADER_BYTES = 1000  # A header of an array is at most this long; numpy writes 128.
+MAX_HEADER_BYTES = 1000  # Longest header of an array that is read; chosen, numpy writes 128 bytes.
+# readers of the header of an array, by the version of the format of numpy
 _READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 Header = tuple[tuple[int, ...], np.dtype[np.generic]]  # shape and type of an array
@@ -59,7 +61,7 @@ def _refusing_damage(refuse: Refuse) -> Iterator[None]:
             yield
     except IsomatchError:
         raise
-    except Exception as error:  # zipfile, zlib, numpy and scipy raise a dozen kinds for damaged files
+    except Exception as error:  # zipfile, zlib, numpy and scipy raise many kinds of errors for damaged files
         refuse(str(error).partition("\n")[0] or type(error).__name__)
 
 
@@ -92,7 +94,7 @@ class Stored:
     """The requirements on one array of a file."""
 
     kind: Literal["float", "integer", "text"]  # integers pass as floats; floats have to be finite
-    shape: tuple[int | str, ...] = ()  # a name stands for one length throughout
+    shape: tuple[int | str, ...] = ()  # the same name in several arrays stands for the same length
     positive: bool = False  # whether all entries have to be positive
     index_of: str = ""  # name of a length n; entries have to be indices 0…n − 1
     group: str = ""  # arrays of a group may be absent together
@@ -102,7 +104,7 @@ class Stored:
 class ArrayFormat:
     """The arrays that a file has to hold."""
 
-    what: str  # such as "a map"
+    what: str  # what the file holds, such as "a map", for messages
     writer: str  # the function that writes such files
     version: int  # the version of the format; earlier ones are read too
     arrays: Mapping[str, Stored]  # the arrays by name; others are not read
@@ -154,7 +156,7 @@ def _check_entries(
     if wanted.kind == "text":
         try:
             text = str(array)
-        except ValueError:  # beyond the characters of Unicode
+        except ValueError:  # a number is no character of Unicode
             text = "\0"
         return text if text.isprintable() else refuse(f"{name} has characters that cannot be printed")
     if wanted.kind == "float":
@@ -199,7 +201,7 @@ class Archive:
     def header(self, name: str) -> Header:
         """Read the shape and type of an array, which have to fit its size in the directory."""
         info = self._zip.NameToInfo[f"{name}.npy"]
-        # other methods may claim much memory
+        # methods of compression other than deflate may claim much memory
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             self.refuse(f"{name} is compressed by a method other than deflate")
 
@@ -218,7 +220,7 @@ class Archive:
         """Read some arrays; `MemoryBudgetError` if they would exceed the memory budget together."""
         headers = {name: self.header(name) for name in names}
         n_bytes = sum(dtype.itemsize * prod(shape) for shape, dtype in headers.values())
-        if n_bytes > room_for(self._size):  # zeros shrink a thousandfold
+        if n_bytes > room_for(self._size):  # zeros are stored in a thousandth of their size
             raise MemoryBudgetError(
                 f"{self.path}: its {self._size} bytes would become {n_bytes}; if you trust it, write it again without "
                 "compression (numpy.savez)"
@@ -228,7 +230,7 @@ class Archive:
         for name in headers:
             with _refusing_damage(self.refuse), self._zip.open(f"{name}.npy") as member:
                 arrays[name] = npy.read_array(member, allow_pickle=False)
-                member.read(1)  # at the end, the checksum is compared
+                member.read(1)  # zipfile compares the checksum when the end is read
         return arrays
 
 

@@ -19,7 +19,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 AnyArray = NDArray[Any]
 
-# Index spaces: what integers count. The result of indexing or adding is an `IntArray` again.
+# Index spaces tell what integers count. Indexing such an array, or adding to it, gives an `IntArray`.
 UserVertices = NewType("UserVertices", IntArray)
 """Vertices of a surface as the user gave it, in the numbers of the file."""
 BodyVertices = NewType("BodyVertices", IntArray)

@@ -22,7 +22,7 @@ UNCACHED = (
 
 def compiled(**options: Any) -> Callable[[F], F]:
     """Decorate a loop: `numba.njit` compiles it at its first call, to run without the interpreter lock."""
-    options = {"nogil": True, "no_cfunc_wrapper": True, **options}  # C does not call loops
+    options = {"nogil": True, "no_cfunc_wrapper": True, **options}  # no calls from C
 
     def decorate(function: F) -> F:
         try:

@@ -190,7 +190,7 @@ class NotConvergedError(IsomatchError):
     """
 
 
-MAX_INDICES = 5  # A message lists no more indices.
+MAX_INDICES = 5  # Largest number of indices that a message lists; chosen.
 
 
 def some(indices: Iterable[int]) -> str:

@@ -25,11 +25,12 @@ from isomatch._core.errors import (
     UnwritableFileError,
 )
 
-_ERRORS_OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)  # None: it is no regular file
-_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
-UNFINISHED = ".isomatch-{}.unfinished"  # name of an incomplete file or folder
-_SURROGATE = re.compile("[\ud800-\udfff]")  # how Python decodes bytes of file names that are not UTF-8
-_SURROGATE_OR_PERCENT = re.compile("[%\ud800-\udfff]")
+# Errors that concern one file of a folder, not the folder or the disk; None: the file is no regular file.
+_ERRORS_OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # errors of file systems without locks
+UNFINISHED = ".isomatch-{}.unfinished"  # name of an incomplete file or folder; {} is a random number
+_SURROGATE = re.compile("[\ud800-\udfff]")  # letters that stand for bytes that are not UTF-8
+_SURROGATE_OR_PERCENT = re.compile("[%\ud800-\udfff]")  # letters that are written as % and two digits
 logger = logging.getLogger(__name__)
 
 
@@ -56,7 +57,7 @@ def read_bytes(path: Path) -> bytes:
 @contextmanager
 def replaced(path: Path) -> Iterator[BinaryIO]:
     """Open a new file, which replaces an earlier one when the block ends without an error."""
-    # the target of a link is replaced; a link without a target is itself replaced
+    # a link stays and its target is replaced, but a link without a target is replaced
     with writing(path):
         _require_replaceable(path)
         final = path.resolve() if path.exists() else path
@@ -82,8 +83,8 @@ def write_text(path: Path, text: str) -> None:
 @contextmanager
 def staged(folder: Path, last: str, gone: Iterable[str] = ()) -> Iterator[Path]:
     """Yield a new folder, whose files all move to another when the block ends without an error."""
-    # The last file vouches for the others: its predecessor is taken away first, and it moves last.
-    # Files in ``gone`` are removed.
+    # The file ``last`` tells that all others are complete: its earlier version is removed before any file
+    # moves, and its new version moves last. Files in ``gone`` are removed.
     places = [folder / UNFINISHED.format(token_hex(8)) for _ in range(2)]
     with writing(folder), _removed_at_end(places[0]) as new, _removed_at_end(places[1]) as earlier:
         with changing:
@@ -125,8 +126,8 @@ def made_folder(folder: Path) -> Iterator[None]:
         yield
 
 
-_temporary: list[Path] = []  # files and folders that must not remain, in the order of creation
-changing = Lock()  # held while files or processes appear or go, so that a signal meets none that is half made
+_temporary: list[Path] = []  # files and folders to remove if the process ends, in the order of creation
+changing = Lock()  # held while temporary files or processes are made or removed; signal handlers wait for it
 
 
 @contextmanager
@@ -171,7 +172,7 @@ def abandon_files() -> None:
 @contextmanager
 def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
     """Claim a file against other processes while the block runs; no file of ``new`` may exist."""
-    from filelock import FileLock, Timeout  # takes 0.1 s, which commands that write nothing save
+    from filelock import FileLock, Timeout  # the import takes 0.1 s, which commands that write nothing save
 
     lock = path.with_name(f".{path.name}.lock")
     claim = FileLock(lock, timeout=0, thread_local=False)  # the system releases it if the process is killed
@@ -199,8 +200,8 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
         yield
     finally:
         with changing:
-            with suppress(PermissionError):  # Windows removes it on release
-                lock.unlink(missing_ok=True)  # before the release: later it could belong to another process
+            with suppress(PermissionError):  # Windows removes the file of the lock when the lock is released
+                lock.unlink(missing_ok=True)  # after the release, the file could belong to another process
             claim.release()
             _temporary.remove(lock)
 
@@ -237,9 +238,9 @@ def legible(name: str) -> str:
     return _SURROGATE_OR_PERCENT.sub(lambda match: f"%{ord(match[0]) & 0xFF:02X}", name)
 
 
-_DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³])(\s*\..*)?", re.IGNORECASE)  # of Windows
-_NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|\x00-\x1f]')
-_MAX_NAME_BYTES = 200  # A longer name leaves no room for suffixes; most systems allow 255 bytes.
+_DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³])(\s*\..*)?", re.IGNORECASE)  # on Windows
+_NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|\x00-\x1f]')  # letters that Windows or Linux do not allow in names
+_MAX_NAME_BYTES = 200  # Longest name without suffixes; most systems allow 255 bytes in all.
 
 
 def require_names(names: Iterable[str], what: str, where: object, remedy: str) -> None:

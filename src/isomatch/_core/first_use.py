@@ -21,7 +21,7 @@ class _Package(ModuleType):
     def __getattr__(self, name: str) -> Any:
         homes, full = vars(self)["_homes"], f"{self.__name__}.{name}"
         if name in homes:
-            if homes[name] == self.__name__:  # a subpackage with names of its own
+            if homes[name] == self.__name__:  # the name is a subpackage
                 return import_module(full)
             public = getattr(import_module(homes[name]), name)
             super().__setattr__(name, public)
@@ -59,7 +59,7 @@ def names_at_first_use(package: str) -> list[str]:
     return next(lists, sorted(module._homes))
 
 
-# written by release/prepare.py: the name in an index, or the folder of a checkout until there is one
+# What pip installs: the folder of the checkout, or the name in an index, which release/prepare.py writes.
 PACKAGE = "."
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from isomatch._core.errors import MemoryBudgetError, SettingError
 
-MIB, GIB = 2**20, 2**30
-ROOT = Path("/")
-_MAX_SIZE_RATIO = 20  # A file may claim this multiple of its size; SECURITY.md promises it.
-_ALLOWED_BYTES = 2**26  # Any file may claim this much, however small it is.
+MIB, GIB = 2**20, 2**30  # bytes
+ROOT = Path("/")  # the root of the file system; tests pass another folder
+_MAX_SIZE_RATIO = 20  # bytes of memory that a file may claim for each of its bytes; SECURITY.md promises it
+_ALLOWED_BYTES = 2**26  # memory that any file may claim beside this, however small the file is; chosen
 
 
 def memory_budget() -> int:
@@ -64,7 +64,7 @@ def group_limits(name: str, root: Path = ROOT) -> list[list[str]]:
         )
     except OSError:  # This system is not Linux.
         return []
-    # In a container, the path may be the one outside it; then only the outermost folder exists.
+    # In a container, the path may be a path of the host; then only the outermost folder exists.
     files = [folder / name for folder in (group, *group.parents) if folder.is_relative_to(outermost)]
     return [words for file in files if file.is_file() and (words := file.read_text(encoding="utf-8").split())]
 

@@ -27,12 +27,12 @@ def worker_processes(
     with ProcessPoolExecutor(count, context, initializer, arguments) as pool:
         try:
             yield pool
-        except BaseException:  # such as an interruption
+        except BaseException:  # an interruption by the user, too
             pool.shutdown(wait=False, cancel_futures=True)
             context.kill()
             raise
         if any(process.exitcode for process in context.started):
-            context.kill()  # a pool that breaks while a worker starts would wait for it for ever
+            context.kill()  # a pool that breaks while a worker starts would wait for that worker for ever
 
 
 class _Worker(SpawnProcess):

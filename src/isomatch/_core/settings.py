@@ -37,7 +37,7 @@ class Settings:
     def __post_init__(self) -> None:
         hints = get_type_hints(type(self))
         for setting in fields(self):
-            if isinstance(getattr(self, setting.name), np.generic):  # plain numbers are what files can hold
+            if isinstance(getattr(self, setting.name), np.generic):  # files hold plain numbers
                 object.__setattr__(self, setting.name, getattr(self, setting.name).item())
             _require_allowed(setting.name, getattr(self, setting.name), hints[setting.name], setting.metadata)
 
@@ -105,7 +105,7 @@ def _require_allowed(name: str, value: Any, hint: Any, bounds: Mapping[str, Any]
     if hint in (int, float):
         kinds: Any = int if hint is int else (int, float)
         is_number = isinstance(value, kinds) and not isinstance(value, bool)
-        fits = is_number and value == value  # nan is not itself
+        fits = is_number and value == value  # nan differs from itself
         if not fits or (least is not None and value < least) or (most is not None and value > most):
             limits = [f"at least {least}"] if least is not None else []
             limits += [f"at most {most}"] if most is not None else []

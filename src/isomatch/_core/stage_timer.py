@@ -23,10 +23,11 @@ The share, an estimate from typical times, never falls. What the function raises
 caller as it is.
 """
 
-# When each stage of a match or of a preparation starts, this share of the time has typically passed.
+# Share of the whole time that has typically passed when a stage of a match, or of a preparation, starts; measured.
 MATCHING_SHARES = {"prepare": 0.0, "components": 0.5, "search": 0.55, "selection": 0.62, "refinement": 0.65}
 MATCHING_SHARES |= {"quality": 0.8, "mirror images": 0.82, "precision": 0.84, "polish": 0.85, "carry": 0.95}
 MATCHING_SHARES |= {"hard landmarks": 0.98}
+# the same for the stages of a preparation
 PREPARATION_SHARES = {"body": 0.0, "levels": 0.02, "distances": 0.3, "functions": 0.5, "samples": 0.85}
 
 

@@ -20,21 +20,21 @@ from isomatch._core.errors import FormatError
 from isomatch._core.files import read_bytes
 from isomatch._core.texts import decode_text, unescape
 
-NO_TEXT = {"", "na", "n/a", "#n/a", "<na>", "nan", "."}  # cells without a value in a column of texts
+NO_TEXT = {"", "na", "n/a", "#n/a", "<na>", "nan", "."}  # cells, in lower case, that are no text
 NO_NUMBER = NO_TEXT | {"none", "null", "-", "–", "−", "--", "?"}  # the same in a column of numbers
-BLANKS = " "  # the separator of cells between which are one or more blanks or tabs
-_SEPARATORS = ";\t,"  # the comma comes last, as it may be a decimal comma
-_NO_SEPARATOR = "\x1f"  # occurs in no text
-_MAX_ROWS_COUNTED_BY_CHANCE = 3  # A longer column 1, 2, 3, … counts the rows.
-_MAX_ROWS_EXAMINED = 1000  # The first rows tell the separator and the header.
-_DECIMAL = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?"
-_NUMBER = re.compile(rf"{_DECIMAL}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNORECASE)
-_WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?", re.ASCII)
-_WITH_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d{1,4})?", re.ASCII)
-_WORD = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')
-_COMMENT = re.compile(r"\s*(?://|[#%](?=\s|$))")
-_COMMENT_MARK = re.compile(r"\s*(?:#|//)\s*")
-_NUMBERS = re.compile(r"[-+0-9.,;\seE]+")
+BLANKS = " "  # the separator that stands for one or more blanks or tabs
+_SEPARATORS = ";\t,"  # separators in the order of trial; the comma is last, as it may be a decimal comma
+_NO_SEPARATOR = "\x1f"  # the separator of a table with one column; no text contains it
+_MAX_ROWS_COUNTED_BY_CHANCE = 3  # rows; a longer column 1, 2, 3, … numbers the rows and holds no values
+_MAX_ROWS_EXAMINED = 1000  # number of first rows from which separator and header are inferred; chosen
+_DECIMAL = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?"  # a decimal number
+_NUMBER = re.compile(rf"{_DECIMAL}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNORECASE)  # any number
+_WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?", re.ASCII)  # such as 1,5
+_WITH_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d{1,4})?", re.ASCII)  # such as 1.5
+_WORD = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')  # a word in quotes, or up to a blank
+_COMMENT = re.compile(r"\s*(?://|[#%](?=\s|$))")  # the start of a comment
+_COMMENT_MARK = re.compile(r"\s*(?:#|//)\s*")  # what precedes the text of a comment
+_NUMBERS = re.compile(r"[-+0-9.,;\seE]+")  # letters of numbers and separators only
 logger = logging.getLogger(__name__)
 
 
@@ -54,7 +54,7 @@ class Row(NamedTuple):
 class Table:
     """Rows of cells, and the names of the columns if a line gives them."""
 
-    name: str  # the name of the file, for messages
+    name: str  # name of the file, for messages
     rows: list[Row]  # empty lines between others are rows without cells
     separator: str
     has_decimal_commas: bool
@@ -108,7 +108,7 @@ class Table:
 
     def _is_header(self, first: list[str], data_rows: list[Row], n_rows: Collection[int]) -> bool:
         filled = [row for row in data_rows if row.cells]
-        if any(map(self.is_number, first)):  # pandas calls columns without a name 0, 1, 2
+        if any(map(self.is_number, first)):  # pandas names columns 0, 1, 2 by default
             counts = [*map(str, range(len(first)))]
             n = len(data_rows)
             is_counted = first in (counts, ["", *counts[:-1]])
@@ -191,7 +191,8 @@ class Table:
             are_numbers = [all(self.number(cell) is not None for cell in column) for column in columns]
             if not (any(are_numbers) if self.titles else all(are_numbers)):
                 self.refuse(rows[0], "is one text with blanks, or several; put quotes around texts")
-        # 1,5 2,7 3,5 below one name can be the row numbers of R; without names, 4,5 4,7 is one column
+        # Below one name, 1,5 2,7 3,5 may be row numbers and values, as R writes them; without a name, 4,5 4,7
+        # are decimal numbers.
         parts = [re.fullmatch(r"([+-]?\d+),(\d+)", ",".join(row.cells), re.ASCII) for row in rows]
         if self.separator not in (",", _NO_SEPARATOR) or not all(parts):
             return
@@ -253,7 +254,7 @@ def read_integers(path: Path, width: int, wanted: str) -> IntArray:
     table = read_table(path).titled()
     if len(table.titles) == width + 1:
         table = table.without_row_names()
-    # an empty line would shift single numbers, which belong to the places where they stand
+    # single numbers belong to the places of their lines, so empty lines count
     rows = table.filled if width > 1 else dropwhile(lambda row: not row.cells, table.rows)
     integers = []
     for row in rows:
@@ -286,7 +287,7 @@ def parse_table(text: str, name: str, not_comments: Collection[str] = ()) -> Tab
         kept.pop()
     n_empty_after = max(n_lines - len(kept) - 1, 0)
     head = (line for _, line in kept[:_MAX_ROWS_EXAMINED] if line.strip())
-    if {*map(_number_separator, head)} == {",", BLANKS}:  # both, as people write numbers by hand
+    if {*map(_number_separator, head)} == {",", BLANKS}:  # commas and blanks, as people write numbers by hand
         kept = [(number, line.replace(",", " ")) for number, line in kept]
     separator = declared if declared and declared in _SEPARATORS else _find_separator(kept, name)
     rows = _without_comment_rows(split_rows(kept, separator, name), not_comments)
@@ -369,7 +370,7 @@ def _split_words(line: str) -> list[str]:
 
 
 def _find_separator(lines: list[tuple[int, str]], name: str) -> str:
-    # a tab after an apostrophe was escaped
+    # an apostrophe before a tab was written to escape the tab, which separates nothing
     head = [(number, line.replace("'\t", "'")) for number, line in lines if line.strip()]
     head = head[:_MAX_ROWS_EXAMINED]
     marks: tuple[str, ...] = (*_SEPARATORS, BLANKS)
@@ -389,7 +390,7 @@ def _find_separator(lines: list[tuple[int, str]], name: str) -> str:
         return fitting[0]
     if fitting:
         return "," if not _may_be_decimals(split[","], name) else _NO_SEPARATOR
-    # rows of several lengths: names of several columns in the first row, or what most rows have
+    # rows differ in length: of the separators in the first row, take the one by which most rows agree
     several = [mark for mark in _SEPARATORS if head and len(split[mark][0].cells) > 1]
     n_alike = {mark: max(Counter(len(row.cells) for row in split[mark]).values()) for mark in several}
     if not several and words and all(map(_NUMBER.fullmatch, words[0].cells)):

@@ -20,7 +20,7 @@ from isomatch._core.files import open_file, read_bytes, write_text
 BYTE_ORDER_MARKS = {
     b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16",
 }  # fmt: skip
-_EXAMINED_BYTES = 1000  # The first bytes of a text without a mark tell whether it is UTF-16.
+_EXAMINED_BYTES = 1000  # number of first bytes that tell whether a text without a mark is UTF-16; chosen
 MAX_TOML_BYTES = 2**14  # A larger file is not read; all settings together take a fifth of this.
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")  # the start of a spreadsheet formula, escaped or not
 
@@ -72,7 +72,7 @@ def encoding_of(text: bytes) -> str:
     for mark, encoding in BYTE_ORDER_MARKS.items():
         if text.startswith(mark):
             return encoding
-    for encoding in ("utf-8", "cp1252"):  # cp1252 of Windows has no letters for five bytes
+    for encoding in ("utf-8", "cp1252"):  # cp1252 fails for five bytes, which latin-1 knows
         with suppress(UnicodeDecodeError):
             text.decode(encoding)
             return encoding
@@ -83,7 +83,7 @@ def natural_order(name: str) -> list[tuple[str, int]]:
     """Return a sort key by which frame2 comes before frame10, in any case."""
     parts = re.split(r"([0-9]+)", name.casefold())
     numbers = [*map(int, parts[1::2]), -1]
-    return [*zip(parts[::2], numbers), (name, -1)]  # gives names that differ only in case a fixed order
+    return [*zip(parts[::2], numbers), (name, -1)]  # the name orders names that differ only in case
 
 
 def is_whole_number(word: str) -> bool:

@@ -21,8 +21,8 @@ from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import SettingError
 from isomatch._core.memory import ROOT, group_limits, slurm
 
-ROWS_PER_BLOCK = 1280  # A matrix product is computed in blocks of rows; 5000 vertices make 4.
-POLL_SECONDS = 0.2  # A wait that cannot be interrupted, as on Windows, is at most this long.
+ROWS_PER_BLOCK = 1280  # rows of a matrix product that a thread computes at once; 5000 vertices make 4 blocks
+POLL_SECONDS = 0.2  # longest wait between two looks for Ctrl-C, which does not end a wait on Windows; chosen
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -102,7 +102,7 @@ def in_background(function: Callable[[], R]) -> R:
         thread.start()
         while message := _next(call):
             message()
-        thread.join()  # This releases what the thread held.
+        thread.join()  # joining releases what the thread held
     except BaseException:
         call.abandoned = True
         raise

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest import nearest_of_few, nearest_rows
 
-# A singular value below this fraction of the largest one is rounding and leaves the rotation undetermined.
+# Least singular value over the largest; a smaller one is rounding, and leaves the rotation undetermined.
 MIN_SINGULAR_RATIO = 1e-9
 
 
@@ -183,7 +183,7 @@ def alignments_from_points(
     offset = np.subtract.outer(np.arange(k), np.arange(k))
     penalty = s * (off_diagonal * offset**2 + ridge)  # (i, j)
     gram, right = y.swapaxes(1, 2) @ y, y.swapaxes(1, 2) @ x  # (h, k, k)
-    # The system of column j has the Gram matrix of the allowed rows i only; elsewhere it is diagonal.
+    # The system of column j has the Gram matrix in its allowed rows i, and is diagonal in all others.
     mask = allowed.T[:, :, None] & allowed.T[:, None, :]  # (j, i, i')
     systems = np.where(mask, gram[:, None], 0.0) + np.eye(k) * penalty.T[:, None, :]
     columns = np.linalg.solve(systems, (right * allowed).swapaxes(1, 2)[..., None])[..., 0]  # (h, j, i)

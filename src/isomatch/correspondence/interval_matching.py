@@ -12,10 +12,10 @@ from isomatch._core.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_rows
 
-Terms: TypeAlias = tuple[Any, ...]  # what compiled loops need of a cost, see `IntervalCost.terms`
-FORBIDDEN_COST = 50.0  # cost that rules out an assignment; sums of allowed costs are lower
-NO_GAIN = np.float32(-1e9)  # gain that marks a free place in the list of best variants; true gains are higher
-# Flags of compiled loops: no number in them is nan, and the last bits of results do not matter.
+Terms: TypeAlias = tuple[Any, ...]  # numbers and arrays of a cost for compiled loops: `IntervalCost.terms`
+FORBIDDEN_COST = 50.0  # cost that rules out an assignment, above all sums of allowed costs; chosen
+NO_GAIN = np.float32(-1e9)  # gain that marks a free place in the list of variants, below all true gains
+# Flags of compiled loops, in which no number is nan, and the last bits of results do not matter.
 FAST_MATH = {"nnan", "nsz", "reassoc", "contract", "arcp"}
 
 # If a part of a surface is missing, the distance of two points on the whole lies in an interval [l,
@@ -161,7 +161,7 @@ def assign_points(
         _costs_of(terms, np.full(len(images), point), images, candidates, added)
         added += total[:, None] + unary[point]
         costs = added.ravel()  # (h c,): child = parent c + candidate
-        n_children = min(len(costs), 12 * width)  # many more than are kept, because most are variants of one
+        n_children = min(len(costs), 12 * width)  # many more than are kept, as most are variants of a few
         best = np.sort(np.argpartition(costs, n_children - 1)[:n_children])
         best = best[np.argsort(costs[best], kind="stable")]  # least cost first, ties by number
         parent, last = np.divmod(best, c)
@@ -207,7 +207,7 @@ def _keep_differing(
                 break
         else:
             kept[n], latest[parent] = i, n
-            for k in range(n + 1):  # the column; distances need not be symmetric to the last bit
+            for k in range(n + 1):  # k is the column; distances may be asymmetric by rounding
                 next_sums[k, n] = sums[parents[kept[k]], parent] + distances[last[kept[k]], candidate]
             n += 1
             if n == width:
@@ -263,11 +263,11 @@ def grow_regions(
     """
     regions, gains = np.full((len(seeds), len(unary)), -1), np.zeros(len(seeds))
     regions[np.arange(len(seeds)), seeds[:, 0]] = seeds[:, 1]
-    # nearest points first, beginning with the seed itself
+    # points in order of their distance from the seed, beginning with the seed itself
     order = np.argsort(np.where(np.eye(len(unary)), -1.0, points.upper), axis=1, kind="stable")[seeds[:, 0]]
     points, candidates = points.single, candidates.single
     single_unary = np.ascontiguousarray(unary, np.float32)
-    # Near points have more weight: their distances are known better, and locate a point better.
+    # Near points have more weight, because their distances are known better and locate a point better.
     terms = cost.terms(points, 1 / (np.float32(near) + points.upper))
     bounds = *map(np.float32, (dearest, refused, min_distance)), width
 

@@ -15,10 +15,10 @@ from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.surfaces import Mesh, PrecisePoints, Surface
 
-UNMATCHED = -1
-# The default value of unmatched vertices, by the kind of the type of an array.
+UNMATCHED = -1  # the image of a vertex without an image
+# Default values of unmatched vertices, by the kind of numpy type (`dtype.kind`) of the pulled back array.
 _FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}
-MAX_STRETCH_RATIO = 4.0  # A map tears an edge that it stretches by more than this many times the median.
+MAX_STRETCH_RATIO = 4.0  # largest stretch, over the median, of an edge that a map does not tear; chosen
 
 
 def check_map(
@@ -71,7 +71,7 @@ def pull_back_rows(
     rows: AnyArray, vertices: IntArray, faces: IntArray, barycentric: FloatArray, fill: object
 ) -> AnyArray:
     """Interpolate floats (n_target, ...) at precise images, or take labels; ``fill`` if unmatched."""
-    if not len(rows):  # nothing is matched
+    if not len(rows):  # no vertex is matched
         kind = np.result_type(rows, np.float64) if rows.dtype.kind in "fc" else rows.dtype
         carried: AnyArray = np.zeros((len(vertices), *rows.shape[1:]), kind)
     elif rows.dtype.kind in "fc":
@@ -113,7 +113,7 @@ def push_forward_rows(
         pushed: FloatArray = (transposed @ np.where(matched[:, None], weighted, 0.0)) / total[:, None]
     if target_areas is not None:
         has_no_image = transposed @ np.ones(n_source) == 0
-        pushed[has_no_image] = 0.0  # also where a vertex has no area
+        pushed[has_no_image] = 0.0  # vertices with images may have no area
     return pushed.reshape(n_target, *rows.shape[1:])
 
 
@@ -141,7 +141,7 @@ def _fill_rows(labels: AnyArray, unmatched: BoolArray, fill: object) -> AnyArray
 
 def compose_arrays(
     vertices: IntArray,  # middle vertex (n,) of each source vertex
-    points: PrecisePoints,  # the same as precise points
+    points: PrecisePoints,  # the same, as precise points
     image: IntArray,  # target vertex (m,) of each middle vertex
     images: PrecisePoints,  # the same as precise points
     middle: Mesh | None,
@@ -213,7 +213,7 @@ def invert_arrays(
     image: IntArray, images: PrecisePoints, source: Surface, target: Surface, within: float
 ) -> tuple[PrecisePoints, BoolArray]:
     """Find the source point whose image is nearest to each target vertex; tell which have one (n,)."""
-    # The search starts from the source vertices mapped to the target vertex nearest along edges.
+    # The search starts from source vertices whose image is the nearest one along edges.
     matched = image >= 0
     n = target.n_vertices
     if not matched.any():

@@ -25,7 +25,7 @@ from isomatch._core.errors import FormatError, SettingError
 from isomatch._core.files import open_file, replaced
 from isomatch._core.tables import read_integers
 
-DIRECTION = "source -> target"
+DIRECTION = "source -> target"  # stored in files, to tell from which surface a map leads
 FORMAT = ArrayFormat(
     what="a map",
     writer="Correspondence.save",
@@ -41,8 +41,8 @@ FORMAT = ArrayFormat(
     },
 )
 
-SIDES = ("there", "back")
-_ENDS = tuple(zip(SIDES, ("n_source", "n_target")))
+SIDES = ("there", "back")  # prefixes of the arrays of both maps of a pair: source → target, and back
+_ENDS = tuple(zip(SIDES, ("n_source", "n_target")))  # each map with the name of its length
 PAIR_FORMAT = ArrayFormat(
     what="the maps of a pair",
     writer="isomatch collect",
@@ -61,9 +61,9 @@ _HEADER = re.compile(
     r"# (?P<n_source>[0-9]{1,18}) source vertices, (?P<n_target>[0-9]{1,18}) target vertices"
     r"(?:.*\n#.*\n# source hash (?P<source_hash>\w+), target hash (?P<target_hash>\w+))?"
 )
-MAX_HEADER_BYTES = 1000  # bytes of a text in which its header is sought
-_LINES = "write one 0-based target vertex on each line, -1 where unmatched"
-_MAX_LISTED_ARRAYS = 8  # arrays of a file that a message lists
+MAX_HEADER_BYTES = 1000  # first bytes of a text in which its header is sought; chosen
+_LINES = "write one 0-based target vertex on each line, -1 where unmatched"  # the remedy in messages
+_MAX_LISTED_ARRAYS = 8  # most arrays of a file that a message lists; chosen
 
 
 def write_map(path: Path, parts: dict[str, Any]) -> None:
@@ -130,7 +130,7 @@ def _read_arrays(
     with Archive.opened(path, refuse) as file:
         names = file.names
         is_of_pair = {"record", *(f"{side}_vertices" for side in SIDES)} <= set(names)
-        if not {"direction", "format_version"} & set(names):  # a file of isomatch has one of them
+        if not {"direction", "format_version"} & set(names):  # files of isomatch have one of these arrays
             if not names:
                 refuse("it has no array 'vertices'")
             return False, {"vertices": choose_vector(path, file.read_all(names), n_source, variable)}

@@ -14,11 +14,10 @@ from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import PrecisePoints
 
-MAX_STEPS = 1000
-# The iteration ends once no point moves by more than this fraction of the extent of all points. The
-# second fraction is used for maps, whose errors are far larger.
-EXACT_STEP = 1e-12
-PRECISE_STEP = 1e-6
+MAX_STEPS = 1000  # most steps of the iteration; chosen
+# Largest movement of a point in the last step, over the extent of all points; the second bound is for
+# maps, whose errors are far larger.
+EXACT_STEP, PRECISE_STEP = 1e-12, 1e-6
 
 
 def median_map(

@@ -13,14 +13,13 @@ from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_map
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
-MIN_SQUARED_DISTANCE = np.float32(1e-30)  # A smaller squared distance counts as this in a denominator.
-QUERIES_PER_PRODUCT = 1024  # Queries whose distances `nearest_of_few` computes by one matrix product.
-# Queries and points of one parallel task; fixed, so that results do not depend on the number of threads.
-QUERIES_PER_TASK = 512
-POINTS_PER_TASK = 2048
-# Largest rounding error of a sum of products in single precision, as a fraction of the squared norms.
+MIN_SQUARED_DISTANCE = np.float32(1e-30)  # least squared distance in a denominator, which then is not 0
+QUERIES_PER_PRODUCT = 1024  # queries whose distances `nearest_of_few` computes by one matrix product
+# Queries, and points, of one parallel task; fixed, so that results do not depend on the number of threads.
+QUERIES_PER_TASK, POINTS_PER_TASK = 512, 2048
+# Bound of the rounding of a sum of products in single precision, as a fraction of the squared norms.
 ROUNDING_RATIO = 1e-5
-# Scores that differ by less than this fraction of the largest squared norm are compared in double precision.
+# Difference of scores, over the largest squared norm, below which they are compared in double precision.
 TIE_RATIO = 1e-6
 
 

@@ -13,14 +13,14 @@ from scipy.spatial.distance import cdist
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.threads import parallel_map
 
-MATRICES_PER_TASK = 10_000  # matrices that one thread decomposes at once
-MAX_REFINED_POSES = 4  # how many poses are refined: a solid can lie on its own axes in four ways
-MAX_REFINEMENT_STEPS = 30  # closest-point steps of a pose
-# `carry_along` weights a surface point by 1 / distance to this power. Sums of weights over a surface
-# converge for exponents above 2.
+MATRICES_PER_TASK = 10_000  # matrices that one thread decomposes at once; chosen
+MAX_REFINED_POSES = 4  # number of poses that are refined, as a solid can lie on its axes in four ways
+MAX_REFINEMENT_STEPS = 30  # most steps of closest points in the refinement of a pose; chosen
+# Exponent of 1 / distance in the weight of a surface point in `carry_along`; chosen above 2, where sums of
+# weights over a surface converge.
 FALLOFF_EXPONENT = 4.0
-MIN_DISTANCE_RATIO = 1e-6  # A distance below this fraction of the largest one counts as this fraction.
-MIN_PROGRESS_RATIO = 0.999  # A pose has converged once a step leaves more than this fraction of its distance.
+MIN_DISTANCE_RATIO = 1e-6  # least distance, over the largest one, from which a weight is computed
+MIN_PROGRESS_RATIO = 0.999  # distance after a step over the least before, above which a pose has converged
 
 
 def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray:

@@ -17,9 +17,9 @@ from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints
 
-NORMAL_UNIT = 0.1  # length of the normals that stand beside positions, for surfaces of area 1
-ROTATION_FITS = 2  # how often rotations and positions are fitted between two searches for nearest points
-# The ridge of normal equations, for each of their rows: larger than their rounding in single precision.
+NORMAL_UNIT = 0.1  # length of normals, in √area, as further coordinates beside positions; chosen
+ROTATION_FITS = 2  # fits of rotations and positions between two searches for nearest points; chosen
+# Ridge of normal equations, per row that they sum up; larger than the rounding to single precision.
 RIDGE_PER_EQUATION = 1e-6
 
 

@@ -13,14 +13,14 @@ from isomatch.correspondence.poses import nearest_rotation
 from isomatch.spectral import stiffness_and_masses
 from isomatch.surfaces import Mesh
 
-MAX_TURNS = 20  # corrections of one rotation
+MAX_TURNS = 20  # most corrections of one rotation; chosen
 MIN_TURN_ANGLE = 1e-4  # radians; a correction by a smaller angle is the last one
-MIN_DENOMINATOR = 1e-30
+MIN_DENOMINATOR = 1e-30  # least area, length or squared length in a denominator, which then is not 0
 EDGE_FACTOR = 2 / 3  # factor that gives the edges of equilateral triangles their cotangent weights
-MAX_EDGE_WEIGHT = 20.0  # largest weight of an edge, which bounds the shortest edges of slivers
-# Conjugate gradients end once the residual is below this fraction of the first one.
+MAX_EDGE_WEIGHT = 20.0  # largest weight of an edge, as short edges of slivers would have huge ones; chosen
+# Residual at which conjugate gradients end, over the first residual; the next step starts from the result.
 MAX_RESIDUAL_RATIO = 1e-2
-MAX_ITERATIONS = 100  # largest number of iterations of conjugate gradients
+MAX_ITERATIONS = 100  # most iterations of conjugate gradients; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class RigidEnergy:
     areas: FloatArray  # the areas (n,) of the vertices in squared units of the surface
     start: IntArray  # vertex i has the neighbours neighbours[start[i]:start[i + 1]], (n + 1,)
     neighbours: IntArray  # the vertex j at the end of each edge from a vertex i, (e,)
-    weights: FloatArray  # the weight w_ij of each of these edges, (e,)
+    weights: FloatArray  # the weight w_ij of each edge in ``neighbours``, (e,)
 
     @classmethod
     def of_surface(cls, mesh: Mesh) -> RigidEnergy:

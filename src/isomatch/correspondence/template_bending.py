@@ -17,26 +17,27 @@ from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.decimation import Prolongation, decimate
 from isomatch.surfaces import Mesh, PrecisePoints
 
-N_COARSE = 3000  # vertices of the coarse template, which is bent to the images of the map
-# Lengths, in √area of the target, up to which the template resists stretching: first of the coarse
-# template, which the images of the map attract, then of the full one, which nearest points attract.
+N_COARSE = 3000  # vertices of the coarse template, which is bent to the images of the map; chosen
+# Lengths, in √area of the target, below which the template moves rigidly, one for each step: first of the
+# coarse template, which the images of the map attract, then of the full template, which nearest points
+# attract; chosen.
 MAP_LENGTHS = (0.1, 0.07, 0.05, 0.035)
 NEAREST_LENGTHS = (0.025, 0.017, 0.012)
-MIN_LENGTH_EDGES = 1.5  # A length is at least this many median edges, so that edges resist noise.
-# Length, in √area, of the normals that stand beside positions; from 0.1 on, the two sides of thin
+MIN_LENGTH_EDGES = 1.5  # least length in median edges, so that edges resist noise; chosen
+# Length of normals, in √area, as further coordinates beside positions; from 0.1 on, the two sides of thin
 # walls are confused.
 NORMAL_UNIT = 0.03
-# A point attracts a vertex if the cosine between their normals is larger than this.
+# Least cosine between the normals of a vertex and of a point that attracts it; chosen.
 MIN_FACING_COSINE = 0.3
-# The boundary attracts the boundary vertices of the template that are nearer to it than this, in
-# √area. A vertex over an opening that is farther from its point than this is beyond the target.
-BOUNDARY_REACH = 0.025
-BOUNDARY_PULL = 4.0  # strength with which a point of the boundary attracts; other points have 1
-REST_PULL = 0.02  # strength with which a vertex is held at its place
-RELEASED_RINGS = 2  # No point attracts vertices in this many rings around inverted faces.
-MAX_ROUNDS, ROUNDS_PER_FIT = 60, 10  # rounds that repair inverted faces, and between two fits of rotations
-INVERTED_WEIGHT = 30.0  # weight of an inverted face; the other faces at its corners have 1
-# A point of a triangle is on one of its edges if a barycentric coordinate is smaller than this.
+# √area; boundary vertices of the template nearer than this to the boundary of the target are attracted by it,
+# and a vertex over an opening farther than this from its nearest point has no counterpart; chosen.
+BOUNDARY_DISTANCE = 0.025
+BOUNDARY_PULL = 4.0  # attraction by a point of the boundary; other points have 1; chosen
+REST_PULL = 0.02  # attraction of a vertex by its present place; other points have 1; chosen
+RELEASED_RINGS = 2  # rings of vertices around inverted faces that no point attracts; chosen
+MAX_ROUNDS, ROUNDS_PER_FIT = 60, 10  # rounds of the repair of inverted faces, and between fits of rotations
+INVERTED_WEIGHT = 30.0  # weight of an inverted face; the other faces at its corners have 1; chosen
+# Barycentric coordinate of a point below which the point is on an edge; rounding is smaller.
 MAX_WEIGHT_ON_EDGE = 1e-6
 
 
@@ -44,7 +45,7 @@ class BentTemplate(NamedTuple):
     """The vertices of a template on a target."""
 
     positions: FloatArray  # positions (n, 3) in the units of the target
-    beyond: BoolArray  # which vertices (n,) have no counterpart: they have no image, or lie over an opening
+    beyond: BoolArray  # vertices (n,) without a counterpart: without an image, or over an opening
     turned: BoolArray  # which faces (m,) of the template remain inverted, as in `turned_faces`
 
 
@@ -222,11 +223,11 @@ class _Target:
         on_boundary = Boundary.vertices_of(bent)
         is_over = self._boundary.holds(points) & ~on_boundary
         pull = ((cosines > MIN_FACING_COSINE) & ~is_over).astype(np.float64)
-        beyond = np.asarray(is_over & (np.linalg.norm(positions - bent.vertices, axis=1) > BOUNDARY_REACH))
+        beyond = np.asarray(is_over & (np.linalg.norm(positions - bent.vertices, axis=1) > BOUNDARY_DISTANCE))
         rows = np.flatnonzero(on_boundary)
         if len(rows) and len(self.mesh.boundary_edges):
             nearest = self._boundary.nearest(bent.vertices[rows])
-            is_near = np.linalg.norm(nearest - bent.vertices[rows], axis=1) < BOUNDARY_REACH
+            is_near = np.linalg.norm(nearest - bent.vertices[rows], axis=1) < BOUNDARY_DISTANCE
             positions[rows[is_near]], pull[rows[is_near]] = nearest[is_near], BOUNDARY_PULL
         return positions, pull, beyond, near
 
@@ -369,7 +370,7 @@ class Boundary:
         least = np.linalg.norm(points - positions, axis=1)
         order = np.argsort(ends.ravel(), kind="stable")
         first = np.searchsorted(ends.ravel()[order], nearest)
-        for rows in (first, first + 1):  # a vertex of the boundary has two edges there, and rarely more
+        for rows in (first, first + 1):  # a vertex of the boundary has two boundary edges, and rarely more
             edge = ends[order[np.minimum(rows, len(order) - 1)] // 2]
             start, along = x[edge[:, 0]], x[edge[:, 1]] - x[edge[:, 0]]
             squares = np.maximum(np.einsum("ni,ni->n", along, along), 1e-30)

@@ -21,8 +21,8 @@ from isomatch.decimation import normalised
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-N_GUIDES = 30  # A component without any image follows this many matched vertices nearest to it.
-STRETCH_QUANTILE = 0.99  # quantile of the factors by which edges grow or shrink, which counts as the stretch
+N_GUIDES = 30  # matched vertices nearest to a component without images, which it follows; chosen
+STRETCH_QUANTILE = 0.99  # quantile, over edges, of the factors of growth or shrinking that is the stretch
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     whole, onto = whole.moved(normalised(whole.vertices)[0]), onto.moved(places)
     images = PrecisePoints(np.maximum(welded.faces, 0), np.array(welded.barycentric))
     matched = welded.matched
-    # The nearest points of an opening lie on its rim and say nothing about the missing surface.
+    # Points nearest to an opening lie on its rim, and tell nothing about the missing surface.
     inside = matched & ~(Boundary(onto).holds(images) & ~Boundary.vertices_of(whole))
     trusted = inside if inside.any() else matched
     positions = _extend(whole, images.interpolated(onto.vertices), trusted)

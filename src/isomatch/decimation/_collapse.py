@@ -19,12 +19,13 @@ from isomatch._core.compiled import compiled
 
 Index: TypeAlias = int | np.int64
 
-FIRST, KIND, VERSION, MARK, PARENT = range(5)
-INSIDE, BOUNDARY, FIXED = range(3)  # the kinds of vertices; the higher kind is less free to move
-BOUNDARY_WEIGHT = 1.0  # of the plane through a boundary edge, relative to a face as large as the square on it
-MIN_TURN_COSINE = 0.2  # a face may not turn in one collapse by an angle of smaller cosine
-SLIVER_SHAPE = 0.2  # the shape of a face, 4 √3 area / squared edges, may not be halved below this
-N_BUCKETS = 128  # edges are sorted by cost into this many buckets; with 1024 the result is no better
+FIRST, KIND, VERSION, MARK, PARENT = range(5)  # columns of ``marks``, the integers of a vertex
+INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices; a higher kind is less free to move
+# Weight of the plane through a boundary edge, relative to a face as large as the square on the edge; chosen.
+BOUNDARY_WEIGHT = 1.0
+MIN_TURN_COSINE = 0.2  # least cosine of the angle by which a collapse may turn a face; chosen
+SLIVER_SHAPE = 0.2  # 4 √3 area / squared edges of a face, below which it may not be halved; chosen
+N_BUCKETS = 128  # number of buckets into which edges are sorted by cost; 1024 give no better result
 
 
 @compiled(error_model="numpy")
@@ -106,7 +107,7 @@ def _kind(v: Index, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
     while corner >= 0:
         b, c = other_vertices(corners, corner)
         if link[b, 1] >= 0 or link[c, 1] >= 0:
-            return FIXED  # three faces at an edge
+            return FIXED  # three faces meet at an edge
         link[b, int(link[b, 0] >= 0)] = c
         link[c, int(link[c, 0] >= 0)] = b
         n_faces, start = n_faces + 1, b
@@ -122,7 +123,7 @@ def _kind(v: Index, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
     previous, current = np.int64(-1), start
     for _ in range(n_faces):
         if current < 0 or (current == start and previous >= 0):
-            return FIXED  # several fans
+            return FIXED  # several fans meet at the vertex
         previous, current = current, np.int64(link[current, int(link[current, 0] == previous)])
     return BOUNDARY if n_ends == 2 else INSIDE
 
@@ -211,7 +212,7 @@ def collapse_edges(
                 _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit, in_place)
                 bucket = queue[N_BUCKETS, 2]
     for w in range(n):
-        marks[w, PARENT] = marks[marks[w, PARENT], PARENT]  # which comes before v
+        marks[w, PARENT] = marks[marks[w, PARENT], PARENT]  # the parent of w comes before v
     return n_collapsed
 
 
@@ -270,7 +271,7 @@ def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, 
         if b == v or c == v:
             across = b + c - v
             if marks[across, MARK] == opposite:
-                return False  # two faces with the same vertices
+                return False  # two faces would have the same vertices
             marks[across, MARK] = opposite
             n_shared += 1
         elif b >= 0:

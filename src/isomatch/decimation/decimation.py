@@ -23,17 +23,16 @@ from isomatch.decimation._collapse import (
 )
 from isomatch.surfaces import Mesh, in_spatial_order
 
-MAX_CACHED_VERTICES = 2**16  # a mesh with more vertices is decimated block by block, which a cache holds
-BLOCK_VERTICES = 2048  # a block has this many vertices, of about 250 bytes: half of a cache of 1 MB
-MAX_BLOCK_SHARE = 0.5  # at most this share of the vertices of a block is merged in one round
-EDGE_SHARES = (0.4, 0.6, 0.8, 1.0)  # a round may collapse this share of the edges, the cheapest
-MIN_PROGRESS_SHARE = 0.02  # if a round merged a smaller share of the vertices, the next share is tried
-# Both are weights of squared distances to the merged vertices, relative to distances to the planes
-# of faces. If no vertex may move, the smaller weight brings the volume of an animal nearer by 1 %,
-# at a tenth of its vertices.
-POINT_WEIGHT = 1e-2
-IN_PLACE_POINT_WEIGHT = 1e-3
-N_SAMPLED_FACES = 20_000  # the edges of this many faces give the distribution of costs
+MAX_CACHED_VERTICES = 2**16  # vertices; a larger mesh is decimated block by block, so that a cache holds them
+BLOCK_VERTICES = 2048  # vertices in a block, of about 250 bytes each: half of a cache of 1 MB
+MAX_BLOCK_SHARE = 0.5  # largest share of the vertices of a block that is merged in one round; chosen
+EDGE_SHARES = (0.4, 0.6, 0.8, 1.0)  # shares of the edges, the cheapest, that rounds may collapse; chosen
+MIN_PROGRESS_SHARE = 0.02  # if a round merged a smaller share of the vertices, the next EDGE_SHARES follows
+# Weights of squared distances to the merged vertices, relative to squared distances to the planes of faces.
+# If no vertex may move, the smaller weight keeps the volume of an animal better by 1 %, with a tenth of
+# its vertices.
+POINT_WEIGHT, IN_PLACE_POINT_WEIGHT = 1e-2, 1e-3
+N_SAMPLED_FACES = 20_000  # faces whose edges give the distribution of costs; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,7 +135,7 @@ def decimations(
         common = None
         while rounds.n > size and not rounds.is_over:
             if size > sizes[-1] and not rounds.is_far_from(size):
-                common = common or deepcopy(rounds)  # before a round that may end at this size
+                common = common or deepcopy(rounds)  # a copy, as the next round may end at this size
             rounds.collapse(size)
         coarse.append(rounds.result(mesh, size))
         rounds = common or rounds
@@ -200,7 +199,7 @@ class _Rounds:
         """Return the coarse mesh, its vertices in the order of the first fine vertices merged into them."""
         _, centre, size = normalised(mesh.vertices)
         first = np.empty(self.n, dtype=np.int64)
-        first[self.owner[::-1]] = np.arange(len(self.owner))[::-1]  # among equal indices the last counts
+        first[self.owner[::-1]] = np.arange(len(self.owner))[::-1]  # the last of equal indices counts
         order, number = np.argsort(first), np.empty(self.n, dtype=np.int64)
         number[order] = np.arange(self.n)
         faces = number[self.corners[:, 0]].reshape(-1, 3)

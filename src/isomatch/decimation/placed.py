@@ -14,13 +14,12 @@ from isomatch._core.threads import parallel_map
 from isomatch.decimation._collapse import Index, difference, link_corners, other_vertices
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_in_triangle
 
-MAX_STARTS = 8  # a search starts at the nearest of at most this many vertices of each group
-# A point is inside a face, and the search ends, if all its weights exceed the first bound, far
-# above rounding, and its squared distance is at most the second, far below the size of a face of
-# the normalised mesh.
-MIN_INSIDE_WEIGHT = 1e-9
-MAX_SQUARED_DISTANCE = 1e-20
-CHUNK_POINTS = 8192  # a task has this many points; fixed, so that the number of threads changes nothing
+MAX_STARTS = 8  # vertices of a group, at most, among which a search starts at the nearest; chosen
+# A point is inside a face, and the search ends, if all its barycentric weights exceed the first bound,
+# far above rounding, and its squared distance is at most the second, far below the squared size of a
+# face of the mesh, which is scaled to [−1, 1].
+MIN_INSIDE_WEIGHT, MAX_SQUARED_DISTANCE = 1e-9, 1e-20
+CHUNK_POINTS = 8192  # points of one task; fixed, so that the number of threads changes nothing
 
 
 class VertexGroups(NamedTuple):
@@ -55,7 +54,7 @@ class PlacedMesh:
         """
         preimages = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
         arguments = positions, near, read_only(self.places), *self.groups, *self._linked_corners
-        # Positions of a group come together, for the sake of the cache.
+        # Positions of a group follow one another, so that the cache serves them.
         by_group = VertexGroups.of(near[:, 0], len(self.groups.start) - 1).members
 
         def chunk(first: int) -> None:

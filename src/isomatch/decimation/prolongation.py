@@ -23,12 +23,10 @@ from isomatch.decimation.placed import (
 )
 from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
 
-# A face counts as farther away if the cosine between its normal and the normal of the vertex is
-# smaller, an angle of more than 60°: its squared distance grows by NORMAL_WEIGHT times the area of
-# the coarse vertex times the missing cosine.
-MIN_FACING_COSINE = 0.5
-NORMAL_WEIGHT = 0.2
-MAX_ROUNDING = 1e-6  # positions in [−1, 1] are off by less than this in single precision
+# Least cosine between the normals of a vertex and of a face that suits it (60°). Below, the squared distance of
+# the face grows by NORMAL_WEIGHT × area of the coarse vertex × missing cosine; chosen.
+MIN_FACING_COSINE, NORMAL_WEIGHT = 0.5, 0.2
+MAX_ROUNDING = 1e-6  # bound of the rounding to single precision of positions in [−1, 1]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -158,7 +156,7 @@ def _frames(mesh: Mesh) -> tuple[Float32Array, FloatArray]:
     cross = mesh.face_cross
     squared = (cross**2).sum(axis=1)
     squared[squared == 0] = np.nan
-    gradient_b = np.cross(c - a, cross) / squared[:, None]  # of the barycentric weight of b
+    gradient_b = np.cross(c - a, cross) / squared[:, None]  # gradient of the barycentric weight of b
     gradient_c = np.cross(cross, b - a) / squared[:, None]
     # squared distance along which each weight changes by 1
     heights = [1 / (g**2).sum(axis=1) for g in (gradient_b + gradient_c, gradient_b, gradient_c)]

@@ -22,18 +22,18 @@ from isomatch.geodesics import (
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud
 
-# The default radii, in √area, from a wrist to a knee. Larger balls reach other limbs where limbs
-# touch (decisions.md, ball signature).
+# The default radii of balls, in √area, from a wrist to a knee. Larger balls reach other limbs where limbs
+# touch: decisions.md, ball signature.
 RADII = (0.04, 0.06, 0.09)
-# Weights of the offset and the three extents in a comparison; the greatest extent tells little
-# (same page).
+# Weights of the offset and of the three extents, from the greatest to the least, in a comparison. The
+# greatest extent tells little: decisions.md, ball signature.
 WEIGHTS = (1.0, 0.0, 0.5, 1.0)
-MIN_RADIUS_EDGES = 2.0  # a radius spans at least this many mean edges; with 5000 vertices 0.04 spans 2.5
-MAX_OVERHANG = 0.02  # a ball may cross a boundary by this length, in the unit; its moments hardly change
-MIN_DEVIATION = 0.03  # a smaller standard deviation is noise of the triangulation, and is not magnified
-MAX_SAMPLE_SPACINGS = 1.5  # a sample counts for vertices up to this many spacings away, so that most have one
-MIN_HALF_CELL = 1e-9  # the cell of a vertex without area has this half width, in the unit
-MAX_DIFFERENCE = 2.0  # a larger difference, in standard deviations, counts as this
+MIN_RADIUS_EDGES = 2.0  # least radius in mean edges; with 5000 vertices a radius of 0.04 has 2.5; chosen
+MAX_OVERHANG = 0.02  # length, in the unit of the radii, by which a ball may cross a boundary; chosen
+MIN_DEVIATION = 0.03  # least standard deviation by which values are divided; smaller ones are noise
+MAX_SAMPLE_SPACINGS = 1.5  # mean spacings of samples up to which a sample stands for a vertex; chosen
+MIN_HALF_CELL = 1e-9  # half width, in the unit of the radii, of the cell of a vertex without area; chosen
+MAX_DIFFERENCE = 2.0  # standard deviations; a larger difference of two values counts as this; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class BallSignature:
     radii: FloatArray  # increasing, (r,)
     values: FloatArray  # offset and three extents of each ball, (n, r, 4)
     to_boundary: FloatArray  # distance (n,) to the boundary; inf if there is none
-    finest: float = 0.0  # balls of a smaller radius have too few vertices to tell anything
+    finest: float = 0.0  # least radius; smaller balls have too few vertices to tell anything
 
     @cached_property
     def known(self) -> BoolArray:

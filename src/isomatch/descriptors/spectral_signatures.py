@@ -10,7 +10,7 @@ from isomatch.repair import without_seams
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh
 
-CLIPPED_SHARE = 0.02  # this share of the values is clipped at either end, as curvature at sharp tips is noisy
+CLIPPED_SHARE = 0.02  # share of curvatures clipped at either end, as they are noisy at sharp tips; chosen
 
 
 def wave_kernel_signature(
@@ -122,7 +122,7 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
     # exp(−λ_i t), all scales count alike.
     scale = 4 * np.log(10)
     times = np.geomspace(scale / values[-1], scale / values[1], n_times)
-    decay = np.exp(-values[:, None] * times)  # of each function in each time, (k, n_times)
+    decay = np.exp(-values[:, None] * times)  # decay of each function until each time, (k, n_times)
     return np.asarray(squares @ (decay / decay.sum(axis=0)))
 
 

@@ -19,7 +19,7 @@ from isomatch.surfaces import Mesh
 Solver = Callable[[int], FloatArray]
 """Distances from a vertex of a connected mesh to all its vertices, (n,)."""
 
-# On a mesh that `check` reports to have one of these defects, pygeodesic crashes, or is wrong.
+# Defects, by the names of `check`, with which pygeodesic crashes or computes wrong distances.
 _UNSUPPORTED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
 
 
@@ -36,14 +36,14 @@ class ComponentEngine(ColumnEngine):
         self.n_points = mesh.n_vertices
         self._unit = ordinary_unit(mesh)
         self._mesh = mesh.moved(mesh.vertices / self._unit)
-        # the vertices of a component, in increasing order, and its solver, by the label of the component
+        # label of a component → its vertices, in increasing order, and its solver
         self._solvers: dict[int, tuple[IntArray, Solver]] = {}
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = np.full((len(sources), self.n_points), np.inf)
         for row, source in zip(distances, sources):
             label = self._mesh.components[source]
-            if np.count_nonzero(self._mesh.components == label) > 1:  # others need no solver
+            if np.count_nonzero(self._mesh.components == label) > 1:  # a single vertex needs no solver
                 if label not in self._solvers:
                     mesh, vertices = self._mesh.submesh(self._mesh.components == label)
                     self._solvers[label] = vertices, self._solver(mesh)

@@ -27,7 +27,7 @@ ENGINES: dict[type, tuple[type[Any], ...]] = {
 """The registry: engine classes for each kind of surface, the default first."""
 
 INSERTING = (Exact.name, Dijkstra.name)
-"""Engines for which a point in a face becomes a vertex; the thin triangles would mislead the others."""
+"""Names of engines for which a point in a face becomes a vertex; thin triangles would mislead the other engines."""
 
 MetricSpace: TypeAlias = Mesh | PointCloud | Graph | AnyArray | DistanceFunction | DistanceEngine
 """Everything that has distances: a surface, an n × n matrix, a function of sources, or an engine."""

@@ -12,12 +12,12 @@ from isomatch._core.threads import parallel_map, parallel_rows
 from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite, require_in_range
 from isomatch.surfaces import Mesh
 
-MAX_SHIFT_EDGES = 0.02  # the correction for curvature in a triangle is cut off at this fraction of an edge
-MAX_FOCUS = 0.3  # a front whose focus is nearer than 1 / 0.3 steps ahead counts as having it there
-TIE_STEPS = 1e-6  # paths count as equal if they differ by less than this many steps; the first one is kept
-MAX_UNFOLDED_FACES = 40  # faces crossed, at most, to find a vertex that splits an obtuse angle; else it stays
-RIGHT_ANGLE_COSINE = 1e-6  # an angle counts as right, and is not split, if its cosine is smaller in magnitude
-NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)  # a front without bounds, and to all vertices
+MAX_SHIFT_EDGES = 0.02  # largest correction for curvature in a triangle, as a fraction of an edge; chosen
+MAX_FOCUS = 0.3  # 1 / the least number of steps to the focus of a front that converges; chosen
+TIE_STEPS = 1e-6  # difference, in steps, below which paths count as equal; the first one is kept
+MAX_UNFOLDED_FACES = 40  # faces crossed, at most, to find a vertex that splits an obtuse angle; chosen
+RIGHT_ANGLE_COSINE = 1e-6  # largest absolute cosine of an angle that counts as right, and is not split
+NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)  # for a front without bounds, and to all vertices
 
 
 class FastMarching(ColumnEngine):
@@ -132,7 +132,7 @@ def stencil_of(mesh: Mesh) -> Stencil:
     # Side i of a face leads from corner i to corner i + 1. All below are (m, 3), by corner i of face f.
     sides = points[np.roll(faces, -1, axis=1)] - points[faces]
     doubled_area = np.repeat(2 * mesh.face_areas, 3).reshape(-1, 3)
-    inner = -np.einsum("fix,fix->fi", sides, np.roll(sides, 1, axis=1))  # of the two sides at each corner
+    inner = -np.einsum("fix,fix->fi", sides, np.roll(sides, 1, axis=1))  # product of the two sides
     # Corner c is updated from the side ab that is opposite to it: in the plane of the face a is at
     # (0, 0), b at (|ab|, 0), and c at x = ab · ac / |ab|, y = |ab × ac| / |ab|. Where a and b
     # coincide, the axis is at right angles to ac.
@@ -252,7 +252,7 @@ def _split_obtuse(
                     shape[count, 0], shape[count, 1], shape[count, 2] = span, x, y
                     count += 1
                 break
-            # d is outside that range: cross the one of its two edges that the range passes through
+            # d is outside the range of directions: cross the one of its two edges that the range passes
             face = gate - gate % 3
             if acute_to_a:  # d is too far on the side of a: cross (d, right)
                 left, lx, ly = d, dx, dy
@@ -284,9 +284,9 @@ def _excess(before: float, radius: float, step: float, gauss: float) -> float:
     # result is limited, because the curvature of rough meshes is noisy: the radius is at least one
     # step if the front diverges, and at least 1 / MAX_FOCUS steps if it converges.
     start = radius - step
-    if step <= 0.0:  # c is on the edge, or coincides with v
+    if step <= 0.0:  # the target is on the edge, or coincides with v
         return before
-    spread = before * start  # κ start − 1: how much faster than a circle the front spreads, at the start
+    spread = before * start  # κ start − 1: excess of the curvature over a circle's, at the start
     share = start / radius
     # κ' = −κ²: the radius of curvature 1/κ grows by the step. A front that converges is kept before
     # its focus.
@@ -334,7 +334,7 @@ def _advance(
         size -= 1
         if size > 0:  # sift the last entry down from the root
             moved, last_key = heap[size], key[size]
-            key[size] = np.inf  # so that the last entry may be the only child
+            key[size] = np.inf  # a sentinel, as the last entry may be the only child
             hole, child = 0, 1
             while child < size:
                 child += int(key[child + 1] < key[child])
@@ -380,7 +380,7 @@ def _advance(
                     # distance; otherwise the way along the edge from v.
                     sx = 0.5 * (length + (dv * dv - dw * dw) / length)
                     squared = dv * dv - sx * sx
-                    if squared > 0.0:  # else these circles do not meet: |dv − dw| > length, by curvature
+                    if squared > 0.0:  # otherwise, as curvature allows, |dv − dw| > length
                         height = y + np.sqrt(squared)
                         # abscissa at which the ray from there to c crosses the edge, times height
                         crossing = sx * y + x * (height - y)

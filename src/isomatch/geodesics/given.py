@@ -22,10 +22,10 @@ from isomatch.geodesics.protocol import (
 DistanceFunction = Callable[[IntArray], ArrayLike]
 """Maps sources (m,) to distance columns (m, n)."""
 
-# Both are fractions of the largest distance; a matrix that exceeds one of them is refused.
-MAX_ASYMMETRY = 0.01  # distances from i to j and from j to i may differ by this, as in fast marching
-MAX_DIAGONAL = 1e-6  # the distance of a point to itself may be this much above 0
-CHECKED_ROWS = 256  # this many rows of a matrix are in memory at once while it is checked
+# Fractions of the largest distance; a matrix that exceeds one of them is refused.
+MAX_ASYMMETRY = 0.01  # largest difference of the distances from i to j and from j to i, as in fast marching
+MAX_DIAGONAL = 1e-6  # largest distance of a point to itself, which is rounding
+CHECKED_ROWS = 256  # rows of a matrix that are in memory at once while it is checked; chosen
 
 
 class GivenMatrix(ColumnEngine):
@@ -50,7 +50,7 @@ class GivenMatrix(ColumnEngine):
             largest = max(largest, float(np.max(rows, initial=0.0, where=np.isfinite(rows))))
         for first, rows in self._blocks():
             columns = matrix[:, first : first + len(rows)].T
-            with np.errstate(invalid="ignore"):  # inf − inf is NaN; equal entries are compared before
+            with np.errstate(invalid="ignore"):  # inf − inf is nan, but equal entries are accepted before
                 near = (rows == columns) | (np.abs(rows - columns) <= MAX_ASYMMETRY * largest)
             _require_all(near, first, "the distance matrix is not symmetric")
             near = rows[np.arange(len(rows)), first + np.arange(len(rows)), None] <= MAX_DIAGONAL * largest
@@ -150,7 +150,7 @@ class RestrictedEngine(ColumnEngine):
         require_in_range(source, self.n_points, "sources")
         whole = np.full(self._engine.n_points, -np.inf)
         np.maximum.at(whole, self._vertices, nearest * self._unit)
-        whole[whole < 0] = np.inf  # at points that were left out nothing bounds a front
+        whole[whole < 0] = np.inf  # nothing bounds a front at points that were left out
         column = self._engine.lower(whole, int(self._vertices[source]))
         np.minimum(nearest, whole[self._vertices] / self._unit, out=nearest)
         return None if column is None else column[self._vertices] / self._unit

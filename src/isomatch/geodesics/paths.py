@@ -22,9 +22,9 @@ from isomatch.io import SurfaceLike, mesh_from
 from isomatch.repair import repair
 from isomatch.surfaces import Mesh, PrecisePoints
 
-MAX_EXCESS_RATIO = 1e-9  # an exact length that exceeds the path along edges by a larger fraction is refused
-MIN_SEGMENT_RATIO = 1e-12  # a shorter segment, relative to its path, is rounding at a vertex and is left out
-PATH_SUFFIXES = (".obj", ".vtp")
+MAX_EXCESS_RATIO = 1e-9  # largest excess of an exact length over the path along edges, which is rounding
+MIN_SEGMENT_RATIO = 1e-12  # least length of a segment over its path; a shorter one is rounding at a vertex
+PATH_SUFFIXES = (".obj", ".vtp")  # formats in which paths are written
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,7 +138,7 @@ class _Stop(NamedTuple):
 
     start: int
     end: int
-    fraction: float  # of the edge's length, from its start to the point
+    fraction: float  # share of the edge from its start to the point
     face: int
 
 
@@ -173,7 +173,7 @@ class _PathFinder:
         steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
         length = float(steps.sum())
         kept = [k for k, step in enumerate(steps) if step > MIN_SEGMENT_RATIO * length]
-        faces = [int(self.division.face_index[stops[k].face]) for k in kept]  # faces of the welded mesh
+        faces = [int(self.division.face_index[stops[k].face]) for k in kept]  # number in the welded mesh
         turns = [n for n in range(1, len(kept)) if faces[n] != faces[n - 1]]
         rows = [self._in_face(stops[kept[n]], faces[n]) for n in turns]
         within = [faces[n] for n in [0, *turns]] if kept else []
@@ -181,7 +181,7 @@ class _PathFinder:
             np.array([self.points.corners[i], *(row[0] for row in rows), self.points.corners[j]]),
             np.array([self.points.barycentric[i], *(row[1] for row in rows), self.points.barycentric[j]]),
         )
-        origin = self.original.vertices[points.corners[0, 0]]  # coordinates near 0 have more digits
+        origin = self.original.vertices[points.corners[0, 0]]  # numbers near 0 have more digits
         relative = points.interpolated((self.original.vertices - origin) / self.unit)
         length = float(np.linalg.norm(np.diff(relative, axis=0), axis=1).sum()) * self.unit
         index = self.repair.face_index[np.array(within, dtype=np.int64)]

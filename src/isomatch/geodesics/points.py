@@ -13,8 +13,8 @@ from isomatch._core.errors import MeshError
 from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine, require_in_range
 from isomatch.surfaces import Mesh, PrecisePoints
 
-MAX_SUM_ERROR = 1e-6  # a point whose weights have a sum that differs more from 1 is refused
-MIN_WEIGHT = 1e-12  # a smaller weight counts as 0, because the faces at the point would have no area
+MAX_SUM_ERROR = 1e-6  # largest difference from 1 of the sum of the weights of a point, which is rounding
+MIN_WEIGHT = 1e-12  # least weight of a corner; a smaller one counts as 0, as faces there would have no area
 
 
 def points_of(given: ArrayLike | PrecisePoints, n_vertices: int) -> PrecisePoints:
@@ -68,14 +68,14 @@ class DividedMesh:
     """A mesh with further points of its surface as vertices, after the original vertices."""
 
     mesh: Mesh  # faces with new points inside or on an edge are divided
-    vertex: IntArray  # the vertex (m,) of each point; an original one, if the point is there
+    vertex: IntArray  # the vertex (m,) of each point, an original one if both coincide
     face_index: IntArray  # the original face (n_faces,) that contains each face
     places: PrecisePoints  # the place of each vertex in the original mesh
 
 
 def insert_points(mesh: Mesh, points: PrecisePoints) -> DividedMesh:
     """Make vertices of m points of a mesh; `MeshError` if a point is in no face."""
-    # Distances on the surface stay the same; an engine may err differently on the other triangles.
+    # Dividing faces does not change distances on the surface, but may change the errors of an engine.
     # O(n log n + m), and O(q²) for q points in one face.
     points_at = [merge_corners(*point) for point in zip(*points)]
     if all(len(corners) == 1 for corners, _ in points_at):
@@ -147,9 +147,9 @@ class _Division:
         parts = self._parts.setdefault(face, [tuple(corners.tolist())])
         place = self._place(new, corners)
         bases = (np.array([self._place(vertex, corners) for vertex in part]) for part in parts)
-        weights = [np.linalg.solve(basis.T, place) for basis in bases]  # of the new vertex in each part
+        weights = [np.linalg.solve(basis.T, place) for basis in bases]  # of the new vertex, by part
         inside = max(range(len(parts)), key=lambda i: weights[i].min())
-        opposite = np.flatnonzero(weights[inside] < MIN_WEIGHT)  # the corner across, if it is on an edge
+        opposite = np.flatnonzero(weights[inside] < MIN_WEIGHT)  # if the vertex is on an edge
         edge = set(np.delete(parts[inside], opposite).tolist()) if len(opposite) == 1 else set()
         divided = {part for part in parts if part == parts[inside] or (edge and edge <= set(part))}
         sides = [side for part in parts if part in divided for side in zip(part, (*part[1:], part[0]))]
@@ -230,7 +230,7 @@ class PointsInFaces(ColumnEngine):
                 continue
             x = float((place - a) @ (b - a)) / length
             y = np.sqrt(max(spokes[i] ** 2 - x**2, 0.0))
-            with np.errstate(invalid="ignore"):  # inf − inf between components
+            with np.errstate(invalid="ignore"):  # inf − inf is nan, between components
                 # sx² + depth² = near², (sx − length)² + depth² = far²; the difference of the two
                 # gives sx in the plane of the face the virtual source is (sx, −depth), the edge
                 # from (0, 0) to (length, 0)

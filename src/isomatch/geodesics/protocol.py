@@ -14,7 +14,7 @@ from isomatch._core.errors import MeshError, some
 from isomatch._core.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
 
-COLUMNS_AT_ONCE = 64  # an engine that has only columns computes this many at once for pairs or balls
+COLUMNS_AT_ONCE = 64  # columns at once, for pairs or balls, from an engine that has only columns; chosen
 
 
 @runtime_checkable

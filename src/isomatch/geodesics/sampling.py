@@ -82,7 +82,7 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
     # all threads. An engine that computes full columns anyway computes each only once.
     nearest = np.full(engine.n_points, np.inf)
     chosen = np.zeros(n_samples, dtype=np.int64)
-    columns = []  # the columns (n,) of the samples, if the engine computes full ones anyway
+    columns = []  # columns (n,) of the samples, if the engine computes full columns anyway
     sample = start
     for i in range(n_samples):
         if i and not 0.0 < nearest[sample] < np.inf:
@@ -134,7 +134,7 @@ def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArra
     farthest = chosen[0]
     for i in range(len(chosen)):
         last = chosen[i] = farthest
-        nearest[last] = -1.0  # below the 0 of coincident points, so that no point is chosen twice
+        nearest[last] = -1.0  # below 0, the distance of coincident points, so none is chosen twice
         largest = 0.0
         for j in range(len(points)):
             squared = 0.0

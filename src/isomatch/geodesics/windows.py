@@ -12,16 +12,14 @@ from isomatch._core.compiled import compiled
 from isomatch._core.memory import memory_budget, require_memory
 from isomatch.surfaces import Mesh, count_fans
 
-# All bounds below but the last are fractions, far below every length of a mesh.
-MIN_GAIN_RATIO = 1e-14  # a path to a vertex replaces another one only if it is shorter by this fraction
-MIN_LOSS_RATIO = 1e-12  # a window is dropped only if another path is shorter by this fraction
-# a ray that misses a window by less than this fraction of the edge belongs to it; the path becomes too
-# short by the square of the fraction
-MAX_MISS_EDGES = 1e-9
-MIN_BEND_RATIO = 1e-12  # rays bend at a vertex only if its angle exceeds a straight one by this fraction
-MIN_WIDTH_EDGES = 1e-15  # a window that is narrower, relative to its edge, is rounding, and is dropped
-MIN_HEIGHT_EDGES = 1e-13  # a face is unfolded at least this high above a side, relative to its sides
-BYTES_PER_WINDOW = 270  # bytes that a window takes while the lists grow; the memory bounds their number
+# Bounds of rounding, as fractions of a length, and far below the lengths of edges; chosen.
+MIN_GAIN_RATIO = 1e-14  # least fraction by which a path to a vertex is shorter than the path it replaces
+MIN_LOSS_RATIO = 1e-12  # least fraction by which another path is shorter if a window is dropped
+MAX_MISS_EDGES = 1e-9  # largest miss, over the edge, of a ray that belongs to a window; errors are its square
+MIN_BEND_RATIO = 1e-12  # least excess of the angle at a vertex, over a straight one, at which rays bend
+MIN_WIDTH_EDGES = 1e-15  # least width of a window over its edge; a narrower one is rounding and dropped
+MIN_HEIGHT_EDGES = 1e-13  # least height of an unfolded face above a side, over its sides
+BYTES_PER_WINDOW = 270  # memory of a window while lists grow, which bounds the number of windows; measured
 
 
 class UnfoldedFaces(NamedTuple):
@@ -81,11 +79,11 @@ class Windows(NamedTuple):
     """
 
     distance: FloatArray  # the exact distance (n,), ``inf`` where no path leads
-    reached: IntArray  # the window by which a vertex (n,) is reached; −1 − u if along the edge from vertex u
+    reached: IntArray  # the window by which a vertex (n,) is reached; −1 − u: along the edge from u
     side: IntArray  # the side (w,) by which a window enters a face
-    before: IntArray  # the face (w,) that it comes from
-    parent: IntArray  # the window (w,) that it continues, or −1
-    root: IntArray  # the vertex (w,) from which its rays come
+    before: IntArray  # the face (w,) from which a window comes
+    parent: IntArray  # the window (w,) that a window continues, or −1
+    root: IntArray  # the vertex (w,) from which the rays of a window come
     source: FloatArray  # the root (w, 2) in the plane of the face entered, whose side begins at (0, 0)
 
 
@@ -169,7 +167,7 @@ def _add(
             return
     edge = unfolded.edge[exit_side]
     for k in range(unfolded.first[edge], unfolded.first[edge + 1]):
-        side = unfolded.sides[k]  # side of another face at the same edge; a non-manifold edge has several
+        side = unfolded.sides[k]  # a side of another face at the edge
         if side == exit_side:
             continue
         # The next face is unfolded to the other side of the edge. Its side may run the other way: t
@@ -207,10 +205,11 @@ def _propagate(
     n = len(bends)
     distance = np.full(n, np.inf)
     reached = np.full(n, -1, np.int64)
-    spread_at = np.full(n, np.inf)  # distance (n,) of each root when its light spread last
-    split_at = np.full(len(length), np.inf)  # distance of the apex by the window that a side splits
-    split_ray = np.zeros(len(length))  # where the ray of that window to the apex crosses the side
-    windows = [(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0) for _ in range(0)]  # empty, of the type of `_add`
+    spread_at = np.full(n, np.inf)  # distance (n,) of a vertex from the source when it last became a root
+    # of the best window (see below) that enters a face by a side: the distance at the opposite corner c, and
+    # where the ray to c crosses the side
+    split_at, split_ray = np.full(len(length), np.inf), np.zeros(len(length))
+    windows = [(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0) for _ in range(0)]  # no entry, only their types
     queue = [(0.0, -1 - source)]
     distance[source] = 0.0
     bound[source] = 0.0
@@ -237,7 +236,7 @@ def _propagate(
                 _add(unfolded, windows, queue, goal, exit_side, light, v, -1, 0)
             continue
         side, _, _, root, low, high, px, py, sigma = windows[item]
-        if sigma > distance[root]:  # the root has been reached by a shorter path since
+        if sigma > distance[root]:  # a shorter path has reached the root since
             continue
         face, i = side // 3, side % 3
         c = faces[face, (i + 2) % 3]
@@ -252,9 +251,9 @@ def _propagate(
             d = sigma + np.hypot(x - px, y - py)
             _reach(c, d, item, distance, reached, bends, queue, goal)
             # "One angle, one split" (Chen & Han 1990): several windows may enter a face at one side
-            # with light on both sides of its corner c. Only the one that reaches c first goes on at
-            # both. Rays of another window beyond the first one's path to c would cross that path,
-            # and shortest paths from one source do not cross.
+            # with light on both sides of its corner c. Only the window that reaches c first leaves the
+            # face by both other sides. Rays of another window beyond this path to c would cross the
+            # path, and shortest paths from one source do not cross.
             if left and right and first[edge[side] + 1] - first[edge[side]] == 2:
                 if d < split_at[side]:
                     split_at[side], split_ray[side] = d, ray
@@ -283,7 +282,7 @@ def _propagate(
                 continue
             # The root in the frame of the side that the light leaves by: its components along and
             # at right angles to it.
-            along = (sx * ax + py * y) / reach  # from that end
+            along = (sx * ax + py * y) / reach  # from the common end of both sides
             height = abs(sx * y - py * ax) / reach
             if j == 1:
                 light = (begin * reach, end * reach, along, height, sigma)

@@ -18,8 +18,8 @@ from isomatch.io.formats.obj import ObjDocument
 from isomatch.io.formats.ply import TEXTURE_NUMBER, PlyDocument
 from isomatch.io.materials import UNTINTED, Layer, Look, Looks, Picture, as_png, unreadable_pictures
 
-_MATERIAL_LABEL = "material"
-_UNDEFINED_LAYER = Layer((0.5, 0.5, 0.5, 1.0))
+_MATERIAL_LABEL = "material"  # name of the labels of faces that name materials of OBJ
+_UNDEFINED_LAYER = Layer((0.5, 0.5, 0.5, 1.0))  # grey, for materials that no library defines
 
 
 def looks_of(asset: Asset) -> Looks | None:
@@ -60,7 +60,7 @@ def _split_tiles(asset: Asset, materials: Looks) -> Looks:
             of_tile = (_tile_layer(layer, tile, files) for layer in materials.looks[i].layers)
             of_triangle[shown] = len(looks)
             looks.append(Look(materials.looks[i].name, *of_tile))
-    # the materials of all tiles, which no triangle shows any more, are left out
+    # materials that were split into tiles are left out, as no triangle shows them any more
     kept = [i for i in range(len(looks)) if i not in tiled]
     place = np.append(np.cumsum(np.isin(np.arange(len(looks)), kept)) - 1, -1)
     return Looks(place[of_triangle], tuple(looks[i] for i in kept))
@@ -95,7 +95,7 @@ def unreadable_files(asset: Asset) -> tuple[str, ...]:
         look_of = obj.materials_of(document)
         undefined = [look.name for look in materials.looks if look.name not in look_of] if materials else []
         notes += [f"{name!r}: the material is in none of the libraries" for name in undefined]
-        for line in document.libraries:  # one name with blanks, or several names
+        for line in document.libraries:  # a line has one name with blanks, or several names
             words = line.split()
             missing = [] if line in document.files else [word for word in words if word not in document.files]
             names = missing if len(missing) < len(words) else [line]
@@ -270,7 +270,7 @@ def _place_beside(
     """Find names for files beside another one; return the new names, and the files to be written."""
     files, taken, names = dict[Path, bytes](), dict[Path, bytes](), dict[str, str]()
     folder = path.parent.resolve()
-    # pictures first, because libraries contain their names
+    # pictures are written first, because libraries contain their names
     for name, content in sorted(contents.items(), key=lambda item: item[0] in libraries):
         changed = {old: new for old, new in names.items() if old != new}
         content = obj.rename_pictures(content, changed) if changed and name in libraries else content

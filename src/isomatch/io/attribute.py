@@ -17,9 +17,9 @@ from isomatch._core.memory import require_memory
 Domain = Literal["point", "corner", "face"]
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
 
-_WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}
-_WHITE_TOLERANCE = 1e-3  # Fractions of colour may exceed 1 by this much, as interpolated white does.
-_UV_NAMES = {
+_WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}  # numbers of columns of a kind
+_WHITE_TOLERANCE = 1e-3  # largest excess of a fraction of colour over 1, as interpolated white has; chosen
+_UV_NAMES = {  # lower-case names of texture coordinates, without blanks and underscores
     "uv", "st", "uvs", "uvmap", "texcoord",
     "texcoords", "tcoords", "texturecoordinates", "texturecoords",
 }  # fmt: skip

@@ -18,6 +18,7 @@ from isomatch.io.attribute import Attribute, Domain, Kind, guess_kind, number_eq
 from isomatch.io.materials import png_of, texture_of
 from isomatch.io.polygons import Polygons, split_at_seams, triangles_of_strips
 
+# Names, in lower case, without blanks and a final s, that libraries give to attributes without a name.
 _STANDARD_NAMES = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
 
 
@@ -26,9 +27,9 @@ class Geometry:
     """The points and polygons of an object, which may also have other cells."""
 
     points: AnyArray
-    polygons: Polygons  # without positions at which concave ones are cut
-    rows: IntArray  # (p,) the number of each polygon among all cells
-    left_out: Mapping[str, int] = field(default_factory=dict)  # how many other cells of each kind there are
+    polygons: Polygons  # without positions, so concave polygons are not cut rightly
+    rows: IntArray  # (p,) number of each polygon among all cells
+    left_out: Mapping[str, int] = field(default_factory=dict)  # number of other cells of each kind
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -69,7 +70,7 @@ def _texts_of(mesh: object) -> dict[str, str]:
         for name, text in named.items():
             words = [text] if isinstance(text, str) else np.asarray(text).ravel().tolist()[:1]
             texts |= {str(name): word for word in words if isinstance(word, str)}
-    units = getattr(mesh, "units", None)  # trimesh has units
+    units = getattr(mesh, "units", None)  # trimesh has this property
     return texts | ({"units": units} if isinstance(units, str) else {})
 
 
@@ -158,7 +159,7 @@ def _trimesh_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
 def _data_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
     yield from attributes_of(getattr(mesh, "point_data", {}), "point")
     cells = getattr(mesh, "cell_data", {})
-    if _has(mesh, "cells") and not _has(mesh, "faces"):  # lists of the values of each block
+    if _has(mesh, "cells") and not _has(mesh, "faces"):  # a list of values for each block of cells
         cells = {name: np.concatenate(blocks) for name, blocks in cells.items()}
     yield from attributes_of(cells, "face", geometry.rows)
 
@@ -169,7 +170,7 @@ def _open3d_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
         ("vertex_colors", "color", "point", "colour"),
         ("triangle_normals", "normal", "face", "normal"),
         ("triangle_uvs", "uv", "corner", "uv"),
-        ("normals", "normal", "point", "normal"),  # Point clouds have this name and the next.
+        ("normals", "normal", "point", "normal"),  # Open3D: point clouds have this name and the next
         ("colors", "color", "point", "colour"),
     )
     for source, name, domain, kind in places:
@@ -225,13 +226,13 @@ _LIBRARIES: dict[tuple[str, str], tuple[Callable[[Any, Any, Any], Geometry], Att
 }
 """Readers of meshes by two of their attributes: trimesh, Open3D, PyVista, meshio."""
 
-_REMEDIES = ("extract_surface", "to_geometry")  # methods of grids of PyVista and of scenes of trimesh
+_REMEDIES = ("extract_surface", "to_geometry")  # methods of PyVista and trimesh that make a mesh
 
 
 def read_geometry(mesh: object) -> tuple[Geometry, Attributes]:
     """Read a mesh of trimesh, PyVista, meshio or Open3D; return also the reader of its attributes."""
     if type(mesh).__name__ == "PointCloud":
-        for name in ("vertices", "points"):  # trimesh, Open3D
+        for name in ("vertices", "points"):  # names in trimesh and in Open3D
             if _has(mesh, name):
                 none = np.zeros((0, 3), dtype=np.int64)
                 return _triangles(mesh, getattr(mesh, name), none), _open3d_attributes
@@ -264,7 +265,7 @@ def to_trimesh(asset: Asset) -> Any:
     mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
     mesh.metadata.update(_space_of(asset))
     of_triangle = split.polygons.of_triangle
-    has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
+    has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # these take the place of colours
     for attribute in split.attributes:
         of_points = attribute.domain == "point"
         values = attribute.plain if of_points else attribute.plain[of_triangle]
@@ -370,7 +371,7 @@ def to_open3d(asset: Asset) -> Any:
                 mesh.triangle_uvs = vector(values[polygons.triangles.ravel(), :2])
             case "uv", "corner":
                 mesh.triangle_uvs = vector(values[polygons.corner_of_triangle.ravel(), :2])
-    if texture is not None:  # Row 0 of Open3D is at the bottom.
+    if texture is not None:  # row 0 of a picture of Open3D is at the bottom
         mesh.textures = [open3d.geometry.Image(np.ascontiguousarray(texture[::-1]))]
         mesh.triangle_material_ids = open3d.utility.IntVector(np.zeros(len(mesh.triangles), dtype=np.int32))
     return mesh

@@ -19,12 +19,12 @@ from isomatch._core.files import open_file, read_bytes
 from isomatch.io.attribute import linear_of, srgb_of
 
 Wrap = Literal["repeat", "clamp", "mirror"]
-UNTINTED = (1.0, 1.0, 1.0, 1.0)
-IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # the first bytes of files of these formats
-_PILLOW_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # known by their contents
-_CANNOT_READ = "a picture cannot be read: "
-_MAX_PAINTED_WIDTHS = 8  # A clamped border is painted no further, in widths of the picture.
+UNTINTED = (1.0, 1.0, 1.0, 1.0)  # the factors of a colour that change nothing
+IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))  # the transform of texture coordinates that moves nothing
+_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # first bytes of pictures by format
+_PILLOW_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # Pillow knows them by contents
+_CANNOT_READ = "a picture cannot be read: "  # the beginning of messages
+_MAX_PAINTED_WIDTHS = 8  # widths of a picture over which its clamped border is painted at most; chosen
 DEFAULT_DIFFUSE = (102, 102, 102, 255)  # the colour of a simple material of trimesh that has none
 
 
@@ -83,7 +83,7 @@ class Layer:
             return self
         pixels, matrix = pixels_of(self.picture.data), np.array(self.matrix)
         for axis, wrap in enumerate(self.wrap):
-            seen = uv[:, 0] if axis == 0 else 1 - uv[:, 1]  # down from the top
+            seen = uv[:, 0] if axis == 0 else 1 - uv[:, 1]  # rows count from the top, v from the bottom
             seen = seen[np.isfinite(seen)]
             first, last = 0, 2 if wrap == "mirror" else 1
             if wrap == "clamp" and len(seen):
@@ -149,7 +149,7 @@ def _load_image(picture: bytes) -> Any:
 
     try:
         image: Image.Image = Image.open(BytesIO(picture))
-        if image.mode.startswith("I"):  # grey of 16 bits
+        if image.mode.startswith("I"):  # a grey picture of 16 bits
             image = Image.fromarray((np.asarray(image) // 257).astype(np.uint8))
         return image.convert("RGBA")
     except UnidentifiedImageError:
@@ -204,7 +204,7 @@ def png_of(pixels: AnyArray) -> bytes:
     if pixels.dtype.kind in "iu" and pixels.dtype != np.uint8:
         pixels = pixels / np.iinfo(pixels.dtype).max
     table = pixels.reshape(*pixels.shape[:2], -1)
-    table = np.repeat(table[:, :, :1], 3, axis=2) if table.shape[2] < 3 else table  # grey
+    table = np.repeat(table[:, :, :1], 3, axis=2) if table.shape[2] < 3 else table  # a grey picture
     full = 255 if pixels.dtype == np.uint8 else 1
     opaque = np.pad(table, ((0, 0), (0, 0), (0, 4 - table.shape[2])), constant_values=full)
     file = BytesIO()
@@ -247,17 +247,17 @@ def _wrap_index(index: IntArray, n: int, wrap: Wrap) -> IntArray:
 
 def texture_of(mesh: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
     """Return the one texture of a mesh of trimesh or Open3D, and its tint, 0…1; None otherwise."""
-    material = getattr(getattr(mesh, "visual", None), "material", None)  # trimesh has one
+    material = getattr(getattr(mesh, "visual", None), "material", None)  # trimesh has a material
     images = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
     textures = [np.asarray(image.convert("RGBA")) for image in images if image is not None][-1:]
-    upside_down = map(np.asarray, getattr(mesh, "textures", ()))  # Open3D has several.
+    upside_down = map(np.asarray, getattr(mesh, "textures", ()))  # Open3D has several pictures
     textures += [texture[::-1] for texture in upside_down if texture.size > 1]
     return (textures[0], _tint(material)) if len(textures) == 1 else None
 
 
 def _tint(material: Any) -> tuple[float, ...]:
     """Return the colour by which a material of trimesh multiplies its picture."""
-    factor = getattr(material, "baseColorFactor", None)  # glTF has this one.
+    factor = getattr(material, "baseColorFactor", None)  # materials of glTF have this factor
     tint = getattr(material, "diffuse", None) if factor is None else factor
     if tint is None or (factor is None and tuple(tint) == DEFAULT_DIFFUSE):
         return UNTINTED

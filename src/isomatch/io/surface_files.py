@@ -237,7 +237,7 @@ def write_asset(
         place: Attribute | None = attribute
         if attribute.domain == "corner" and not mesh_format.keeps(attribute):
             place = merge_corners(asset.polygons, len(asset.points), attribute)
-        # a format may keep only one attribute of a kind on faces, and one on points or corners
+        # some formats keep one attribute of a kind on faces, and one on points or corners
         kinds = [(other.kind, other.domain == "face") for other in kept if other.kind in mesh_format.single]
         if place and mesh_format.keeps(place) and (place.kind, place.domain == "face") not in kinds:
             kept.append(place)

@@ -24,11 +24,12 @@ from isomatch.io.attribute import Attribute, Kind, guess_kind, number_equal_name
 from isomatch.io.formats import freesurfer, gifti
 from isomatch.io.formats._reading import reading, unexpected
 
+# Lower-case names of columns that number vertices, or faces.
 _VERTEX_NAMES = ("vertex", "vertex_index", "vertex_id", "vertexid", "point", "point_id", "node")
 _FACE_NAMES = ("face", "face_index", "polygon", "polygon_index", "triangle", "cell", "element")
 _INDEX_NAMES = ("index", "unnamed: 0", "id")  # names of columns that number points or polygons
-_DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}
-_IN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,]\d{3})*(?:[.,]\d+)?", re.ASCII)
+_DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}  # what a column with a name numbers
+_IN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,]\d{3})*(?:[.,]\d+)?", re.ASCII)  # such as 1,234,567.8
 logger = logging.getLogger(__name__)
 
 
@@ -36,12 +37,12 @@ logger = logging.getLogger(__name__)
 class ValuesFormat:
     """Reader and writer of a format of values, and which attributes it keeps."""
 
-    # takes the bytes of a file, its name, and the surface of the values, if it is known
+    # function of the bytes of a file, its name, and the surface of the values, if it is known
     read: Callable[[bytes, str, Asset | None], tuple[Attribute, ...]]
     write: Callable[[Sequence[Attribute], Asset | None], bytes]
     keeps: Callable[[Attribute], bool] = lambda attribute: attribute.domain != "corner"
     is_single: bool = False  # whether a file holds only one attribute
-    has_names: bool = False  # whether it keeps the names of labels
+    has_names: bool = False  # whether files keep names of labels
 
 
 def holds_values(path: str | os.PathLike[str]) -> bool:
@@ -253,7 +254,7 @@ def _column(table: Table, i: int) -> AnyArray:
     fractions = [number for number in numbers if number is not None and np.isfinite(number) and number % 1]
     texts = [cell for cell, number in zip(cells, numbers) if number is None]
     if fractions or all(map(_IN_THOUSANDS.fullmatch, texts)):
-        table.numbers(i)  # refuses the text
+        table.numbers(i)  # raises the error about a text
     return np.array(["" if cell.lower() in NO_TEXT else cell for cell in cells])
 
 
@@ -265,7 +266,7 @@ _GIFTI = partial(ValuesFormat, gifti.read_attributes, gifti.write_attributes, ha
 _FREESURFER = partial(
     ValuesFormat, freesurfer.read_attributes, freesurfer.write_attributes, is_single=True, has_names=True
 )
-VALUES_FORMATS = {
+VALUES_FORMATS = {  # the format of files with a suffix
     ".gii": _GIFTI(gifti.keeps),
     ".annot": _FREESURFER(_on_points("label")),
     ".func.gii": _GIFTI(_on_points("scalar", "label")),

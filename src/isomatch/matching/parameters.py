@@ -165,7 +165,7 @@ class ElasticSearchParameters:
     min_mirror_orientation: float = 0.5  # cosine, mean
     n_mirror_starts: int = 24  # assignments give first maps of a shape to its mirror image; chosen
     # between a shape and its mirror image, distances that differ by this share cost nothing; chosen: less
-    # than elastic.forgiven, because both are nearly isometric
+    # than elastic.distance_tolerance, because both are nearly isometric
     forgiven_of_mirror: float = 0.1  # share of the distance
     # maps to the mirror image that are kept after each coarse step; decisions.md, elastic choice
     n_mirror_maps_kept: tuple[int, ...] = (12, 4, 4)  # maps

@@ -318,7 +318,7 @@ CAPPED = Strategy(
     "whole",
     "a part with its holes capped, unless it is sure before",
     _cap_holes,
-    lambda problem: problem.config.parts.close and not has_own_distances(problem),
+    lambda problem: problem.config.parts.close_holes and not has_own_distances(problem),
     is_enough=lambda tried, solution: False,
 )
 PART_FROM_CLOSED = Strategy(
@@ -365,7 +365,7 @@ def strategies_of(problem: Problem) -> tuple[Strategy, ...]:
     if side is None:
         return COMPLETE
     little = max(handles_of(problem)) > 0 or Part(problem, side).little_is_missing
-    return LITTLE_MISSING if little and problem.config.parts.close else MUCH_MISSING
+    return LITTLE_MISSING if little and problem.config.parts.close_holes else MUCH_MISSING
 
 
 def select_strategies(problem: Problem) -> list[tuple[str, str]]:

@@ -11,19 +11,19 @@ from isomatch._core.cached import cached_method
 from isomatch._core.compiled import compiled
 from isomatch.surfaces import Mesh, first_equal, label_components
 
-# An open surface has an inside if its volume exceeds this multiple of area^(3/2): a cat has 0.03, a
-# ball 0.09, parts of them have more, a rough sheet has 0.002.
+# Smallest volume of an open surface that has an inside, over area^(3/2): a cat has 0.03, a ball 0.09,
+# parts of these have more, a rough sheet has 0.002.
 MIN_VOLUME_RATIO = 0.01
-# A piece is nearly closed if flat discs with the lengths of its boundary loops have at most this share
-# of its area.
+# Largest area of the openings of a nearly closed piece, as a share of its area; an opening counts as a
+# flat disc with the length of its boundary loop; chosen.
 MAX_OPENING_SHARE = 0.1
 
 
 def faces_to_rewind(mesh: Mesh) -> BoolArray:
     """Find the faces to rewind, (m,): pieces become consistent, and look outward if nearly closed."""
     # A piece that cannot be oriented is left as it is. A void, or a piece that is not nearly closed,
-    # keeps the winding of most of its faces; any other gets a positive volume. rewound ^ reverse
-    # says which faces are turned over, relative to the first face of their piece.
+    # keeps the winding of most of its faces; any other piece gets a positive volume. A face is turned
+    # over if one of ``rewound``, relative to the first face, and ``reverse``, of the piece, is true.
     pieces = _pieces(mesh)
     volume = np.where(pieces.openings <= MAX_OPENING_SHARE, pieces.volume, 0.0)
     reverse = np.where(volume == 0, pieces.majority, volume) < 0
@@ -89,7 +89,7 @@ def seems_inside_out(mesh: Mesh) -> bool:
     the piece is nearly closed, one-sided, or so flat that the volume says nothing.
     """
     if (mesh.edge_table.n_faces == 2).all():
-        return False  # there are no openings
+        return False  # the mesh has no openings
     pieces = _pieces(mesh)
     largest = int(pieces.area.argmax())
     volume = pieces.volume[largest] * np.sign(pieces.majority[largest])
@@ -108,7 +108,7 @@ class _Pieces:
     rewound: BoolArray  # whether each face is wound unlike the first face of its piece, (m,)
     one_sided: BoolArray  # whether each piece cannot be oriented, (p,)
     majority: FloatArray  # the number of faces wound like the first face, minus the others, (p,)
-    volume: FloatArray  # the signed volume with openings closed by cones, in some unit, (p,)
+    volume: FloatArray  # the signed volume with openings closed by cones, in an arbitrary unit, (p,)
     area: FloatArray  # the area in the same unit, (p,)
     openings: FloatArray  # the area of discs with the lengths of the openings, as a share of the area, (p,)
 

@@ -10,12 +10,12 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.repair.self_contacts import face_normals
 from isomatch.surfaces import Mesh, label_components
 
-N_PLANES_TRIED, N_VOTING_FACES = 200, 20_000  # faces whose planes are tried, and faces that vote for them
-# √area; a face lies in a plane if its corners are no farther from it than this. What is this far
-# above the plane is cut off with it.
+N_PLANES_TRIED, N_VOTING_FACES = 200, 20_000  # faces whose planes are tried, faces counted in each; chosen
+# Largest distance, in √area, of a corner of a face that lies in a plane; faces up to this far above the
+# plane are cut off with it; chosen.
 PLANE_DISTANCE = 0.01
-MIN_NORMAL_COSINE = 0.9  # smallest cosine between the normals of a plane and of a face that lies in it
-MIN_BASE_SHARE = 0.1  # `check` reports a planar piece with at least this share of the area
+MIN_NORMAL_COSINE = 0.9  # smallest cosine between the normals of a plane and of a face in it; chosen
+MIN_BASE_SHARE = 0.1  # least share of the area of a planar piece that `check` reports as a base; chosen
 
 
 class Base(NamedTuple):

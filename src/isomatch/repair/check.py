@@ -96,7 +96,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL_THICKNESS) -> MeshReport:
 def _gaps(surface: Mesh, first: IntArray, scale: float) -> dict[str, Any]:
     """Find gaps that are meant to be closed; ``first`` (n,) is the first vertex at the same position."""
     polygons = Polygons.of_triangles(surface.faces)
-    # Joining points can close a boundary, but cannot open one.
+    # Joining points cannot open a boundary, so without one there is nothing to find.
     free = free_sides(polygons, first) if (surface.edge_table.n_faces == 1).any() else NO_SIDES
     parted = t_junctions(surface.vertices, polygons, first, free)
     close, tolerance = close_vertices(surface.vertices, free.ends)
@@ -140,18 +140,18 @@ def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, fla
             flatness[f] = doubled[f] / longest
 
 
-# A face has zero area if its smallest altitude is at most this fraction of its longest edge; it is a
-# sliver if the altitude is larger than that but below the second fraction.
+# Smallest altitudes of a face over its longest edge: up to the first ratio the face has zero area, up to
+# the second it is a sliver; chosen.
 ZERO_AREA_RATIO, SLIVER_RATIO = 1e-10, 1e-3
-# √area; the largest opening of a chamber. Six mouse skulls have openings of 0.08 to 0.1: decisions.md,
+# Largest diameter of an opening of a chamber, in √area: six mouse skulls have 0.08 to 0.1: decisions.md,
 # double walls.
 OPENING_DIAMETER = 0.1
-# A surface is double-walled if another sheet is close behind at least this share of its area: bodies,
-# animals, organs and single bones have up to 0.23, mouse skulls and shells from 0.52: decisions.md,
-# double walls.
+# Least share of the area with another sheet close behind it, of a surface that is called double-walled:
+# bodies, animals, organs and single bones have up to 0.23, mouse skulls and shells from 0.52:
+# decisions.md, double walls.
 DOUBLE_WALLED_SHARE = 0.35
 
-# What each field counts, and after the colon why it matters and what to do, in the order of the table.
+# What each field counts; after the colon, why it matters and what to do; in the order of the table.
 _FATAL = {
     "non_finite_vertices": "vertices with NaN or infinite coordinates: no distance is defined there; "
     "repair(mesh) removes them and their faces",

@@ -18,7 +18,7 @@ class VertexTrace:
     """The given vertex of each vertex, and the vertex that each given one has become."""
 
     given: IntArray  # the vertex of the given mesh that each vertex comes from, (n,)
-    current: IntArray  # the vertex that each given vertex has become, (n_given,); −1 where it is gone
+    current: IntArray  # the present vertex of each given vertex, (n_given,); −1 if it is removed
 
     @classmethod
     def of_all(cls, n: int) -> VertexTrace:
@@ -41,12 +41,12 @@ class Draft:
 
     mesh: Mesh
     trace: VertexTrace
-    notes: tuple[str, ...]  # what each step changed, in their order
+    notes: tuple[str, ...]  # sentences on what each step changed, in order
     asset: Asset | None  # the given asset with inserted points; None for a bare mesh
     faces: IntArray  # the triangle of the asset, or of the mesh with inserted points, of each face (m,)
-    given_face: IntArray  # the given triangle of each triangle of the asset
+    given_face: IntArray  # the triangle of the given asset for each triangle of ``asset``
     rewound: BoolArray  # which faces (m,) are wound unlike the given ones
-    contacts: tuple[IntArray, ...] = ()  # the given vertices of each place where limbs were parted
+    contacts: tuple[IntArray, ...] = ()  # given vertices where limbs were parted, by place
 
     @classmethod
     def of(cls, mesh: Mesh, asset: Asset | None = None, trace: VertexTrace | None = None) -> Draft:

@@ -26,10 +26,11 @@ from isomatch.repair.steps import (
 )
 from isomatch.surfaces import Mesh, in_spatial_order
 
-LARGE_MESH = 2**16  # vertices; the arrays of a larger mesh do not fit into the cache of a processor
+LARGE_MESH = 2**16  # vertices; arrays of a larger mesh do not fit into the cache, so it is sorted in space
+# Defects, by the names of `check`, of a mesh whose sheets may be glued together.
 SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
-KEEP_TOGETHER = "if they belong together, set preparation.sheet_distance = inf"
-INSIDE_OUT = (
+KEEP_TOGETHER = "if they belong together, set preparation.sheet_distance = inf"  # the remedy in notes
+INSIDE_OUT = (  # a note
     "it seems to be inside out, and its openings are too large to turn it over unasked; with a shape that does not, "
     "`match` tries both windings of its faces"
 )
@@ -83,7 +84,7 @@ def take_sheets_apart(draft: Draft, sheet_distance: float) -> Draft | None:
     if not sheets.is_manifold:  # a merge of corners removed triangles
         limbs_parted = mend(draft, least_distance=sheet_distance)
         if limbs_parted.contacts:
-            # The holes that the merge left are no openings of the shape.
+            # Holes that the merge left are closed, as they are no openings of the shape.
             at_contacts = np.isin(limbs_parted.trace.given, np.concatenate(limbs_parted.contacts))
             closed, nearest = close_holes_at(limbs_parted.mesh, at_contacts)
             trace = VertexTrace(nearest, np.arange(limbs_parted.mesh.n_vertices))

@@ -12,19 +12,21 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.io import Asset, Polygons, Renumbering
 from isomatch.surfaces import label_components
 
-ON_SIDE_RATIO = 1e-3  # A vertex lies on a side if it is nearer than this fraction of its length.
-SIDE_END_SHARE = 1e-2  # No vertex is inserted nearer to the ends of a side than this fraction of its length.
-# Vertices nearly coincide if the shortest sides are at least this many times as long as their distances.
+ON_SIDE_RATIO = 1e-3  # largest distance of a vertex from a side on which it lies, over its length; chosen
+SIDE_END_SHARE = 1e-2  # least distance of an inserted vertex from an end of a side, over its length; chosen
+# Least ratio of the shortest side to the distance of vertices that nearly coincide; chosen.
 MIN_GAP_RATIO = 3.0
-MAX_CLOSE_RATIO = 0.3  # Vertices farther apart than this fraction of the median side do not nearly coincide.
-# Smallest share and number of the boundary vertices that nearly coincide; fewer may be chance.
+MAX_CLOSE_RATIO = 0.3  # largest distance of vertices that nearly coincide, over the median side; chosen
+# Smallest share and number of boundary vertices that nearly coincide; fewer may do so by chance; chosen.
 MIN_CLOSE_SHARE, MIN_CLOSE_VERTICES = 0.05, 4
-# The quantiles that count as the shortest side and as the largest distance, where single ones lie between.
+# Quantiles of lengths and distances that stand for the shortest side and the largest distance, as single
+# values may be exceptions; chosen.
 SHORT_SIDE_QUANTILE, CLOSE_DISTANCE_QUANTILE = 0.02, 0.95
-# A piece of a side with more points near it is halved, down to this share of the side.
+# Most points near a piece of a side before the piece is halved, and the smallest share of the side that is
+# still halved; chosen for speed.
 MAX_POINTS_NEAR_PIECE, MIN_PIECE_SHARE = 16, 1 / 64
-POINTS_AT_ONCE = 2**22  # points that are compared with sides at once
-N_NEIGHBOURS = 8  # vertices among which the nearest one without a common side is sought
+POINTS_AT_ONCE = 2**22  # points that are compared with sides at once, which bounds the memory
+N_NEIGHBOURS = 8  # vertices among which the nearest vertex without a common side is sought; chosen
 
 
 class Sides(NamedTuple):
@@ -94,7 +96,7 @@ def t_junctions(points: FloatArray, polygons: Polygons, survivor: IntArray, free
     scaled[vertices] = points[vertices] / (np.abs(points[vertices]).max() or 1.0)
     side, near, share = _find_on_sides(scaled[vertices], *scaled[sides.T])
     vertex = vertices[near]
-    # A point that is a corner of the polygon already is not inserted again.
+    # A point is not inserted again if it is a corner of the polygon already.
     polygon_of, n = polygons.of_corner, len(points)
     in_range = (polygons.corners >= 0) & (polygons.corners < n)
     welded_corners = np.where(in_range, survivor[polygons.corners.clip(0, n - 1)], n)
@@ -161,7 +163,7 @@ def free_sides(polygons: Polygons, survivor: IntArray, is_sound: BoolArray | Non
 def insert_t_junctions(asset: Asset, survivor: IntArray, is_sound: BoolArray) -> tuple[Asset, BoolArray]:
     """Insert points into the sides they lie on until none is left; return also which (n,) were inserted."""
     inserted = np.zeros(len(asset.points), dtype=bool)
-    # The rounds end, because each gives some polygon a point that it did not have.
+    # The rounds end, because each round gives a polygon a new point.
     while True:
         free = free_sides(asset.polygons, survivor, is_sound)
         found = t_junctions(asset.placed_points, asset.polygons, survivor, free)

@@ -19,23 +19,23 @@ from isomatch.surfaces import Mesh, find_root, first_equal, label_components
 # sheets; around a fold or a pinch of one sheet it stays in one piece. Faces at the contact belong to
 # the sheet of their other corners. If the sheets are still joined, flatter edges, and then
 # neighbours, are added to the contact.
-# The passes: how sharp concave edges are that belong to the contact, in degrees, and the rings added.
+# Each pass: the least angle, in degrees, by which concave edges of the contact bend, and how many rings of
+# neighbours are added; chosen.
 PASSES = ((120.0, 0), (90.0, 0), (60.0, 0), (40.0, 0), (60.0, 1))
-# Sheets are looked for within this distance of the contact, in √area: less than half the shortest way
-# between the sheets.
+# Distance from the contact, in √area, within which sheets are looked for: less than half the shortest way
+# between the sheets; chosen.
 SEEN_DISTANCE = 0.08
-# A piece is a sheet if it reaches to this fraction of that distance; a smaller one is a rag of the contact.
+# Least reach of a sheet, over SEEN_DISTANCE; a smaller piece is a rag of the contact; chosen.
 MIN_SHEET_REACH = 0.8
-# Vertices of edges with more than two faces, or with several fans, are marked. At least the first share
-# of the vertices of a contact is marked, and at least the second one plus half the mean cosine of the
-# normals of copies: merged limbs face each other. In 200 merges of bodies of FAUST, TOSCA, SCAPE and
+# Vertices of edges with more than two faces, or with several fans, are marked. Of the vertices of a contact,
+# at least the first share is marked, and at least the second share plus half the mean cosine of the
+# normals of copies, because merged limbs face each other. In 200 merges of bodies of FAUST, TOSCA, SCAPE and
 # MakeHuman, contacts had shares of 0.29 to 1 and cosines up to 0.3; folds and holes had shares up to
 # 0.2 and cosines from 0.
-MIN_MARKED_SHARE = 0.25
-MARKED_SHARE_AT_RIGHT_ANGLES = 0.2
-# Bodies come apart as a whole if each has this share of the area; a leg has 0.17.
+MIN_MARKED_SHARE, MARKED_SHARE_AT_RIGHT_ANGLES = 0.25, 0.2
+# Least share of the area of a whole body, from which bodies are parted entirely; a leg has 0.17.
 MIN_BODY_SHARE = 0.2
-COPY_OFFSET_EDGES = 0.25  # mean edge lengths by which copies move inward, so that they are not welded again
+COPY_OFFSET_EDGES = 0.25  # mean edges by which copies move inward, so that they are not welded again; chosen
 
 
 def part_merged_limbs(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separation:
@@ -59,11 +59,11 @@ def part_merged_limbs(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Sep
 
 def _part_component(mesh: Mesh, least_distance: float) -> Separation:
     index = np.arange(mesh.n_vertices)
-    size = np.abs(mesh.vertices).max() or 1.0  # keeps squares and products from overflowing
+    size = np.abs(mesh.vertices).max() or 1.0  # a unit in which squares do not overflow
     parted = mesh.moved(mesh.vertices / size)
     inward = parted.volume < 0  # "concave" and "inward" assume an outward winding
     parted = rewind_faces(parted) if inward else parted
-    while True:  # limbs that have moved may meet again
+    while True:  # repeated, as limbs that have moved may meet again
         further, origin = _part_once(parted, least_distance)
         if len(origin) == len(index):
             break
@@ -96,7 +96,7 @@ def _part_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
     points = parted.vertices.copy()
     points[moves] -= COPY_OFFSET_EDGES * mesh.edge_lengths.mean() * parted.vertex_normals[moves]
     together = np.flatnonzero(moves & (first_equal(points) != np.arange(len(points))))
-    if len(together):  # normals of crumpled sheets may agree
+    if len(together):  # copies coincide again where normals of crumpled sheets agree
         start, end = np.concatenate([parted.edges, parted.edges[:, ::-1]]).T
         count = np.maximum(np.bincount(start, minlength=len(points)), 1)
         middle = np.column_stack([np.bincount(start, x[end], len(points)) / count for x in parted.vertices.T])
@@ -107,7 +107,7 @@ def _part_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
 def _bends(mesh: Mesh) -> FloatArray:
     """Find the sharpest concave edge at each vertex, (n,): its angle in degrees, negative if concave."""
     ends, beside = inner_edges(mesh)
-    agree = ~mesh.edge_table.clash[mesh.edge_table.n_faces == 2]  # The inside meets the outside elsewhere.
+    agree = ~mesh.edge_table.clash[mesh.edge_table.n_faces == 2]  # elsewhere, the inside meets the outside
     least = np.zeros(mesh.n_vertices)
     np.minimum.at(least, ends[agree], bends_and_costs(mesh, ends, beside)[0][agree, None])
     return least
@@ -224,8 +224,8 @@ def _confirm_contacts(
     seams = [places[rows] for rows in split_by(_label_near(mesh, several))]
     least = [max(MIN_MARKED_SHARE, MARKED_SHARE_AT_RIGHT_ANGLES + facing[v].mean() / 2) for v in seams]
     merged = [v for v, share in zip(seams, least) if marked[v].mean() >= share]
-    # Bodies that share a corner, an edge or a wall stay one. Merged ones have lost triangles, so that
-    # at least half of some hole is at the contact. If a limb would be cut off, only marked vertices
+    # Bodies that share a corner, an edge or a wall stay one body. Merged bodies have lost triangles, so
+    # that at least half of a hole is at the contact. If a limb would be cut off, only marked vertices
     # are parted.
     component, rim = separated.components, separated.edges[separated.edge_table.n_faces == 1]
     _, hole = label_components(len(vertex), tuple(rim.T))

@@ -19,11 +19,11 @@ from isomatch.repair.self_contacts import face_normals
 from isomatch.surfaces import Mesh, label_components, meetings
 
 T = TypeVar("T", FloatArray, IntArray, BoolArray)
-CELLS_PER_RADIUS = 4.0  # cells in a radius of the ball, so that an opening is known to an eighth
-MARGIN_CELLS = 1.5  # A ball touches the surface if it is at most this many cells beyond the radius.
-# Labels spread to narrower places in steps of this distance from the surface, in cells.
+CELLS_PER_RADIUS = 4.0  # cells of the grid in a radius of the ball: openings are measured to an eighth of it
+MARGIN_CELLS = 1.5  # largest gap, in cells, between the ball and a surface that it touches; chosen
+# Steps, in cells, by which the distance from the surface falls while labels spread to narrow places; chosen.
 NARROWING_CELLS = 0.25
-SPACING_CELLS = 0.5  # largest distance, in cells, between the points that represent a face
+SPACING_CELLS = 0.5  # largest distance, in cells, between the points that represent a face; chosen
 
 
 def inner_faces(mesh: Mesh, opening: float = OPENING_DIAMETER) -> BoolArray:
@@ -52,21 +52,21 @@ def inner_faces(mesh: Mesh, opening: float = OPENING_DIAMETER) -> BoolArray:
         _, _, nearest = dijkstra(graph, directed=False, **asked)
         seen = np.where(nearest >= 0, seen[np.maximum(nearest, 0)], seen)
     lost = seen == 0
-    if lost.any():  # components where no ball fits in front
+    if lost.any():  # in front of these components no ball fits
         count, of_face = label_components(mesh.n_faces, tuple(links.T))
         reached = np.bincount(of_face, space.is_beside_outside(surface), count) > 0
         seen[lost] = np.where(reached[of_face[lost]], _OUTER, _INNER)
     return _drop_specks(surface, links, seen == _INNER, opening**2)
 
 
-_SOLID, _INNER, _OUTER = 1, 2, 3  # labels of cells; where several meet, the largest number spreads
+_SOLID, _INNER, _OUTER = 1, 2, 3  # labels of cells; where labels meet, the largest spreads
 
 
 @dataclass(frozen=True, eq=False)
 class _Space:
     """Cells around a surface of unit area."""
 
-    lowest: FloatArray  # the corner of the grid with the lowest coordinates
+    lowest: FloatArray  # position of the corner of the grid with the lowest coordinates
     step: float  # width of a cell
     distance: FloatArray  # the distance of each cell (x, y, z) from the surface, in cells
     kind: IntArray  # _OUTER, _INNER, or _SOLID where the surface faces away; 0 where no ball fits
@@ -85,8 +85,8 @@ class _Space:
         free = np.ones(shape, dtype=bool)
         free[tuple(np.floor((points - lowest) / step).astype(int).T)] = False
         distance = distance_transform_edt(free).astype(np.float32)
-        # The ball can be rolled through connected cells where its centre fits. Such a piece is a chamber
-        # if most of the surface that the ball touches faces it; otherwise it lies in a solid.
+        # The ball can roll through connected cells in which its centre fits. These cells are a chamber if most
+        # of the surface that the ball touches faces them; otherwise they lie in a solid.
         pieces, count = label(distance > CELLS_PER_RADIUS)
         outside = int(pieces[0, 0, 0])
         kinds = np.zeros(count + 1, dtype=np.int8)

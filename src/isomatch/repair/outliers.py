@@ -7,12 +7,12 @@ from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import BoolArray, FloatArray
 
-N_NEIGHBOURS = 8
-# A point is far if the mean distance to its neighbours exceeds this many times the median of all points,
-# and stray also if it exceeds as many times the median of its neighbours.
+N_NEIGHBOURS = 8  # nearest points to which the mean distance is taken; chosen
+# A point is far if its mean distance to neighbours exceeds this multiple of the median over all points. A
+# far point is an outlier if it also exceeds this multiple of the median over its neighbours; chosen.
 FAR_RATIO = 4.0
-# Neighbours are scattered if their smallest variance exceeds this share of the sum of the three; on a
-# surface it is smaller.
+# A far point is an outlier, too, if its neighbours are scattered: their smallest variance exceeds this share
+# of the sum of all three, while it is smaller on a surface; chosen.
 SCATTER_SHARE = 0.06
 
 

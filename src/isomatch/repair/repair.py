@@ -181,7 +181,7 @@ def repair(
     cuts += [drop_base] if without_base else []
     mended = run(closed, *steps)
     cut = run(mended, *cuts)
-    # Rewound faces that were cut off afterwards are not counted.
+    # Faces that were wound again and then cut off are not counted.
     noted = note_winding(replace(cut, notes=mended.notes))
     notes = (*noted.notes, *cut.notes[len(mended.notes) :])
     if cut.asset is None or not notes:

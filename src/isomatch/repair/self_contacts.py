@@ -15,19 +15,19 @@ from isomatch._core.compiled import compiled
 from isomatch.repair.caps import boundary_loops, close_holes
 from isomatch.surfaces import Mesh, corner_links, join_trees, label_components, meetings
 
-# The cost of a unit of length along an edge, by the angle of the surface at the edge in degrees,
-# negative where concave. The cut path of a self-contact is sharp and concave, while the other loops
-# around the same handle run across convex limbs.
+# Cost per length of an edge at these angles of the surface, in degrees, negative where it is concave, with
+# linear interpolation. The cut path of a self-contact is sharp and concave, while the other loops around
+# the same handle run across convex limbs. Chosen, as all numbers below.
 COST_ANGLES = (-60.0, -30.0, 0.0, 40.0)
 LENGTH_COSTS = (0.1, 0.5, 1.0, 2.0)
 
-# These decide where cut paths are sought and are no settings: ``preparation.self_contact_concavity``
-# decides which loop is a cut path, and the handles of the shapes how many are cut.
-ROOT_ANGLE = -30.0  # degrees; loops are sought around the ends of edges sharper than this
-MAX_ROOTS = 100  # largest number of such roots; one near each cut path is enough
-MAX_PATH_COST = 0.4  # √area; paths from a root end at this cost, half the cost of the longest cut path
-LOOPS_PER_ROOT = 4  # how many of the cheapest loops through a root are tried
-# √area; a shorter cut path counts as this long, since the surface need not be concave at a point.
+# The next constants say where cut paths are sought; ``preparation.self_contact_concavity`` decides which
+# loop is a cut path, and the numbers of handles of the shapes decide how many are cut.
+ROOT_ANGLE = -30.0  # degrees; ends of edges that are bent more sharply inward are roots of loops
+MAX_ROOTS = 100  # largest number of roots; one near each cut path is enough
+MAX_PATH_COST = 0.4  # √area; cost at which a path from a root ends, half the cost of the longest cut path
+LOOPS_PER_ROOT = 4  # number of the cheapest loops through a root that are tried
+# √area; a shorter cut path is judged as if it had this length, since it need not be concave at each point.
 MIN_CUT_PATH_LENGTH = 0.06
 
 
@@ -35,7 +35,7 @@ MIN_CUT_PATH_LENGTH = 0.06
 class Cut:
     """A mesh that was cut along the paths of self-contacts."""
 
-    mesh: Mesh  # has the vertices of the given mesh, then copies of some at the same positions
+    mesh: Mesh  # vertices are the given ones, then copies of some, at the same positions
     vertex_index: IntArray  # the given vertex that each vertex comes from, (n_new,)
     cut_paths: tuple[IntArray, ...]  # the given vertices (s,) around each cut path
 
@@ -68,7 +68,7 @@ def cut_self_contacts(mesh: Mesh, most: int, concavity: float = 0.5) -> Cut:
     # surface; the loops around the limb are convex. With concave edges cheap, the shortest loop that
     # does not separate the surface is a cut path.
     index, cut_paths = np.arange(mesh.n_vertices), list[IntArray]()
-    for _ in range(most):  # the next cut path may lie along the rim of the last cut
+    for _ in range(most):  # one by one, as a cut path may lie along the rim of the last cut
         opened, vertex = cut_edges(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
         path = _cut_path(close_holes(opened), opened.n_vertices, concavity)
         if path is None:
@@ -172,7 +172,7 @@ def _nonseparating_loops(
             loop, first = _closed_loop(before, *ends[closing[k]])
             if (loop < n_real).all() and len(loop) > 2:
                 sides = mesh.vertices[loop] - mesh.vertices[np.roll(loop, -1)]
-                cost = totals[k] - 2 * distance[first]  # without the path from the root and back
+                cost = totals[k] - 2 * distance[first]  # minus the path from the root to the loop, and back
                 yield float(cost), float(np.linalg.norm(sides, axis=1).sum()), loop
 
 
@@ -217,18 +217,18 @@ def _closing_edges(
     return near[closes], total[near[closes]]
 
 
-# These are no settings: a crease is only a hypothesis, which the map closes again where it is a fold,
-# and ``preparation.self_contact_concavity`` = 0 rules out all creases.
-CREASE_ANGLE = -45.0  # degrees; edges sharper than this form creases
+# Bounds of creases, chosen: a crease is only a hypothesis, which the map closes again where it is a fold.
+# With ``preparation.self_contact_concavity`` = 0 there are no creases.
+CREASE_ANGLE = -45.0  # degrees; edges that are bent more sharply inward form creases
 MAX_BRIDGE_COST = 0.03  # √area; largest cost of a path that joins two pieces of a crease
-MIN_CREASE_LENGTH = 0.12  # √area; a shorter crease is left out
+MIN_CREASE_LENGTH = 0.12  # √area; least length of a crease
 
 
 def find_creases(mesh: Mesh) -> IntArray:
     """Find the edges (s, 2) of sharp concave creases, in disjoint paths. O(n log n)."""
-    # Sharp edges form pieces. Pieces near one another are joined by shortest paths, with concave edges
-    # cheap. Of each piece the longest path of a spanning tree is kept, because a surface without holes
-    # that is cut along disjoint paths remains connected.
+    # Sharp edges form pieces. Pieces near one another are joined by shortest paths, on which concave edges are
+    # cheap. Each piece is reduced to the longest path of a spanning tree, because a surface without holes that
+    # is cut along disjoint paths remains connected.
     ends, beside = inner_edges(mesh)
     bends, costs = bends_and_costs(mesh, ends, beside)
     n, size = mesh.n_vertices, np.sqrt(mesh.area)
@@ -253,7 +253,7 @@ def find_creases(mesh: Mesh) -> IntArray:
             chosen += [edges_to_root(before, vertex) for vertex in ends[edge]]
     edges = np.unique(np.sort(np.concatenate(chosen), axis=1), axis=0)
     is_cut = are_among(ends, _longest_paths(mesh, edges, MIN_CREASE_LENGTH * size))
-    # A path next to a hole may cut off a piece; its edges are left out.
+    # A path next to a hole may cut off a piece of the surface; the edges of such a path are left out.
     _, part = label_components(mesh.n_faces, tuple(beside[~is_cut].T))
     aside = (part[beside] != np.bincount(part).argmax()).any(axis=1)
     kept: IntArray = ends[is_cut & ~aside]
@@ -290,7 +290,7 @@ def _longest_paths(mesh: Mesh, edges: IntArray, least: float) -> IntArray:
     kept = [np.zeros((0, 2), dtype=np.int64)]
     for vertices in (np.flatnonzero(piece == label) for label in np.unique(piece[edges[:, 0]])):
         end = vertices[0]
-        for _ in range(2):  # from any vertex to one end of the longest path, and on to the other
+        for _ in range(2):  # from any vertex to an end of the longest path, and from there to its other end
             far, before = dijkstra(tree, directed=False, indices=end, return_predecessors=True)
             end = vertices[far[vertices].argmax()]
         if far[end] >= least:

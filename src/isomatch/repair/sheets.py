@@ -24,15 +24,15 @@ from isomatch.surfaces import (
     unsound_faces,
 )
 
-SHEET_DISTANCE = 0.1  # √area; the default of `PreparationSettings.sheet_distance`
-PROBES_PER_SEAM = 8  # vertices of a seam at which the distance of the copies is measured
+SHEET_DISTANCE = 0.1  # √area along the surface; the default of `PreparationSettings.sheet_distance`
+PROBES_PER_SEAM = 8  # vertices of a seam at which the distance between the copies is measured; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Separation:
     """A mesh whose sheets were separated."""
 
-    mesh: Mesh  # has the vertices of the glued mesh, then copies of some of them
+    mesh: Mesh  # vertices are the glued ones, then copies of some
     vertex_index: IntArray  # the vertex of the glued mesh that each vertex comes from, (n_new,)
     seams: tuple[IntArray, ...]  # separated vertices (s,) of the glued mesh, for each connected seam
 
@@ -72,7 +72,7 @@ def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separ
     used = np.zeros((mesh.n_vertices, 1), dtype=bool)
     used[faces] = True
     points = np.where(used, mesh.vertices, 0.0)
-    points /= np.abs(points).max(initial=0.0) or 1.0  # keeps squares and products from overflowing
+    points /= np.abs(points).max(initial=0.0) or 1.0  # so squares do not overflow
     partners = _Partners(points, faces)
     partners.heal()
     fan, vertex = partners.fans()
@@ -96,7 +96,7 @@ def _restore_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     faces = faces[~(unsound.any & ~unsound.duplicate)]
     edges = edge_table(faces, len(vertices))
     side, edge, direction = sides_by_edge(edges, faces)
-    surplus = np.bincount(edge, direction, len(edges.ends))  # of traversals from the smaller vertex
+    surplus = np.bincount(edge, direction, len(edges.ends))  # traversals from the smaller vertex
     lowest = faces.argmin(axis=1)[:, None]
     turned = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)
     too_often = np.bincount(side // 3, surplus[edge] * direction > 0) == 3
@@ -120,7 +120,7 @@ def _restore_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     rim_of = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[rim_of], np.arange(n_pieces + 1))
     faces_of = split_by(piece)
-    # The smallest layer comes first: a wall before the rooms beside it.
+    # Layers are treated from the smallest to the largest: a wall before the rooms beside it.
     for i in np.flatnonzero(one_sign)[area[one_sign].argsort(kind="stable")]:
         rim_rows = rim_of[start[i] : start[i + 1]]
         sign = np.sign(surplus[edge_of[rim_rows]] * direction_of[rim_rows])
@@ -177,13 +177,13 @@ def far_copies(
     return [seam for seam in seams if is_far(seam)]
 
 
-# Partners are exchanged if the likeness that this loses is smaller; between two flat sheets it is 2.
+# Largest loss of likeness, ((1 + cos) / 2)² of both pairs of faces, for which partners are exchanged; chosen:
+# an exchange between two flat sheets loses 2.
 MAX_LIKENESS_LOSS = 1.95
-HEALING_ROUNDS = 3
-# The faces of an edge are paired if they are no more than this, as pairing is quadratic in their
-# number; at sheets that touch there are 4 or 6.
+HEALING_ROUNDS = 3  # rounds in which wrong choices of partners are exchanged; chosen
+# Most faces of an edge that are paired, as the time is quadratic in their number; sheets that touch have 4 or 6.
 MAX_PAIRED_FACES = 100
-# Vertices with one fan are paired if a net of crowded edges has no more, as all pairs are compared.
+# Most vertices with one fan, in a net of crowded edges, that are paired, as all pairs are compared.
 MAX_PAIRED_VERTICES = 1000
 
 

@@ -89,7 +89,7 @@ def drop_non_finite(draft: Draft) -> Draft:
 def drop_welded(draft: Draft) -> Draft:
     """Remove vertices that were welded onto others, so that no given vertex has become them."""
     welded = np.ones(draft.mesh.n_vertices + 1, dtype=bool)
-    welded[draft.trace.current] = False  # index −1, for vertices that are gone, is the last row
+    welded[draft.trace.current] = False  # index −1, of removed vertices, means the last row
     return draft.without_vertices(welded[:-1])
 
 
@@ -118,13 +118,13 @@ def part_limbs(draft: Draft, least_distance: float) -> Draft:
         return draft
     trace = VertexTrace(limbs.vertex_index, np.arange(draft.mesh.n_vertices))
     contacts = tuple(draft.trace.given[seam] for seam in limbs.seams)
-    # The faces are wound again, because before, more than two of them met at merged edges.
+    # The faces are wound again, because more than two faces met at merged edges before.
     return wind(replace(draft.made_into(limbs.mesh, trace), contacts=contacts))
 
 
 def drop_chambers(draft: Draft, opening: float) -> Draft:
     """Remove chambers and their walls; the outermost surface is left."""
-    from isomatch.repair.outer import inner_faces  # imports scipy.ndimage, which is slow
+    from isomatch.repair.outer import inner_faces  # late, as it imports scipy.ndimage, which is slow
 
     return _cut_off(draft, "chambers", inner_faces(draft.mesh, opening))
 

@@ -8,12 +8,12 @@ from scipy.spatial import cKDTree
 from isomatch._core.errors import SettingError
 from isomatch.surfaces import Mesh
 
-WALL_THICKNESS = 0.05  # √area; the largest thickness of a wall: decisions.md, double walls
-N_PROBED = 1000  # vertices, spread evenly over the area, that are probed; they measure the share to 1.5 %
-MAX_COMPARED_VERTICES = 50_000  # vertices among which the other sheet is sought, 0.004 √area apart
+WALL_THICKNESS = 0.05  # √area; largest thickness of a wall: decisions.md, double walls
+N_PROBED = 1000  # vertices, spread evenly over the area, that are probed; the share is known to 1.5 %
+MAX_COMPARED_VERTICES = 50_000  # vertices among which the other sheet is sought; spacing 0.004 √area
 PROBED_DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # fractions of the thickness at which the other sheet is sought
-MAX_OPPOSITE_COSINE = -0.7  # The cosine between the normals of the two sheets of a wall is smaller than this.
-# The depth of the other sheet is at least this many times its sideways offset.
+MAX_OPPOSITE_COSINE = -0.7  # largest cosine between the normals of the two sheets of a wall; chosen
+# Least depth of the other sheet, over its sideways offset from the normal; chosen.
 MIN_STEEPNESS = 2.0
 
 
@@ -25,8 +25,8 @@ def double_walled_share(surface: Mesh, wall: float = WALL_THICKNESS) -> float:
     """
     if not 0 <= wall < np.inf:
         raise SettingError(f"wall = {wall!r} is not a thickness; give 0 or more, in √area")
-    # The search is in six dimensions, positions and normals times the wall: the query is a place behind
-    # a vertex, with the opposite normal.
+    # The search is in six dimensions, positions and normals × the thickness of the wall: the query is a place
+    # behind a vertex, with the opposite normal.
     area = surface.area
     if not 0 < area < np.inf:
         return 0.0

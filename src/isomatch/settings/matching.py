@@ -8,107 +8,89 @@ from functools import partial
 from isomatch._core.errors import SettingError
 from isomatch._core.settings import Settings, setting
 
-# Target vertices within this distance of an image, in √area along edges, are covered; the search
-# vertices lie as far from each other.
+# Reasons such as "6 err by 10 % more" compare mean errors with other values: docs/dev/lab/benchmarks.md, what each
+# part contributes, and sensitivity. Scores, energies and residuals are better if they are lower.
+
+# Largest distance along edges, in √area, of a covered target vertex from an image; the spacing of search vertices.
 COVERAGE_RADIUS = 0.05
-# A shape that is registered resists stretching at these lengths, in √area, one for each step.
+# Lengths, in √area, below which a shape that is registered moves rigidly, one for each step; chosen.
 BENDING_LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)
 
 
 @dataclass(frozen=True)
 class SearchSettings(Settings):
-    """Settings of first maps and of the search among them.
+    """Settings of first maps and of the search among them."""
 
-    Parameters
-    ----------
-    rank, start_columns : int
-        Descriptor columns that are compared, and leading columns that a few points determine.
-    near_rigid : float
-        Aligned shapes up to this mean distance, in √area, are also matched by `poses_between`.
-    off_diagonal, ridge : tuple of float, float
-        Penalties of `alignments_from_points` on mixed columns (all are tried for landmarks, the
-        first for extremities), and on every entry.
-    extremity_counts, n_candidate_extremities : tuple of int, int
-        Numbers of extremities of one shape that are assigned together; candidates on the other.
-    assignments, eccentricity_weight : int, float
-        Best assignments kept for each count and direction; weight of differences of average
-        distance in their cost, relative to differences of mutual distances.
-    start_steps, flip_steps, compare_every, unchanged : int, int, int, float
-        Iterations of closest points from extremities, and after flips; iterations between two
-        comparisons of the maps; share of unchanged images at which an iteration has converged.
-    same_start, same_map : float
-        Mean distance of images, in √area, below which two starts, or two converged maps, are one.
-    n_hypotheses, flipped, flipped_functions : int
-        Largest number of hypotheses; number of the best that are flipped, and of leading
-        Laplace–Beltrami functions whose signs are flipped.
-    flip_landmarks : bool
-        Whether flips of the map from landmarks are tried if no automatic hypotheses compete.
-    """
-
-    rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
-    start_columns: int = setting(20, "lab/benchmarks.md, sensitivity", least=4)
-    near_rigid: float = setting(0.05, "bones of one kind: 0.034 to 0.043; other poses: from 0.047", least=0)
-    off_diagonal: tuple[float, ...] = setting((0.01, 0.001, 0.0001), "lab/paper.md, centaur5", least=0)
-    ridge: float = setting(0.001, "lab/benchmarks.md, sensitivity", least=0)
-    extremity_counts: tuple[int, ...] = setting((4, 5, 6), "ablation: one set of extremities", least=1)
-    n_candidate_extremities: int = setting(7, "lab/benchmarks.md, sensitivity", least=1)
-    assignments: int = setting(8, "lab/benchmarks.md, sensitivity: the right map on 86 of 86", least=1)
-    eccentricity_weight: float = setting(0.3, "lab/benchmarks.md, sensitivity", least=0)
-    start_steps: int = setting(12, "lab/benchmarks.md, sensitivity", least=1)
-    flip_steps: int = setting(4, "lab/benchmarks.md, sensitivity", least=1)
-    unchanged: float = setting(0.99, "lab/benchmarks.md, sensitivity", least=0, most=1)
-    compare_every: int = setting(2, "lab/benchmarks.md, sensitivity", least=1)
-    same_start: float = setting(0.02, "sensitivity; half the spacing of 400 samples", least=0)
-    same_map: float = setting(0.05, "sensitivity; the spacing of 400 samples", least=0)
-    n_hypotheses: int = setting(14, "the right map was among the best 12 on 86 of 86 pairs", least=1)
-    flipped: int = setting(3, "ablation: no flips", least=0)
-    flipped_functions: int = setting(20, "ablation: no flips", least=0)
-    flip_landmarks: bool = setting(True, "lab/paper.md: victoria12–victoria23, 7.9 without, 4.2 with")
+    rank: int = setting(30, "50 are no better on 50 pairs", least=4)
+    """Number of descriptor columns that are compared."""
+    start_columns: int = setting(20, "10 and 30 gain nothing", least=4)
+    """Number of leading descriptor columns that a few points align."""
+    near_rigid: float = setting(0.05, "bones of one kind have 0.034 to 0.043", least=0)
+    """Mean distance of two shapes after a rigid motion, in √area, up to which nearest points are a first map."""
+    off_diagonal: tuple[float, ...] = setting((0.01, 0.001, 0.0001), "error 4.3 → 2.6: lab/paper.md", least=0)
+    """Penalties on mixing descriptor columns; all are tried for landmarks, the first one for extremities."""
+    ridge: float = setting(0.001, "0.0001 and 0.01 do as well", least=0)
+    """Penalty on every entry of the matrix that aligns descriptor columns, see `alignments_from_points`."""
+    extremity_counts: tuple[int, ...] = setting((4, 5, 6), "one count errs by 1 % more", least=1)
+    """Numbers of extremities of one shape that are assigned together."""
+    n_candidate_extremities: int = setting(7, "6 err by 10 % more, 8 do as well", least=1)
+    """Number of extremities of the other shape among which their images are chosen."""
+    assignments: int = setting(8, "8 contain the right map on 86 of 86 pairs", least=1)
+    """Number of best assignments that are kept for each count and direction."""
+    eccentricity_weight: float = setting(0.3, "0 and 1 do as well", least=0)
+    """Weight of differences of average distance in the cost, relative to differences of mutual distances."""
+    start_steps: int = setting(12, "6 err by 6 % more, 24 do as well", least=1)
+    """Iterations of closest points from a first map by extremities."""
+    flip_steps: int = setting(4, "2 and 8 gain nothing", least=1)
+    """Iterations of closest points from a flipped map."""
+    unchanged: float = setting(0.99, "0.95 errs by 2 % more, 1 does as well", least=0, most=1)
+    """Share of unchanged images from which an iteration of closest points has converged."""
+    compare_every: int = setting(2, "1 and 4 do as well", least=1)
+    """Iterations between two comparisons of the maps, which drop repeated ones."""
+    same_start: float = setting(0.02, "half the spacing of 400 samples", least=0)
+    """Mean distance of images, in √area, below which two starts are one."""
+    same_map: float = setting(0.05, "the spacing of 400 samples", least=0)
+    """Mean distance of images, in √area, below which two converged maps are one."""
+    n_hypotheses: int = setting(14, "12 contain the right map on 86 of 86 pairs", least=1)
+    """Largest number of hypotheses, which are maps that compete."""
+    flipped: int = setting(3, "without flips, 15 of 124 pairs fail", least=0)
+    """Number of best hypotheses that are flipped: the sign of a Laplace–Beltrami function is changed."""
+    flipped_functions: int = setting(20, "12 err by 7 % more, 30 by 4 %", least=0)
+    """Number of leading Laplace–Beltrami functions whose signs are flipped."""
+    flip_landmarks: bool = setting(True, "error of one pair 7.9 % of √area without, 4.2 with: lab/paper.md")
+    """Whether flips of the map from landmarks are tried if no automatic hypotheses compete."""
 
 
 @dataclass(frozen=True)
 class SelectionSettings(Settings):
-    """Settings of the choice among hypotheses.
+    """Settings of the choice among hypotheses."""
 
-    Parameters
-    ----------
-    normal_functions, extension_functions : int
-        Functions of the smoothed surfaces whose normals are compared, and those through which a
-        hypothesis is extended to further vertices.
-    curvature_exponent, energy_exponent : float
-        Energy = descriptor residual × curvature difference to the power of the first; score of a
-        refined map = spectral residual × energy to the power of the second.
-    orientation_threshold : float
-        Mean cosine between normals above which a map preserves the orientation.
-    energy_limit, mirrored_energy, most_contenders : float, float, int
-        Hypotheses with an energy up to this multiple of the least are refined and compared again,
-        up to the second if their orientation is not allowed; the largest number of them.
-    spectral_residual_limit : float
-        A map is given up after a stage of the refinement if its spectral residual reaches this
-        multiple of the least.
-    same_map, runner_up_distance : float
-        Mean distance between images, in √area, up to which two refined maps are the same (less than
-        one turned limb makes), and from which they are different maps, not variants of one.
-    descriptor_weight : float
-        The costs of two maps are compared after a factor exp(weight × difference of their mean
-        descriptor distances).
-    most_alternatives : int
-        Largest number of alternatives in the result.
-    """
-
-    normal_functions: int = setting(40, "lab/benchmarks.md, sensitivity", least=4)
-    curvature_exponent: float = setting(2.0, "on 86 pairs 2 and 1 choose right, 2 by a wider margin", least=0)
-    orientation_threshold: float = setting(0.3, "50 pairs: right ones above 0.54", least=0, most=1)
-    mirrored_energy: float = setting(0.75, "lopsided creatures up to 0.52; bodies from 0.42", least=0)
-    energy_limit: float = setting(3.0, "lab/benchmarks.md, sensitivity", least=1)
-    most_contenders: int = setting(4, "decisions.md, refinement cost: no other map than by 6", least=1)
-    extension_functions: int = setting(50, "lab/benchmarks.md, sensitivity; as in the search", least=4)
-    spectral_residual_limit: float = setting(1.15, "lab/benchmarks.md, sensitivity; as outcome.tie", least=1)
-    same_map: float = setting(0.02, "lab/benchmarks.md, sensitivity; half of one turned limb", least=0)
-    energy_exponent: float = setting(0.25, "ablation: model selection by spectral residual alone", least=0)
-    runner_up_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
+    normal_functions: int = setting(40, "20 and 80 do as well", least=4)
+    """Number of Laplace–Beltrami functions that smooth the surfaces whose normals are compared."""
+    curvature_exponent: float = setting(2.0, "1 chooses right on 86 pairs, too, but narrowly", least=0)
+    """Exponent: the energy of a map is descriptor residual × curvature difference ** curvature_exponent."""
+    orientation_threshold: float = setting(0.3, "right maps on 50 pairs have above 0.54", least=0, most=1)
+    """Mean cosine between normals above which a map preserves the orientation."""
+    mirrored_energy: float = setting(0.75, "chosen: lopsided shapes have up to 0.52", least=0)
+    """Energy over the least one, below which a map of the orientation not allowed is refined to compare it."""
+    energy_limit: float = setting(3.0, "1.5 and 6 do as well", least=1)
+    """Energy over the least one, up to which hypotheses are refined and compared again."""
+    most_contenders: int = setting(4, "6 give no other map: decisions.md, refinement cost", least=1)
+    """Largest number of hypotheses that are refined."""
+    extension_functions: int = setting(50, "25 do as well, 100 err by 4 % more", least=4)
+    """Number of functions through which a hypothesis is extended to further vertices."""
+    spectral_residual_limit: float = setting(1.15, "1.05 and 1.3 do as well", least=1)
+    """Spectral residual over the least one, above which a map is given up after a stage of the refinement."""
+    same_map: float = setting(0.02, "half of what one turned limb makes", least=0)
+    """Mean distance of images, in √area, up to which two refined maps are the same."""
+    energy_exponent: float = setting(0.25, "with 0, 3 of 124 pairs get worse maps, 1 a better one", least=0)
+    """Exponent: the score of a refined map is spectral residual × energy ** energy_exponent."""
+    runner_up_distance: float = setting(0.15, "one turned limb makes less, a turned body more", least=0)
+    """Mean distance of images, in √area, above which two maps are different, not variants of one."""
     descriptor_weight: float = setting(1.5, "decisions.md, descriptor weight", least=0)
-    most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
+    """Costs of two maps are compared after exp(weight × difference of their mean descriptor distances)."""
+    most_alternatives: int = setting(2, "as many as a report can show beside the map", least=0)
+    """Largest number of alternatives in the result."""
 
 
 _sizes = partial(setting, least=4, empty=True)  # A stage without sizes is left out.
@@ -116,43 +98,32 @@ _sizes = partial(setting, least=4, empty=True)  # A stage without sizes is left 
 
 @dataclass(frozen=True)
 class RefinementSettings(Settings):
-    """Settings of the refinements.
-
-    Parameters
-    ----------
-    sizes_without_positions, sizes_with_positions, final_sizes : tuple of int
-        Functions in the steps of the three stages of the joint refinement; the last two have
-        positions and normals. After each stage, maps that fit much worse than the best are dropped.
-    sizes_of_parts, polished_sizes : tuple of int
-        Functions in further steps, without positions, for the map of a part, and in those that
-        polish the map of a large mesh on more vertices.
-    sizes_again : tuple of int
-        Functions in the steps that refine once more a map that ties with the best, with positions
-        and normals if the earlier stages end with them, and with the same last step. The map of
-        lower score stays.
-    position_unit : float
-        Distance between positions, in √area, that counts as one unit of the spectral coordinates.
-    normal_weight, function_weight : float
-        Weights of normals, and of functions known on both shapes (see `match`), relative to their
-        root mean square.
-    registration_steps, laplace_steps_at_once : int
-        Steps of the non-rigid registration that ends "joint"; if above 0, the largest number of
-        iterations of "laplace_icp" as in the paper: all functions at once, F orthogonal.
-    """
+    """Settings of the refinements."""
 
     sizes_without_positions: tuple[int, ...] = _sizes(
-        (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; decisions.md, refinement steps"
+        (20, 25, 30, 35, 40, 45, 50), "as in Melzi et al. 2019; decisions.md, refinement steps"
     )
-    sizes_with_positions: tuple[int, ...] = _sizes((50, 75, 100), "ablation")
-    final_sizes: tuple[int, ...] = _sizes((125, 150), "ablation")
-    sizes_of_parts: tuple[int, ...] = _sizes((70, 100, 140), "decisions.md, refinement steps")
+    """Functions in each step of the first stage of the joint refinement, without positions and normals."""
+    sizes_with_positions: tuple[int, ...] = _sizes((50, 75, 100), "in one step, 9 of 124 pairs fail")
+    """Functions in each step of the second stage, with positions and normals."""
+    final_sizes: tuple[int, ...] = _sizes((125, 150), "200 gain nothing: decisions.md, refinement cost")
+    """Functions in each step of the last stage, with positions and normals, of the maps that fit best."""
+    sizes_of_parts: tuple[int, ...] = _sizes((70, 100, 140), "7 % less error: decisions.md, refinement steps")
+    """Functions in each further step, without positions, for the map of a part."""
     sizes_again: tuple[int, ...] = _sizes((20, 30, 50, 80, 130), "decisions.md, second refinement")
+    """Functions in the steps that refine a map once more if it ties with the best; the lower score stays."""
     polished_sizes: tuple[int, ...] = setting((100, 150), "chosen", least=4)
-    position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
-    normal_weight: float = setting(0.3, "lab/benchmarks.md, sensitivity", least=0)
+    """Functions in the steps that polish the map of a large mesh on more vertices."""
+    position_unit: float = setting(0.08, "error on 9 pairs 2.06 % of √area, with 0.3 2.14", least=1e-6)
+    """Distance between positions, in √area, that counts as one unit of the spectral coordinates."""
+    normal_weight: float = setting(0.3, "0.15 errs by 4 % more, 0.6 does as well", least=0)
+    """Root mean square of normals as further coordinates."""
     function_weight: float = setting(0.2, "docs/priors.md, known functions", least=0)
-    registration_steps: int = setting(3, "decisions.md, refinement cost", least=0)
-    laplace_steps_at_once: int = setting(0, "lab/paper.md, deviations: at once heals less", least=0)
+    """Root mean square, as further coordinates, of functions known on both shapes (see `match`)."""
+    registration_steps: int = setting(3, "4 gain nothing: decisions.md, refinement cost", least=0)
+    """Steps of the non-rigid registration that ends "joint"."""
+    laplace_steps_at_once: int = setting(0, "all at once errs more: lab/paper.md", least=0)
+    """If above 0, most iterations of "laplace_icp" as in the paper: all functions at once, F orthogonal."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -176,155 +147,111 @@ class RefinementSettings(Settings):
 
 @dataclass(frozen=True)
 class PartSettings(Settings):
-    """Settings of the match of a part to a whole.
+    """Settings of the match of a part to a whole."""
 
-    Parameters
-    ----------
-    hopeless : float
-        A map is dropped if its score reaches this multiple of the best, after the short refinement,
-        which keeps two, and before settling.
-    long_boundary : float
-        A shape may be a part if a piece of its boundary is longer than this, in √area.
-    close : bool
-        Also match the shapes with their holes closed, as complete ones.
-    little_missing, most_there : float
-        A part with at least this share of the area of the whole, in the units of the files, is
-        first matched with its holes closed, and if that is sure, from that map; the second share
-        applies if few distances are known (``little_trusted``).
-    bending, n_bent_vertices : tuple of float, int
-        Lengths, in √area of the whole, at which the part resists stretching when it is bent onto
-        the whole, see `RigidRegistration`; number of its vertices while contenders are
-        compared.
-    n_settled : int
-        Number of best maps that are settled: the part is bent, its map refined from the bent part,
-        and so on.
-    rim, off : float
-        A vertex of the whole is matched to the boundary of a part, or to its other points, up to
-        these distances, in √area. If hardly any distance on the whole is known, the second one
-        applies to both.
-    poor_doubt, poor_via : float
-        A map is not sure if its doubt (see `Quality`) is above the first, or if it is composed and
-        its cost by `verify` is above the second.
-    little_trusted, clear : float
-        A map is not sure if the share of pairs of anchors with a known distance on the whole is
-        below the first, unless the score of its best alternative is at least the second times its
-        own.
-    descriptor_weight : float
-        As `SelectionSettings.descriptor_weight`, for parts, and for roughly refined maps.
-    n_common, sure_common : int, float
-        For two overlapping parts: number of likeliest common regions that are refined; how much
-        more alike than at random the parts must look in the best region for it to be sure.
-    tie : float
-        A map is not sure if the score of an alternative is below this multiple of its own.
-    """
-
-    hopeless: float = setting(3.0, "lab/robustness.md, parts", least=1)
-    long_boundary: float = setting(0.15, "complete bodies up to 0.08, without a limb from 0.2", least=0)
-    close: bool = setting(True, "decisions.md, strategies that pay")
+    hopeless: float = setting(3.0, "such maps end above 3.8 × the best score: lab/robustness.md", least=1)
+    """Score over the best one above which a map is dropped, after the short refinement and before bending."""
+    long_boundary: float = setting(0.15, "complete bodies have up to 0.08, without a limb 0.2", least=0)
+    """Length of a piece of the boundary, in √area, above which a shape may be a part."""
+    close_holes: bool = setting(True, "wins or leads on 21 of 116 parts: decisions.md, strategies that pay")
+    """Whether the shapes are also matched with their holes closed, as complete ones."""
     little_missing: float = setting(0.85, "decisions.md, part first or second", least=0)
-    most_there: float = setting(0.6, "decisions.md, two parts", least=0)
-    bending: tuple[float, ...] = setting(BENDING_LENGTHS, "lab/robustness.md, parts", least=1e-3)
-    rim: float = setting(0.04, "lab/robustness.md, parts", least=0)
-    off: float = setting(0.1, "lab/robustness.md, parts", least=0)
-    n_bent_vertices: int = setting(1000, "lab/robustness.md, parts", least=50)
+    """Share of the whole's area from which a part is first matched as complete, with its holes closed."""
+    most_there: float = setting(0.6, "chosen", least=0)
+    """The same share if few distances are known, see ``little_trusted``."""
+    bending: tuple[float, ...] = setting(BENDING_LENGTHS, "chosen: coarse to fine", least=1e-3)
+    """Lengths, in √area of the whole, below which the part moves rigidly when it is bent, see `RigidRegistration`."""
+    boundary_tolerance: float = setting(0.04, "1.2 % of true images are farther", least=0)
+    """Largest distance, in √area, of a vertex of the whole that is matched to the boundary of the bent part."""
+    surface_tolerance: float = setting(0.1, "five views err by 4.3 % of √area, with 0.04 by 9.0", least=0)
+    """The same distance to other points of the bent part, and to all if hardly any distance is known."""
+    n_bent_vertices: int = setting(1000, "2000 err by 3 % less in 1.2 × the time", least=50)
+    """Number of vertices of the bent part while contenders are compared."""
     n_settled: int = setting(3, "lab/robustness.md, parts", least=0)
-    poor_doubt: float = setting(8.5e-5, "lab/robustness.md, parts, how the bound was set", least=0)
+    """Number of best maps from which the part is bent, to refine the map from the bent part."""
+    poor_doubt: float = setting(8.5e-5, "31 of 40 right maps have less, wrong ones ≥ 1.8e-4", least=0)
+    """Doubt of a map (see `Quality`) above which it is not sure."""
     little_trusted: float = setting(0.15, "lab/robustness.md, parts", least=0, most=1)
-    clear: float = setting(2.0, "lab/robustness.md, parts", least=1)
+    """Share of known distances between anchors on the whole, below which a sure map needs ``clear_lead``."""
+    clear_lead: float = setting(2.0, "1.10 to 1.39 beside wrong maps: lab/robustness.md", least=1)
+    """Score of the best alternative over the map's own, from which a map is sure if few distances are known."""
     descriptor_weight: float = setting(6.0, "decisions.md, cost of a part", least=0)
-    n_common: int = setting(8, "decisions.md, two parts", least=1)
-    sure_common: float = setting(0.5, "decisions.md, two parts", least=0)
-    tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)
-    poor_via: float = setting(0.03, "decisions.md, by way of a whole", least=0)
+    """The same as `SelectionSettings.descriptor_weight`, for parts and for roughly refined maps."""
+    n_common: int = setting(8, "chosen", least=1)
+    """Number of likeliest common regions of two overlapping parts that are refined."""
+    sure_common: float = setting(0.5, "wrong maps have up to 0.44: decisions.md, two parts", least=0)
+    """Least evidence for a sure common region: area that looks alike, less what lacks an image."""
+    tie: float = setting(1.2, "chosen on cuts and holes, with the other bounds", least=1)
+    """Score of an alternative over the map's own, below which the map is not sure."""
+    poor_via: float = setting(0.03, "wrong maps have 0.033 or more: decisions.md, by way of a whole", least=0)
+    """Cost by `verify` above which a composed map is not sure."""
 
 
 @dataclass(frozen=True)
 class ElasticSettings(Settings):
-    """Settings of the match of shapes that are far from isometric.
+    """Settings of the match of shapes that are far from isometric."""
 
-    Parameters
-    ----------
-    sought : float
-        A map that lets limbs stretch is sought if the spectral residual of the best map that keeps
-        distances reaches this.
-    n_coordinates, n_starts : int
-        Canonical coordinates of each shape; best assignments of the points of either.
-    forgiven, inside : float
-        Difference of two distances, in units of the average, that costs nothing; a term of
-        `IntervalCost`.
-    bending, n_bent_vertices
-        As in `PartSettings`, for both shapes.
-    most_scaled : float
-        A piece of the source may grow or shrink by this factor at no cost (`RigidRegistration`).
-    """
-
-    sought: float = setting(0.54, "decisions.md, elastic outcome: when limbs are taken to stretch", least=0)
+    min_spectral_residual: float = setting(0.54, "decisions.md, elastic outcome", least=0)
+    """Spectral residual of the best isometric map above which a map that lets limbs stretch is sought."""
     n_coordinates: int = setting(8, "Ezuz et al. 2019", least=3)
-    forgiven: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
-    inside: float = setting(0.1, "decisions.md, elastic starts", least=0)
+    """Number of canonical coordinates of each shape."""
+    distance_tolerance: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
+    """Share by which a distance may change at a lower cost (``tolerance`` of `IntervalCost`)."""
+    deviation_weight: float = setting(0.1, "best start 10 % of √area off, with 0.3 12 %", least=0)
+    """Weight of any change of a distance, relative to what exceeds this share (``inside`` of `IntervalCost`)."""
     n_starts: int = setting(60, "decisions.md, elastic starts", least=1)
-    bending: tuple[float, ...] = setting(BENDING_LENGTHS, "decisions.md, elastic steps", least=1e-3)
-    n_bent_vertices: int = setting(1000, "decisions.md, elastic steps", least=100)
-    most_scaled: float = setting(2.0, "decisions.md, elastic steps: half and twice the size", least=1)
+    """Number of best assignments of either shape's points that are tried."""
+    bending: tuple[float, ...] = setting(BENDING_LENGTHS, "chosen: coarse to fine", least=1e-3)
+    """Lengths, in √area, below which either shape moves rigidly when it is bent onto the other."""
+    n_bent_vertices: int = setting(1000, "chosen as for parts", least=100)
+    """Number of vertices of the bent shapes while contenders are compared."""
+    most_scaled: float = setting(2.0, "chosen: half to twice the size", least=1)
+    """Factor by which a piece of a shape may grow or shrink at no cost (`RigidRegistration`)."""
 
 
 @dataclass(frozen=True)
 class OutcomeSettings(Settings):
-    """Bounds of the measures that decide the outcome.
-
-    Parameters
-    ----------
-    coverage_radius : float
-        Target vertices within this distance of an image, in √area along edges, are covered.
-    tie, look_tie, mirror_tie : float
-        A map is not sure if the score of an alternative is below this multiple of its own: in
-        general; between shapes far from isometric, whose spectral residuals are nearly equal; and
-        for maps of either side if both are allowed, as poses alone may differ as much.
-    mirror_image : float
-        A map of the orientation that is not allowed fits clearly better if its score is below this
-        multiple of the score of the map returned.
-    torn, torn_apart : float
-        Largest ratio of the squared lengths of an edge's image and of the edge that counts;
-        difference of both lengths, in √area, from which the map tears the edge.
-    poor_spectral_residual, poor_residual, poor_stretch, poor_torn_off, poor_orientation : float
-        A map is poor above these values of its `Quality`, and below the last.
-    poor_bending, poor_far_residual, poor_far_descriptor_distance : float
-        The same for shapes far from isometric: bending cost, residual and descriptor distance.
-    poor_descriptor_distance : float
-        A map is sure only if its mean descriptor distance is well below this; see `Quality`.
-    doubtful_descriptor_distance, doubtful_area : float
-        The image of a vertex is doubtful if the mean descriptor distance around it exceeds the
-        median of the map by the first; a region of doubtful images lowers the outcome if its share
-        of the surface reaches the second.
-    contradiction : float
-        Priors are contradicted if images lie this far, in √area, from where priors ask for them:
-        the mean of landmarks (for a part the median), or the median of an initial map.
-    out_of_pose : float
-        ``start="pose"`` misleads if the mean distance of the images from the nearest points in
-        space reaches this, in √area.
-    large_component : float
-        Share of the area, or of the vertices, from which a component without a partner makes a
-        match partial, and an unsure one makes it unsure.
-    """
+    """Bounds of the measures that decide the outcome."""
 
     coverage_radius: float = setting(COVERAGE_RADIUS, "the spacing of the search vertices", least=0)
-    tie: float = setting(1.25, "decisions.md, descriptor weight", least=1)
-    look_tie: float = setting(1.15, "decisions.md, descriptor bounds", least=1)
-    mirror_tie: float = setting(1.5, "lab/benchmarks.md, confidence: either side", least=1)
-    mirror_image: float = setting(0.6, "lopsided creatures up to 0.52; bodies from 0.67", least=0, most=1)
-    torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
-    poor_spectral_residual: float = setting(0.66, "FAUST and creatures; lab/benchmarks.md", least=0)
-    poor_residual: float = setting(0.38, "FAUST and creatures; lab/benchmarks.md, confidence", least=0)
+    """Largest distance along edges, in √area, of a covered target vertex from an image."""
+    tie: float = setting(1.25, "5 right maps of 63 are flagged: decisions.md, descriptor weight", least=1)
+    """Score of an alternative over the map's own, below which the map is not sure."""
+    elastic_tie: float = setting(1.15, "chosen: decisions.md, descriptor bounds", least=1)
+    """The same between shapes far from isometric, whose spectral residuals are nearly equal."""
+    mirror_tie: float = setting(1.5, "lab/benchmarks.md, confidence", least=1)
+    """The same for maps of either orientation if both are allowed, as poses alone may differ as much."""
+    mirror_image: float = setting(0.6, "lopsided creatures up to 0.52, bodies from 0.67", least=0, most=1)
+    """Score of a map of the orientation not allowed, over the map's own, below which it fits clearly better."""
+    max_counted_growth: float = setting(4.0, "chosen: torn faces must not outweigh all others", least=1)
+    """Ratio of the squared lengths of an edge's image and the edge; larger ones count as this in the stretch."""
+    poor_spectral_residual: float = setting(0.66, "set on FAUST and creatures: lab/benchmarks.md", least=0)
+    """`Quality.spectral_residual` above which a map is poor."""
+    poor_residual: float = setting(0.38, "set on FAUST and creatures: lab/benchmarks.md", least=0)
+    """`Quality.residual` above which a map is poor."""
     poor_stretch: float = setting(1.2, "lab/benchmarks.md, confidence", least=1)
-    poor_bending: float = setting(1.7e-3, "decisions.md, elastic outcome", least=0)
-    poor_far_residual: float = setting(0.45, "decisions.md, elastic outcome", least=0)
-    poor_far_descriptor_distance: float = setting(0.465, "decisions.md, individuals", least=0)
-    poor_descriptor_distance: float = setting(0.42, "decisions.md, descriptor bounds", least=0)
-    doubtful_descriptor_distance: float = setting(0.65, "lab/benchmarks.md, regions of doubt", least=0)
+    """`Quality.stretch` above which a map is poor."""
+    poor_bending: float = setting(1.7e-3, "a wrong map has 2.3e-3: decisions.md, elastic outcome", least=0)
+    """`Quality.bending_cost` above which a map is poor, for shapes far from isometric."""
+    poor_far_residual: float = setting(0.45, "a wrong map has 0.59: decisions.md, elastic outcome", least=0)
+    """`Quality.residual` above which a map is poor, for shapes far from isometric."""
+    poor_far_descriptor_distance: float = setting(0.465, "right ≤ 0.46: decisions.md, individuals", least=0)
+    """`Quality.descriptor_distance` above which a map is poor, for shapes far from isometric."""
+    poor_descriptor_distance: float = setting(0.42, "right ≥ 0.38: decisions.md, descriptor bounds", least=0)
+    """Bound: further strategies are tried unless the mean descriptor distance is well below this."""
+    doubtful_descriptor_distance: float = setting(0.65, "right maps but one ≤ 0.54, wrong ≥ 0.78", least=0)
+    """Mean descriptor distance around a vertex, above the map's median, from which its image is doubtful."""
     doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)
-    torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: lab/benchmarks.md, confidence", least=0)
-    poor_torn_off: float = setting(0.005, "half a hand; right maps have at most 0.2 %", least=0)
-    poor_orientation: float = setting(0.65, "chosen, not measured", least=-1, most=1)
-    contradiction: float = setting(0.1, "lab/benchmarks.md, contradicted priors", least=0)
-    out_of_pose: float = setting(0.25, "docs/priors.md, the pose: 0.22 at 40°, 0.29 at 90°", least=0)
-    large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)
+    """Share of the surface above which a region of doubtful images lowers the outcome."""
+    torn_growth: float = setting(0.1, "0.07 to 0.15 do as well: lab/benchmarks.md", least=0)
+    """Growth of an edge, in √area, above which the map tears it."""
+    poor_torn_off: float = setting(0.005, "half a hand; right maps have up to 0.2 %", least=0)
+    """`Quality.torn_off`, a share of the area, above which a map is poor."""
+    poor_orientation: float = setting(0.65, "chosen", least=-1, most=1)
+    """`Quality.orientation`, a mean cosine of normals, below which a map is poor."""
+    contradiction: float = setting(0.1, "right priors have up to 0.05, wrong ones 0.12", least=0)
+    """Distance of images from where priors ask for them, in √area, above which they contradict the map."""
+    out_of_pose: float = setting(0.25, "a turn by 40° makes 0.22, by 90° 0.29: docs/priors.md", least=0)
+    """Mean distance of images from the nearest points in space, in √area, above which the pose misleads."""
+    large_component: float = setting(0.05, "a hand has 1 %, a head 8 % of a body", least=0, most=1)
+    """Share of area or vertices above which a component without a partner makes a match partial."""

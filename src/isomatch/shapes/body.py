@@ -14,23 +14,23 @@ from isomatch.repair import LARGE_MESH, VertexTrace, find_outliers, prepare_for_
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-MIN_VERTICES = 50  # a smaller body is refused, as it has no room for 8 columns and 20 functions
-LEFT_UNMATCHED = "are left unmatched"
-GRAPH_AVERAGE_DISTANCE = 0.75  # mean distance of two points of a scaled graph, as in people of unit area
-MIN_COMPONENT_SHARE = 0.001  # a component with less of the area is left out; an eye of a body has about this
+MIN_VERTICES = 50  # fewest vertices of a body, which needs 8 distance columns and 20 functions
+LEFT_UNMATCHED = "are left unmatched"  # in notes on parts that are not matched
+GRAPH_AVERAGE_DISTANCE = 0.75  # mean distance to which a graph, without area, is scaled, as in people
+MIN_COMPONENT_SHARE = 0.001  # least share of the area of a component that is matched, such as an eye
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
     """The part of a shape that is matched."""
 
-    # The largest connected component; a mesh is welded, its glued sheets separated, wound outward;
-    # centred, of unit area.
+    # The largest connected component, centred, of unit area. A mesh is welded and wound outward, and its
+    # glued sheets are separated.
     surface: Surface
-    scale: float  # length of 1 in the units of the shape
+    scale: float  # length of a unit of the body in the units of the shape
     body_vertex: IntArray  # (n,) body vertex of each vertex of the shape; −1 if left out
-    # (n_body,) vertex of the shape of each body vertex: the same for copies at separated sheets,
-    # the nearest on caps
+    # (n_body,) vertex of the shape for each body vertex: the same one for copies at separated sheets, the
+    # nearest one on caps
     user_vertex: IntArray
     left_out: float  # share of the shape that lies in other components, see `body_of`
     notes: tuple[str, ...]  # parts left out, and repairs
@@ -77,8 +77,7 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
     large = others & (sizes >= MIN_VERTICES)
     matchable = np.flatnonzero(large & (shares >= MIN_COMPONENT_SHARE) & isinstance(whole, Mesh))
     largest_first = matchable[np.argsort(-shares[matchable], kind="stable")]
-    # The share left out is by area, or by vertices of large components, whichever is larger; debris
-    # does not count.
+    # The share left out is measured by area, and by vertices of large components; the larger one counts.
     return replace(
         component(largest),
         left_out=float(max(shares[others].sum(), sizes[large].sum() / len(labels))),
@@ -89,8 +88,8 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
 
 def _repair(shape: Surface, sheet_distance: float) -> tuple[Surface, float, VertexTrace, tuple[str, ...]]:
     """Repair a mesh, and leave out outliers of points; graphs stay as they are."""
-    # The result is in a unit in which no area overflows or vanishes, with this unit, the trace of
-    # its vertices, and notes.
+    # Returns the surface in a unit in which no area overflows or vanishes, this unit, the trace of the
+    # vertices, and notes.
     if isinstance(shape, Graph):
         return shape, 1.0, VertexTrace.of_all(shape.n_vertices), ()
     if isinstance(shape, PointCloud):

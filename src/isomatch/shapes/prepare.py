@@ -81,9 +81,9 @@ def prepare(
         timer = StageTimer(progress, PREPARATION_SHARES)
         timer.start("body")
         shape = surface_from(surface)
-        generator(seed)  # refuses a bad seed
+        generator(seed)  # raises the error about a bad seed
         settings = config.preparation
-        if distances is not None:  # hold for the unchanged surface, and are not kept for other components
+        if distances is not None:  # given distances hold for the whole, unchanged surface
             settings = replace(settings, sheet_distance=np.inf, most_components=0)
         prepared = prepare_body(shape, body_of(shape, settings), config, seed, timer, distances)
         timer.reach("done", 1.0)
@@ -185,7 +185,7 @@ def extremal_points(
     """Find the local maxima of the average geodesic distance, the most remote first."""
     # In any pose, the average distance of a vertex to the surface is large at the tips of limbs and
     # least in the middle: its local maxima (no neighbour is higher) are the extremities. They are
-    # taken most remote first; maxima too near to a previous one are passed over.
+    # taken from the most remote on; maxima too near to a previous one are passed over.
     i, j = surface.edges.T
     highest = np.full(surface.n_vertices, -np.inf)
     np.maximum.at(highest, i, average_distance[j])

@@ -39,7 +39,7 @@ from isomatch.surfaces import Graph, Mesh, PointCloud
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-N_BALLS = 500  # balls are computed at this many vertices; the other vertices get means of near ones
+N_BALLS = 500  # vertices whose balls are computed; other vertices get means of near balls; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -196,7 +196,7 @@ class PreparedShape(SmoothShape, Shown):
     def on_original(self, points: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:
         """Carry points back to the original's body, and flag those on no cap, or near its rim."""
         vertices = points.corners[:, 0]
-        off_caps = self.to_original[vertices] <= self.config.parts.rim
+        off_caps = self.to_original[vertices] <= self.config.parts.boundary_tolerance
         carried = PrecisePoints.at_vertices(self.original_vertex[vertices])
         inside = (self.to_original[points.corners] == 0).all(axis=1)
         carried.corners[inside] = self.original_vertex[points.corners[inside]]
@@ -304,9 +304,8 @@ class PreparedShape(SmoothShape, Shown):
     @cached_property
     def points(self) -> SignedPoints:
         """Geodesic distance descriptors of the body, in the intrinsic unit, as a signed point cloud."""
-        # Rows p(x) with d(x, y) = Σ_c s_c p_c(x) p_c(y), s_c = ±1. Divided by √(average distance),
-        # products are distances in units of the average distance, which depend on no unit and no
-        # size of the body.
+        # The points are rows p(x) with d(x, y) = Σ_c s_c p_c(x) p_c(y), s_c = ±1. They are divided by
+        # √(average distance), so that products are distances over the average distance, whatever the size.
         descriptor = geodesic_distance_descriptor(self.distances)
         signed = self.config.preparation.block_diagonal
         signs = descriptor.signature if signed else np.ones_like(descriptor.signature)
@@ -328,7 +327,7 @@ class PreparedShape(SmoothShape, Shown):
             return None
         balls = ball_signature(self.triangles, unit=1.0, samples=self.sample_vertices[:N_BALLS], weld=False)
         if self.origin is not None and (self.origin < 0).any():
-            # a ball that reaches a cap is as unknown as one that reaches the boundary
+            # a ball that reaches a cap is unknown, as a ball that reaches the boundary
             to_caps, _ = distance_along_edges_to_nearest(self.triangles, np.flatnonzero(self.origin < 0))
             balls = replace(balls, to_boundary=np.minimum(balls.to_boundary, to_caps))
         return balls
@@ -363,13 +362,14 @@ FORMAT = ArrayFormat(
     version=3,  # raise it whenever shapes are prepared in another way: files of other versions are refused
     arrays={"about": Stored("text"), "digest": Stored("text")},
 )
-_ARRAY = re.compile(r"array_[0-9]{1,9}")
+_ARRAY = re.compile(r"array_[0-9]{1,9}")  # names of arrays in a file
+# Classes of the objects that a file may hold; KINDS makes an object from the name of its class.
 _SURFACES, _BASES = (Mesh, PointCloud), (DistanceBasis, LaplaceBasis, Sampling)
 _STORED = *_SURFACES, *_BASES, Body, Detail, Level, Decimated, Prolongation
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}
-KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # its fields and parameters have different names
+KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # parameters have other names than fields
 
-# fields that hold vertices: the lowest number allowed, and the number of vertices to choose from
+# Fields that hold numbers of vertices: the lowest number allowed, and the number of vertices.
 NUMBERED: dict[str, tuple[int, Callable[[Any], int]]] = {
     "body_vertex": (-1, lambda part: len(part.user_vertex)),
     "user_vertex": (0, lambda part: len(part.body_vertex)),

@@ -28,29 +28,26 @@ from isomatch.correspondence import (
 )
 from isomatch.settings import SymmetrySettings
 
-# Numbers without another source: lab/benchmarks.md, symmetry. Distances are in √area.
-N_SAMPLES = 200  # the search uses this many samples; chosen: spacing 0.08, less than SAME_SYMMETRY
-N_ANCHORS = 5  # samples far from each other: three determine an isometry of a surface, two more its errors
-BEAM_WIDTH = 60  # this many partial assignments of the anchors are kept
+# Numbers without a reason were chosen, see lab/benchmarks.md, symmetry. Distances are in √area.
+N_SAMPLES = 200  # samples of the search; chosen: their spacing of 0.08 is below SAME_SYMMETRY
+N_ANCHORS = 5  # samples far from each other: three determine an isometry, two more show if it is right
+BEAM_WIDTH = 60  # partial assignments of the anchors that are kept; 200 find no more symmetries
 N_ROUNDS, STEPS_PER_ROUND = 3, 4  # rounds of closest points from each assignment, and steps of a round
-SAME_START = 0.04  # between rounds, maps at a smaller mean distance, half the spacing, become one
-N_GENERATORS = 6  # products of any two of this many best symmetries are tried; chosen, not measured
-MIN_ORIENTATION = 0.7  # a symmetry has at least this mean cosine between normals, of either sign
-MIN_MOVED = 0.15  # a map that moves samples by less on average is the identity; selection.runner_up_distance
-SAME_SYMMETRY = 0.1  # two maps at a smaller mean distance, about the spacing of the samples, are the same
-# Bounds of residuals, relative to the largest residual of a symmetry: the first for maps in
-# products, the second for maps whose orientation need not be clear, such as maps of one-sided
-# surfaces; chosen, not measured.
-GENERATOR_RESIDUAL_RATIO = 1.5
-EXACT_RESIDUAL_RATIO = 0.75
-# The residual among the samples of the search may exceed the residual among all samples by this
-# factor. Near the bound it is 1.03 to 1.08 on six bodies of FAUST.
+SAME_START = 0.04  # mean distance below which maps become one between rounds; half the spacing
+N_GENERATORS = 6  # best symmetries whose products, of any two, are tried; chosen
+MIN_ORIENTATION = 0.7  # least mean cosine, of either sign, between normals; mirror images of bodies have more
+MIN_MOVED = 0.15  # mean movement below which a map is the identity; as selection.runner_up_distance
+SAME_SYMMETRY = 0.1  # mean distance below which two maps are one; about the spacing of the samples
+# Largest residuals, over the largest residual of a symmetry: of maps that are multiplied, and of maps whose
+# orientation need not be clear, as on one-sided surfaces; chosen.
+GENERATOR_RESIDUAL_RATIO, EXACT_RESIDUAL_RATIO = 1.5, 0.75
+# Largest residual among the samples of the search over the residual among all samples. Near the bound, six
+# bodies of FAUST have 1.03 to 1.08.
 SEARCH_RESIDUAL_RATIO = 1.2
-# Near-symmetries have residuals up to the first multiple of the largest residual of a symmetry, and are
-# sought from the second multiple of the number of assignments. Half turns of ants have 1.3, and are
-# missed with the same number of assignments.
+# Largest residual of a near-symmetry over the largest residual of a symmetry, and the number of assignments
+# over the number for symmetries. Half turns of ants have 1.3, and are missed with as few assignments.
 NEAR_RESIDUAL_RATIO, NEAR_ASSIGNMENTS_RATIO = 2.0, 2.5
-EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)  # any difference of two distances costs
+EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)  # a cost of any difference of two distances
 
 Orientation = Callable[[IntArray], float]
 """Orientation, from −1 to 1, of a map of samples (r,) to samples."""
@@ -61,8 +58,8 @@ class Symmetry:
     """A map of a shape onto itself that nearly keeps distances."""
 
     image_row: IntArray  # (r,) image of each sample
-    residual: float  # of the distance descriptors, in √(average distance): 0.1 if exact, from the spacing of samples
-    orientation: float  # near 1 for a rotation, near −1 for a mirror image; 0 if the shape has no triangles
+    residual: float  # of the distance descriptors, in √(average distance); 0.1 for exact symmetries
+    orientation: float  # near 1 for a rotation, −1 for a mirror image; 0 if the shape has no triangles
     moved: float  # mean distance between a sample and its image, in √area
 
 
@@ -115,11 +112,11 @@ class SymmetrySearch:
 
     @cached_property
     def _first_maps(self) -> list[Alignment]:
-        return self._improve_maps(slice(self.settings.most))
+        return self._improve_maps(slice(self.settings.n_assignments))
 
     @cached_property
     def _further_maps(self) -> list[Alignment]:
-        n = self.settings.most
+        n = self.settings.n_assignments
         return self._improve_maps(slice(n, int(NEAR_ASSIGNMENTS_RATIO * n)))
 
     def _improve_maps(self, rows: slice) -> list[Alignment]:
@@ -176,10 +173,10 @@ class SymmetrySearch:
         for alignment in sorted(alignments, key=attrgetter("residual")):
             if alignment.residual <= SEARCH_RESIDUAL_RATIO * largest_tried:
                 add(alignment.rotation)
-        # Symmetries are a group: σ τ is one, which the beam may have missed. Two mirror images make
-        # a rotation.
+        # Symmetries are a group: the product σ τ is a symmetry, too, which the beam may have missed. Two
+        # mirror images make a rotation.
         generators = [rotation for _, rotation, _ in self_maps[:n_generators]]
-        tried[1:] = [sample_map for *_, sample_map in self_maps]  # a product may mend a map that was rejected
+        tried[1:] = [sample_map for *_, sample_map in self_maps]  # so that products may mend rejected maps
         for first, second in product(generators, repeat=2):
             add(second @ first)
         symmetries = [symmetry for symmetry, *_ in self_maps if symmetry.residual <= most]

@@ -26,9 +26,8 @@ def _names(*properties: Any) -> tuple[str, ...]:
     return tuple(cached.func.__name__ for cached in properties)
 
 
-# Properties that a shape made from another one takes over. The properties themselves give the
-# names, so that renaming one without this list fails; a property that is not listed is computed
-# anew, which is correct, but slower.
+# Names of cached properties that a variant takes over from the shape from which it is made, by what both
+# have in common. A property that is not listed is computed anew, which is correct, but slower.
 OF_BODY = _names(
     PreparedShape.functions, PreparedShape.index, PreparedShape.signatures, PreparedShape.curvature
 )
@@ -50,7 +49,7 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
         return _variant(shape, close_holes(shape.triangles), everything)
     same = replace(shape, others=(), finer=None, refining=None, origin=everything, original=replace(shape))
     for name in (names := (*OF_BODY, *OF_DISTANCES)):
-        getattr(shape, name)  # computed for the original, which needs them again
+        getattr(shape, name)  # computed for the original shape, which needs them again
     return _with_properties_of(shape, same, names)
 
 
@@ -131,7 +130,7 @@ def _cut_open(
 
 def _variant(shape: PreparedShape, mesh: Mesh, origin: IntArray, *notes: str) -> PreparedShape:
     """Prepare a mesh made from the body of a shape, whose vertices come first, as a variant of the shape."""
-    # ``origin`` is the body vertex of each vertex; vertices of caps come last and have none
+    # ``origin`` is the body vertex of each vertex; vertices of caps come last and have no body vertex
     variant = _prepare_again(shape, mesh, shape.requested)
     on_caps = np.full(mesh.n_vertices - len(origin), UNMATCHED)
     variant = replace(variant, origin=np.concatenate([origin, on_caps]), original=replace(shape))

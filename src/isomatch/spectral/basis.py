@@ -81,7 +81,7 @@ def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
     # The rule does not depend on the order of the points. A function that is odd under a symmetry
     # of the surface has a third moment of 0 up to rounding; its sign stays arbitrary, and no result
     # may depend on it.
-    moments = weights.astype(vectors.dtype) @ (vectors * vectors * vectors)  # a power takes ten times as long
+    moments = weights.astype(vectors.dtype) @ (vectors * vectors * vectors)  # ** 3 takes ten times as long
     return np.ascontiguousarray(vectors * np.where(moments < 0, -1.0, 1.0).astype(vectors.dtype))
 
 

@@ -197,7 +197,7 @@ def _low_rank_scaling(
         interpolant = biharmonic_interpolant(require_mesh_or_points(surface), samples)
         outer, middle = interpolated_factors(interpolant, squares)
     else:
-        rank = (len(samples) + 1) // 2  # half of the columns, which regularises
+        rank = (len(samples) + 1) // 2  # half of the columns, as a full rank would fit errors
         outer, middle = nystrom_factors(squares, samples, rank)
     outer -= measure @ outer / measure.sum()
     form = orthonormalise(outer, -0.5 * middle, measure, method, "", samples)

@@ -36,8 +36,8 @@ FORMAT = ArrayFormat(
     },
     filled=("n", "k"),
 )
-MIN_EIGENVALUE_RATIO = 1e-12  # an eigenvalue smaller than this times the largest is rounding, and left out
-MIN_PAIRS_FOR_THREADS = 50_000  # starting threads for fewer pairs costs more time than it saves
+MIN_EIGENVALUE_RATIO = 1e-12  # least eigenvalue, over the largest; smaller ones are rounding and left out
+MIN_PAIRS_FOR_THREADS = 50_000  # pairs of points; for fewer, threads cost more time than they save
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -22,26 +22,24 @@ from isomatch.surfaces import Mesh, Surface
 
 Precision = Literal["double", "single"]
 
-# This many vectors are solved for at once in double precision. Larger blocks need more vectors to
-# converge, smaller ones more time to solve.
+# Vectors that are solved for at once in double precision. Larger blocks need more vectors to converge,
+# smaller blocks need more time to solve; chosen.
 BLOCK_VECTORS = 8
-# An eigenpair has converged if its relative residual, see `smallest_eigenpairs`, is below this
-# (decisions.md, refinement cost).
+# Largest relative residual of a converged eigenpair, see `smallest_eigenpairs`: decisions.md, refinement
+# cost.
 MAX_RESIDUAL: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
-# The first test of convergence waits for this many vectors per function. With 2.4, the finest
-# signature of a shape and of its relabelled copy differ by up to 0.6 standard deviations, with 2.6
-# by 0.07.
+# Vectors per function before the first test of convergence. With 2.4, the finest signature of a shape and
+# of its relabelled copy differ by up to 0.6 standard deviations, with 2.6 by 0.07.
 MIN_VECTORS_PER_FUNCTION = 2.6
-VECTORS_PER_TEST = 48  # vectors between tests, each an eigendecomposition; a multiple of either width
-MAX_DENSE_VERTICES = 1000  # a surface of more vertices is solved in a Krylov space, others by a dense solver
-# Shift of the refined basis, relative to the last eigenvalue of the coarse basis: large enough that
-# inverse iteration favours no single function.
+VECTORS_PER_TEST = 48  # vectors between two tests of convergence; a multiple of the widths of blocks
+MAX_DENSE_VERTICES = 1000  # most vertices for a dense solver; beyond, a Krylov space is faster
+# Shift of the operator of the refined basis, over the last eigenvalue of the coarse basis: so large that
+# inverse iteration favours no single function; chosen.
 SHIFT_RATIO = 0.1
-# These shifts, in 1 / area, are added to all eigenvalues. The first makes the singular Laplacian
-# definite. The second, in single precision, is near the second eigenvalue: with less, rounding of the
-# largest part of the inverse hides the others.
-SHIFT = 1e-2
-SINGLE_SHIFT = 10.0
+# Shifts, in 1 / area, that are added to all eigenvalues. The first makes the singular Laplacian definite.
+# The second, for single precision, is near the second eigenvalue: with a smaller shift, rounding of the
+# largest part of the inverse hides the other parts.
+SHIFT, SINGLE_SHIFT = 1e-2, 10.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -192,8 +190,8 @@ def _unit_operator(surface: Surface) -> tuple[csc_array, FloatArray]:
             )
     require_one_component(surface)
     stiffness, weights = stiffness_and_masses(surface)
-    # L φ = λ A φ with φ = A^(−½) u is H u = λ u with the symmetric H = A^(−½) L A^(−½), times the
-    # area: at unit area
+    # L φ = λ A φ with φ = A^(−½) u is H u = λ u with the symmetric H = A^(−½) L A^(−½). H is
+    # multiplied by the area, as if the area were 1
     scale, operator = np.sqrt(weights.sum() / weights), csc_array(stiffness)
     operator.data *= scale[operator.indices] * np.repeat(scale, np.diff(operator.indptr))
     return operator, weights

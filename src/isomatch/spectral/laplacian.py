@@ -17,7 +17,7 @@ from isomatch.geodesics import MetricSpace
 from isomatch.spectral.basis import require_areas
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-WIDTH = 16  # this many right-hand sides are solved for at once: 64 bytes of each row in single precision
+WIDTH = 16  # right-hand sides that are solved for at once: a row has 64 bytes in single precision
 
 
 def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:
@@ -41,7 +41,7 @@ def _graph_laplacian(graph: Graph) -> csc_array:
     # length, times a constant: on a square grid, where the masses are h², 4 / degree √(m_i m_j) /
     # h² = 1 makes L the five-point Laplacian.
     i, j = graph.edges.T
-    lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())  # never 0
+    lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())  # so no length is 0
     degree = 2 * len(i) / graph.n_vertices  # average number of neighbours, 4 on a square grid
     conductance = 4 / degree * np.sqrt(graph.vertex_areas[i] * graph.vertex_areas[j]) / lengths**2
     adjacency = coo_array((conductance, (i, j)), shape=(graph.n_vertices,) * 2)

@@ -22,16 +22,15 @@ from isomatch.spectral.laplace_basis import LaplaceBasis, laplace_basis
 from isomatch.spectral.laplacian import factorise, stiffness_and_masses
 from isomatch.surfaces import Mesh, PointCloud, Surface
 
-RIDGE_RATIO = 1e-9  # ridge over the mean variance, so that samples that nearly coincide do no harm
+RIDGE_RATIO = 1e-9  # ridge of kriging over the mean variance, for samples that nearly coincide; chosen
 NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %
-MIN_NODES = 300  # a basis of few vectors has at least this many predicted columns
-MIN_AREA_RATIO = 1e-3  # an area below this share of the mean counts as this, or it would attract samples
-BLOCK_ROWS = 4096  # a thread computes this many rows of predicted columns at once
-# Both are weights μ of the values at the samples, at unit area. Above 1e4 the interpolant is
-# practically exact there. The spectral weight is lower, because p functions that follow p values
-# closely oscillate between the samples.
-FIDELITY = 1e6
-SPECTRAL_FIDELITY = 1e4
+MIN_NODES = 300  # least number of predicted columns of a basis of few vectors; chosen
+MIN_AREA_RATIO = 1e-3  # least area of a vertex over the mean, as tiny areas attract samples; chosen
+BLOCK_ROWS = 4096  # rows of predicted columns that a thread computes at once
+# Weights μ of the values at the samples, at unit area, in the biharmonic interpolant, and in its spectral
+# form. Above 1e4 the interpolant is practically exact at the samples. The spectral weight is lower, because
+# p functions that follow p values closely oscillate between the samples.
+FIDELITY, SPECTRAL_FIDELITY = 1e6, 1e4
 
 
 def nystrom_basis(sampling: Sampling, weights: FloatArray, rank: int, engine: str) -> DistanceBasis:
@@ -78,7 +77,7 @@ def exact_basis(engine: DistanceEngine, weights: FloatArray, rank: int) -> Dista
     distances = all_distances(engine, 16.0, "the exact distance basis")
     root = np.sqrt(weights)
     operator = (distances + distances.T) * (0.5 * root[:, None]) * root
-    if rank >= n - 1:  # too many for eigsh
+    if rank >= n - 1:  # eigsh finds fewer than n − 1 pairs
         values, vectors = np.linalg.eigh(operator)
     else:
         start = np.random.default_rng(0).standard_normal(n)
@@ -190,8 +189,8 @@ def choose_nodes(
     points: FloatArray, samples: IntArray, weights: FloatArray, gain: FloatArray, n_nodes: int
 ) -> tuple[IntArray, FloatArray]:
     """Choose r quadrature nodes with weights: the p samples, then each farthest from all before it."""
-    # The weight of a node is the sum over the vertices nearest to it. Distances are Euclidean,
-    # times the gain (n,) of each vertex: cheap, and accurate enough to place the nodes. O(n r).
+    # The weight of a node is the sum of the weights of the vertices nearest to it. Distances are Euclidean,
+    # which is cheap and accurate enough to place nodes, and multiplied by a gain (n,) of vertices. O(n r).
     nodes = list(samples)
     nearest = KDTree(points[nodes]).query(points)[0] * gain
     while len(nodes) < min(n_nodes, len(points)):

@@ -25,7 +25,7 @@ def first_equal(points: AnyArray) -> IntArray:
     group = np.cumsum(is_new) - 1
     first[order] = np.minimum.reduceat(order, np.flatnonzero(is_new))[group]
     differs = (points != points[first]).any(axis=1)
-    if differs.any():  # different rows with the same hash, or NaN
+    if differs.any():  # rows differ but have one hash, or contain NaN
         rows = np.sort(order[np.isin(group, group[differs[order]])])
         first[rows] = rows[_first_equal_by_order(points[rows])]
     return first
@@ -42,7 +42,7 @@ def weld_points(points: AnyArray) -> tuple[IntArray, IntArray]:
 
 
 def _first_equal_by_order(points: AnyArray) -> IntArray:
-    order = np.lexsort(points.T)  # stable: equal points stay in order of their index
+    order = np.lexsort(points.T)  # lexsort is stable, so equal points stay in the order of their index
     ordered = points[order]
     starts_group = np.ones(len(points), dtype=bool)
     starts_group[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)

@@ -17,20 +17,20 @@ class EdgeTable:
     """The e edges of m faces. Side 3 f + i of face f goes from its corner i to its corner i + 1."""
 
     ends: IntArray  # (e, 2) vertices of each edge, the smaller first, in lexicographic order
-    n_faces: AnyArray  # (e,) how many faces meet there
+    n_faces: AnyArray  # (e,) how many faces meet at the edge
     sides: AnyArray  # (3 m,) all sides, sorted by edge, then by number
     opposite: AnyArray  # (3 m,) the other side at the edge of each side, −1 where not exactly two faces meet
-    clash: BoolArray  # (e,) whether the only two sides have one direction: inconsistent winding
+    clash: BoolArray  # (e,) whether both sides of two faces have one direction: wound inconsistently
 
 
 @dataclass(frozen=True)
 class Meetings:
     """The k pairs of faces that meet at edges; the r sides of an edge form a chain of r - 1 pairs."""
 
-    sides: IntArray  # (k, 2) on the same edge
-    edge: IntArray  # (k,)
+    sides: IntArray  # (k, 2) two sides on the same edge
+    edge: IntArray  # (k,) number of the edge
     is_pair: BoolArray  # (k,) whether exactly two faces meet at the edge
-    same_direction: BoolArray  # (k,) as `EdgeTable.clash`
+    same_direction: BoolArray  # (k,) whether both sides have one direction: wound inconsistently
 
 
 def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
@@ -197,8 +197,8 @@ def count_fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
 @compiled()
 def _count_fans(faces: IntArray, opposite: AnyArray, count: IntArray) -> None:
     """Walk around each vertex, both ways from a corner, from face to face across common sides."""
-    # Opposite sides have the same direction where faces are wound inconsistently, so at_start keeps
-    # track of the end of the side at which the vertex is.
+    # ``at_start`` tells at which end of the side the vertex is, since opposite sides have the same direction
+    # where faces are wound inconsistently.
     seen = np.zeros(faces.size, np.bool_)
     for corner in range(faces.size):
         if seen[corner]:

@@ -10,7 +10,7 @@ from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, rea
 from isomatch._core.compiled import compiled
 from isomatch._core.errors import MeshError, some
 
-OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)
+OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)  # defects of a face; 0 is a sound face
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def _kinds(vertices: FloatArray, faces: IntArray) -> AnyArray:
         for i in range(3):
             for x in range(3):
                 total += 0.0 * vertices[faces[f, i], x]
-        if total != 0.0:  # 0 × inf and 0 × nan are nan
+        if total != 0.0:  # a coordinate is infinite or nan, as 0 × inf and 0 × nan are nan
             kind[f] = NON_FINITE
         elif a == b or b == c or c == a:
             kind[f] = REPEATED

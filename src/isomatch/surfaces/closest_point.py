@@ -12,8 +12,8 @@ from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 
-QUERIES_PER_CHUNK = 1000
-MIN_TRIANGLES_PER_BOX = 4  # a box has fewer than twice as many
+QUERIES_PER_CHUNK = 1000  # positions that one thread treats at once; chosen
+MIN_TRIANGLES_PER_BOX = 4  # triangles in a smallest box, at most 8; chosen
 
 
 def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> PrecisePoints:
@@ -47,7 +47,7 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     distances, nearest = cKDTree(surface.vertices[used]).query(positions)
     points = PrecisePoints.at_vertices(used[nearest])
     centres = surface.vertices[surface.sound_faces].mean(axis=1)
-    faces = surface.sound_faces[cKDTree(centres).indices]  # neighbours follow one another
+    faces = surface.sound_faces[cKDTree(centres).indices]  # in this order, neighbours follow one another
     boxes, starts = _hierarchy(surface.vertices[faces])
     vertices, queries = map(read_only, (surface.vertices, positions))
 
@@ -98,7 +98,7 @@ def _take_nearest(
     barycentric: FloatArray,
 ) -> None:
     """Replace the nearest point of each query by nearer ones on the triangles."""
-    waiting, gaps = np.empty(64, dtype=np.int64), np.empty(64)  # twice the number of levels
+    waiting, gaps = np.empty(64, dtype=np.int64), np.empty(64)  # a stack of boxes, twice as many as levels
     k = len(boxes) // 2
     for i in range(len(queries)):
         q = queries[i]
@@ -111,7 +111,7 @@ def _take_nearest(
             if box < k:
                 pair = _gap(boxes[2 * box], q), _gap(boxes[2 * box + 1], q)
                 far = int(pair[0] < pair[1])
-                for side in (far, 1 - far):  # the nearer one is looked at first
+                for side in (far, 1 - far):  # the nearer box is pushed last, and so examined first
                     waiting[n], gaps[n] = 2 * box + side, pair[side]
                     n += 1
                 continue

@@ -57,7 +57,7 @@ class Graph:
             raise MeshError(f"weights have shape {measure.shape}, expected ({n_vertices},): one per vertex")
         good = np.isfinite(measure) & (measure > 0)
         _require(good, "vertices {} have weights that are not positive numbers")
-        order = np.lexsort([measured, ends[:, 1], ends[:, 0]])  # of equal edges the shortest comes first
+        order = np.lexsort([measured, ends[:, 1], ends[:, 0]])  # the shortest of equal edges comes first
         ends, measured = ends[order], measured[order]
         first = np.ones(len(ends), dtype=bool)
         first[1:] = (ends[1:] != ends[:-1]).any(axis=1)

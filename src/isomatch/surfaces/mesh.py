@@ -83,7 +83,7 @@ class Mesh(Plotted):
         """(n,) barycentric area of each vertex, a third of the area of its faces; 0 if no face uses it."""
         thirds = np.repeat(self.face_areas / 3, 3)
         areas = np.bincount(self.sound_faces.ravel(), thirds, self.n_vertices)
-        return areas.astype(np.float64, copy=False)  # integers without faces
+        return areas.astype(np.float64, copy=False)  # without faces, bincount returns integers
 
     @cached_property
     def area(self) -> float:
@@ -124,7 +124,8 @@ class Mesh(Plotted):
         i, j = ends.reshape(-1, 2).T
         n_loops, loop = label_components(len(used), (i, j))
         of_loops = np.bincount(loop[i], lengths(self.vertices, self.boundary_edges), n_loops)
-        return np.sort(of_loops)[::-1]
+        sorted_lengths: FloatArray = np.sort(of_loops)[::-1]
+        return sorted_lengths
 
     @cached_property
     def edge_lengths(self) -> FloatArray:

@@ -85,7 +85,7 @@ def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -
             t = min(max(vp / vv, 0.0), 1.0)
         elif case == 2:
             across = uu - 2.0 * uv + vv
-            if across > 0.0:  # |v − u|², and (p − u)·(v − u) for the share of the way from b to c
+            if across > 0.0:  # across = |v − u|², and t = (p − u)·(v − u) / across is the share of the way
                 t = min(max((uu - uv + vp - up) / across, 0.0), 1.0)
                 s = 1.0 - t
         gain = s * s * uu + 2.0 * s * t * uv + t * t * vv - 2.0 * (s * up + t * vp)

@@ -25,29 +25,29 @@ from isomatch.io.formats._reading import Room, unexpected
 from isomatch.io.materials import picture_in
 from isomatch.io.polygons import triangles_of_strips
 
-_MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
-_COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_TYPES = {width: name for name, width in _WIDTHS.items()}
-VERTICES, INDICES = 34962, 34963  # codes of what a buffer view holds
-_COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
-_MAX_GLB_BYTES = 2**32 - 64  # The sum of JSON and data is at most this, as sizes have 32 bits.
-_ENTRY_BYTES = 24  # An entry of an array takes this much memory while parts are joined; measured.
-_JSON_BYTES = {b"{": 200, b"[": 88, b",": 32}  # memory in Python of what each begins in JSON
-_COPY_BYTES = 16  # A copied letter of JSON takes this much memory; measured.
+_MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"  # marks of a GLB file and of its chunks
+_COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by code
+_CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}  # code of a numpy type
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}  # numbers in an entry
+_TYPES = {width: name for name, width in _WIDTHS.items()}  # name of entries of a width
+VERTICES, INDICES = 34962, 34963  # codes of buffer views for vertices and for indices
+_COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}  # extensions that cannot be read
+_MAX_GLB_BYTES = 2**32 - 64  # most bytes of JSON and data together, as GLB stores sizes in 32 bits
+_ENTRY_BYTES = 24  # bytes of memory for an entry of an array while parts are joined; measured
+_JSON_BYTES = {b"{": 200, b"[": 88, b",": 32}  # bytes in Python of an object, a list, an item; measured
+_COPY_BYTES = 16  # bytes of memory for each letter of JSON that is copied; measured
 _FREE_ENTRIES: dict[str, Any] = {  # placeholders that replace unused entries
     "accessors": {"componentType": 5121, "count": 1, "type": "SCALAR"},
     "bufferViews": {"buffer": 0, "byteLength": 1},
 }
-_REFERENCES = {  # Below these keys, all integers number accessors or views.
+_REFERENCES = {  # keys below which all integers are numbers of accessors or of buffer views
     "accessors": ("indices", "input", "output", "inverseBindMatrices", "attributes", "targets", "extensions"),
     "bufferViews": ("bufferView", "extensions"),
 }
-_CUT_SHORT = "it is cut short, copy or export it again"
+_CUT_SHORT = "it is cut short, copy or export it again"  # the end of messages
 Matrix = tuple[tuple[float, ...], ...]
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_POSE_TOLERANCE = 1e-3  # Matrices are alike if entries differ by less than this share of the largest.
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6  # modes of primitives
+_POSE_TOLERANCE = 1e-3  # difference of entries of alike matrices over the largest entry; chosen
 
 
 @dataclass
@@ -56,7 +56,7 @@ class GltfData:
 
     json: dict[str, Any]
     blob: bytearray
-    # limits the memory of arrays and pictures, as a small file may refer to the same bytes many times
+    # the memory left for arrays and pictures, as a small file may refer to the same bytes many times
     room: Room = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -199,7 +199,8 @@ class GltfData:
             if "mesh" in nodes[i] and nodes[i]["mesh"] not in placed:
                 skin, placement = nodes[i].get("skin"), matrix
                 if skin is not None:
-                    # the joints place the points, not the node; posed joints leave them in place
+                    # The joints place the points, not the node. If joints do not move alike, the shape is
+                    # posed, and its points stay where the file has them.
                     bound, placement = self.binding(self.json["skins"][skin], matrices), np.eye(4)
                     if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, placement):
                         placement = bound[0]
@@ -258,7 +259,7 @@ def unpack(data: bytes, name: str) -> GltfData:
         raise FormatError(f"{name}: is compressed by {min(compressed)}; export it without compression")
     starts: list[int] = []
     files: set[Path] = set()
-    beside = cache(partial(_path_beside, folder.resolve()))  # one file may be named many times
+    beside = cache(partial(_path_beside, folder.resolve()))  # a cache, as one file may be named many times
     for i, buffer in enumerate(gltf.json.pop("buffers", [])):
         n, uri = buffer["byteLength"], buffer.get("uri")
         path = beside(uri)
@@ -266,10 +267,10 @@ def unpack(data: bytes, name: str) -> GltfData:
             with open_file(path) as file:
                 room.size += 0 if path in files else min(n, path.stat().st_size)
                 files.add(path)
-                room.take(2 * n, "a buffer")  # It is held twice: as read, and in the common buffer.
+                room.take(2 * n, "a buffer")  # the bytes are held twice: as read, and in the common buffer
                 content = file.read(n)
         elif uri is None:
-            content = binary if i == 0 else b""  # only the first may be in the file
+            content = binary if i == 0 else b""  # only the first buffer may be in the file
         elif uri.startswith("data:"):
             content = base64.b64decode(uri.partition(",")[2])
         else:
@@ -419,7 +420,7 @@ def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Map
     contents = document["meshes"][mesh]
     had, weights_before = key_names(contents), contents.get("weights", [])
     nodes = {i: node for i, node in enumerate(document.get("nodes", [])) if node.get("mesh") == mesh}
-    if names != had:  # animations of weights have values for the old keys
+    if names != had:  # animations of weights have a value for each old key
 
         def has_old_weights(target: dict[str, Any]) -> bool:
             return target.get("path") == "weights" and target.get("node") in nodes

@@ -74,9 +74,9 @@ def content_beside(
 ) -> bytes | None:
     """Read a file in the folder or below it, as no other may be copied; None if there is none."""
     plain = name.replace("\\", "/")
-    # a path may be one on the machine of the author; then only its last name is sought
+    # a path may belong to the machine of the author; then only its last name is sought
     for candidate in (plain, PurePosixPath(plain).name):
-        with suppress(FormatError, OSError, ValueError):  # names that are too long, or have a zero byte
+        with suppress(FormatError, OSError, ValueError):  # the name is too long, or has a zero byte
             path = (folder / candidate).resolve()
             if candidate and path.is_relative_to(folder.resolve()) and path.is_file():
                 return read(path)

@@ -18,13 +18,13 @@ from isomatch.io.asset import Frame
 from isomatch.io.formats._reading import unexpected
 from isomatch.io.polygons import spans
 
-EXPORT_AGAIN = "correct the line or export the file again"
+EXPORT_AGAIN = "correct the line or export the file again"  # the remedy in messages
 
-SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."
-_EXAMINED_BYTES = 2**16  # Only comments in these first bytes of a file may name its space.
-_BLANKS_TO_SPACES = bytes.maketrans(b"\t\v\f", b"   ")
-_WORD = re.compile(rb"[^ \n]+")
-# Python objects take much more memory than text, so only a piece at a time is split into them.
+SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."  # codes of letters
+_EXAMINED_BYTES = 2**16  # number of first bytes in which comments may name the space; chosen
+_BLANKS_TO_SPACES = bytes.maketrans(b"\t\v\f", b"   ")  # turns tabs and form feeds into spaces
+_WORD = re.compile(rb"[^ \n]+")  # bytes between spaces or line ends
+# A piece of a text that is split into words, or into lines, at once: Python objects take much memory.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
 _PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
 
@@ -34,9 +34,9 @@ class TextLines:
     """Some lines of a file, without comments, blank lines and leading blanks."""
 
     name: str
-    data: AnyArray  # bytes of the lines; each ends with a newline, other blanks are spaces
+    data: AnyArray  # bytes of the lines, each with a newline at its end, and other blanks as spaces
     numbers: IntArray  # (rows,) the number of each line in the file, from 1
-    before: int = 0  # number of the line before the first one
+    before: int = 0  # number of the line of the file before the first line
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -113,7 +113,7 @@ class TextLines:
 
     def _number(self, word: bytes, row: int) -> float:
         text = word.replace(b",", b".", 1) if self._has_decimal_commas else word
-        if b"_" not in word:  # Python allows it in numbers, other readers do not
+        if b"_" not in word:  # Python allows underscores in numbers, other readers do not
             with suppress(ValueError):
                 return float(text.decode("latin-1"))
         self.fail(row, "numbers")
@@ -200,15 +200,15 @@ def read_lines(
     name: str, data: bytes, before: int = 0, continued: bool = False, named: tuple[str, ...] = ()
 ) -> TextLines:
     """Split the bytes of a file, after ``before`` lines, into lines, without ``#`` comments and blank lines."""
-    # A comment begins at the start of a line or after a blank, in any encoding; line ends are of any kind.
-    # If ``continued``, a line with a final backslash continues in the next. After a keyword in ``named``,
-    # the rest of the line is a name, which may contain #.
+    # A comment begins at the start of a line or after a blank. If ``continued``, a line with a final backslash
+    # continues in the next line. After a keyword in ``named``, the rest of the line is a name, which may
+    # contain #.
     if data.startswith(tuple(BYTE_ORDER_MARKS)) or wide_encoding(data):
         data = decode_text(data).encode()
     text = data.translate(_BLANKS_TO_SPACES).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not text.endswith(b"\n"):
         text += b"\n"
-    if continued and text.endswith(b"\\\n"):  # the last line is not continued
+    if continued and text.endswith(b"\\\n"):  # no line follows the last one
         text += b"\n"
     numbers = np.arange(before + 1, before + 1 + text.count(b"\n"))
     if continued and b"\\\n" in text:
@@ -284,7 +284,7 @@ def _plain_numbers(text: bytes, n_words: int) -> FloatArray | None:
         return None
     # integers are much faster to parse, but have no -0
     for kind in (np.float64,) if b"." in text or b"-0" in text else (np.int64, np.float64):
-        # the extra word shows whether numpy read all words; older versions only warned of bad ones
+        # a further word shows whether numpy read all words, as old versions only warn of bad words
         with suppress(ValueError), warnings.catch_warnings(action="ignore"):
             numbers = np.fromstring(text + b" 0", kind, sep=" ")[:-1]
             if len(numbers) == n_words and (kind is np.float64 or (np.abs(numbers) < 2**53).all()):

@@ -18,12 +18,12 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from isomatch._core.arrays import AnyArray, IntArray
 
-_READERS: dict[str, Any] = {
+_READERS: dict[str, Any] = {  # reader of files with a suffix
     ".vtk": vtkIOLegacy.vtkGenericDataObjectReader,
     ".vtp": vtkIOXML.vtkXMLPolyDataReader,
     ".vtu": vtkIOXML.vtkXMLUnstructuredGridReader,
 }
-_VERTEX, _LINE, _TRIANGLE, _STRIP, _POLYGON, _QUAD = 1, 3, 5, 6, 7, 9  # codes of the types of cells
+_VERTEX, _LINE, _TRIANGLE, _STRIP, _POLYGON, _QUAD = 1, 3, 5, 6, 7, 9  # codes of types of cells
 
 
 def _main(path: Path, room: int) -> None:

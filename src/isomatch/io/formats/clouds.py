@@ -18,20 +18,20 @@ from isomatch.io.formats._reading import Room, damaged, reading, unexpected
 from isomatch.io.formats._text import are_bytes, frame_in_comments, read_lines
 from isomatch.io.polygons import Polygons
 
-_NORMAL_TOLERANCE = 0.05  # Vectors are normals if their lengths differ from 1 by less.
-_POSITIONS = ("x", "y", "z")
-_EXAMINED_LETTERS = 2**16  # The first letters tell the names of columns and the separator.
+_NORMAL_TOLERANCE = 0.05  # largest difference from 1 of the length of a normal; chosen
+_POSITIONS = ("x", "y", "z")  # columns of positions
+_EXAMINED_LETTERS = 2**16  # number of first letters that tell the columns and the separator; chosen
 _ROW_COUNT = re.compile(r"(?:[ \t]*(?:(?://|#).*)?\n)*[ \t]*(\d{1,18})[ \t]*\n")
 """A line with the number of rows, before them and perhaps after comments."""
-_NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {
+_NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {  # name and kind of the attribute of columns
     ("r", "g", "b"): ("color", "colour"),
     ("red", "green", "blue"): ("color", "colour"),
     ("nx", "ny", "nz"): ("normal", "normal"),
     ("normal_x", "normal_y", "normal_z"): ("normal", "normal"),
 }
-_POINT_COUNT = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")
-_MAX_HEADER_BYTES = 2**16  # The first bytes of a PCD file tell the number of its points.
-_NORMAL_COLUMNS = ("normal_x", "normal_y", "normal_z")
+_POINT_COUNT = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")  # the line of PCD with the number of points
+_MAX_HEADER_BYTES = 2**16  # number of first bytes in which a PCD file tells its number of points; chosen
+_NORMAL_COLUMNS = ("normal_x", "normal_y", "normal_z")  # columns of normals in PCD
 _NO_POLYGONS = Polygons([], [])
 
 
@@ -41,7 +41,7 @@ def read_xyz(data: bytes, name: str) -> Asset:
     counted = _ROW_COUNT.match(text)
     if counted and int(counted[1]) == text[counted.end() :].rstrip().count("\n") + 1:
         text = text[: counted.start(1)] + text[counted.end(1) :]
-    # the first lines tell the names of columns and the separator
+    # the first lines suffice to tell the names of columns and the separator
     end = text.find("\n", _EXAMINED_LETTERS)
     head = parse_table(text if end < 0 else text[:end], name)
     table = head.titled(_POSITIONS)
@@ -137,7 +137,7 @@ def read_pcd(data: bytes, name: str) -> Asset:
     if len(fields) != n:
         raise damaged(name, what, f"{len(fields)} points, {n} declared")
     attributes = list[Attribute]()
-    for packed in [name for name in ("rgba", "rgb") if name in columns][:1]:  # bytes in 32 bits
+    for packed in [name for name in ("rgba", "rgb") if name in columns][:1]:  # a colour in 32 bits
         octets = columns.pop(packed).view("u1").reshape(n, -1)[:, 2::-1]
         attributes.append(Attribute("color", "point", "colour", octets))
     if columns.keys() >= {*_NORMAL_COLUMNS}:
@@ -165,5 +165,5 @@ def _guess_columns(others: AnyArray) -> tuple[Attribute, ...]:
 
 
 def _are_normals(three: AnyArray) -> bool:
-    with np.errstate(over="ignore"):  # lengths beyond the largest float become infinite
+    with np.errstate(over="ignore"):  # a length beyond the largest float becomes infinite
         return bool((np.abs(np.linalg.norm(three, axis=1) - 1) < _NORMAL_TOLERANCE).all())

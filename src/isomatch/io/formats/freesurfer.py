@@ -22,7 +22,7 @@ SURFACES = (
 """Ends of the names of surfaces, such as ``lh.pial``."""
 VALUES = (".curv", ".sulc", ".thickness", ".area", ".volume", ".avg_curv")
 """Ends of the names of files with numbers at points."""
-_VOXEL_FOOTER, _SCANNER_FOOTER = (
+_VOXEL_FOOTER, _SCANNER_FOOTER = (  # starts of footers, by the coordinates of the surface
     np.array([2, real, 20], dtype=">i4").tobytes() + b"valid" for real in (0, 1)
 )
 
@@ -30,7 +30,7 @@ _VOXEL_FOOTER, _SCANNER_FOOTER = (
 def read_asset(data: bytes, name: str) -> Asset:
     """Read the points and triangles of a surface, in its own coordinates, in millimetres."""
     freesurfer = _package()
-    # nibabel skips the volume of surfaces in scanner coordinates
+    # nibabel does not read the volume of a surface in scanner coordinates, so the footer is changed
     plain = data.replace(_SCANNER_FOOTER, _VOXEL_FOOTER)
     with reading(name, "a FreeSurfer surface"), on_disk(plain, "") as path:
         points, faces, volume, stamp = freesurfer.read_geometry(path, read_metadata=True, read_stamp=True)
@@ -83,7 +83,7 @@ def write_attributes(attributes: Sequence[Attribute], surface: Asset | None = No
         for row, key in enumerate(keys):
             *color, opacity = coded.colors.get(key, (*(share / 255 for share in _distinct_colour(row)), 1.0))
             octets, other = tuple(round(255 * share) for share in color), row
-            # colours identify labels, so each label has its own; black is no label
+            # a colour identifies a label, so no two labels have the same colour; black is no label
             while octets in taken or (key in used and not any(octets)):
                 octets = _distinct_colour(other)
                 other += len(keys)

@@ -21,16 +21,18 @@ from isomatch.io.attribute import Attribute, guess_kind, number_equal_names
 from isomatch.io.formats._reading import Room, reading, unexpected
 from isomatch.io.polygons import Polygons
 
-_PIECE_BYTES = 2**20  # How much of an array is unpacked at a time.
+_PIECE_BYTES = 2**20  # bytes of an array that are unpacked at once; chosen
+# Codes of NIfTI that tell what an array holds.
 _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
 _NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
+# Meta data that name the part of the brain.
 _STRUCTURE_KEYS = ("AnatomicalStructurePrimary", "AnatomicalStructureSecondary")
-_SURFACE_SUFFIX = ".surf.gii"
+_SURFACE_SUFFIX = ".surf.gii"  # of a file with a surface
 VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
 """Second suffixes, before ``.gii``, of files without a surface."""
-# The place of each space is its code in NIfTI.
+# Spaces of coordinates, in the order of their codes in NIfTI.
 _SPACES = ("unknown", "scanner_anat", "aligned_anat", "talairach", "mni_152", "template_other")
-_AXIS_LETTERS = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
+_AXIS_LETTERS = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}  # axis of a key of `_VOLUME_KEYS`
 _VOLUME_KEYS = {
     "volume": ("Width", "Height", "Depth"),
     "voxelsize": ("Xsize", "Ysize", "Zsize"),
@@ -157,7 +159,7 @@ def _require_room(data: bytes) -> None:
             continue
         if element.tag == "Data" and "GZip" in encoding:
             stream, rest = zlib.decompressobj(), base64.b64decode(element.text or "")
-            with suppress(zlib.error):  # The data is not compressed, or nibabel will refuse it.
+            with suppress(zlib.error):  # the data is not compressed, or nibabel will refuse it
                 while part := stream.decompress(rest, _PIECE_BYTES):
                     room.take(len(part), "an array")
                     rest = stream.unconsumed_tail

@@ -29,20 +29,18 @@ from isomatch.io.formats._gltf_data import GltfData, Matrix, extras_of, joint_na
 from isomatch.io.formats._reading import reading
 from isomatch.io.polygons import Polygons, Renumbering, split_at_seams
 
-_PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024  # memory of each beside its arrays; measured
-_KINDS: dict[str, tuple[str, Kind]] = {
+_PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024  # memory of a part, or a primitive, beside its arrays; measured
+_KINDS: dict[str, tuple[str, Kind]] = {  # name and kind of the attribute of a key, without its number
     "NORMAL": ("normal", "normal"),
     "TEXCOORD": ("uv", "uv"),
     "COLOR": ("color", "colour"),
     "TANGENT": ("tangent", "vector"),
 }
-_BYTE_TOLERANCE = 0.03  # Colours this near to whole bytes, in bytes, were made of bytes.
-_UNIT_TOLERANCE = (
-    1e-3  # Normals whose lengths are farther from 1, which is more than rounding to float32, are scaled.
-)
-# Points in parts without values get these; colours are white there, other kinds 0.
+_BYTE_TOLERANCE = 0.03  # largest distance of a colour, × 255, from an integer if it was made of bytes; chosen
+_UNIT_TOLERANCE = 1e-3  # normals whose lengths differ from 1 by more, which rounding does not, are scaled
+# Values of points in parts that lack an attribute, by its kind; colours are white there, other kinds 0.
 _MISSING_VALUES = {"uv": np.nan, "scalar": np.nan, "label": -1}
-# For each part of a mesh: the rows of its points, and its primitives.
+# The rows of the points of each part of a mesh, and its primitives.
 Written = list[tuple[slice, list[dict[str, Any]]]]
 
 
@@ -57,7 +55,7 @@ class GltfDocument:
     polygons: Polygons
     uv_names: Mapping[int, str] = field(default_factory=dict)  # names by the numbers in materials
     former: object = None  # the document of another format, from which this one was made
-    coloured: frozenset[tuple[int, str]] = frozenset()  # meshes with the keys of their colours, even if white
+    coloured: frozenset[tuple[int, str]] = frozenset()  # mesh and key of all colours, white ones too
 
     @property
     def data(self) -> GltfData:
@@ -211,7 +209,7 @@ def _join_parts(of_parts: Sequence[Attribute | None], parts: Sequence[Part]) -> 
         return first
     is_colour = first.kind == "colour"
     is_mixed = len({attribute.values.dtype for attribute in present}) > 1
-    full = 1.0 if is_mixed else _full(first.values)  # different types become fractions
+    full = 1.0 if is_mixed else _full(first.values)  # colours of different types become fractions
     widths = [max(sizes) for sizes in zip(*(attribute.values.shape[1:] for attribute in present))]
     columns, joints = [], []
     for attribute, part in zip(of_parts, parts):
@@ -320,7 +318,7 @@ def middles(asset: Asset) -> FloatArray:
         mesh_of_point = mesh_of_part[np.minimum(asset.part_of_point, len(mesh_of_part) - 1)]
         for node in document.json.get("nodes", []):
             rows = mesh_of_point == node.get("mesh")
-            if rows.any() and "skin" not in node:  # the joints place a mesh with a skin
+            if rows.any() and "skin" not in node:  # a mesh with a skin is placed by its joints
                 middle[rows] = (asset.points[rows].min(axis=0) + asset.points[rows].max(axis=0)) / 2
     return middle
 
@@ -461,7 +459,7 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
     nodes += [{"name": name, **matrix} for name in names]
     for scene in gltf.json.get("scenes", [])[:1]:
         scene.setdefault("nodes", []).extend(joints)
-    # identities are the default, but some readers need them
+    # some readers need the matrices, although identities are the default
     inverse = gltf.add_matrices(np.tile(np.eye(4), (len(joints), 1, 1)))
     number = gltf.append("skins", {"joints": joints, "inverseBindMatrices": inverse})
     for node in users:

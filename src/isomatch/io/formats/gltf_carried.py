@@ -30,13 +30,14 @@ from isomatch.io.materials import (
     unreadable_pictures,
 )
 
-_MATERIAL_LISTS = ("images", "samplers", "textures", "materials")
-_WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-_WRAP_CODES = {wrap: code for code, wrap in _WRAPS.items()}
-_NEAREST = 9728
+_MATERIAL_LISTS = ("images", "samplers", "textures", "materials")  # lists of the JSON that materials need
+_WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}  # by code
+_WRAP_CODES = {wrap: code for code, wrap in _WRAPS.items()}  # code of what happens beyond the picture
+_NEAREST = 9728  # code of the filter that takes the nearest pixel
+# Names of extensions of materials.
 _TRANSFORM, _VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
 _GLOSSINESS, _EMISSIVE_STRENGTH = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_emissive_strength"
-_NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys of nodes that joints do not have
+_NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys of nodes that joints do not keep
 
 
 def materials_of(document: GltfDocument) -> Looks | None:
@@ -132,7 +133,7 @@ def _layer(
     number, index = transform.get("texCoord", info.get("texCoord", 0)), info.get("index", -1)
     sampler = _entry(gltf, "samplers", _entry(gltf, "textures", index).get("sampler", -1))
     wraps: list[Wrap] = [_WRAPS.get(sampler.get(key, 0), "repeat") for key in ("wrapS", "wrapT")]
-    # scale, rotate anticlockwise as seen in the picture, whose v points down, then shift
+    # texture coordinates are scaled, turned anticlockwise in the picture, whose v points down, then shifted
     (sx, sy), (x, y) = transform.get("scale", (1, 1)), transform.get("offset", (0, 0))
     c, s = cos(transform.get("rotation", 0)), sin(transform.get("rotation", 0))
     matrix = (c * sx, s * sy, x), (-s * sx, c * sy, y)
@@ -287,7 +288,7 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     for matrix in bind_matrices.values():
         number = gltf.add_matrices(np.stack([np.linalg.inv(matrices[joint]) @ matrix for joint in joints]))
         skins.append({"joints": [new[joint] for joint in joints], "inverseBindMatrices": number})
-    for node in nodes:  # new skins come first, so that their joints keep their names
+    for node in nodes:  # nodes with new skins come first, so that joints keep their names
         if "skin" in node:
             node["skin"] += len(skins)
     gltf.json["skins"] = skins + gltf.json.get("skins", [])

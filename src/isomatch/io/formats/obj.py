@@ -33,10 +33,11 @@ _COLOUR_BLOCK = re.compile(rb"(?m)^#MRGB[ \t]+((?:[0-9A-Fa-f]{8})+)[ \t]*$")
 _NUMBER_OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 """Options of a picture, with the largest number of numbers after each."""
 _WORD_OPTIONS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
-_UDIM = re.compile("<udim>", re.IGNORECASE)
+"""Options of a picture with one word after each."""
+_UDIM = re.compile("<udim>", re.IGNORECASE)  # stands for the number of a tile in the name of a picture
 TILES = range(1001, 1101)
 """Numbers of the tiles of texture coordinates: 1001 + u + 10 v."""
-_PICTURE_KEYWORDS = ("map_", "bump", "disp", "decal", "norm", "refl")
+_PICTURE_KEYWORDS = ("map_", "bump", "disp", "decal", "norm", "refl")  # begin statements with pictures
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def write(asset: Asset) -> bytes:
     names = [name for a in asset.attributes if a.name in _STATEMENTS for name in a.coded.names.values()]
     try:
         "".join([*document.libraries, *names]).encode(encoding)
-    except UnicodeEncodeError:  # it lacks letters of a name
+    except UnicodeEncodeError:  # the encoding lacks letters of a name
         encoding = "utf-8"
     libraries = "".join(f"mtllib {library}\n" for library in document.libraries)
     head = _text.frame_comments(asset.frame) + libraries
@@ -189,7 +190,7 @@ def _faces(asset: Asset, indices: list[IntArray], encoding: str) -> bytes:
 def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines, which: int) -> FloatArray:
     """Read the rows that a field of the corners refers to, (c, width), with nan for none."""
     numbers = table_lines.parse()
-    least = 1 if keyword == "vt" else width  # further texture coordinates are 0
+    least = 1 if keyword == "vt" else width  # one texture coordinate suffices, further ones are 0
     numbers.require(numbers.counts >= least, f"at least {least} numbers after {keyword}")
     table = np.full((len(table_lines) + 1, width), np.nan)
     table[:-1] = numbers.columns(0, width)
@@ -211,7 +212,7 @@ def _label_statements(attribute: Attribute) -> tuple[IntArray, AnyArray]:
     new = np.ones(len(codes), dtype=bool)
     new[1:] = codes[1:] != codes[:-1]
     texts = [f"{keyword} {coded.names.get(code, str(code))}\n" for code in codes[new].tolist()]
-    if texts and texts[0] == f"{keyword} \n":  # there was no statement before the first face
+    if texts and texts[0] == f"{keyword} \n":  # no statement precedes the first face
         texts, new[0] = texts[1:], False
     return new.astype(np.int64), np.array(texts, dtype=object)
 
@@ -279,7 +280,7 @@ def _read_libraries(document: ObjDocument, folder: Path) -> dict[str, bytes]:
     libraries, pictures = dict[str, bytes](), dict[str, bytes]()
     for name in document.library_names:
         content = content_beside(name, folder)
-        if content is not None and "newmtl" in dict(_statements(content)):  # no other file is copied
+        if content is not None and "newmtl" in dict(_statements(content)):  # only libraries are copied
             libraries[name] = content
     for library in libraries.values():
         for keyword, rest in _statements(library):
@@ -359,7 +360,7 @@ def _layer(text: str, tint: tuple[float, ...], files: Mapping[str, bytes]) -> La
     options, name = _options(text)
     sx, sy = [*_numbers(" ".join(options.get("-s", [])), 1, 2), 1.0, 1.0][:2]
     x, y = [*_numbers(" ".join(options.get("-o", [])), 1, 2), 0.0, 0.0][:2]
-    matrix = (sx, 0.0, x), (0.0, sy, 1 - sy - y)  # v of OBJ points up
+    matrix = (sx, 0.0, x), (0.0, sy, 1 - sy - y)  # in OBJ, v points up
     wrap: Wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
     return Layer(tint, Picture.among(files, name), matrix=matrix, wrap=(wrap, wrap))
 

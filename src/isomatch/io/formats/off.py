@@ -16,7 +16,7 @@ from isomatch.io.polygons import Polygons, spans
 from isomatch.surfaces import Mesh
 
 _HEADER = re.compile(r"(?P<letters>(?:ST|[CN4])*)OFF(?![A-Z])\s*(?P<rest>[^#]*)(?:#.*)?", re.IGNORECASE)
-_MAP_INDICES = "indices into a colour map"
+_MAP_INDICES = "indices into a colour map"  # what is refused, in messages
 
 
 class _Tables(NamedTuple):
@@ -48,7 +48,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     n_normal = 3 if "N" in letters else 0
     n_left = int(rows.counts.max(initial=0)) - start - n_normal - n_last
     normal, colour = start, start + n_normal
-    # MeshLab writes colours before normals.
+    # MeshLab writes colours before normals, which are then bytes.
     if n_normal and "C" in letters and _text.are_bytes(rows.columns(start, 3)):
         normal, colour = start + n_left, start
     if n_normal:
@@ -117,7 +117,7 @@ def _colours(attribute: Attribute) -> tuple[FloatArray, str]:
     """Return colours as integers up to 255 or fractions, and their template."""
     fractions = attribute.fractions[:, :3]
     octets = np.rint(255 * fractions)
-    # integers up to 1 would be read as fractions
+    # bytes of at most 1 would be read as fractions, so such colours are written as fractions
     whole = attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1
     return (octets, "%d") if whole else (fractions, "%r")
 

@@ -31,15 +31,15 @@ _TYPES = {
     "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
     "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
-_COUNT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4")
-_LETTERS = {kind: letters for letters, kind in reversed(_TYPES.items())}
-_BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_MAX_HEADER_BYTES = 2**18  # A longer header is refused.
-_MAX_DECLARED = 1000  # A header has no more elements and properties; real ones have fewer than 100.
-_MAX_ROW_BYTES = 2**31 - 1  # numpy has no types of longer rows
-_INDEX_LISTS = ("vertex_indices", "vertex_index")
-_POINT_PROPERTIES = ("vertex1", "vertex2", *_INDEX_LISTS)  # properties of other elements that number points
-_GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
+_COUNT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4")  # types of the length of a list
+_LETTERS = {kind: letters for letters, kind in reversed(_TYPES.items())}  # the first name of each type
+_BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}  # by the encoding
+_MAX_HEADER_BYTES = 2**18  # longest header that is read; chosen
+_MAX_DECLARED = 1000  # most elements and properties in a header; real headers have fewer than 100
+_MAX_ROW_BYTES = 2**31 - 1  # longest row of an element, by the types of numpy
+_INDEX_LISTS = ("vertex_indices", "vertex_index")  # properties with the vertices of a face
+_POINT_PROPERTIES = ("vertex1", "vertex2", *_INDEX_LISTS)  # properties that hold numbers of points
+_GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (  # attributes of several properties
     ("normal", "normal", ("nx", "ny", "nz")),
     ("color", "colour", ("red", "green", "blue", "alpha")),
     ("color", "colour", ("red", "green", "blue")),
@@ -51,7 +51,7 @@ _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
 )
 _NO_BYTE = re.compile("[\ud800-\udc7f\udd00-\udfff]")
 """Surrogates that stand for no byte; the others stand for bytes that are not UTF-8."""
-_CORNER_UV = "texcoord"
+_CORNER_UV = "texcoord"  # the property of faces with texture coordinates of their corners
 TEXTURE_NUMBER = "texnumber"
 """The property of faces with the number of their picture."""
 _TEXTURE = "comment TextureFile {}"  # the comment that names a picture
@@ -118,7 +118,7 @@ class Element:
         return replace(self, columns=tuple(column.at(rows) for column in changed), n_rows=len(rows))
 
 
-Names = Mapping[tuple[str, Domain], tuple[str, ...]]  # the properties of each attribute
+Names = Mapping[tuple[str, Domain], tuple[str, ...]]  # names of the properties of each attribute
 Declared = Mapping[str, tuple[int, list[Column]]]  # the number of rows and the columns of each element
 
 
@@ -566,7 +566,7 @@ def _properties(
     for attribute, members in zip(attributes, former):
         values = attribute.plain
         if attribute.kind == "colour" and not members and not np.isnan(values).any():
-            # Many programs read no other colours than bytes.
+            # many programs read colours only as bytes
             values = np.rint(255 * attribute.fractions.clip(0, 1)).astype(np.uint8)
         members = members or _name_members(attribute, values, taken)
         taken.update(members)

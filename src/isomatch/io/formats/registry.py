@@ -24,17 +24,17 @@ class MeshFormat:
     """The reader and writer of a format, and what it keeps."""
 
     read: Callable[[bytes, str], Mesh]  # takes the bytes of a file and its name, for messages
-    write: Callable[..., bytes]  # takes an asset, and its options by keyword
+    write: Callable[..., bytes]  # takes an asset, and options by keyword
     options: frozenset[str] = frozenset()  # the keywords that ``write`` takes: "binary", "single"
-    read_asset: Callable[[bytes, str], Asset] | None = None  # without it, only points and triangles are read
-    keeps: Callable[[Attribute], bool] = lambda attribute: False  # whether it has a place for an attribute
-    single: frozenset[str] = frozenset()  # the kinds that it keeps at most once
-    has_parts: bool = False  # whether it keeps parts with transforms
-    keeps_names: Callable[[Attribute], bool] = lambda attribute: False  # whether it keeps their names
-    has_opacity: bool = True  # whether it keeps the opacity of colours
-    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # all keep words
-    axes: Axes | None = None  # the axes that all its files have
-    middles: Callable[[Asset], FloatArray] | None = None  # what is subtracted before rounding
+    read_asset: Callable[[bytes, str], Asset] | None = None  # reads attributes too, if there are any
+    keeps: Callable[[Attribute], bool] = lambda attribute: False  # whether files keep an attribute
+    single: frozenset[str] = frozenset()  # kinds of attributes that files keep at most once
+    has_parts: bool = False  # whether files keep parts with transforms
+    keeps_names: Callable[[Attribute], bool] = lambda attribute: False  # whether files keep names of labels
+    has_opacity: bool = True  # whether files keep the opacity of colours
+    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # all keep comments
+    axes: Axes | None = None  # the axes of all files of the format
+    middles: Callable[[Asset], FloatArray] | None = None  # subtracted before rounding
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """List the properties that the format does not keep of an attribute."""
@@ -66,6 +66,7 @@ def _fits_title(frame: Frame) -> bool:
     return not frame.has_space and frame.title(stl.TITLE_BYTES) == "; ".join(frame.lines)
 
 
+# Fields of `MeshFormat` that several formats have in common.
 _BINARY = frozenset({"binary"})
 _FEW_KINDS: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
 _ROUNDED: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}

@@ -12,21 +12,20 @@ from isomatch.io.formats._text import TextLines, format_rows, read_lines
 from isomatch.io.polygons import Polygons
 from isomatch.surfaces import Mesh, weld_points
 
-_HEADER_BYTES = 84
-TITLE_BYTES = 80  # The title has this length; the number of triangles follows it.
-_UNKNOWN_COUNTS = (0, 2**32 - 1)  # Programs that do not know the number yet write these.
+TITLE_BYTES, _HEADER_BYTES = 80, 84  # bytes of the title, and with the number of triangles behind it
+_UNKNOWN_COUNTS = (0, 2**32 - 1)  # numbers of triangles from programs that did not know the number yet
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an STL file with colours of triangles; corners at the same position become one vertex."""
     is_text = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() in (b"solid", b"facet")
-    # binary files may start with it, too
+    # a binary file may start with "solid", too
     if is_text and b"\0" not in data[: _HEADER_BYTES + _TRIANGLE.itemsize]:
         (corners, notes), attributes = _read_text(read_lines(name, data.lower())), list[Attribute]()
     else:
         triangles, notes = _triangles(data, name)
-        with np.errstate(invalid="ignore"):  # Signalling nan would warn.
+        with np.errstate(invalid="ignore"):  # a signalling nan would warn
             corners = triangles["corners"].astype(np.float64)
         attributes, left = _colours(data[:80], triangles["attribute"])
         notes += left
@@ -84,8 +83,8 @@ def _colours(header: bytes, words: AnyArray) -> tuple[list[Attribute], list[str]
     marked = words >= 2**15
     mark = header.find(b"COLOR=")
     if mark >= 0 and len(header) >= mark + 10:
-        if not marked.all() or (words == words[:1]).all():  # MeshLab marks all triangles
-            octets[marked] = list(header[mark + 6 : mark + 9])  # the default colour
+        if not marked.all() or (words == words[:1]).all():  # MeshLab marks all triangles as coloured
+            octets[marked] = list(header[mark + 6 : mark + 9])  # the default colour of the file
         return [Attribute("color", "face", "colour", octets.astype(np.uint8))], []
     if not marked.any():
         return [], ["the two bytes after each triangle are left out"] if words.any() else []
@@ -103,7 +102,7 @@ def _read_text(lines: TextLines) -> tuple[FloatArray, list[str]]:
         notes.append(f"{after} lines after the last endsolid are left out")
     corners = lines.starting_with("vertex")
     loop_ends = lines.starting_with("endloop").numbers
-    # at the end of triangle t, counted from 0, 3 (t + 1) corners have been read
+    # after triangle t, counted from 0, 3 (t + 1) corners have been read
     read = np.searchsorted(corners.numbers, loop_ends)
     wrong = np.flatnonzero(read != 3 * np.arange(1, len(loop_ends) + 1))
     if len(wrong):

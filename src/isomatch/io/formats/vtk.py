@@ -23,14 +23,14 @@ from isomatch.io.attribute import number_equal_names
 from isomatch.io.formats._reading import damaged, on_disk, reading
 from isomatch.io.libraries import ArrayDocument, is_attribute, named_attributes, polygons_of, to_pyvista
 
-# Reading may take 60 s, and 1 s more for each megabyte. A triangle takes 0.5 s, 20 MB of VTP 1.9 s.
+# Longest time of reading: a constant, and the bytes per further second. A triangle takes 0.5 s, 20 MB 1.9 s.
 MAX_SECONDS, BYTES_PER_SECOND = 60.0, 1e6
-_END_MARK = "isomatch_end"
-TITLE_BYTES = 255  # The title in the second line of a legacy file is at most this long.
-# This follows a legacy file: if an array is too short, VTK reads on into it, and does not find the mark.
+_END_MARK = "isomatch_end"  # name of a field that tells that a file was read to its end
+TITLE_BYTES = 255  # longest title in the second line of a legacy file, by the format
+# Text that is added to a legacy file: if an array is too short, VTK reads into this, and misses the mark.
 _END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _END_MARK.encode()
 _ENDED_EARLY = "the reader came to an end over it, as where more is declared than the file holds"
-_POLYGON_COUNT = {
+_POLYGON_COUNT = {  # finds the numbers of polygons that a file declares
     ".vtk": re.compile(rb"(?im)^POLYGONS\s+(-?\d+)"),
     ".vtp": re.compile(rb"""\sNumberOfPolys\s*=\s*["'](\d+)"""),
 }
@@ -46,7 +46,7 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
     n_other_cells = dict(zip(stored["others"].tolist(), stored["counts"].tolist()))
     if suffix != ".vtu" and stored["is_polygons"]:
         declared = sum(map(int, _POLYGON_COUNT[suffix].findall(data.partition(b"<AppendedData")[0])))
-        n_more = declared - len(stored["sizes"])  # legacy files of version 5 count one polygon more
+        n_more = declared - len(stored["sizes"])  # version 5 of legacy files declares one polygon more
         if n_more not in ((0, 1) if suffix == ".vtk" else (0,)):
             raise damaged(name, what, f"{len(stored['sizes'])} polygons, {declared} declared")
     if suffix == ".vtk" and _END_MARK not in (
@@ -71,7 +71,7 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
         fields = {name: fields[name] for name in fields if name not in (SPACE, COMMENTS)}
         document = ArrayDocument(names, fields)
         texts = dict(zip(stored["text_names"].tolist(), stored["texts"].tolist()))
-        if suffix == ".vtk":  # its second line is a title
+        if suffix == ".vtk":  # the second line is a title
             texts[COMMENTS] = data.split(b"\n", 2)[1].decode(errors="replace")
         frame = Frame.of_named(texts)
         return Asset(cells.points, cells.polygons, attributes, (), document, notes, frame)
@@ -103,10 +103,10 @@ def _named_arrays(stored: Mapping[str, AnyArray], domain: str) -> dict[str, AnyA
 
 def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
     """Write a file of this suffix, binary or text."""
-    if suffix == ".vtu" and not len(asset.points):  # VTK would end the process.
+    if suffix == ".vtu" and not len(asset.points):  # VTK would end the process
         raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
     mesh = to_pyvista(asset)
-    if suffix == ".vtk":  # Its title has the frame.
+    if suffix == ".vtk":  # the title keeps the frame
         for name in (asset.frame or Frame()).named:
             mesh.field_data.pop(name, None)
     with on_disk(b"", suffix) as path:

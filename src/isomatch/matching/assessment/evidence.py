@@ -91,7 +91,7 @@ def measured_evidence(
             or quality.runner_up < 1.0
         ),
         ambiguous=bool(
-            quality.runner_up < (bounds.look_tie if far else bounds.tie)
+            quality.runner_up < (bounds.elastic_tie if far else bounds.tie)
             or quality.mirrored < bounds.mirror_tie
             or turned
             or pair.sideless
@@ -160,7 +160,7 @@ class PartDoubt:
     @property
     def is_clear(self) -> bool:
         """Whether enough distances are known, or the lead is large enough without them."""
-        return self.known_share >= self.settings.little_trusted or self.runner_up >= self.settings.clear
+        return self.known_share >= self.settings.little_trusted or self.runner_up >= self.settings.clear_lead
 
     @property
     def evidence(self) -> Evidence:

@@ -397,8 +397,8 @@ def _score(bent: tuple[BentShape, ...]) -> float:
 
 def far_from_isometric(problem: Problem, quality: Quality) -> bool:
     """Whether the best isometric map fits badly, so that an elastic map should be searched."""
-    config = problem.config
+    bounds, limit = problem.config.outcome, problem.config.elastic.min_spectral_residual
     if not problem.allows_elastic:
         return False
-    stretched = quality.spectral_residual > config.elastic.sought or fits_badly(quality, config.outcome)
-    return stretched and not mirror_image_fits(quality, config.outcome)
+    stretched = quality.spectral_residual > limit or fits_badly(quality, bounds)
+    return stretched and not mirror_image_fits(quality, bounds)

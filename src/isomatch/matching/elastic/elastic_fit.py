@@ -347,7 +347,7 @@ def anchor_starts(
 ) -> list[Int[BodyVertices, "_ 2"]]:
     """Assign anchors of the source to points of the target."""
     # A distance d that should be u costs (`IntervalCost` with lower = upper = u, in average distances)
-    #     min(max(|d − u| − forgiven u, 0) + inside |d − u|, most) / (soft + u).
+    #     min(max(|d − u| − tolerance u, 0) + weight |d − u|, most) / (soft + u).
     # It is small up to a factor, because limbs stretch, and bounded, so that a tail of twice the
     # length does not outweigh everything else. Limbs of any length agree in their remoteness, as a
     # share of the area. If both shapes are symmetric, they also agree in the distance from their
@@ -375,7 +375,7 @@ def anchor_starts(
     of_candidates = target.distances_between(candidates) / target.intrinsic_scale
     sides = Intervals(between, between), Intervals(of_candidates, of_candidates)
     bounds = ELASTIC_SEARCH.max_distance_cost, ELASTIC_SEARCH.short_distance
-    cost = IntervalCost(settings.forgiven, settings.inside, *bounds)
+    cost = IntervalCost(settings.distance_tolerance, settings.deviation_weight, *bounds)
     beam = ELASTIC_SEARCH.beam_width, ELASTIC_SEARCH.same_assignment_distance
     starts: list[BodyVertices] = []
     for unary, count in kinds:
@@ -420,7 +420,7 @@ def find_mirror_images(prepared: PreparedShape, config: Config) -> ElasticShape:
         return None if images.orientation < 0 else (coefficients, images)
 
     forgiven, n_starts = ELASTIC_SEARCH.forgiven_of_mirror, ELASTIC_SEARCH.n_mirror_starts
-    few_starts = replace(config, elastic=replace(settings, forgiven=forgiven, n_starts=n_starts))
+    few_starts = replace(config, elastic=replace(settings, distance_tolerance=forgiven, n_starts=n_starts))
     vertices = prepared.sample_vertices[: prepared.config.n_search]
     rows = [symmetry.image_row for symmetry in prepared.symmetries]
     symmetries = [BodyVertices(np.column_stack([vertices, vertices[row]])) for row in rows]

@@ -255,7 +255,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
         first = ranking.best
         capped = any(shape.original for shape in (self.source, self.target))
         # if no isometry fits, `Elastic` bends the maps that tie, and verifies all
-        is_far = first.spectral_residual > self.pair.config.elastic.sought and self.problem.allows_elastic
+        limit = self.pair.config.elastic.min_spectral_residual
+        is_far = first.spectral_residual > limit and self.problem.allows_elastic
         is_selected = capped or is_far or not self.pair.is_sided
         tied = [first] if is_selected else self.find_tied(ranking)
         best = min(tied, key=lambda fit: self.verified(fit).cost) if len(tied) > 1 else first

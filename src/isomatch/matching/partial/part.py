@@ -373,7 +373,7 @@ def measure_part(
         spectral_residual=fit.spectral_residual,
         runner_up=np.inf,
         mirrored=np.inf,
-        stretch=edge_stretch(source.body, positions, bounds.torn, unit, matched),
+        stretch=edge_stretch(source.body, positions, bounds.max_counted_growth, unit, matched),
         orientation=fit.orientation,
         coverage=covered_share(target.body, image[matched], bounds.coverage_radius),
         landmark_error=landmark_error,

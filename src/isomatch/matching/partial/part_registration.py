@@ -185,8 +185,9 @@ class BentPart(BentShape):
         # A vertex beyond the boundary has its nearest point on the boundary, and may be close to
         # it. A vertex over the interior is off only by the error of bending. So the tolerance is
         # smaller at the boundary, unless too few distances are known for an exact map.
-        boundary_tolerance = settings.off if self.pair.is_hardly_known else settings.rim
-        return points, gap <= np.where(Boundary(bent).holds(points), boundary_tolerance, settings.off)
+        inside = settings.surface_tolerance
+        at_boundary = inside if self.pair.is_hardly_known else settings.boundary_tolerance
+        return points, gap <= np.where(Boundary(bent).holds(points), at_boundary, inside)
 
 
 class PartBending(Bending):
