@@ -28,13 +28,13 @@ from isomatch.descriptors import (
     standardised,
 )
 from isomatch.geodesics import Sampling, distance_along_edges_to_nearest
-from isomatch.repair import check, count_handles, seems_inside_out
+from isomatch.repair import count_handles, seems_inside_out
 from isomatch.settings import Config
 from isomatch.shapes.body import Body, Detail, Level
 from isomatch.shapes.smooth_shape import SmoothShape, orientation_of
 from isomatch.shapes.symmetries import Symmetry, SymmetrySearch
 from isomatch.spectral import DistanceBasis, LaplaceBasis, refined_laplace_basis
-from isomatch.surfaces import Graph, Mesh, PointCloud
+from isomatch.surfaces import Graph, Mesh, PointCloud, label_components
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -260,15 +260,22 @@ class PreparedShape(SmoothShape, Shown):
     @cached_property
     def boundary_length(self) -> float:
         """Length of the boundary of the body, in √area; 0 for points and graphs."""
-        if self.triangles is None:
-            return 0.0
-        i, j = self.triangles.boundary_edges.T
-        return float(np.linalg.norm(self.triangles.vertices[i] - self.triangles.vertices[j], axis=1).sum())
+        return 0.0 if self.triangles is None else float(self._boundary_edge_lengths.sum())
+
+    @property
+    def _boundary_edge_lengths(self) -> FloatArray:
+        i, j = self.mesh_body.boundary_edges.T
+        lengths: FloatArray = np.linalg.norm(self.mesh_body.vertices[i] - self.mesh_body.vertices[j], axis=1)
+        return lengths
 
     @cached_property
     def longest_boundary(self) -> float:
         """Length of the longest boundary component of the body, in √area; 0 without a boundary."""
-        return float(check(self.triangles, wall=0.0).boundary_lengths[0]) if self.boundary_length else 0.0
+        if self.triangles is None or not len(self.triangles.boundary_edges):
+            return 0.0
+        i, j = self.triangles.boundary_edges.T
+        _, loop = label_components(self.triangles.n_vertices, (i, j))
+        return float(np.bincount(loop[i], self._boundary_edge_lengths).max())
 
     @cached_property
     def handles(self) -> int:
@@ -278,7 +285,7 @@ class PreparedShape(SmoothShape, Shown):
     @cached_property
     def one_sided(self) -> bool:
         """Whether the body has no inside, like a Möbius strip: two faces of an edge are wound inconsistently."""
-        return self.triangles is not None and len(check(self.triangles, wall=0.0).inconsistent_edges) > 0
+        return self.triangles is not None and bool(self.triangles.edge_table.clash.any())
 
     @cached_property
     def seems_inside_out(self) -> bool:
