@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isomatch.geodesics import geodesic_distances
-from isomatch.repair import check, prepare_for_matching, repair, separate_sheets
+from isomatch.repair import check, for_matching, prepare_for_matching, repair, separate_sheets
 from isomatch.repair.sheets import welds_neighbours
 from isomatch.surfaces import Mesh
 from isomatch_lab.damage import weld
@@ -71,7 +71,7 @@ def test_a_vertex_at_the_place_of_a_near_one_needs_no_search_for_sheets(near, mo
     folded = Mesh(vertices, sphere.faces)
     assert welds_neighbours(folded, 0.1) == near
     quick = prepare_for_matching(folded, 0.1)
-    monkeypatch.setattr("isomatch.repair.for_matching.MAX_WELDED", -1)
+    monkeypatch.setattr(for_matching, "MAX_WELDED", -1)
     thorough = prepare_for_matching(folded, 0.1)
     np.testing.assert_array_equal(quick.mesh.faces, thorough.mesh.faces)
     np.testing.assert_array_equal(quick.mesh.vertices, thorough.mesh.vertices)
