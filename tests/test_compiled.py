@@ -1,5 +1,6 @@
 """Compiled loops call each other, are kept between runs, and work where they cannot be kept."""
 
+import gc
 import importlib.util
 import os
 import shutil
@@ -7,8 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
+from numba.core import event
 
 import isomatch
 from shapes import icosphere
@@ -34,6 +37,28 @@ def test_a_loop_calls_another_and_is_kept_between_runs(tmp_path):
         spec.loader.exec_module(loops)
         assert loops.doubled_each(np.arange(3)) == [0, 2, 4]
         assert sum(loops.doubled_each.stats.cache_hits.values()) == hits
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_the_cycle_collector_rests_while_a_loop_is_compiled_even_if_that_fails(before):
+    at_work = []
+
+    class Watch(event.Listener):
+        def on_start(self, event):
+            at_work.append(gc.isenabled())
+
+        on_end = on_start
+
+    (gc.enable if before else gc.disable)()
+    try:
+        with event.install_listener("numba:compile", Watch()):
+            assert numba.njit(lambda x: x + 1)(1) == 2
+            with pytest.raises(numba.TypingError):
+                numba.njit(lambda x: x.nothing)(1)
+        assert at_work[::2] == [False, False]
+        assert gc.isenabled() == before
+    finally:
+        gc.enable()
 
 
 @pytest.mark.long

@@ -8,10 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isomatch.geodesics import geodesic_distances
-from isomatch.repair import check, repair, separate_sheets
+from isomatch.repair import check, for_matching, prepare_for_matching, repair, separate_sheets
+from isomatch.repair.sheets import welds_neighbours
 from isomatch.surfaces import Mesh
 from isomatch_lab.damage import weld
 from isomatch_lab.procedural import creature
+from shapes import icosphere
 from zoo import any_mesh, grid, zoo
 from zoo.made import boxes
 
@@ -56,6 +58,24 @@ def test_a_manifold_is_left_alone(specimen):
     found = separate_sheets(specimen.mesh)
     assert found.mesh is specimen.mesh
     assert found.seams == ()
+
+
+@pytest.mark.parametrize("near", [True, False])
+def test_a_vertex_at_the_place_of_a_near_one_needs_no_search_for_sheets(near, monkeypatch):
+    sphere = icosphere(3)
+    a, b, c = sphere.faces[0]
+    beyond = np.setdiff1d(sphere.faces[(np.isin(sphere.faces, [a, b]).sum(axis=1) == 2)], [a, b, c])
+    moved = beyond[0] if near else ((sphere.vertices - sphere.vertices[c]) ** 2).sum(axis=1).argmax()
+    vertices = sphere.vertices.copy()
+    vertices[moved] = vertices[c]
+    folded = Mesh(vertices, sphere.faces)
+    assert welds_neighbours(folded, 0.1) == near
+    quick = prepare_for_matching(folded, 0.1)
+    monkeypatch.setattr(for_matching, "MAX_WELDED", -1)
+    thorough = prepare_for_matching(folded, 0.1)
+    np.testing.assert_array_equal(quick.mesh.faces, thorough.mesh.faces)
+    np.testing.assert_array_equal(quick.mesh.vertices, thorough.mesh.vertices)
+    assert quick.notes == thorough.notes
 
 
 @pytest.mark.long

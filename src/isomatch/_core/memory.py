@@ -45,13 +45,18 @@ def room_for(size: int) -> int:
 
 def available_memory(root: Path = ROOT) -> int:
     """Return the bytes that the machine, control groups and SLURM leave to this process."""
-    import psutil
-
     groups = [int(words[0]) for words in group_limits("memory.max", root) if words[0].isdecimal()]
     cpus = slurm("SLURM_CPUS_PER_TASK") or slurm("SLURM_CPUS_ON_NODE") or 1
     job = (slurm("SLURM_MEM_PER_NODE") or slurm("SLURM_MEM_PER_CPU") * cpus) * MIB
-    total = int(psutil.virtual_memory().total)
+    total = _total_memory()
     return min([total, *groups, job or total])
+
+
+@cache
+def _total_memory() -> int:
+    import psutil
+
+    return int(psutil.virtual_memory().total)
 
 
 @cache

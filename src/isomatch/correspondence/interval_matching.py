@@ -181,20 +181,34 @@ def _costs_of(
         _costs(terms, points[i], rows[i], candidates, totals[i])
 
 
-@compiled()
 def _keep_differing(
-    distances: AnyArray,
+    distances: FloatArray,
     children: tuple[IntArray, IntArray],
+    min_distance: float,
+    sums: FloatArray,
+    next_sums: FloatArray,
+) -> IntArray:
+    """Keep the first children, at most width, whose summed distances are at least ``min_distance``."""
+    kept, latest = np.zeros(len(sums), dtype=np.int64), np.full(len(sums), -1)
+    return kept[: _fill_kept(distances, *children, min_distance, sums, next_sums, kept, latest)]
+
+
+@compiled()
+def _fill_kept(
+    distances: AnyArray,
+    parents: IntArray,
+    last: IntArray,
     min_distance: float,
     sums: AnyArray,
     next_sums: AnyArray,
-) -> IntArray:
-    """Keep the first children, at most width, whose summed distances are at least ``min_distance``."""
+    kept: IntArray,
+    latest: IntArray,
+) -> int:
+    """Set the numbers of the children that are kept, and count them."""
     # Each child has a parent and one more candidate, the last. sums (width, width) holds the summed
     # distances between parents; the sums between the children kept are written to next_sums. Most
     # children are too near to the latest sibling kept, so they are compared with it first.
-    (parents, last), width = children, len(sums)
-    kept, latest = np.zeros(width, np.int64), np.full(width, -1)
+    # latest[parent] is the place of that sibling in ``kept``, −1 if there is none.
     n = 0
     for i in range(len(last)):
         parent, candidate = parents[i], last[i]
@@ -210,9 +224,9 @@ def _keep_differing(
             for k in range(n + 1):  # k is the column; distances may be asymmetric by rounding
                 next_sums[k, n] = sums[parents[kept[k]], parent] + distances[last[kept[k]], candidate]
             n += 1
-            if n == width:
+            if n == len(kept):
                 break
-    return kept[:n]
+    return n
 
 
 def pin_first(unary: FloatArray, candidates: IntArray) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from isomatch._core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from isomatch._core.compiled import compiled
@@ -126,9 +127,6 @@ def stencil_of(mesh: Mesh) -> Stencil:
     # two.
     faces, points = mesh.sound_faces, mesh.vertices
     opposite = _opposite_corners(mesh)
-    capacity = 2 * len(faces)  # a face has at most one obtuse corner, which gives at most two updates
-    split = np.zeros((capacity, 3), dtype=np.int64), np.zeros((capacity, 3))
-    n_split = _split_obtuse(points, faces.ravel(), opposite, *split)
     # Side i of a face leads from corner i to corner i + 1. All below are (m, 3), by corner i of face f.
     sides = points[np.roll(faces, -1, axis=1)] - points[faces]
     doubled_area = np.repeat(2 * mesh.face_areas, 3).reshape(-1, 3)
@@ -142,7 +140,8 @@ def stencil_of(mesh: Mesh) -> Stencil:
     x, y = np.roll(inner, -1, axis=1) / safe, np.where(along > 0, doubled_area / safe, length)
     shape = np.column_stack([along.ravel(), x.ravel(), y.ravel()])
     corners = np.column_stack([np.roll(faces, -turn, axis=1).ravel() for turn in range(3)])  # columns c, a, b
-    corners, shape = (np.concatenate([whole, part[:n_split]]) for whole, part in zip((corners, shape), split))
+    split = _split_obtuse(points, faces.ravel(), opposite, np.flatnonzero(inner < 0))
+    corners, shape = (np.concatenate(parts) for parts in zip((corners, shape), split))
     # arctan2(|u × v|, u · v) is accurate at angles near 0 and π, where arccos is not
     return _group(corners, shape, _gaussian_curvature(mesh, np.arctan2(doubled_area, inner), opposite))
 
@@ -171,15 +170,23 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
     trigger, other, target = np.concatenate([a, b]), np.concatenate([b, a]), np.concatenate([target, target])
     # Updates of one target by one trigger belong to one edge, except that two virtual edges may
     # have different lengths.
-    order = np.argsort(trigger * n + target, kind="stable")
-    trigger, other, target, step = trigger[order], other[order], target[order], step[order]
+    order = _sorted_rows(target, n)
+    order = np.take(order, _sorted_rows(np.take(trigger, order), n))
+    trigger, other, target, step = (np.take(values, order) for values in (trigger, other, target, step))
     is_first = np.ones(len(order), dtype=bool)
     is_first[1:] = (np.diff(trigger) != 0) | (np.diff(target) != 0) | (np.diff(step) != 0)
     first = np.flatnonzero(is_first)
     start = np.searchsorted(trigger[first], np.arange(n + 1))
-    update = other.astype(np.int32), shape[order].astype(np.float32)
+    update = other.astype(np.int32), np.take(shape.astype(np.float32), order, axis=0)
     edges = target[first].astype(np.int32), step[first], np.append(first, len(order)).astype(np.int32)
     return Stencil(start, *edges, *update, curvature)
+
+
+def _sorted_rows(keys: IntArray, n: int) -> IntArray:
+    """Sort keys (m,) from 0…n − 1: their indices, equal keys as they come. O(m + n)."""
+    # a matrix with one entry in each row, the row's number: its columns are the rows of each key
+    rows = np.arange(len(keys) + 1)
+    return np.asarray(csr_array((rows[:-1], keys, rows), shape=(len(keys), n)).tocsc().data)
 
 
 def _opposite_corners(mesh: Mesh) -> IntArray:
@@ -189,89 +196,74 @@ def _opposite_corners(mesh: Mesh) -> IntArray:
     return np.where(across < 0, -1, across + np.where(across % 3 == 0, 2, -1))
 
 
-@compiled()
 def _split_obtuse(
-    points: FloatArray, corner_vertex: IntArray, opposite: IntArray, corners: IntArray, shape: FloatArray
-) -> int:
-    """Write the updates (c; e, d) of obtuse corners c by unfolded vertices d with their shapes; count them."""
-    count = 0
-    for h in range(len(corner_vertex)):
-        base = h - h % 3
-        c = corner_vertex[h]
-        a = corner_vertex[base + (h + 1) % 3]
-        b = corner_vertex[base + (h + 2) % 3]
-        # In the plane of the face c is at the origin, a on the positive axis, b above it. The angle
-        # at c is obtuse if b lies left of c, bx < 0.
-        ax = np.sqrt(_product(points, c, a, c, a))
-        if ax == 0.0:
-            continue
-        bx = _product(points, c, a, c, b) / ax
-        by = np.sqrt(max(_product(points, c, b, c, b) - bx * bx, 0.0))
-        cb_length = np.sqrt(bx * bx + by * by)
-        if bx >= -RIGHT_ANGLE_COSINE * cb_length or by == 0.0:  # cos of the angle at c is bx / |cb|
-            continue
-        # (lx, ly), (rx, ry): the unfolded edge to cross next. The direction of d must be within 90°
-        # of both a and b.
-        left, lx, ly = a, ax, 0.0
-        right, rx, ry = b, bx, by
-        gate = opposite[h]
-        for _ in range(MAX_UNFOLDED_FACES):
-            if gate < 0:
-                break
-            d = corner_vertex[gate]
-            ex, ey = rx - lx, ry - ly
-            length = np.sqrt(ex * ex + ey * ey)
-            if length == 0.0:
-                break
-            # position of d relative to the edge (left, right), measured in space: lengths do not
-            # change by unfolding
-            along = _product(points, left, right, left, d) / length
-            away = np.sqrt(max(_product(points, left, d, left, d) - along * along, 0.0))
-            # unit normal of the unfolded edge, pointing away from c
-            nx, ny = ey / length, -ex / length
-            if nx * -lx + ny * -ly > 0.0:
-                nx, ny = -nx, -ny
-            dx = lx + along * ex / length + away * nx
-            dy = ly + along * ey / length + away * ny
-            # both parts of the angle at c are acute where d · a ≥ 0 and d · b ≥ 0
-            slack = RIGHT_ANGLE_COSINE * np.sqrt(dx * dx + dy * dy)
-            acute_to_a = dx >= -slack
-            acute_to_b = dx * bx + dy * by >= -slack * cb_length
-            if acute_to_a and acute_to_b:
-                for side in range(2):
-                    e = a if side == 0 else b
-                    px = ax if side == 0 else bx
-                    py = 0.0 if side == 0 else by
-                    span = np.sqrt((dx - px) ** 2 + (dy - py) ** 2)
-                    if span == 0.0 or e == d or d == c:
-                        continue
-                    # c in the frame with e at the origin and d on the axis
-                    x = -(px * (dx - px) + py * (dy - py)) / span
-                    y = abs(px * (dy - py) - py * (dx - px)) / span
-                    corners[count, 0], corners[count, 1], corners[count, 2] = c, e, d
-                    shape[count, 0], shape[count, 1], shape[count, 2] = span, x, y
-                    count += 1
-                break
-            # d is outside the range of directions: cross the one of its two edges that the range passes
-            face = gate - gate % 3
-            if acute_to_a:  # d is too far on the side of a: cross (d, right)
-                left, lx, ly = d, dx, dy
-            else:
-                right, rx, ry = d, dx, dy
-            for i in range(3):
-                v = corner_vertex[face + i]
-                if v != left and v != right:
-                    gate = opposite[face + i]
-    return count
+    points: FloatArray, corner_vertex: IntArray, opposite: IntArray, obtuse: IntArray
+) -> tuple[IntArray, FloatArray]:
+    """Find the updates (c; e, d) of obtuse corners c by unfolded vertices d, (k, 3), and their shapes (k, 3)."""
+    base = obtuse - obtuse % 3
+    c, a, b = (corner_vertex[base + (obtuse + turn) % 3] for turn in range(3))
+    # In the plane of the face c is at the origin, a at (ax, 0), b at (bx, by) above the axis. The
+    # angle at c is obtuse if b lies left of c, bx < 0.
+    ca, cb = points[a] - points[c], points[b] - points[c]
+    ax = np.sqrt(_products(ca, ca))
+    bx = _products(ca, cb) / np.where(ax > 0, ax, np.inf)
+    by = np.sqrt(np.maximum(_products(cb, cb) - bx * bx, 0.0))
+    cb_length = np.sqrt(bx * bx + by * by)
+    is_open = (bx < -RIGHT_ANGLE_COSINE * cb_length) & (by > 0)  # cos of the angle at c is bx / |cb|
+    # (lx, ly), (rx, ry): the unfolded edge to cross next, to the corner ``gate``. The direction of d
+    # must be within 90° of both a and b.
+    state = [obtuse, c, a, b, ax, bx, by, cb_length, a, ax, np.zeros(len(c)), b, bx, by, opposite[obtuse]]
+    corners, shape, keys = [np.zeros((0, 3), np.int64)], [np.zeros((0, 3))], [np.zeros(0, np.int64)]
+    for _ in range(MAX_UNFOLDED_FACES):
+        is_open &= state[-1] >= 0
+        state = [values[is_open] for values in state]
+        if not len(state[0]):
+            break
+        h, c, a, b, ax, bx, by, cb_length, left, lx, ly, right, rx, ry, gate = state
+        d, (ex, ey) = corner_vertex[gate], (rx - lx, ry - ly)
+        length = np.sqrt(ex * ex + ey * ey)
+        is_open = length > 0
+        safe = np.where(is_open, length, 1.0)
+        # position of d relative to the edge (left, right), measured in space: lengths do not
+        # change by unfolding
+        corner = points[left]
+        to_d = points[d] - corner
+        along = _products(points[right] - corner, to_d) / safe
+        away = np.sqrt(np.maximum(_products(to_d, to_d) - along * along, 0.0))
+        # unit normal of the unfolded edge; where it points towards c, the other side is negative
+        nx, ny = ey / safe, -ex / safe
+        away *= np.where(nx * -lx + ny * -ly > 0.0, -1.0, 1.0)
+        dx, dy = lx + along * ex / safe + away * nx, ly + along * ey / safe + away * ny
+        # both parts of the angle at c are acute where d · a ≥ 0 and d · b ≥ 0
+        slack = RIGHT_ANGLE_COSINE * np.sqrt(dx * dx + dy * dy)
+        acute_to_a, acute_to_b = dx >= -slack, dx * bx + dy * by >= -slack * cb_length
+        splits = is_open & acute_to_a & acute_to_b & (d != c)
+        for side, (e, px, py) in enumerate(((a, ax, 0.0 * ax), (b, bx, by))):
+            gx, gy = dx - px, dy - py
+            span = np.sqrt(gx**2 + gy**2)
+            found = np.flatnonzero(splits & (span > 0) & (e != d))
+            span = np.where(span > 0, span, 1.0)
+            # c in the frame with e at the origin and d on the axis
+            x, y = -(px * gx + py * gy) / span, abs(px * gy - py * gx) / span
+            corners.append(np.stack([c, e, d], axis=1)[found])
+            shape.append(np.stack([span, x, y], axis=1)[found])
+            keys.append(2 * h[found] + side)
+        is_open &= ~(acute_to_a & acute_to_b)
+        # d is outside that range: cross the one of its two edges that the range passes through
+        state[8:11] = (np.where(acute_to_a, *pair) for pair in ((d, left), (dx, lx), (dy, ly)))
+        state[11:14] = (np.where(acute_to_a, *pair) for pair in ((right, d), (rx, dx), (ry, dy)))
+        beyond = (gate - gate % 3)[:, None] + np.arange(3)
+        vertex = corner_vertex[beyond]
+        is_left_behind = (vertex != state[8][:, None]) & (vertex != state[11][:, None])
+        state[-1] = opposite[beyond[:, 0] + is_left_behind.argmax(axis=1)]
+    order = np.argsort(np.concatenate(keys))
+    return np.concatenate(corners)[order], np.concatenate(shape)[order]
 
 
-@compiled()
-def _product(points: FloatArray, a: int, b: int, c: int, d: int) -> float:
-    """Inner product of the edges a → b and c → d."""
-    total = 0.0
-    for i in range(3):
-        total += (points[b, i] - points[a, i]) * (points[d, i] - points[c, i])
-    return total
+def _products(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Inner products of vectors, (m, 3) each."""
+    x, y, z = (u * v).T
+    return np.asarray(x + y + z)
 
 
 @compiled(inline="always", error_model="numpy")

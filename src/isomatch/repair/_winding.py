@@ -117,9 +117,11 @@ class _Pieces:
 def _pieces(mesh: Mesh) -> _Pieces:
     opposite = mesh.edge_table.opposite
     piece, rewound = np.full(mesh.n_faces, -1, dtype=np.int64), np.zeros(mesh.n_faces, dtype=bool)
-    first, one_sided = _flood(read_only(mesh.faces), opposite, piece, rewound)
+    first, one_sided = np.empty(mesh.n_faces, dtype=np.int64), np.zeros(mesh.n_faces, dtype=bool)
+    reached = np.empty(mesh.n_faces, dtype=np.int32)
+    n_pieces = _flood(read_only(mesh.faces), opposite, reached, piece, rewound, first, one_sided)
+    first, one_sided = first[:n_pieces], one_sided[:n_pieces]
     rewound &= ~one_sided[piece]
-    n_pieces = len(first)
     sign = np.where(rewound, -1.0, 1.0)
     measured = _measure_pieces(mesh, sign, np.flatnonzero(opposite < 0), piece, first)
     balance = np.bincount(piece, sign, n_pieces).astype(np.float64)
@@ -128,15 +130,22 @@ def _pieces(mesh: Mesh) -> _Pieces:
 
 @compiled()
 def _flood(
-    faces: IntArray, opposite: AnyArray, piece: IntArray, rewound: BoolArray
-) -> tuple[IntArray, BoolArray]:
-    """Label the pieces of faces; return the first face of each, and which pieces are one-sided."""
-    first, one_sided = np.empty(len(faces), np.int64), np.zeros(len(faces), np.bool_)
-    reached, n_pieces = np.empty(len(faces), np.int32), 0
+    faces: IntArray,
+    opposite: AnyArray,
+    reached: AnyArray,
+    piece: IntArray,
+    rewound: BoolArray,
+    first: IntArray,
+    one_sided: BoolArray,
+) -> int:
+    """Label the pieces of faces and count them; set the first face of each, and which pieces are one-sided."""
+    n_pieces = 0
     for start in range(len(faces)):
         if piece[start] >= 0:
             continue
-        first[n_pieces], piece[start], reached[0], n_reached = start, n_pieces, start, 1
+        first[n_pieces] = reached[0] = start
+        piece[start] = n_pieces
+        n_reached = 1
         while n_reached:
             n_reached -= 1
             f = reached[n_reached]
@@ -149,12 +158,14 @@ def _flood(
                 g = next_side // 3
                 is_rewound = rewound[f] ^ (faces[f, i] == faces[g, next_side % 3])
                 if piece[g] < 0:
-                    piece[g], rewound[g], reached[n_reached] = n_pieces, is_rewound, g
+                    piece[g] = n_pieces
+                    rewound[g] = is_rewound
+                    reached[n_reached] = g
                     n_reached += 1
                 elif rewound[g] != is_rewound:
                     one_sided[n_pieces] = True
         n_pieces += 1
-    return first[:n_pieces], one_sided[:n_pieces]
+    return n_pieces
 
 
 def _measure_pieces(

@@ -13,7 +13,7 @@ from isomatch.repair._winding import seems_inside_out
 from isomatch.repair.caps import close_holes_at
 from isomatch.repair.check import REPAIRED_DEFECTS, check, has_any
 from isomatch.repair.draft import Draft, VertexTrace, describe_places, run
-from isomatch.repair.sheets import separate_sheets
+from isomatch.repair.sheets import separate_sheets, welds_neighbours
 from isomatch.repair.steps import (
     close_gaps,
     drop_non_finite,
@@ -27,8 +27,12 @@ from isomatch.repair.steps import (
 from isomatch.surfaces import Mesh, in_spatial_order
 
 LARGE_MESH = 2**16  # vertices; arrays of a larger mesh do not fit into the cache, so it is sorted in space
-# Defects, by the names of `check`, of a mesh whose sheets may be glued together.
-SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
+# Defects, by the names of `check`, for which sheets are separated without a look along edges.
+SIGNS_OF_MERGES = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "non_finite_vertices")
+# Defects of a mesh whose sheets may be glued together.
+SIGNS_OF_SHEETS = (*SIGNS_OF_MERGES[:3], "coincident_vertices")
+# Up to this number of coincident vertices are compared along edges, which is faster than separating sheets; chosen.
+MAX_WELDED = 64
 KEEP_TOGETHER = "if they belong together, set preparation.sheet_distance = inf"  # the remedy in notes
 INSIDE_OUT = (  # a note
     "it seems to be inside out, and its openings are too large to turn it over unasked; with a shape that does not, "
@@ -48,7 +52,11 @@ def prepare_for_matching(mesh: Mesh, sheet_distance: float) -> Draft:
     report = check(draft.mesh, wall=0.0)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
-    separated = take_sheets_apart(draft, sheet_distance) if has_any(report, SIGNS_OF_SHEETS) else None
+    few = len(report.coincident_vertices) <= MAX_WELDED and not has_any(report, SIGNS_OF_MERGES)
+    if not has_any(report, SIGNS_OF_SHEETS) or (few and welds_neighbours(draft.mesh, sheet_distance)):
+        separated = None
+    else:
+        separated = take_sheets_apart(draft, sheet_distance)
     if separated:
         draft = separated
     elif has_any(report, REPAIRED_DEFECTS):

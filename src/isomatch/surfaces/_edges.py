@@ -38,34 +38,36 @@ def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
     faces = read_only(faces)
     start, keys = np.zeros(n_vertices + 2, dtype=np.int64), np.empty(faces.size, dtype=np.int64)
     sides, opposite = np.empty(faces.size, dtype=np.int32), np.empty(faces.size, dtype=np.int32)
-    n_edges = _sort_sides(faces, start, keys, sides)
+    _list_sides(faces, start, keys, sides)
+    sort_lists(start, keys, sides)
+    is_first = np.ones(faces.size + 1, dtype=bool)  # whether each side is the first at its edge
+    np.not_equal(keys[1:], keys[:-1], out=is_first[1:-1])
+    is_first[start[:-2]] = True
+    n_edges = int(np.count_nonzero(is_first[:-1]))
     ends, n_faces = np.empty((n_edges, 2), dtype=np.int64), np.zeros(n_edges, dtype=np.int32)
     clash = np.zeros(n_edges, dtype=bool)
-    _group_sides(faces, start, keys, sides, ends, n_faces, opposite, clash)
+    _group_sides(faces, start, keys, sides, is_first, ends, n_faces, opposite, clash)
     return EdgeTable(ends, n_faces, sides, opposite, clash)
 
 
 @compiled()
-def _sort_sides(faces: IntArray, start: IntArray, keys: IntArray, sides: AnyArray) -> int:
-    """Sort sides by their smaller vertex, then by the other one (the key) and number; count the edges."""
-    n = len(start) - 2
+def _list_sides(faces: IntArray, start: IntArray, keys: IntArray, sides: AnyArray) -> None:
+    """List the sides by their smaller vertex; the key of each is its other vertex."""
     for f in range(len(faces)):
+        b = faces[f, 2]
         for i in range(3):
-            start[min(faces[f, i], faces[f, (i + 1) % 3]) + 2] += 1
-    for v in range(n):
+            a, b = b, faces[f, i]
+            start[min(a, b) + 2] += 1
+    for v in range(len(start) - 2):
         start[v + 2] += start[v + 1]
     for f in range(len(faces)):
+        a = faces[f, 0]
         for i in range(3):
-            a, b = faces[f, i], faces[f, (i + 1) % 3]
+            b = faces[f, i + 1 if i < 2 else 0]
             row = start[min(a, b) + 1]
             keys[row], sides[row] = max(a, b), 3 * f + i
-            start[min(a, b) + 1] += 1
-    sort_lists(start, keys, sides)
-    count = 0
-    for v in range(n):
-        for row in range(start[v], start[v + 1]):
-            count += int(row == start[v] or keys[row] != keys[row - 1])
-    return count
+            start[min(a, b) + 1] = row + 1
+            a = b
 
 
 @compiled()
@@ -74,28 +76,31 @@ def _group_sides(
     start: IntArray,
     keys: IntArray,
     sides: AnyArray,
+    is_first: BoolArray,
     ends: IntArray,
     n_faces: AnyArray,
     opposite: AnyArray,
     clash: BoolArray,
 ) -> None:
     """Fill the table of edges from the sorted sides."""
-    count = -1
+    edge = -1
     for v in range(len(start) - 2):
         for row in range(start[v], start[v + 1]):
-            if row == start[v] or keys[row] != keys[row - 1]:
-                count += 1
-                ends[count, 0], ends[count, 1] = v, keys[row]
-            n_faces[count] += 1
+            if is_first[row]:
+                edge += 1
+                ends[edge, 0] = v
+                ends[edge, 1] = keys[row]
+            n_faces[edge] += 1
             side = sides[row]
             opposite[side] = -1
-            if n_faces[count] == 2:
+            if n_faces[edge] == 2:
                 other = sides[row - 1]
-                opposite[side], opposite[other] = other, side
-                clash[count] = faces[side // 3, side % 3] == faces[other // 3, other % 3]
-            elif n_faces[count] == 3:
+                opposite[side] = other
+                opposite[other] = side
+                clash[edge] = faces[side // 3, side % 3] == faces[other // 3, other % 3]
+            elif n_faces[edge] == 3:
                 opposite[sides[row - 1]] = opposite[sides[row - 2]] = -1
-                clash[count] = False
+                clash[edge] = False
 
 
 def lengths(points: FloatArray, ends: IntArray) -> FloatArray:
@@ -123,7 +128,10 @@ def label_components(n_nodes: int, *pairs: tuple[IntArray, IntArray]) -> tuple[i
     label = np.arange(n_nodes)
     for start, end in pairs:
         _join_links(label, np.ascontiguousarray(start), np.ascontiguousarray(end))
-    return _number_trees(label), label
+    is_root = label == np.arange(n_nodes)
+    while not np.array_equal(root := label[label], label):
+        label = root
+    return int(np.count_nonzero(is_root)), (np.cumsum(is_root) - 1)[label]
 
 
 def connected_regions(
@@ -144,7 +152,7 @@ def _join_links(parent: IntArray, start: IntArray, end: IntArray) -> None:
         join_trees(parent, start[k], end[k])
 
 
-@compiled()
+@compiled(inline="always")
 def find_root(parent: IntArray, i: int) -> int:
     """Find the root of the tree of a node, and shorten the path to it."""
     while parent[i] != i:
@@ -153,7 +161,7 @@ def find_root(parent: IntArray, i: int) -> int:
     return i
 
 
-@compiled()
+@compiled(inline="always")
 def join_trees(parent: IntArray, i: int, j: int) -> bool:
     """Join the trees of two nodes; the root is the smallest node. False if they were one tree."""
     i, j = find_root(parent, i), find_root(parent, j)
@@ -164,19 +172,6 @@ def join_trees(parent: IntArray, i: int, j: int) -> bool:
     return i != j
 
 
-@compiled()
-def _number_trees(parent: IntArray) -> int:
-    """Replace each node by the number of its tree, and count the trees; a parent comes before its children."""
-    count = 0
-    for i in range(len(parent)):
-        if parent[i] == i:
-            parent[i] = count
-            count += 1
-        else:
-            parent[i] = parent[parent[i]]
-    return count
-
-
 def count_fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
     """Count the fans of faces around each vertex, (n,): 1 on a manifold, 0 for a vertex without faces.
 
@@ -184,7 +179,7 @@ def count_fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
     """
     count = np.zeros(n_vertices, dtype=np.int64)
     if (edges.n_faces <= 2).all():
-        _count_fans(read_only(faces), edges.opposite, count)
+        _count_fans(read_only(faces), edges.opposite, np.zeros(faces.size, dtype=bool), count)
         return count
     met = meetings(edges, faces)
     links = corner_links(met.sides[:, 0], met.sides[:, 1], met.same_direction)
@@ -195,11 +190,10 @@ def count_fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
 
 
 @compiled()
-def _count_fans(faces: IntArray, opposite: AnyArray, count: IntArray) -> None:
+def _count_fans(faces: IntArray, opposite: AnyArray, seen: BoolArray, count: IntArray) -> None:
     """Walk around each vertex, both ways from a corner, from face to face across common sides."""
     # ``at_start`` tells at which end of the side the vertex is, since opposite sides have the same direction
     # where faces are wound inconsistently.
-    seen = np.zeros(faces.size, np.bool_)
     for corner in range(faces.size):
         if seen[corner]:
             continue

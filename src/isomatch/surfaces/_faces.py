@@ -11,6 +11,7 @@ from isomatch._core.compiled import compiled
 from isomatch._core.errors import MeshError, some
 
 OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)  # defects of a face; 0 is a sound face
+NO_CROSS, NO_AREAS = np.zeros((0, 3)), np.zeros(0)  # outputs that `_measure` leaves out
 
 
 @dataclass(frozen=True)
@@ -33,18 +34,29 @@ def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
 
     A duplicate has the same three vertices as an earlier face, in any order. The earlier face is not a duplicate.
     """
-    kind = _kinds(read_only(vertices), read_only(faces))
+    kind, start = np.zeros(len(faces), np.int8), np.zeros(len(vertices) + 2, np.int64)
+    keys, numbers = np.empty(len(faces), np.int64), np.empty(len(faces), np.int32)
+    _list_sound(read_only(vertices), read_only(faces), kind, start, keys, numbers)
+    sort_lists(start, keys, numbers)
+    row = np.flatnonzero(keys[1 : start[-2]] == keys[: max(start[-2] - 1, 0)])
+    face, face_before = numbers[row + 1], numbers[row]
+    kind[face[faces[face].min(axis=1) == faces[face_before].min(axis=1)]] = DUPLICATE
     return UnsoundFaces(*(kind == k for k in (OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE)))
 
 
 @compiled()
-def _kinds(vertices: FloatArray, faces: IntArray) -> AnyArray:
-    """Find the defect of each face, (m,), 0 for none."""
+def _list_sound(
+    vertices: FloatArray, faces: IntArray, kind: AnyArray, start: IntArray, keys: IntArray, numbers: AnyArray
+) -> None:
+    """Set the kind of defect of each face, 0 for none, and list the others by their smallest vertex.
+
+    The key of a face is made of its other two vertices.
+    """
     n = len(vertices)
-    kind, start = np.zeros(len(faces), np.int8), np.zeros(n + 2, np.int64)
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if min(a, b, c) < 0 or max(a, b, c) >= n:
+        low, high = min(a, b, c), max(a, b, c)
+        if low < 0 or high >= n:
             kind[f] = OUT_OF_RANGE
             continue
         total = 0.0
@@ -56,21 +68,17 @@ def _kinds(vertices: FloatArray, faces: IntArray) -> AnyArray:
         elif a == b or b == c or c == a:
             kind[f] = REPEATED
         else:
-            start[min(a, b, c) + 2] += 1
+            start[low + 2] += 1
     for v in range(n):
         start[v + 2] += start[v + 1]
-    keys, number = np.empty(start[n + 1], np.int64), np.empty(start[n + 1], np.int32)
     for f in range(len(faces)):
         if kind[f] == 0:
-            low, mid, high = _sorted(faces, f)
-            keys[start[low + 1]], number[start[low + 1]] = mid << 32 | high, f
-            start[low + 1] += 1
-    sort_lists(start, keys, number)
-    for v in range(n):
-        for row in range(start[v] + 1, start[v + 1]):
-            if keys[row] == keys[row - 1]:
-                kind[number[row]] = DUPLICATE
-    return kind
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            low, high = min(a, b, c), max(a, b, c)
+            row = start[low + 1]
+            keys[row] = (a + b + c - low - high) << 32 | high
+            numbers[row] = f
+            start[low + 1] = row + 1
 
 
 @compiled()
@@ -93,12 +101,6 @@ def sort_lists(start: IntArray, keys: IntArray, numbers: AnyArray) -> None:
             gap //= 3
 
 
-@compiled()
-def _sorted(faces: IntArray, f: int) -> tuple[int, int, int]:
-    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-    return min(a, b, c), a + b + c - min(a, b, c) - max(a, b, c), max(a, b, c)
-
-
 def require_vertices(faces: IntArray, n_vertices: int) -> None:
     """Raise `MeshError` if a vertex index is out of range."""
     if faces.size and not (faces.min() >= 0 and faces.max() < n_vertices):
@@ -112,48 +114,49 @@ def require_vertices(faces: IntArray, n_vertices: int) -> None:
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Compute area-weighted unit normals of the vertices, (n, 3); zero if no face of positive area meets a vertex."""
     require_vertices(faces, len(vertices))
-    return _normals(read_only(np.ascontiguousarray(vertices, dtype=np.float64)), read_only(faces))
+    normals = np.zeros((len(vertices), 3))
+    points = np.ascontiguousarray(vertices, dtype=np.float64)
+    _measure(read_only(points), read_only(faces), NO_CROSS, NO_AREAS, normals)
+    x, y, z = normals.T
+    with np.errstate(all="ignore"):  # huge coordinates give inf or nan
+        length = np.sqrt(x**2 + y**2 + z**2)[:, None]
+        return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
 
-@compiled()
 def cross_products(points: FloatArray, faces: IntArray) -> FloatArray:
     """Cross product of two edges of each face, (m, 3); beyond the largest float infinite or nan."""
     cross = np.zeros((len(faces), 3))
-    for f in range(len(faces)):
-        cross[f, 0], cross[f, 1], cross[f, 2] = _cross(points, faces, f)
+    _measure(read_only(points), read_only(faces), cross, NO_AREAS, NO_CROSS)
     return cross
 
 
-@compiled()
 def areas_of(points: FloatArray, faces: IntArray) -> FloatArray:
     """Areas (m,) of faces."""
     areas = np.zeros(len(faces))
-    for f in range(len(faces)):
-        x, y, z = _cross(points, faces, f)
-        areas[f] = 0.5 * np.sqrt(x * x + y * y + z * z)
+    _measure(read_only(points), read_only(faces), NO_CROSS, areas, NO_CROSS)
     return areas
 
 
 @compiled()
-def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
-    normals = np.zeros((len(points), 3))
+def _measure(
+    points: FloatArray, faces: IntArray, cross: FloatArray, areas: FloatArray, normals: FloatArray
+) -> None:
+    """Set the cross product and the area of each face, and add up the cross products at vertices.
+
+    An output without rows is not computed.
+    """
     for f in range(len(faces)):
-        x, y, z = _cross(points, faces, f)
-        for corner in range(3):
-            v = faces[f, corner]
-            normals[v, 0] += x
-            normals[v, 1] += y
-            normals[v, 2] += z
-    for v in range(len(normals)):
-        length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
-        for i in range(3):
-            normals[v, i] = normals[v, i] / length if length > 0 else 0.0
-    return normals
-
-
-@compiled(inline="always")
-def _cross(points: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
-    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        if len(cross):
+            cross[f, 0], cross[f, 1], cross[f, 2] = x, y, z
+        if len(areas):
+            areas[f] = 0.5 * np.sqrt(x * x + y * y + z * z)
+        if len(normals):
+            for corner in range(3):
+                v = faces[f, corner]
+                normals[v, 0] += x
+                normals[v, 1] += y
+                normals[v, 2] += z

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._core.arrays import FloatArray, IntArray, array_of, numbers_of, read_only
+from isomatch._core.arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MeshError
 from isomatch.surfaces._edges import EdgeTable, edge_table, label_components, lengths
@@ -71,12 +71,12 @@ class Mesh(Plotted):
     @cached_property
     def face_cross(self) -> FloatArray:
         """(m, 3) cross product of two edges of each face: its unit normal times twice its area."""
-        return cross_products(read_only(self.vertices), read_only(self.sound_faces))
+        return cross_products(self.vertices, self.sound_faces)
 
     @cached_property
     def face_areas(self) -> FloatArray:
         """(m,) area of each face, in squared mesh units."""
-        return areas_of(read_only(self.vertices), read_only(self.sound_faces))
+        return areas_of(self.vertices, self.sound_faces)
 
     @cached_property
     def vertex_areas(self) -> FloatArray:
@@ -124,8 +124,7 @@ class Mesh(Plotted):
         i, j = ends.reshape(-1, 2).T
         n_loops, loop = label_components(len(used), (i, j))
         of_loops = np.bincount(loop[i], lengths(self.vertices, self.boundary_edges), n_loops)
-        sorted_lengths: FloatArray = np.sort(of_loops)[::-1]
-        return sorted_lengths
+        return np.sort(of_loops.astype(np.float64))[::-1]
 
     @cached_property
     def edge_lengths(self) -> FloatArray:
