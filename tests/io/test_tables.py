@@ -139,6 +139,11 @@ def test_comments_and_names_that_begin_with_a_mark():
     assert parse_table("#x y z\n0 1 2\n", "t").titled({"x"}).titles == ("x", "y", "z")
 
 
+def test_a_row_of_numbers_and_a_word_is_read_without_trying_all_ways_to_split_the_numbers():
+    (row,) = parse_table(" ".join([*["12"] * 60, "ape"]), "t").rows
+    assert row.cells == [*["12"] * 60, "ape"]
+
+
 def test_whole_numbers_may_be_written_as_floats(tmp_path):
     (tmp_path / "a.txt").write_text("1.0\n2e0\n1e+05\n-1\n")
     assert read_integers(tmp_path / "a.txt", 1, "is none").tolist() == [[1], [2], [100000], [-1]]

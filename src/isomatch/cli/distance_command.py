@@ -275,7 +275,7 @@ def _write(path: Path, request: _Request, distances: FloatArray) -> None:
     write_text(path, "\n".join([*lines, ""]))
 
 
-_WEIGHT = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_WEIGHT = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"
 _POINTS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)
 # The three weights of a point may add up to this much more or less than 1, as files round them.
