@@ -70,6 +70,15 @@ class Page(HTMLParser):
         return [element for element in self.found if element["tag"] == tag]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def narrow_pictures():
+    """The pictures at a third of their width: what is in them is tested elsewhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report, "WIDTH", 600)
+        patch.setattr(report, "STILL_WIDTH", 213)
+        yield
+
+
 @pytest.fixture(scope="module")
 def pair():
     source, target = example_pair()
