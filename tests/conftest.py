@@ -4,12 +4,15 @@ import gc
 import os
 import platform
 import signal
+from contextlib import contextmanager, nullcontext
 from functools import partial
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
+import isomatch.visualization.notebook
 import isomatch.visualization.report
 from browser_pages import browser, visit  # noqa: F401 - fixtures
 from data import real_file
@@ -22,6 +25,7 @@ from isomatch.matching import problem
 from isomatch.visualization import draw_map
 from small_collections import copied, finished, in_threads, small  # noqa: F401 - fixtures
 
+LABORATORY = Path(__file__).parent / "lab"
 LONGEST = (  # files in the order in which they are handed to workers, before all others
     "cohort/test_dask.py",
     "faults/test_every_step.py",
@@ -101,11 +105,16 @@ def pytest_runtest_makereport(item, call):
     return report
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Import nothing of the tests of the laboratory, which are all long, where long tests are left out."""
+    return True if collection_path == LABORATORY and config.option.markexpr == "not long" else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Leave the laboratory to the long tests; with the longest files first, no worker is left alone with one."""
     for item in items:
-        if item.nodeid.startswith("tests/lab/"):
+        if item.path.is_relative_to(LABORATORY):
             item.add_marker(pytest.mark.long)
     rank = {f"tests/{name}": i for i, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.nodeid.partition("::")[0], len(rank)))
@@ -126,10 +135,9 @@ def ctrl_c_is_heard():
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.fixture(scope="module")
-def prepared_once():
-    """Matches of a module prepare a mesh or cloud that they are given again only for other settings."""
-    kept = {}
+@contextmanager
+def preparing_once(kept):
+    """Matches prepare a mesh or cloud that they are given again only for other settings."""
 
     def once(shape, config, seed, **told):
         if not isinstance(shape, Mesh | PointCloud):
@@ -144,6 +152,28 @@ def prepared_once():
         yield
 
 
+@pytest.fixture(scope="module")
+def prepared_once():
+    with preparing_once({}):
+        yield
+
+
+class Doctests:
+    """Those of all files prepare the shipped pair once."""
+
+    def __init__(self):
+        self.kept = {}
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self, item):
+        with preparing_once(self.kept) if isinstance(item, pytest.DoctestItem) else nullcontext():
+            return (yield)
+
+
+def pytest_configure(config):
+    config.pluginmanager.register(Doctests())
+
+
 @pytest.fixture
 def coarse_pictures(monkeypatch):
     """The pictures of statistics with a fifth of the dots in print: what is in them is tested in ``shape_statistics``."""
@@ -155,6 +185,7 @@ def small_pictures(monkeypatch):
     """The pictures of a match at a sixth of their width: what is in them is tested in ``view``."""
     monkeypatch.setattr(isomatch.visualization, "draw_map", partial(draw_map, width=300))
     monkeypatch.setattr(isomatch.visualization.report, "WIDTH", 300)
+    monkeypatch.setattr(isomatch.visualization.notebook, "PAIR_WIDTH", 150)
 
 
 @pytest.fixture(scope="session")
