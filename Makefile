@@ -9,7 +9,7 @@ PYTHONS ?= 3.11 3.12 3.13
 UV := $(VENV)/uv/bin/uv
 PIP := -m pip install --quiet --disable-pip-version-check --no-compile  # Python compiles what is imported
 KERNEL ?= Prescott # of OpenBLAS, the plainest of an x86 processor
-KERNEL_FREE := array_shapes bad_input config evidence individuals landmark_files outcome parameters questions result_file via windings
+KERNEL_FREE := array_shapes bad_input config landmark_files outcome parameters result_file # compute nothing that it changes
 TESTS ?= $(filter-out $(KERNEL_FREE:%=tests/matching/test_%.py),$(wildcard tests/matching/test_*.py)) # that match or decompose
 ONE_THREAD := ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1  # for each worker
 WORKERS := -n auto --dist loadfile --no-loadscope-reorder  # a worker for each processor, files in the order of conftest.py

@@ -4,7 +4,6 @@ import gc
 import os
 import platform
 import signal
-from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 
@@ -135,38 +134,38 @@ def ctrl_c_is_heard():
     signal.signal(signal.SIGINT, before)
 
 
-@contextmanager
-def preparing_once(kept):
-    """Matches prepare a mesh or cloud that they are given again only for other settings."""
+PREPARED = {}  # shapes that matches of any file of a worker were given
+MOST_PREPARED = 16
 
-    def once(shape, config, seed, **told):
-        if not isinstance(shape, Mesh | PointCloud):
-            return prepare(shape, config, seed, **told)
-        key = shape.content_hash, config, seed, os.environ.get("ISOMATCH_NUM_THREADS")
-        if key not in kept:
-            kept[key] = prepare(shape, config, seed, **told)
-        return kept[key]
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(problem, "prepare", once)
-        yield
+def prepared_or_kept(shape, config, seed, **told):
+    """Prepare a mesh or cloud that a match is given again only for other settings."""
+    if not isinstance(shape, Mesh | PointCloud):
+        return prepare(shape, config, seed, **told)
+    key = shape.content_hash, config, seed, os.environ.get("ISOMATCH_NUM_THREADS")
+    if key not in PREPARED:
+        PREPARED[key] = prepare(shape, config, seed, **told)
+    while len(PREPARED) > MOST_PREPARED:
+        PREPARED.pop(next(iter(PREPARED)))
+    return PREPARED[key]
 
 
 @pytest.fixture(scope="module")
 def prepared_once():
-    with preparing_once({}):
+    """Matches do not prepare again what a match of any file was given before."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(problem, "prepare", prepared_or_kept)
         yield
 
 
 class Doctests:
     """Those of all files prepare the shipped pair once."""
 
-    def __init__(self):
-        self.kept = {}
-
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_call(self, item):
-        with preparing_once(self.kept) if isinstance(item, pytest.DoctestItem) else nullcontext():
+        with pytest.MonkeyPatch.context() as patch:
+            if isinstance(item, pytest.DoctestItem):
+                patch.setattr(problem, "prepare", prepared_or_kept)
             return (yield)
 
 
@@ -186,6 +185,15 @@ def small_pictures(monkeypatch):
     monkeypatch.setattr(isomatch.visualization, "draw_map", partial(draw_map, width=300))
     monkeypatch.setattr(isomatch.visualization.report, "WIDTH", 300)
     monkeypatch.setattr(isomatch.visualization.notebook, "PAIR_WIDTH", 150)
+
+
+@pytest.fixture(scope="module")
+def narrow_reports():
+    """The pictures in reports at a third of their width: what is in them is tested in ``test_stills``."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(isomatch.visualization.report, "WIDTH", 600)
+        patch.setattr(isomatch.visualization.report, "STILL_WIDTH", 213)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -6,10 +6,9 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from written_tables import clouds, tables
 
-from isomatch import Asset, DescriptorError, FormatError, Mesh, read_asset
+from isomatch import Asset, FormatError, Mesh, read_asset
 from isomatch._core.tables import parse_table, read_integers, read_table
 from isomatch.io import read_attributes
 
@@ -220,13 +219,3 @@ def test_positions_that_are_not_told_are_refused(tmp_path, text, message):
     (tmp_path / "a.xyz").write_text(text)
     with pytest.raises(FormatError, match=message):
         read_asset(tmp_path / "a.xyz")
-
-
-@settings(examples, max_examples=20)
-@given(data=st.binary(max_size=60))
-def test_any_bytes_give_values_or_a_named_error(tmp_path_factory, data):
-    for name, read in (("t.csv", lambda path: read_attributes(path, SURFACE)), ("t.xyz", read_asset)):
-        path = tmp_path_factory.getbasetemp() / name
-        path.write_bytes(data)
-        with suppress(FormatError, DescriptorError):
-            read(path)

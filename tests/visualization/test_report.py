@@ -32,6 +32,7 @@ from isomatch.visualization.measures import MEASURES, quality_bounds, quality_me
 from isomatch.visualization.scene import scene_of, stretch
 from isomatch.visualization.summary import describe_alternative, describe_alternatives, share_elsewhere
 
+pytestmark = pytest.mark.usefixtures("narrow_reports")
 HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
 VOID = {"meta", "img", "br", "line", "circle", "input"}
 
@@ -68,15 +69,6 @@ class Page(HTMLParser):
 
     def all(self, tag):
         return [element for element in self.found if element["tag"] == tag]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def narrow_pictures():
-    """The pictures at a third of their width: what is in them is tested elsewhere."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report, "WIDTH", 600)
-        patch.setattr(report, "STILL_WIDTH", 213)
-        yield
 
 
 @pytest.fixture(scope="module")
