@@ -33,11 +33,6 @@ def precise():
     return Correspondence([0, 2, 4, -1], 5, faces, weights)
 
 
-def test_pull_back_takes_the_value_of_the_image():
-    carried = Correspondence([2, 0, -1], 3).pull_back([10.0, 20.0, 30.0])
-    np.testing.assert_array_equal(carried, [30, 10, np.nan])
-
-
 def test_pull_back_interpolates_at_the_precise_image(precise):
     np.testing.assert_allclose(precise.pull_back([0.0, 10, 20, 30, 40]), [7, 24, 40, np.nan])
 
