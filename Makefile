@@ -9,7 +9,8 @@ PYTHONS ?= 3.11 3.12 3.13
 UV := $(VENV)/uv/bin/uv
 PIP := -m pip install --quiet --disable-pip-version-check --no-compile  # Python compiles what is imported
 KERNEL ?= Prescott # of OpenBLAS, the plainest of an x86 processor
-TESTS ?= tests/matching
+KERNEL_FREE := array_shapes bad_input config landmark_files outcome parameters result_file # compute nothing that it changes
+TESTS ?= $(filter-out $(KERNEL_FREE:%=tests/matching/test_%.py),$(wildcard tests/matching/test_*.py)) # that match or decompose
 ONE_THREAD := ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1  # for each worker
 WORKERS := -n auto --dist loadfile --no-loadscope-reorder  # a worker for each processor, files in the order of conftest.py
 
@@ -52,9 +53,11 @@ docs-dev: $(DOCS)/bin/sphinx-build  # for developers: subpackages, laboratory, d
 extras:  # zips for Blender and 3D Slicer
 	$(PYTHON) extras/zipped.py dist/extras
 
-test: $(VENV)/dev lint  # types are checked beside the tests and told in the end; no two workers compile the same loops
+# types are checked beside the tests and told in the end; no two workers compile the same loops and modules
+test: $(VENV)/dev lint
 	$(BIN)/mypy >$(VENV)/types 2>&1 & checked=$$!; \
 	$(ONE_THREAD) $(BIN)/python -m isomatch.warm; \
+	test -e $(VENV)/imported || $(BIN)/python -m pytest --collect-only >$(VENV)/imported 2>&1; \
 	$(ONE_THREAD) $(BIN)/python -m pytest $(WORKERS); tested=$$?; \
 	wait $$checked; typed=$$?; cat $(VENV)/types; exit $$((tested | typed))
 

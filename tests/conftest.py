@@ -1,14 +1,17 @@
 """What all tests share; ``zoo.py``, ``shapes.py`` and ``data.py`` beside this file can be imported."""
 
+import gc
 import os
 import platform
 import signal
 from functools import partial
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
+import isomatch.visualization.notebook
 import isomatch.visualization.report
 from browser_pages import browser, visit  # noqa: F401 - fixtures
 from data import real_file
@@ -21,6 +24,7 @@ from isomatch.matching import problem
 from isomatch.visualization import draw_map
 from small_collections import copied, finished, in_threads, small  # noqa: F401 - fixtures
 
+LABORATORY = Path(__file__).parent / "lab"
 LONGEST = (  # files in the order in which they are handed to workers, before all others
     "cohort/test_dask.py",
     "faults/test_every_step.py",
@@ -81,6 +85,17 @@ def pytest_sessionstart(session):
 
 
 @pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Keep the garbage collector from looking at what stays to the end, which took a third of the time."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+@pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     """A failure names the machine, so that it can be seen again elsewhere."""
     report = yield
@@ -89,11 +104,16 @@ def pytest_runtest_makereport(item, call):
     return report
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Import nothing of the tests of the laboratory, which are all long, where long tests are left out."""
+    return True if collection_path == LABORATORY and config.option.markexpr == "not long" else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Leave the laboratory to the long tests; with the longest files first, no worker is left alone with one."""
     for item in items:
-        if item.nodeid.startswith("tests/lab/"):
+        if item.path.is_relative_to(LABORATORY):
             item.add_marker(pytest.mark.long)
     rank = {f"tests/{name}": i for i, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.nodeid.partition("::")[0], len(rank)))
@@ -114,22 +134,43 @@ def ctrl_c_is_heard():
     signal.signal(signal.SIGINT, before)
 
 
+PREPARED = {}  # shapes that matches of any file of a worker were given
+MOST_PREPARED = 16
+
+
+def prepared_or_kept(shape, config, seed, **told):
+    """Prepare a mesh or cloud that a match is given again only for other settings."""
+    if not isinstance(shape, Mesh | PointCloud):
+        return prepare(shape, config, seed, **told)
+    key = shape.content_hash, config, seed, os.environ.get("ISOMATCH_NUM_THREADS")
+    if key not in PREPARED:
+        PREPARED[key] = prepare(shape, config, seed, **told)
+    while len(PREPARED) > MOST_PREPARED:
+        PREPARED.pop(next(iter(PREPARED)))
+    return PREPARED[key]
+
+
 @pytest.fixture(scope="module")
 def prepared_once():
-    """Matches of a module prepare a mesh or cloud that they are given again only for other settings."""
-    kept = {}
-
-    def once(shape, config, seed, **told):
-        if not isinstance(shape, Mesh | PointCloud):
-            return prepare(shape, config, seed, **told)
-        key = shape.content_hash, config, seed, os.environ.get("ISOMATCH_NUM_THREADS")
-        if key not in kept:
-            kept[key] = prepare(shape, config, seed, **told)
-        return kept[key]
-
+    """Matches do not prepare again what a match of any file was given before."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(problem, "prepare", once)
+        patch.setattr(problem, "prepare", prepared_or_kept)
         yield
+
+
+class Doctests:
+    """Those of all files prepare the shipped pair once."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self, item):
+        with pytest.MonkeyPatch.context() as patch:
+            if isinstance(item, pytest.DoctestItem):
+                patch.setattr(problem, "prepare", prepared_or_kept)
+            return (yield)
+
+
+def pytest_configure(config):
+    config.pluginmanager.register(Doctests())
 
 
 @pytest.fixture
@@ -143,6 +184,16 @@ def small_pictures(monkeypatch):
     """The pictures of a match at a sixth of their width: what is in them is tested in ``view``."""
     monkeypatch.setattr(isomatch.visualization, "draw_map", partial(draw_map, width=300))
     monkeypatch.setattr(isomatch.visualization.report, "WIDTH", 300)
+    monkeypatch.setattr(isomatch.visualization.notebook, "PAIR_WIDTH", 150)
+
+
+@pytest.fixture(scope="module")
+def narrow_reports():
+    """The pictures in reports at a third of their width: what is in them is tested in ``test_stills``."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(isomatch.visualization.report, "WIDTH", 600)
+        patch.setattr(isomatch.visualization.report, "STILL_WIDTH", 213)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -14,11 +14,14 @@ from isomatch.cohort import Collection
 from isomatch.cohort.workers import _n_threads_of
 from small_collections import arrays_of, run
 
-distributed = pytest.importorskip("distributed")
+
+@pytest.fixture
+def distributed():
+    return pytest.importorskip("distributed")
 
 
 @pytest.fixture
-def cluster():
+def cluster(distributed):
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
     ) as cluster:
@@ -90,6 +93,7 @@ def test_workers_that_die_at_random_during_a_whole_run(cluster, small, finished,
     assert arrays_of(tmp_path) == arrays_of(finished)
 
 
+@pytest.mark.usefixtures("distributed")
 @pytest.mark.parametrize("address", ["nonsense://x", "tcp://"])
 def test_a_scheduler_that_cannot_be_reached(address, small, tmp_path):
     collection = Collection.create(tmp_path, small.shapes, config=small.config)

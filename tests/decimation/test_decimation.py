@@ -26,13 +26,13 @@ def side_by_side(*meshes: Mesh) -> Mesh:
 
 
 SURFACES = {
-    "closed": icosphere(4),
-    "torus": torus(60, 30),
-    "moebius": mobius_strip(60, 20),
-    "open": cylinder(60, 30),
-    "holes": puncture(icosphere(4), 0, 1, 2, 700),
-    "flat": flat_grid(30, 40),
-    "irregular": planar_delaunay(1500),
+    "closed": icosphere(3),
+    "torus": torus(36, 18),
+    "moebius": mobius_strip(60, 12),
+    "open": cylinder(40, 20),
+    "holes": puncture(icosphere(3), 0, 1, 2, 500),
+    "flat": flat_grid(24, 30),
+    "irregular": planar_delaunay(700),
     "two components": side_by_side(icosphere(3), icosphere(1), puncture(icosphere(3), 5)),
 }
 

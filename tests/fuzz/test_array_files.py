@@ -37,9 +37,6 @@ RESULT = MatchResult(
     (Alternative(lambda: MAP, 1.0, 0.5, "flip"),), {"total": 1.0},
     ("a note",), "fast_marching", "extremities", "the best", Config(), 0,
 )  # fmt: skip
-MODEL = ShapeModel.fit(
-    CorrespondedShapes(("a", "b"), [grid(3, 3).vertices, grid(3, 3).vertices ** 2], grid(3, 3).faces)
-)
 SHAPES = {
     "faces": grid(3, 3).faces,
     "cat0": grid(3, 3).vertices,
@@ -100,8 +97,9 @@ LOADERS = {
 def seeds(tmp_path_factory):
     """The arrays of a sound file of each kind."""
     path = tmp_path_factory.mktemp("sound") / "file.npz"
-    found = {"shapes": SHAPES, "curves": CURVES}
-    for kind, value in (("basis", BASIS), ("map", MAP), ("result", RESULT), ("model", MODEL)):
+    mesh, found = grid(3, 3), {"shapes": SHAPES, "curves": CURVES}
+    model = ShapeModel.fit(CorrespondedShapes(("a", "b"), [mesh.vertices, mesh.vertices**2], mesh.faces))
+    for kind, value in (("basis", BASIS), ("map", MAP), ("result", RESULT), ("model", model)):
         value.save(path)
         with np.load(path) as stored:
             found[kind] = dict(stored)

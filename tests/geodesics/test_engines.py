@@ -95,7 +95,7 @@ def test_extreme_sizes(name):
 
 
 def test_threads_change_nothing(name, example, monkeypatch):
-    sources = np.arange(0, 2900, 200)
+    sources = np.arange(0, 2900, 480)
     columns = []
     for threads in ("1", "2", "5"):
         monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)

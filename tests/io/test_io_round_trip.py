@@ -129,7 +129,7 @@ def test_missing_files_and_folders(tmp_path):
 
 @pytest.mark.parametrize(("suffix", "options"), INDEXED + SOUP)
 @given(data=st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_a_damaged_file_gives_a_mesh_or_one_line_that_says_where(suffix, options, data):
     content = bytearray(FORMATS[suffix].write(Asset.of_mesh(grid(3, 3)), **options))
     start = data.draw(st.integers(0, len(content)))

@@ -6,7 +6,7 @@ from isomatch.datasets import ground_truth
 from isomatch_lab.procedural import creature
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def bodies():
     """Two poses of an animal, and the true image of each vertex."""
     source, target = (creature(1500, pose=i, triangulation=i) for i in (1, 2))

@@ -9,11 +9,12 @@ from isomatch.matching import prepare_pair
 from isomatch.matching.isometric.both_sides import exchange_regions
 from isomatch.matching.verify import Verifier, on_bodies
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 LIMB = 0.25  # √area, length of the limbs that are exchanged
 
 
 @pytest.fixture(scope="module")
-def prepared():
+def prepared(prepared_once):
     """A pair, and its true map between the bodies."""
     source, target = example_pair()
     pair = prepare_pair(source.mesh, target.mesh)

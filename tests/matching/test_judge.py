@@ -9,9 +9,11 @@ from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import prepare_pair
 from shapes import icosphere
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 @pytest.fixture(scope="module")
-def judged():
+def judged(prepared_once):
     """Give what judges a map of the pair by the truth, the truth, and distances from the ends of two limbs, in √area."""
     source, target = example_pair()
     pair = prepare_pair(source.mesh, target.mesh)

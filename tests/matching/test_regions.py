@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isomatch import FormatError, MatchResult, Mesh, Outcome, match, prepare
+from isomatch import Config, FormatError, MatchResult, Mesh, Outcome, match, prepare
 from isomatch.cli.results import say_result
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
@@ -47,12 +47,17 @@ def exchanged(animal, pair):
     return rows, source.body_vertex[runner_up[source.user_vertex[rows]]]
 
 
+def ellipsoid():
+    """Three half turns map it onto itself."""
+    sphere = icosphere(3)
+    return Mesh(sphere.vertices * [1.0, 2.0, 0.6], sphere.faces)
+
+
 @pytest.fixture(scope="module")
 def result():
-    """Of an ellipsoid, which three half turns map onto itself."""
-    sphere = icosphere(3)
-    ellipsoid = Mesh(sphere.vertices * [1.0, 2.0, 0.6], sphere.faces)
-    return match(ellipsoid, ellipsoid)
+    """A quick match of an ellipsoid."""
+    quick = Config(n_columns=40, rank=20, n_functions=60, n_search=100, n_refine=120)
+    return match(ellipsoid(), ellipsoid(), config=quick)
 
 
 def patches(pair, *middles, radius=0.2):
@@ -179,7 +184,8 @@ def test_the_outcome_speaks_of_regions(area, reason, outcome):
 
 
 @pytest.mark.long
-def test_a_symmetric_shape_is_doubtful_nearly_everywhere(result):
+def test_a_symmetric_shape_is_doubtful_nearly_everywhere():
+    result = match(ellipsoid(), ellipsoid())
     assert result.outcome is Outcome.SYMMETRY_AMBIGUOUS
     assert result.regions
     assert all(ANOTHER_MAP in region.reason for region in result.regions)
@@ -280,6 +286,7 @@ def test_regions_in_json(saved):
     assert MatchResult.from_dict(summary, mixed.map, mixed.config).regions == ()
 
 
+@pytest.mark.usefixtures("small_pictures")
 def test_regions_are_told(saved, capsys):
     _, mixed = saved
     sentence = "1.0% of the area around vertex 5: it looks unlike its image"

@@ -21,11 +21,9 @@ def path_between(mesh, height):
 ONE_FACE = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 
 
-@pytest.mark.parametrize(
-    "mesh", [icosphere(3), ring(), double_ring(), ONE_FACE], ids=["sphere", "ring", "double ring", "one face"]
-)
-def test_smooth_shapes_have_none(mesh):
-    assert find_creases(mesh).shape == (0, 2)
+@pytest.mark.parametrize("make", [lambda: icosphere(3), ring, double_ring, lambda: ONE_FACE])
+def test_smooth_shapes_have_none(make):
+    assert find_creases(make()).shape == (0, 2)
 
 
 def test_two_prongs_that_touch_have_one_between_them():

@@ -11,6 +11,7 @@ from isomatch._core.errors import SettingError
 from isomatch.datasets import example_pair
 from isomatch.repair import double_walled_share, inner_faces
 from isomatch_lab.procedural import PLANS, creature, organ
+from later import some_later
 from shapes import icosphere
 from thin_walls import shell
 from zoo import torus
@@ -31,12 +32,12 @@ SINGLE = {
     "torus": lambda: torus(60, 30),
     "two balls": lambda: together(ball(1.0), ball(0.5, (3, 0, 0))),
     "body": lambda: example_pair()[0].mesh,
-    "another body": lambda: creature(3000, kind="biped", pose=3).mesh,
+    "another body": lambda: creature(1500, kind="biped", pose=3).mesh,
     **{kind: partial(made_organ, kind) for kind in PLANS},
 }
 
 
-@pytest.mark.parametrize("name", SINGLE)
+@pytest.mark.parametrize("name", some_later(SINGLE, lambda name: name not in PLANS or name == "cortex"))
 def test_a_shape_without_an_inside_stays_as_it_is(name):
     mesh = SINGLE[name]()
     report, plain, outer = check(mesh), repair(mesh), repair(mesh, outer=True)

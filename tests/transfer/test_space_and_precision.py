@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from isomatch import Asset, Landmarks, read_asset, read_landmarks, read_mesh, wr
 from isomatch.cli import main
 from isomatch.cli.outputs import say_wrapped, write_wrapped
 from isomatch.io import Attribute, Frame
+from later import some_later
 from shapes import icosphere
 
 TURN = np.array([-1.0, -1.0, 1.0])
@@ -33,12 +35,17 @@ def identity(folder):
     return folder / "map.txt"
 
 
-@pytest.mark.parametrize("marks", ["a.mrk.json", "a.fcsv"])
-@pytest.mark.parametrize("of_marks", ["RAS", "LPS"])
-@pytest.mark.parametrize("to", ["source", "target"])
-@pytest.mark.parametrize("suffixes", [(".ply", ".obj"), (".vtk", ".ply"), (".vtp", ".off")])
-def test_landmarks_go_from_one_space_to_the_other(tmp_path, marks, of_marks, to, suffixes):
+WAYS = [*product(("a.mrk.json", "a.fcsv"), ("RAS", "LPS"), ("source", "target"))]
+SUFFIXES = [(".ply", ".obj"), (".vtk", ".ply"), (".vtp", ".off")]
+
+
+@pytest.mark.parametrize(
+    ("way", "suffixes"),
+    some_later(product(WAYS, SUFFIXES), lambda case: case[1] == SUFFIXES[0] or case[0] == WAYS[-1]),
+)
+def test_landmarks_go_from_one_space_to_the_other(tmp_path, way, suffixes):
     """Each is where it was on the body, in the coordinates of the surface that receives, whose space the file says."""
+    marks, of_marks, to = way
     source, target = (
         written(tmp_path / f"s{suffixes[0]}", "RAS"),
         written(tmp_path / f"t{suffixes[1]}", "LPS"),

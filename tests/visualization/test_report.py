@@ -32,6 +32,7 @@ from isomatch.visualization.measures import MEASURES, quality_bounds, quality_me
 from isomatch.visualization.scene import scene_of, stretch
 from isomatch.visualization.summary import describe_alternative, describe_alternatives, share_elsewhere
 
+pytestmark = pytest.mark.usefixtures("narrow_reports")
 HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
 VOID = {"meta", "img", "br", "line", "circle", "input"}
 

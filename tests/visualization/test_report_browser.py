@@ -15,6 +15,7 @@ from isomatch.matching import Alternative, MatchResult
 from isomatch.visualization import write_landmark_picker, write_report
 from shapes import icosphere
 
+pytestmark = pytest.mark.usefixtures("narrow_reports")
 SOURCE_POINTS = [(275, 250), (275, 150), (290, 350)]  # of the canvas at desktop width
 TARGET_POINTS = [(800, 250), (800, 150), (815, 350)]
 
@@ -48,7 +49,7 @@ def flipped(shape):
 
 
 @pytest.fixture(scope="module")
-def report(shape, flipped, tmp_path_factory):
+def report(browser, shape, flipped, tmp_path_factory):
     path = tmp_path_factory.mktemp("browser") / "report.html"
     confidence = shape.vertices[:, 1]
     write_report(

@@ -275,7 +275,7 @@ def _write(path: Path, request: _Request, distances: FloatArray) -> None:
     write_text(path, "\n".join([*lines, ""]))
 
 
-_WEIGHT = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"  # pattern of a barycentric weight, as 0.2 or 1e-3
+_WEIGHT = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # pattern of a barycentric weight, as 0.2 or 1e-3
 _POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"  # one point, as f12:0.2,0.3,0.5
 _POINTS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)  # a list of points
 WEIGHT_SUM_TOLERANCE = 0.01  # largest difference from 1 of the sum of a point's weights, which files round

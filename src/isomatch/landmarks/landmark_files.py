@@ -238,7 +238,7 @@ def _place(words: list[str], where: str, line: str, remedy: str, may_miss: bool 
         return ()
     numbers: list[float] = []
     for word in words:
-        number = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?"
+        number = r"[+-]?(\d+(?:\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?"
         if not (is_whole_number(word) if len(words) == 1 else re.fullmatch(number, word, re.ASCII)):
             raise FormatError(f"{where}: {line[:80]!r} is not a landmark; {remedy}")
         numbers.append(int(word) if len(words) == 1 else float(word))

@@ -153,14 +153,6 @@ def test_error_of_a_basis_by_another_route():
 
 
 @pytest.mark.long
-def test_ten_vectors(made):
-    rows = table(made, "basis-vectors")
-    values = np.abs([row["eigenvalue_over_area_three_halves"] for row in rows])
-    assert (np.diff(values) <= 0).all()
-    assert (np.diff([row["relative_error_so_far"] for row in rows]) < 0).all()
-
-
-@pytest.mark.long
 def test_descriptors_follow_geodesic_distances_and_laplace_functions_do_not(made):
     rows = table(made, "descriptor-distance")
     medians = {
