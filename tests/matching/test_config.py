@@ -4,6 +4,7 @@ import ast
 import inspect
 import json
 from dataclasses import fields, is_dataclass
+from itertools import pairwise
 
 import pytest
 
@@ -67,7 +68,7 @@ def settings_classes():
 def fields_with_sentence(kind):
     """Names of the fields of a class that a string below them describes."""
     body = ast.parse(inspect.getsource(kind)).body[0].body
-    pairs = zip(body, body[1:])
+    pairs = pairwise(body)
     return {a.target.id for a, b in pairs if isinstance(a, ast.AnnAssign) and isinstance(b, ast.Expr)}
 
 
