@@ -26,7 +26,9 @@ from isomatch.io import FORMATS, files_beside, meshes_among, prepare_for_writing
 from isomatch.repair import Repair, without_seams
 
 NUMBER_COLUMNS = 50  # A table takes this number of columns of the terminal beside the names.
-MIN_NAME_COLUMNS = 12  # A name takes at least this number of columns of a table, even in a narrow terminal.
+MIN_NAME_COLUMNS = (
+    12  # A name takes at least this number of columns of a table, even in a narrow terminal; chosen.
+)
 # A weld is reported if a smaller share of the vertices is left; of separate triangles, a sixth is left.
 MIN_SHARE_LEFT = 0.1
 
@@ -267,7 +269,7 @@ def _with_joined_parts(file: Path, output: Path) -> Path | isomatch.Asset:
     mesh_format = FORMATS.get(output.suffix.lower())
     if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
         return file
-    # A .surf.gii has no values of its own: they get files beside it, which are written later.
+    # A .surf.gii has no place for values. Under the name .gii they stay, until the output is written.
     named = output.with_name(output.name.lower().replace(".surf.gii", ".gii"))
     shown, _ = prepare_for_writing(named, isomatch.read_asset(file, sound=False))
     return replace(shown.placed, parts=(), document=shown.document)

@@ -158,7 +158,7 @@ class _Clock(ProgressColumn):
 
 
 _COUNTED = re.compile(r"(.+?) (\d+) of (\d+)")  # a stage that counts its steps, as "matched 3 of 8"
-SECONDS_BETWEEN_LINES = 60.0  # seconds between two lines of progress in a log
+SECONDS_BETWEEN_LINES = 60.0  # seconds between two lines of progress in a log; chosen
 
 
 @contextmanager

@@ -95,9 +95,9 @@ class RigidEnergy:
 
     def solve(self, diagonal: FloatArray, right: FloatArray, start: FloatArray) -> FloatArray:
         """Solve (L + diag(d)) y = b (n, 3), d > 0, approximately from a guess, by conjugate gradients."""
-        # The residual becomes a hundredth of the residual of the guess: enough if the next step
-        # starts from the result. Each iteration is linear in the edges; more are needed for a
-        # longer length behind the diagonal.
+        # Iterations end when the residual is a hundredth of the first one: enough if the next step
+        # starts from the result. Each takes time linear in the edges. Bending over long lengths
+        # needs more of them, as it makes d small.
         y = start.copy()
         _conjugate_gradients(self.start, self.neighbours, self.weights, diagonal, right, y)
         return y

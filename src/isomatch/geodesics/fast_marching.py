@@ -15,10 +15,15 @@ from isomatch.surfaces import Mesh
 
 MAX_SHIFT_EDGES = 0.02  # largest correction for curvature in a triangle, as a fraction of an edge; chosen
 MAX_FOCUS = 0.3  # 1 / the least number of steps to the focus of a front that converges; chosen
-TIE_STEPS = 1e-6  # difference, in steps, below which paths count as equal; the first one is kept
+# A path replaces another if it is shorter by more than this fraction of its last piece, the one within
+# the triangle; chosen.
+TIE_STEPS = 1e-6
 MAX_UNFOLDED_FACES = 40  # faces crossed, at most, to find a vertex that splits an obtuse angle; chosen
 RIGHT_ANGLE_COSINE = 1e-6  # largest absolute cosine of an angle that counts as right, and is not split
-NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)  # for a front without bounds, and to all vertices
+NO_BOUND, TO_ALL = (
+    np.zeros(0),
+    np.zeros(0, np.int64),
+)  # empty arrays: a front has no bounds; it goes to all vertices
 
 
 class FastMarching(ColumnEngine):

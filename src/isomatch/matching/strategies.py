@@ -333,7 +333,7 @@ PART_FROM_CLOSED = Strategy(
 PART_FROM_BOTH_SIDES = Strategy(
     "part, from both sides",
     "part",
-    "if nothing before is called right, as the map with its holes capped may be found from the other shape",
+    "if nothing before is called right: with the holes capped, the map is searched from the other shape",
     _part_from_both_sides,
     lambda problem: CAPPED.fits(problem) and _may_be_searched_from_target(problem),
     lambda tried: CAPPED.name in tried.matches and not tried.is_called_right,

@@ -32,7 +32,10 @@ MAX_HEIGHT_RATIO = 1.15  # largest height of a panel over its width
 MIN_WIDTH = 200  # smallest width of a picture in pixels
 MARGIN, TITLE_HEIGHT = 30, 70  # pixels between panels, and pixels of height that a title takes
 MIN_BAR_ROOM = 175  # smallest width in pixels of a colour bar with its label
-BAR_WIDTH, BAR_HEIGHT = 24, 0.7  # width of a bar in pixels, and its height as a share of the panel's
+BAR_WIDTH, BAR_HEIGHT = (
+    24,
+    0.7,
+)  # width of a colour bar in pixels, and its height as a share of the panel's; chosen
 # Panels beside a bar have at least this height in pixels, for two numbers and a word of its label.
 MIN_HEIGHT_BESIDE_BAR = 120
 TEXT_POINTS = 9  # size of letters in points

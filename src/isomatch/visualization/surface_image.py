@@ -140,9 +140,11 @@ def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Me
 KEY_LIGHT, FILL_LIGHT = np.array([-0.45, 0.65, 0.62]), np.array([0.75, 0.05, 0.45])
 TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])
 AMBIENT, KEY, FILL = 0.30, 0.62, 0.16  # largest share of the surface's colour that each light adds (chosen)
-GLOSS, GLOSS_EXPONENT = 0.10, 30.0  # white that a highlight adds at most, and how narrow a highlight is
+GLOSS, GLOSS_EXPONENT = 0.10, 30.0  # white that a highlight adds, and the exponent that narrows it; chosen
 CREVICE_RADIUS = 0.025  # share of the image height; depths are compared with their mean over this distance
-CREVICE_DEPTH = 0.06  # share of the image height; a crevice this deep below its surroundings is darkest
+CREVICE_DEPTH = (
+    0.06  # share of the image height; a crevice this deep below its surroundings is darkest; chosen
+)
 CREVICE_DARKNESS = 0.55  # share of its diffuse light that the darkest crevice loses
 CREVICE_STEP = 6  # pixels between those at which the depth of the surroundings is computed
 

@@ -26,7 +26,7 @@ from isomatch.io.materials import picture_in
 from isomatch.io.polygons import triangles_of_strips
 
 _MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"  # marks of a GLB file and of its chunks
-_COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by code
+_COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by glTF code
 _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}  # code of a numpy type
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}  # numbers in an entry
 _TYPES = {width: name for name, width in _WIDTHS.items()}  # name of entries of a width

@@ -24,7 +24,7 @@ SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."  # codes of letters
 _EXAMINED_BYTES = 2**16  # number of first bytes in which comments may name the space; chosen
 _BLANKS_TO_SPACES = bytes.maketrans(b"\t\v\f", b"   ")  # turns tabs and form feeds into spaces
 _WORD = re.compile(rb"[^ \n]+")  # bytes between spaces or line ends
-# A piece of a text that is split into words, or into lines, at once: Python objects take much memory.
+# At most 16,384 bytes (chosen), and the rest of a word or line, are split at once, as Python objects take memory.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
 _PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
 

@@ -72,6 +72,7 @@ _FEW_KINDS: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "
 _ROUNDED: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
 _NAMED: dict[str, Any] = {"keeps_names": lambda attribute: True}
 _GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "middles": gltf.middles, **_NAMED}
+# GIFTI keeps all names and coordinate systems ("frames"), and stores points in single precision.
 _GIFTI = {"keeps": gifti.keeps, "keeps_frame": lambda frame: True, **_NAMED, **_ROUNDED}
 _VTK: dict[str, Any] = {
     "keeps": lambda attribute: attribute.domain != "corner",

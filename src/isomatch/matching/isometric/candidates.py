@@ -61,8 +61,8 @@ def search(
     pool.merge(from_priors)
     for start in starts:
         rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
-        # closest points do not converge reliably on round shapes, and `relax_spectrally` has
-        # already improved the maps from anchors
+        # Starts from anchors, of round shapes, take no steps: closest points do not converge there, and
+        # `relax_spectrally` has improved them.
         pool.add(rows, 0 if start is starts_from_anchors else settings.start_steps, name_of(start))
     if any(start in default_starts for start in starts):  # a user's own starts are not flipped
         pool.flip(pool.hypotheses[: settings.flipped], "flip")
