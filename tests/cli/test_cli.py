@@ -202,6 +202,7 @@ def run_with(shapes, out, option, file):
         ("--initial-map", "a\n", "given:1: 'a' is not a target vertex"),
         ("--config", "colour = 3\n", "unknown setting colour"),
         ("--config", "rank = \n", "given: not a TOML file"),
+        ("--config", "#" * 2**14 + "\n", "given: more than 16384 bytes are not settings"),
         ("--config", "rank = 1000\n", "exceeds n_columns"),
     ],
 )

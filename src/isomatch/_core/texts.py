@@ -21,7 +21,6 @@ BYTE_ORDER_MARKS = {
     b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16",
 }  # fmt: skip
 _EXAMINED_BYTES = 1000  # number of first bytes that tell whether a text without a mark is UTF-16; chosen
-MAX_TOML_BYTES = 2**14  # A larger file is not read; all settings together take a fifth of this.
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")  # the start of a spreadsheet formula, escaped or not
 
 
@@ -38,12 +37,12 @@ def read_text(path: Path) -> str:
     return decode_text(read_bytes(path))
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file of settings; `FormatError` if it is too large, or not TOML."""
+def read_toml(path: Path, max_bytes: int) -> dict[str, Any]:
+    """Read a TOML file of settings; `FormatError` if it is larger than ``max_bytes``, or not TOML."""
     with open_file(path) as file:
-        text = file.read(MAX_TOML_BYTES + 1)
-    if len(text) > MAX_TOML_BYTES:
-        problem = f"more than {MAX_TOML_BYTES} bytes are not settings"
+        text = file.read(max_bytes + 1)
+    if len(text) > max_bytes:
+        problem = f"more than {max_bytes} bytes are not settings"
         raise FormatError(f"{path}: {problem}; give a TOML file of settings")
     try:
         return tomllib.loads(decode_text(text))

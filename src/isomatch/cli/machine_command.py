@@ -14,7 +14,7 @@ from isomatch._core.threads import n_threads
 from isomatch.cli.inputs import Json
 from isomatch.cli.terminal import Talk, say, say_table
 
-# packages whose versions affect results or speed: those that isomatch needs, and those of its extras
+# packages whose versions affect results or speed: what isomatch needs, and what its extras add
 REQUIRED = ("numpy", "scipy", "numba", "robust_laplacian", "mapbox_earcut", "matplotlib", "rich", "cyclopts")
 OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT", "h5py")
 DEFAULT_CACHES = "__pycache__ next to each module, or the cache of the user"  # of loops that numba compiled

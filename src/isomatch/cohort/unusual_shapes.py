@@ -20,7 +20,7 @@ MAX_CLOSED_BOUNDARY = 0.05  # √area; a surface with boundaries of a smaller to
 OutlierKind = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]  # see `outliers`
 # kinds that a run reports before it matches; it reports a broken shape when its preparation fails
 KINDS_BEFORE_MATCHING: tuple[OutlierKind, ...] = ("units", "twice", "mirrored", "holes")
-NOT_UNLIKE = "no"  # value in the column ``unlike`` of a shape that was compared with the others and is alike
+NOT_UNLIKE = "no"  # value in the column ``unlike`` of a shape that was compared and is like the others
 SAME_DISTANCE = 1e-5  # shares of a shape's size; distances that differ by less are equal in single precision
 MIN_HANDEDNESS = 1e-6  # smaller differences of ``handedness``, which has no unit, are rounding
 

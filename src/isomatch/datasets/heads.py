@@ -59,7 +59,7 @@ LANDMARKS = {  # directions of the landmarks of a head
 }
 DARK_STRIPE, LIGHT_STRIPE = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)  # red, green, blue of the stripes
 N_TEXELS = 512  # pixels across the picture of the stripes
-STRIPE_PHASE = 26.0  # radians of the phase of stripes per unit of direction: about 8 stripes around a head
+STRIPE_PHASE = 26.0  # radians of phase per unit of direction: about 8 stripes from back to front
 # width of a square in a corner of the picture, which is 1 wide, for the faces at the pole of the neck
 POLE_SQUARE_SIDE = 0.14
 

@@ -48,6 +48,9 @@ class MatchSettings(Protocol):
         """Return the settings that differ from their defaults."""
 
 
+MAX_FILE_BYTES = 2**14  # largest file of settings; all settings together take a fifth of this
+
+
 @dataclass(frozen=True)
 class Config(Settings, Shown):
     """Settings of `prepare` and `match`; the defaults are those that the benchmarks recommend.
@@ -164,7 +167,7 @@ class Config(Settings, Shown):
         SettingError
             If a setting is unknown, or its value is not allowed.
         """
-        values = read_toml(Path(path))
+        values = read_toml(Path(path), MAX_FILE_BYTES)
         try:
             return cls.from_dict(values)
         except SettingError as error:

@@ -2,6 +2,6 @@
 
 from typing import Literal
 
-Labelling = Literal["nearest", "majority"]  # whether a point gets the nearest label, or that with most area
+Labelling = Literal["nearest", "majority"]  # the nearest label, or the label with most area around a point
 NumbersAs = Literal["labels", "values"]  # whether numbers are carried like labels, or interpolated
 Side = Literal["source", "target"]  # the shape that receives

@@ -176,7 +176,7 @@ def vertex_values(values: ArrayLike, n: int, name: str) -> FloatArray:
 OUTLIER_SHARE = 0.01  # share of the values beyond each end of the colour bar
 # Values get a two-sided colour map if they reach this share of the largest magnitude on both sides of 0.
 BOTH_SIGNS_RATIO = 0.2
-ZERO_START_RATIO = 0.5  # share of the highest value; bars whose lowest is below, but not below 0, begin at 0
+ZERO_START_RATIO = 0.5  # share of the highest value; a bar of positive values with a lower end begins at 0
 # colour maps for values of one sign, and of both signs; the colour-blind can read them
 ONE_SIGN_MAP, BOTH_SIGNS_MAP = "cividis", "PuOr_r"
 

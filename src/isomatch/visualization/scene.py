@@ -116,7 +116,7 @@ BUILT_IN_LAYERS = ("position", "stretch", "expected error", "descriptor distance
 N_RAMP_COLOURS = 9  # number of colours of a scale that are sent; the browser interpolates between them
 MAX_LEVEL, NO_VALUE_LEVEL = 254, 255  # values are sent as 0 to the first; nan as the second
 MIN_ERROR_RANGE = 0.05  # √area; the scale of expected errors ends here or above, where the confidence is ½
-DESCRIPTOR_RANGE = 1.0  # standard deviations; end of the scale of descriptor distances, 0.8 at random
+DESCRIPTOR_RANGE = 1.0  # standard deviations; end of the scale; of random points, the distance is about 0.8
 OUTLIER_SHARE = 0.02  # largest share of the values beyond each end of a scale
 
 

@@ -53,7 +53,7 @@ _HEADLINES_AND_ADVICE = {
 HEADLINES = {outcome: headline for outcome, (headline, _) in _HEADLINES_AND_ADVICE.items()}
 """The headline of each outcome."""
 
-# headlines in place of those of CONVERGED and, for the last two, of LOW_CONFIDENCE
+# headlines that replace others: the first the one of CONVERGED, the last two the one of LOW_CONFIDENCE
 PARTLY_SURE = "The shapes match, but parts of this map are uncertain."
 MOSTLY_RIGHT = "Most of this map looks right, but not all of it."
 ANOTHER_IS_BETTER = "This map is doubtful: another one fits as well or better."

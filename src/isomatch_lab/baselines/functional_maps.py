@@ -23,7 +23,7 @@ from isomatch.surfaces import Mesh, Surface
 from isomatch_lab.baselines.task import Task
 
 KERNEL_FUNCTIONS = 100  # number of eigenfunctions in wave and heat kernels
-KERNEL_STEP = 5  # one of this number of energies or times is taken, as neighbours overlap
+KERNEL_STEP = 5  # every fifth of the energies or times is taken, as neighbours overlap
 ICP_STEPS = 10  # number of refinements by iterative closest points in the spectral domain
 SIGNATURES: dict[str, Callable[..., FloatArray]] = {  # functions of signatures by name
     "wave": wave_kernel_signature,

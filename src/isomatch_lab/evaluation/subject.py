@@ -36,7 +36,7 @@ from isomatch_lab.evaluation.smoothness import dirichlet_energy
 from isomatch_lab.evaluation.true_landmarks import true_landmarks
 
 DISTORTION_ROWS = 100  # number of points whose distances to 1000 others are compared for each pair
-TABLE_DIVISOR = 4  # one of this number of points is a row of the table, as rows are slow on large meshes
+TABLE_DIVISOR = 4  # points for each row of the table; the distances of a row are slow on large meshes
 
 
 @dataclass(frozen=True)

@@ -172,7 +172,7 @@ def _biped(draw: FloatArray, lopsided: float) -> tuple[Limb, ...]:
     return tuple(replace(limb, nodes=_raise_nodes(limb, rise)) for limb in limbs)
 
 
-# limbs of each body plan, by a generator of them
+# functions that make the limbs of each body plan
 PLANS: dict[str, Callable[[FloatArray, float], tuple[Limb, ...]]] = {"quadruped": _quadruped, "biped": _biped}
 
 

@@ -24,6 +24,7 @@ from isomatch_lab.sets.shape_set import BenchmarkPair
 from isomatch_lab.sets.stored_set import SHAPES, TRUTH, StoredSet, stored_set
 
 SETTINGS = "set.toml"  # file with the settings of a folder
+MAX_SETTINGS_BYTES = 2**20  # largest such file; it may list a folder for each of thousands of shapes (chosen)
 KINDS = ("vertices", "vts", "pairs", "onto", "landmarks")  # kinds of files of truth, see `own_set`
 SHAPE_FOLDERS = ("shapes", "off", "models")  # the first is ours, published sets use the others
 TRUTH_FOLDERS = ("truth", "corres", "maps")  # the first that exists; published sets use the last two
@@ -73,7 +74,7 @@ class FolderSettings:
         path = root / SETTINGS
         if not path.is_file():
             return cls()
-        values = read_toml(path)
+        values = read_toml(path, MAX_SETTINGS_BYTES)
         kinds: dict[str, Any] = {
             "truth": str, "counts_from": int, "symmetric": bool, "target": str, "shapes": (str, list),
         }  # fmt: skip

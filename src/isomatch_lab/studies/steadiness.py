@@ -22,7 +22,7 @@ from isomatch._core.arrays import IntArray
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import Job, draw_jobs, in_parallel, parse_arguments, write_rows, write_table
 
-PAIRS = {  # number of pairs of each set
+PAIRS = {  # number of pairs that are drawn from each set
     "example": 1,
     "organs": 1,
     "faust_r": 3,
@@ -31,7 +31,7 @@ PAIRS = {  # number of pairs of each set
     "smal": 1,
     "shrec16_cuts": 1,
     "shrec16_holes": 1,
-}  # number of pairs drawn from each set
+}
 N_DISTURBED = 30  # number of matches of each pair with disturbed coordinates
 MAX_MOVE_RATIO = 1e-9  # largest move of a coordinate over the extent of the shape
 

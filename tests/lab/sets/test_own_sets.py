@@ -8,7 +8,7 @@ from data import real_file
 from isomatch import Mesh, write_mesh
 from isomatch._core.errors import FormatError, MissingFileError, SettingError
 from isomatch.evaluation import read_truth
-from isomatch_lab.sets import StoredSet, benchmark_set, own_set
+from isomatch_lab.sets import FolderSettings, StoredSet, benchmark_set, own_set
 from zoo import grid
 
 A = B = grid(5, 4)
@@ -272,6 +272,12 @@ def test_lists_and_settings_that_cannot_be_used(folder, file, text, message):
     (folder / file).write_text(text)
     with pytest.raises(FormatError, match=message):
         own_set(folder)
+
+
+def test_settings_may_list_a_folder_for_each_of_many_shapes(tmp_path):
+    folders = [f"subjects/number_{i}/left/surfaces" for i in range(2000)]
+    (tmp_path / "set.toml").write_text(f"shapes = {folders}\n")
+    assert FolderSettings.read(tmp_path).shapes == tuple(folders)
 
 
 def test_several_kinds_of_truth_or_files_are_refused(folder, image):

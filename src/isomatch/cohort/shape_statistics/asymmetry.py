@@ -74,7 +74,7 @@ class IndividualScores(NamedTuple):
     fluctuating: float  # root mean square of its difference from the mean component
     directional: float  # its asymmetry in the direction of the mean component
     symmetric_scores: tuple[float, ...]  # scores along the principal components of symmetric variation
-    asymmetric_scores: tuple[float, ...]  # scores along those of fluctuating asymmetry
+    asymmetric_scores: tuple[float, ...]  # scores along the components of fluctuating asymmetry
 
 
 def asymmetry(
