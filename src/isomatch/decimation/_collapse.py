@@ -24,7 +24,8 @@ INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices; a higher kind is less f
 # Weight of the plane through a boundary edge, relative to a face as large as the square on the edge; chosen.
 BOUNDARY_WEIGHT = 1.0
 MIN_TURN_COSINE = 0.2  # least cosine of the angle by which a collapse may turn a face; chosen
-SLIVER_SHAPE = 0.2  # 4 √3 area / sum of squared edges, 1 if equilateral; a collapse may not halve it to less than this; chosen
+# A collapse may not halve the shape of a face to less than this: 4 √3 area / sum of squared edges; chosen.
+SLIVER_SHAPE = 0.2
 N_BUCKETS = 128  # number of buckets into which edges are sorted by cost; 1024 give no better result
 
 

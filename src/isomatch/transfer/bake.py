@@ -35,7 +35,8 @@ UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey, for unmatched places and unread
 SIZE_LIMITS = (8, 16384)  # smallest and largest width of a picture, in texels
 FIRST_UDIM_TILE = 1001  # number of the tile of texture coordinates in 0…1
 MAX_TILES = 16  # A picture repeats if the coordinates are in more UDIM tiles than this.
-MIN_HIDDEN_SHARE = 5e-4  # share of the surface; if parts that lie under others in the picture are smaller, no note tells; chosen
+# Share of the surface; if parts that lie under others in the picture are smaller, no note tells; chosen.
+MIN_HIDDEN_SHARE = 5e-4
 SAME_PLACE_DISTANCE = 0.01  # √area; points of one texel that are farther apart are different places (chosen)
 
 
