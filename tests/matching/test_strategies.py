@@ -14,6 +14,7 @@ from isomatch.matching import (
     prepare_pair,
     select_strategies,
 )
+from isomatch.matching.strategies import part_of
 from isomatch_lab.damage import cut
 from shapes import box
 
@@ -48,7 +49,8 @@ def test_priors_doubtful_seek_no_elastic_map(problem):
 def test_of_a_part_the_part_is_tried_with_and_without_its_holes_closed(example, part, asked):
     problem = prepare_pair(part, example[1].mesh, Config(part=asked))
     ways = {"part", "holes closed", "part, from the holes closed", "part, from both sides"}
-    assert set(names(problem)) == ways
+    assert set(names(problem)) == set(names(problem.turned)) == ways
+    assert (part_of(problem), part_of(problem.turned)) == ("source", "target")
     parts = replace(problem.config.parts, close_holes=False)
     assert names(replace(problem, config=replace(problem.config, parts=parts))) == ["part"]
 
