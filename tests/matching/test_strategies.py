@@ -1,10 +1,12 @@
 """Which strategies would be tried is told without matching, and a result names the evidence that decided its outcome."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from isomatch import Config, MatchResult, Outcome, match
+from isomatch._core.stage_timer import StageTimer
 from isomatch.matching import (
     STRATEGIES,
     Evidence,
@@ -14,7 +16,7 @@ from isomatch.matching import (
     prepare_pair,
     select_strategies,
 )
-from isomatch.matching.strategies import part_of
+from isomatch.matching.strategies import PART, Attempts, part_of
 from isomatch_lab.damage import cut
 from shapes import box
 
@@ -53,6 +55,13 @@ def test_of_a_part_the_part_is_tried_with_and_without_its_holes_closed(example, 
     assert (part_of(problem), part_of(problem.turned)) == ("source", "target")
     parts = replace(problem.config.parts, close_holes=False)
     assert names(replace(problem, config=replace(problem.config, parts=parts))) == ["part"]
+
+
+def test_a_part_is_searched_only_if_no_map_before_is_sure(problem):
+    """A symmetric part is sure, though the search from the other side finds no other map to call right."""
+    ambiguous = SimpleNamespace(outcome=Outcome.SYMMETRY_AMBIGUOUS)
+    assert PART.applies(Attempts(problem, StageTimer()))
+    assert not PART.applies(Attempts(problem, StageTimer(), solutions=[ambiguous]))
 
 
 def test_two_parts_are_tried_as_such(part):
