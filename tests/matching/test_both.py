@@ -9,6 +9,7 @@ import pytest
 from isomatch import Config, LandmarkError, MapError, Mesh, Outcome, SettingError, match, match_both
 from isomatch.datasets import ground_truth
 from isomatch.evaluation import cycle_errors, geodesic_errors
+from isomatch.matching import Isometry, prepare_pair, search_under
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -47,6 +48,19 @@ def test_the_maps_are_nearly_inverse(both, example):
 def test_the_result_says_what_was_done(both):
     assert "alternatives to it, turned around" in both.target_to_source.notes[0]
     assert "prepare" not in both.target_to_source.timings
+
+
+def test_maps_of_the_other_direction_are_verified_though_no_isometry_fits(prepared_example):
+    """No strategy that verifies them follows an isometry from given hypotheses."""
+    problem = prepare_pair(*prepared_example)
+    strict = replace(problem.config.elastic, min_spectral_residual=0.0)
+    problem = replace(problem, config=replace(problem.config, elastic=strict))
+    found = search_under(Isometry(problem))
+    right = found.ranking.best
+    wrong = replace(right, image=np.roll(right.image, 100))
+    ranking = replace(found.ranking, best=wrong, others=(right,))
+    assert Isometry(problem, [right.candidate])._verify_tied(ranking).best is right
+    assert Isometry(problem)._verify_tied(ranking).best is wrong
 
 
 @pytest.mark.long

@@ -1,10 +1,12 @@
 """Which strategies would be tried is told without matching, and a result names the evidence that decided its outcome."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from isomatch import Config, MatchResult, Outcome, match
+from isomatch._core.stage_timer import StageTimer
 from isomatch.matching import (
     STRATEGIES,
     Evidence,
@@ -14,6 +16,7 @@ from isomatch.matching import (
     prepare_pair,
     select_strategies,
 )
+from isomatch.matching.strategies import PART, Attempts, part_of
 from isomatch_lab.damage import cut
 from shapes import box
 
@@ -48,9 +51,17 @@ def test_priors_doubtful_seek_no_elastic_map(problem):
 def test_of_a_part_the_part_is_tried_with_and_without_its_holes_closed(example, part, asked):
     problem = prepare_pair(part, example[1].mesh, Config(part=asked))
     ways = {"part", "holes closed", "part, from the holes closed", "part, from both sides"}
-    assert set(names(problem)) == ways
+    assert set(names(problem)) == set(names(problem.turned)) == ways
+    assert (part_of(problem), part_of(problem.turned)) == ("source", "target")
     parts = replace(problem.config.parts, close_holes=False)
     assert names(replace(problem, config=replace(problem.config, parts=parts))) == ["part"]
+
+
+def test_a_part_is_searched_only_if_no_map_before_is_sure(problem):
+    """A symmetric part is sure, though the search from the other side finds no other map to call right."""
+    ambiguous = SimpleNamespace(outcome=Outcome.SYMMETRY_AMBIGUOUS)
+    assert PART.applies(Attempts(problem, StageTimer()))
+    assert not PART.applies(Attempts(problem, StageTimer(), solutions=[ambiguous]))
 
 
 def test_two_parts_are_tried_as_such(part):

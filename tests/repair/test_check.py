@@ -132,6 +132,13 @@ def test_closed_forms():
     np.testing.assert_allclose(check(specimen("annulus").mesh).n_boundary_loops, 2)
 
 
+@pytest.mark.parametrize(("size", "length"), [(1e-310, 4e-310), (1e200, 4e200), (1.5e308, np.inf)])
+def test_boundaries_of_any_size_are_measured(size, length):
+    corners = size * np.array([[0.5, 0, 0], [0.5, 1, 0], [-0.5, 1, 0], [-0.5, 0, 0]])
+    report = check(Mesh(corners, [[0, 1, 2], [0, 2, 3]]))
+    np.testing.assert_allclose(report.boundary_lengths, [length])
+
+
 def test_components_come_by_area():
     small, large = specimen("tetrahedron").mesh, torus()
     both = together(inside_out(small), large.moved(large.vertices + 9))

@@ -78,6 +78,19 @@ def test_a_vertex_at_the_place_of_a_near_one_needs_no_search_for_sheets(near, mo
     assert quick.notes == thorough.notes
 
 
+def test_a_face_with_a_repeated_vertex_joins_no_sheets():
+    sphere = icosphere(3)
+    opposite = (sphere.vertices @ sphere.vertices[0]).argmin()
+    vertices = sphere.vertices.copy()
+    vertices[opposite] = vertices[0]
+    bridge = [0, 0, opposite]
+    expected, found = (
+        prepare_for_matching(Mesh(vertices, faces), 0.1) for faces in (sphere.faces, [*sphere.faces, bridge])
+    )
+    assert len(expected.mesh.vertices) == len(found.mesh.vertices) == sphere.n_vertices
+    np.testing.assert_array_equal(found.mesh.vertices, expected.mesh.vertices)
+
+
 @pytest.mark.long
 @given(any_mesh(), st.floats(0, 1))
 @settings(max_examples=100, deadline=None)

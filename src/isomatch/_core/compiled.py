@@ -37,17 +37,17 @@ def compiled(**options: Any) -> Callable[[F], F]:
 
 
 class CollectorPause(event.Listener):  # type: ignore[misc]  # numba has no types
-    """Python's cycle collector rests while numba compiles, which saves a fifth of the time (measured)."""
+    """Pause Python's cycle collector while numba compiles, which then takes a fifth less time (measured)."""
 
-    # numba's lock lets one thread compile at a time; a loop that it calls is compiled inside.
+    # numba's lock lets one thread compile at a time; if a loop calls another, their compilations are nested.
     depth, resume = 0, False
 
     def on_start(self, event: event.Event) -> None:
         """Stop the collector at the outermost compilation."""
-        if self.depth == 0:
+        self.depth += 1
+        if self.depth == 1:
             self.resume = gc.isenabled()
             gc.disable()
-        self.depth += 1
 
     def on_end(self, event: event.Event) -> None:
         """Let the collector work again, if it did before."""

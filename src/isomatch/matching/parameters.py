@@ -164,7 +164,7 @@ class ElasticSearchParameters:
     # such a map is left out if its normals, compared with the mirror image, have a lower cosine
     min_mirror_orientation: float = 0.5  # cosine, mean
     n_mirror_starts: int = 24  # assignments give first maps of a shape to its mirror image; chosen
-    # between a shape and its mirror image, distances that differ by this share cost nothing; chosen: less
+    # between a shape and its mirror image, distances that differ by this share cost little; chosen: less
     # than elastic.distance_tolerance, because both are nearly isometric
     forgiven_of_mirror: float = 0.1  # share of the distance
     # maps to the mirror image that are kept after each coarse step; decisions.md, elastic choice

@@ -153,10 +153,13 @@ class Problem(SmoothPair):
 
     @property
     def turned(self) -> Problem:
-        """The problem with source and target exchanged."""
+        """The problem with source and target exchanged, and with their roles in ``config.part``."""
         functions = None if self.functions is None else Embedding(*self.functions[::-1])
+        config, priors, source = self.config, self.priors.turned, self.target
+        if config.part in ("source", "target"):
+            config = replace(config, part="target" if config.part == "source" else "source")
         return replace(
-            self, source=self.target, target=self.source, functions=functions, priors=self.priors.turned
+            self, source=source, target=self.source, config=config, functions=functions, priors=priors
         )
 
     @property

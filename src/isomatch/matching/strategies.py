@@ -311,6 +311,7 @@ PART = Strategy(
     "part",
     "one shape is a part of the other: it has a long boundary, or the settings say so",
     lambda tried: Part(tried.problem, cast(PartSide, part_of(tried.problem))),
+    applies=lambda tried: tried.is_unsure,
     is_enough=_is_clear_part,
 )
 CAPPED = Strategy(

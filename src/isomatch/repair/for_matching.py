@@ -27,11 +27,10 @@ from isomatch.repair.steps import (
 from isomatch.surfaces import Mesh, in_spatial_order
 
 LARGE_MESH = 2**16  # vertices; arrays of a larger mesh do not fit into the cache, so it is sorted in space
-# Defects, by the names of `check`, for which sheets are separated without a look along edges.
-SIGNS_OF_MERGES = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "non_finite_vertices")
-# Defects of a mesh whose sheets may be glued together.
-SIGNS_OF_SHEETS = (*SIGNS_OF_MERGES[:3], "coincident_vertices")
-# Up to this number of coincident vertices are compared along edges, which is faster than separating sheets; chosen.
+# Defects, by the names of `check`, of a mesh whose sheets may be merged, and whose sheets may be glued.
+SIGNS_OF_MERGES = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces")
+SIGNS_OF_SHEETS = (*SIGNS_OF_MERGES, "coincident_vertices")
+# Most coincident vertices that are compared along edges, which is then faster than separating sheets; chosen.
 MAX_WELDED = 64
 KEEP_TOGETHER = "if they belong together, set preparation.sheet_distance = inf"  # the remedy in notes
 INSIDE_OUT = (  # a note
@@ -52,7 +51,9 @@ def prepare_for_matching(mesh: Mesh, sheet_distance: float) -> Draft:
     report = check(draft.mesh, wall=0.0)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
-    few = len(report.coincident_vertices) <= MAX_WELDED and not has_any(report, SIGNS_OF_MERGES)
+    # an edge of a face with a repeated vertex may be none of the surface
+    is_manifold = not has_any(report, (*SIGNS_OF_MERGES, "repeated_index_faces"))
+    few = is_manifold and len(report.coincident_vertices) <= MAX_WELDED
     if not has_any(report, SIGNS_OF_SHEETS) or (few and welds_neighbours(draft.mesh, sheet_distance)):
         separated = None
     else:

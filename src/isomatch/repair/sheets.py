@@ -180,8 +180,8 @@ def far_copies(
 def welds_neighbours(mesh: Mesh, least_distance: float) -> bool:
     """Whether all vertices at one position are within the least distance along edges, in √area.
 
-    Welding them then merges no sheets. The mesh is manifold and sound; O(n + s log s) time for each
-    of them, where s vertices are within the distance.
+    Welding them then merges no sheets. The mesh must be manifold and sound. O(n + s log s) time for each
+    vertex at the position of an earlier one, where s vertices are within the distance.
     """
     first = first_equal(mesh.vertices)
     copies = np.flatnonzero(first != np.arange(mesh.n_vertices))

@@ -237,7 +237,7 @@ class OutcomeSettings(Settings):
     """`Quality.residual` above which a map is poor, for shapes far from isometric."""
     poor_far_descriptor_distance: float = setting(0.465, "right ≤ 0.46: decisions.md, individuals", least=0)
     """`Quality.descriptor_distance` above which a map is poor, for shapes far from isometric."""
-    poor_descriptor_distance: float = setting(0.42, "right ≥ 0.38: decisions.md, descriptor bounds", least=0)
+    poor_descriptor_distance: float = setting(0.42, "wrong ≥ 0.44: decisions.md, descriptor bounds", least=0)
     """Bound: further strategies are tried unless the mean descriptor distance is well below this."""
     doubtful_descriptor_distance: float = setting(0.65, "right maps but one ≤ 0.54, wrong ≥ 0.78", least=0)
     """Mean descriptor distance around a vertex, above the map's median, from which its image is doubtful."""

@@ -20,7 +20,7 @@ class PreparationSettings(Settings):
     n_extremities: int = setting(8, "7 to 12 give the same errors: lab/benchmarks.md", least=0)
     """Largest number of extremities."""
     signature_step: int = setting(5, "neighbouring energies overlap", least=1)
-    """Step in the hundred energies of the wave kernel signature; one in so many is used."""
+    """Step from one used energy to the next, among the hundred of the wave kernel signature."""
     curvature_functions: tuple[int, ...] = setting((50, 100, 150), "chosen: coarse to fine", least=4)
     """Numbers of Laplace–Beltrami functions that smooth the surfaces whose mean curvatures are signatures."""
     energy_curvature_functions: int = setting(100, "chosen: the middle one of these", least=4)

@@ -105,8 +105,9 @@ def _group_sides(
 
 def lengths(points: FloatArray, ends: IntArray) -> FloatArray:
     """Lengths of edges (e, 2) between points (n, 3)."""
-    x, y, z = (points[ends[:, 0]] - points[ends[:, 1]]).T
-    return np.asarray(np.hypot(np.hypot(x, y), z))  # unlike squares, hypot does not overflow or underflow
+    with np.errstate(over="ignore"):  # a length beyond the largest float becomes infinite
+        x, y, z = (points[ends[:, 0]] - points[ends[:, 1]]).T
+        return np.asarray(np.hypot(np.hypot(x, y), z))  # squares would overflow or underflow
 
 
 def meetings(edges: EdgeTable, faces: IntArray) -> Meetings:

@@ -254,10 +254,11 @@ class Isometry(RefiningModel[Fit, Embedding]):
         # capped shapes are not verified: their distances cross the caps; decisions.md, both sides
         first = ranking.best
         capped = any(shape.original for shape in (self.source, self.target))
-        # if no isometry fits, `Elastic` bends the maps that tie, and verifies all
+        # if no isometry fits, `Elastic` or `BothSides` verifies its maps next, unless starts or hypotheses are given
         limit = self.pair.config.elastic.min_spectral_residual
         is_far = first.spectral_residual > limit and self.problem.allows_elastic
-        is_selected = capped or is_far or not self.pair.is_sided
+        is_first_search = self._found is None and self.problem.starts is None
+        is_selected = capped or (is_far and is_first_search) or not self.pair.is_sided
         tied = [first] if is_selected else self.find_tied(ranking)
         best = min(tied, key=lambda fit: self.verified(fit).cost) if len(tied) > 1 else first
         if best is first:
