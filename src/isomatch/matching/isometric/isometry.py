@@ -422,17 +422,29 @@ class Isometry(RefiningModel[Fit, Embedding]):
             and (config.orientation == "any" or self._wanted_sign * c.orientation > 0)
             and pair.differs(c.target_row, [rows], SYMMETRIC.min_turned_distance)
         ]
-        if not turned:
+        promising = self._keep_promising(winner, turned) if turned else []
+        if not promising:
             return []
         # the winner and its rivals are compared after the same refinement, even if the winner was bent
         first = map_.fit or self.refine(self.begin([winner]))[0]
-        fits = self.refine(self.begin(keep_distinct_maps(pair, turned, SYMMETRIC.max_maps)))
+        fits = self.refine(self.begin(promising))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
         if not fits:
             return []
         cost, *costs = parallel_map(lambda fit: self.verified(fit).cost, [first, *fits])
         tied = sorted((c, i) for i, c in enumerate(costs) if c <= SYMMETRIC.max_cost_ratio * cost)
         return [candidate for _, i in tied if (candidate := fits[i].candidate)]
+
+    def _keep_promising(self, winner: Candidate, rivals: list[Candidate]) -> list[Candidate]:
+        """Keep distinct rivals that are about as good as the winner after the first round of the refinement."""
+        rivals = keep_distinct_maps(self.pair, rivals, SYMMETRIC.max_maps)
+        if not self.refinement.in_rounds:
+            return rivals
+        sizes, with_positions = self.pair.config.refining.rounds[0]
+        begun = self.begin([winner, *rivals])
+        first, *scores = parallel_map(lambda fit: self.cost(self.step(fit, sizes, with_positions)), begun)
+        limit = SYMMETRIC.max_first_score_ratio * first
+        return [rival for rival, score in zip(rivals, scores) if score <= limit]
 
     def _polish_points(
         self, measured: Measured, timer: StageTimer
