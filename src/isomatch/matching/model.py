@@ -258,7 +258,7 @@ class RefiningModel(MatchingModel[F, C]):
         return deviation_of(*(shape.balls for shape in (self.source, self.target) if shape.balls))
 
     def weigh(self, fits: Sequence[F], costs: Sequence[float], eligible: Sequence[bool]) -> list[float]:
-        """Weigh costs by descriptor distances where maps differ, see `weigh_costs`."""
+        """Weigh costs by descriptor distances where maps differ, see ``weigh_costs``."""
         if not self.descriptor_weight:
             return list(costs)
         distances, weight = parallel_map(self.descriptor_distance, fits), self.descriptor_weight
@@ -267,7 +267,7 @@ class RefiningModel(MatchingModel[F, C]):
 
     @property
     def descriptor_weight(self) -> float:
-        """Weight of the descriptor distance in the ratio of two costs, see `weigh_costs`."""
+        """Weight of the descriptor distance in the ratio of two costs, see ``weigh_costs``."""
         return self.pair.config.selection.descriptor_weight
 
     @abstractmethod

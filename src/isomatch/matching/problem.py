@@ -303,7 +303,7 @@ def prepare_pair(
     """Prepare two shapes in parallel, unless they are prepared. Errors as of `match`.
 
     By default, a prepared shape decides the settings. The problem has no priors and refines by `Joint`, whatever the
-    settings name; `dataclasses.replace` sets priors, refinement, starts and relation.
+    settings name; ``dataclasses.replace`` sets priors, refinement, starts and relation.
     """
     sides = [("source", source), ("target", target)]
     settings_of_prepared = [shape.requested for _, shape in sides if isinstance(shape, PreparedShape)]

@@ -280,7 +280,7 @@ class Solution:
         return replace(self, doubt=doubt, quality=quality)
 
     def with_lead(self, lead: float) -> Self:
-        """Limit the lead of the map of a part, see `PartDoubt.with_lead`."""
+        """Limit the lead of the map of a part, see ``PartDoubt.with_lead``."""
         return self if self.doubt is None else self.with_doubt(self.doubt.with_lead(lead))
 
     def with_evidence(self, *more: Evidence) -> Self:

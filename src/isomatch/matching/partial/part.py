@@ -224,7 +224,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         return best.bending.lay_in_full(best.bent, lengths)
 
     def cost(self, fit: PartFit) -> float:
-        """Cost of a map, see `PartFit.cost`."""
+        """Cost of a map, see ``PartFit.cost``."""
         return fit.cost
 
     def image(self, best: PartFit) -> Int[BodyVertices, "n_part"]:
