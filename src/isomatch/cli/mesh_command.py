@@ -26,9 +26,8 @@ from isomatch.io import FORMATS, files_beside, meshes_among, prepare_for_writing
 from isomatch.repair import Repair, without_seams
 
 NUMBER_COLUMNS = 50  # A table takes this number of columns of the terminal beside the names.
-MIN_NAME_COLUMNS = (
-    12  # A name takes at least this number of columns of a table, even in a narrow terminal; chosen.
-)
+# A name takes at least this number of columns of a table, even in a narrow terminal; chosen.
+MIN_NAME_COLUMNS = 12
 # A weld is reported if a smaller share of the vertices is left; of separate triangles, a sixth is left.
 MIN_SHARE_LEFT = 0.1
 

@@ -25,7 +25,6 @@ from isomatch.cohort.study_input import doubts_in_words, read_study
 from isomatch.cohort.workers import Listener, Warn
 from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation
 from isomatch.landmarks import read_landmark_pairs, read_landmarks
-from isomatch.matching import Outcome
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, nearest_on_surface
 
@@ -228,7 +227,7 @@ def _match_sides(
         map_error = float(np.sqrt(np.nansum(mesh.vertex_areas * (expected / 2) ** 2)))
         about.append({"outcome": result.outcome.value, "map_error": map_error})
         notes += [f"{name}: {note}" for note in result.notes if note.endswith("are left unmatched")]
-        if result.outcome.sureness < Outcome.PARTIAL.sureness:
+        if not result.outcome.is_called_right:
             unsure.append(f"{name} ({result.outcome.value})")
     doubt = f"The maps from left to right are doubtful in {', '.join(unsure)}. {REMEDY}" if unsure else ""
     return maps, about, doubt

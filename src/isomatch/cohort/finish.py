@@ -53,9 +53,8 @@ SURFACES_PER_TASK = 4  # number of surfaces that a worker writes in one task
 N_COMPARED_VERTICES = 1000  # number of vertices by which shapes are compared to find outliers
 MAX_COMPARED_SHAPES = 2000  # of more shapes, a regular sample of about this number is compared
 SAVE_INTERVAL = 60.0  # seconds after which shapes.csv is written again, so that a killed run loses little
-MAX_WAYS = (
-    20  # third shapes through which a shape's surface is also reached; its median is over these; chosen
-)
+# Third shapes, at most, through which a shape's surface is also reached; its median is over these; chosen.
+MAX_WAYS = 20
 THUMBNAIL_SIZE, MARGIN = 300, 6  # pixels along a side of a thumbnail, and between its border and the shape
 
 

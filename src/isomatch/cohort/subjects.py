@@ -27,12 +27,10 @@ from isomatch.cohort.plan import OTHER_SHAPES, Entry
 from isomatch.cohort.shape_statistics import MEASURED, STRUCTURES, CorrespondedShapes, Doubt
 from isomatch.cohort.snapshot import Snapshot
 from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
-from isomatch.matching import Outcome
 from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected
 
 Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
-SURE_OUTCOMES = (Outcome.CONVERGED, Outcome.PARTIAL)  # outcomes of maps that can tell left from right
 CONTACT_DISTANCE = 0.1  # √area of the smaller of two structures, which touch where they are nearer than this
 MIN_CONTACT_SHARE = 0.2  # two structures are in contact if this share of the area of the smaller one touches
 MIN_SHEET_SHARE = 0.6  # a structure follows a larger one that touches this share of its area, unlike joints
@@ -148,7 +146,7 @@ def sides_of(
         for structure, known in found.items():
             pair, rows = (templates[structure], subject), known.rows
             sides = rows.pairs[pair].sides if rows.is_current(pair) else ()
-            is_sure = bool(sides) and all(side.outcome in SURE_OUTCOMES for side in sides)
+            is_sure = bool(sides) and all(side.outcome.is_called_right for side in sides)
             if turned[structure] and (is_sure or subject == templates[structure]):
                 asked[structure] = subject in turned[structure]
         votes = [*asked.values(), *([subject in by_layout] if by_layout else [])]

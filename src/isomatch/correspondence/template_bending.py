@@ -23,9 +23,8 @@ N_COARSE = 3000  # vertices of the coarse template, which is bent to the images 
 # attract; chosen.
 MAP_LENGTHS = (0.1, 0.07, 0.05, 0.035)
 NEAREST_LENGTHS = (0.025, 0.017, 0.012)
-MIN_LENGTH_EDGES = (
-    1.5  # median edges; shorter lengths are raised to this: stiffer pieces do not follow noise; chosen
-)
+# Median edges; shorter lengths are raised to this, as stiffer pieces do not follow noise; chosen.
+MIN_LENGTH_EDGES = 1.5
 # Length of normals, in √area, as further coordinates beside positions; from 0.1 on, the two sides of thin
 # walls are confused.
 NORMAL_UNIT = 0.03

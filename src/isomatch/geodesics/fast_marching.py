@@ -20,10 +20,8 @@ MAX_FOCUS = 0.3  # 1 / the least number of steps to the focus of a front that co
 TIE_STEPS = 1e-6
 MAX_UNFOLDED_FACES = 40  # faces crossed, at most, to find a vertex that splits an obtuse angle; chosen
 RIGHT_ANGLE_COSINE = 1e-6  # largest absolute cosine of an angle that counts as right, and is not split
-NO_BOUND, TO_ALL = (
-    np.zeros(0),
-    np.zeros(0, np.int64),
-)  # empty arrays: a front has no bounds; it goes to all vertices
+# Empty arrays for a front that has no bounds, or goes to all vertices.
+NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)
 
 
 class FastMarching(ColumnEngine):

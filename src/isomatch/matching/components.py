@@ -149,7 +149,7 @@ class _Components:
         # there. If the component is close to what carries it, its place decides between symmetric maps.
         is_held = carrier.gap(pair.target) <= COMPONENTS.max_held_distance
         placed = self._place_rigidly(pair, carrier)
-        if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
+        if placed and placed.outcome.is_called_right:
             if is_held or not pair.target.symmetries:
                 return ComponentMatch(placed, "it moves along rigidly")
             ambiguous = placed.with_evidence(Evidence(ambiguous=True))

@@ -434,6 +434,11 @@ class Outcome(Shown, Enum):
         return _ADVICE[self]
 
     @property
+    def is_called_right(self) -> bool:
+        """Whether the map is taken as right, and no other map fits as well: converged or partial."""
+        return self.sureness >= Outcome.PARTIAL.sureness
+
+    @property
     def is_doubtful(self) -> bool:
         """Whether the map may be wrong altogether."""
         return self.sureness <= Outcome.LOW_CONFIDENCE.sureness

@@ -43,7 +43,6 @@ from isomatch.shapes import (
 # Each strategy claims something of the shapes, says when it is tried, and finds a map of the shapes
 # as they were given, with evidence. The first sure map ends the search. If several strategies found
 # maps, `verify` selects one of them; evidence decides only between maps that tie.
-SURE_OUTCOMES = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
 USER_ENGINES = {"matrix", "function"}  # names of the engines of distances that the user computed
 
 
@@ -64,12 +63,12 @@ class Attempts:
     @property
     def is_unsure(self) -> bool:
         """Whether no map so far is sure."""
-        return all(solution.outcome not in SURE_OUTCOMES for solution in self.solutions)
+        return all(solution.outcome.is_doubtful for solution in self.solutions)
 
     @property
     def is_called_right(self) -> bool:
         """Whether a map so far is called right, and is not ambiguous either."""
-        return any(solution.outcome in (Outcome.CONVERGED, Outcome.PARTIAL) for solution in self.solutions)
+        return any(solution.outcome.is_called_right for solution in self.solutions)
 
 
 Overlap: TypeAlias = Literal["whole", "part", "parts"]
@@ -90,9 +89,7 @@ class Strategy:
     # whether the results so far call for it
     applies: Callable[[Attempts], bool] = lambda tried: True
     # whether its solution ends the search
-    is_enough: Callable[[Attempts, Solution], bool] = lambda tried, solution: (
-        solution.outcome in SURE_OUTCOMES
-    )
+    is_enough: Callable[[Attempts, Solution], bool] = lambda tried, solution: not solution.outcome.is_doubtful
     # whether another strategy is tried although its solution is enough
     continues: Callable[[Attempts], bool] = lambda tried: False
     # models built, each after the match of the one before; the first one without a better map ends this
@@ -230,7 +227,7 @@ def _is_unsure_isometry(tried: Attempts) -> bool:
     if match is None or tried.hypotheses is not None:
         return False
     others = (solution for solution in tried.solutions if solution.way != ISOMETRIC.name)
-    nothing_else_is_sure = all(solution.outcome not in SURE_OUTCOMES for solution in others)
+    nothing_else_is_sure = all(solution.outcome.is_doubtful for solution in others)
     return nothing_else_is_sure and not is_sure(cast(Isometry, match.model), match.ranking)
 
 
@@ -478,7 +475,7 @@ def _select_verified(tried: Attempts) -> Solution:
     def rank(i: int) -> tuple[float, ...]:
         # if no map is sure, a map of a part with little doubt wins: maps of capped shapes are rough
         outcome, doubt = solutions[i].outcome, np.nan_to_num(solutions[i].quality.doubt, nan=np.inf)
-        return -outcome.sureness, 0.0 if outcome in SURE_OUTCOMES else float(doubt), costs[i]
+        return -outcome.sureness, float(doubt) if outcome.is_doubtful else 0.0, costs[i]
 
     best = min(tied, key=rank)
 
@@ -492,8 +489,8 @@ def _select_verified(tried: Attempts) -> Solution:
     cost_list = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
     # a lead of nan, where nothing can be verified, counts as 1
     solution = solutions[best].with_lead(lead if lead > 1.0 else 1.0)
-    is_sure_map = solution.outcome in SURE_OUTCOMES
-    if CAPPED.name in tried.matches and not is_sure_map and _mirror_image_fits(tried, costs[best]):
+    is_doubtful = solution.outcome.is_doubtful
+    if CAPPED.name in tried.matches and is_doubtful and _mirror_image_fits(tried, costs[best]):
         solution = solution.with_evidence(Evidence(mirrored=True))
     return replace(solution, reason=f"{solution.reason}; of several ways it verifies best (cost {cost_list})")
 

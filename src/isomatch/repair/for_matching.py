@@ -54,10 +54,10 @@ def prepare_for_matching(mesh: Mesh, sheet_distance: float) -> Draft:
     # an edge of a face with a repeated vertex may be none of the surface
     is_manifold = not has_any(report, (*SIGNS_OF_MERGES, "repeated_index_faces"))
     few = is_manifold and len(report.coincident_vertices) <= MAX_WELDED
-    if not has_any(report, SIGNS_OF_SHEETS) or (few and welds_neighbours(draft.mesh, sheet_distance)):
-        separated = None
-    else:
-        separated = take_sheets_apart(draft, sheet_distance)
+    has_sheets = has_any(report, SIGNS_OF_SHEETS) and not (
+        few and welds_neighbours(draft.mesh, sheet_distance)
+    )
+    separated = take_sheets_apart(draft, sheet_distance) if has_sheets else None
     if separated:
         draft = separated
     elif has_any(report, REPAIRED_DEFECTS):

@@ -37,9 +37,8 @@ class Cut:
 
     mesh: Mesh  # vertices are the given ones, then copies of some, at the same positions
     vertex_index: IntArray  # the given vertex that each vertex comes from, (n_new,)
-    cut_paths: tuple[
-        IntArray, ...
-    ]  # vertices (s,) of the given mesh along each cut path, a closed loop, in order
+    # vertices (s,) of the given mesh along each cut path, a closed loop, in order
+    cut_paths: tuple[IntArray, ...]
 
     def __repr__(self) -> str:
         return f"Cut({self.mesh!r}, {len(self.cut_paths)} cut paths)"

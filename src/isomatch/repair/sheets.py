@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -163,16 +163,12 @@ def far_copies(
     separated: Mesh, vertex: IntArray, seams: list[IntArray], least_distance: float
 ) -> list[IntArray]:
     """Select the seams with copies of a vertex that are far apart along edges; ``vertex`` is sorted."""
-    lengths = coo_array((separated.edge_lengths, tuple(separated.edges.T)), shape=(len(vertex),) * 2).tocsr()
-    limit = least_distance * np.sqrt(separated.area)
+    is_near = _near_along_edges(separated, least_distance)
 
     def is_far(seam: IntArray) -> bool:
         probed = seam[np.unique(np.linspace(0, len(seam) - 1, PROBES_PER_SEAM).astype(int))]
         firsts, ends = (np.searchsorted(vertex, probed, side=side) for side in ("left", "right"))
-        return any(
-            (dijkstra(lengths, directed=False, indices=first, limit=limit)[first + 1 : end] > limit).any()
-            for first, end in zip(firsts, ends)
-        )
+        return any(not is_near(first)[first + 1 : end].all() for first, end in zip(firsts, ends))
 
     return [seam for seam in seams if is_far(seam)]
 
@@ -186,11 +182,15 @@ def welds_neighbours(mesh: Mesh, least_distance: float) -> bool:
     first = first_equal(mesh.vertices)
     copies = np.flatnonzero(first != np.arange(mesh.n_vertices))
     scaled = mesh.moved(mesh.vertices / (np.abs(mesh.vertices).max(initial=0.0) or 1.0))
-    lengths = coo_array((scaled.edge_lengths, tuple(mesh.edges.T)), shape=(mesh.n_vertices,) * 2).tocsr()
-    limit = least_distance * np.sqrt(scaled.area)
-    return all(
-        dijkstra(lengths, directed=False, indices=copy, limit=limit)[first[copy]] <= limit for copy in copies
-    )
+    is_near = _near_along_edges(scaled, least_distance)
+    return all(is_near(int(copy))[first[copy]] for copy in copies)
+
+
+def _near_along_edges(mesh: Mesh, distance: float) -> Callable[[int], BoolArray]:
+    """Return a function that tells which vertices are within a distance, in √area, of one along edges."""
+    lengths = coo_array((mesh.edge_lengths, tuple(mesh.edges.T)), shape=(mesh.n_vertices,) * 2).tocsr()
+    limit = distance * np.sqrt(mesh.area)
+    return lambda vertex: np.asarray(dijkstra(lengths, directed=False, indices=vertex, limit=limit) <= limit)
 
 
 # Largest loss of likeness, ((1 + cos) / 2)² of both pairs of faces, for which partners are exchanged; chosen:

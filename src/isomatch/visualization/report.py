@@ -412,7 +412,7 @@ def _headed_table(rows: str, *columns: str) -> str:
 
 def open_questions_of(source: Mesh, target: Mesh, result: MatchResult) -> tuple[Question, ...]:
     """Return the questions that a page asks: none where the map is sure."""
-    return () if result.outcome in (Outcome.CONVERGED, Outcome.PARTIAL) else questions(source, target, result)
+    return () if result.outcome.is_called_right else questions(source, target, result)
 
 
 def list_of_questions(open_questions: Sequence[Question]) -> str:

@@ -108,7 +108,7 @@ def summary_of(result: MatchResult) -> Summary:
             headline = MOSTLY_RIGHT
         elif not result.regions:
             parts.append("No single place stands out: it may be wrong altogether.")
-    if result.outcome in (Outcome.PARTIAL, Outcome.CONVERGED):
+    if result.outcome.is_called_right:
         # The error is estimated for maps that are right as a whole.
         parts.append(_expected_error(result, far_off))
     return Summary(headline, " ".join(filter(None, parts)), _HEADLINES_AND_ADVICE[result.outcome][1])

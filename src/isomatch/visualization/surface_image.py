@@ -142,9 +142,8 @@ TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])
 AMBIENT, KEY, FILL = 0.30, 0.62, 0.16  # largest share of the surface's colour that each light adds (chosen)
 GLOSS, GLOSS_EXPONENT = 0.10, 30.0  # white that a highlight adds, and the exponent that narrows it; chosen
 CREVICE_RADIUS = 0.025  # share of the image height; depths are compared with their mean over this distance
-CREVICE_DEPTH = (
-    0.06  # share of the image height; a crevice this deep below its surroundings is darkest; chosen
-)
+# Share of the image height; a crevice this deep below its surroundings is darkest; chosen.
+CREVICE_DEPTH = 0.06
 CREVICE_DARKNESS = 0.55  # share of its diffuse light that the darkest crevice loses
 CREVICE_STEP = 6  # pixels between those at which the depth of the surroundings is computed
 

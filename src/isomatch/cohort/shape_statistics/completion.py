@@ -459,7 +459,7 @@ def read_observations(
         return observed_vertices(model, mesh, measured, noise)
     result = match(mesh, model.mesh(), config=config, seed=seed, progress=progress)
     seen = observed_part(model, mesh, result.map, result.expected_error, noise)
-    if result.outcome in (Outcome.CONVERGED, Outcome.PARTIAL):
+    if result.outcome.is_called_right:
         return seen
     doubt = f"the match is in doubt: {result.outcome.value}; {result.outcome.advice}"
     return replace(seen, notes=(*seen.notes, doubt))

@@ -117,7 +117,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         """Select a map by score and descriptors; among maps that tie, by the cost of `verify`."""
         may_win = [True] * len(maps) + [False] * len(rivals)
         ranking = self.select_fit([*maps, *rivals], may_win, proposals.n_tried)
-        if self._found is None and self.problem.starts is None:
+        if self._searches_freely:
             ranking = self._reconsider_dropped(ranking, proposals.eligible)
         return self._compare_with_mirror_image(self._verify_tied(ranking), proposals.eligible)
 
@@ -132,6 +132,11 @@ class Isometry(RefiningModel[Fit, Embedding]):
         if config.hypotheses == "all":
             return search(pair, from_priors, starts), []
         return from_priors, search(pair, from_priors, starts) if self.searches_runners_up else []
+
+    @property
+    def _searches_freely(self) -> bool:
+        """Whether neither hypotheses nor the user's starts are given."""
+        return self._found is None and self.problem.starts is None
 
     @property
     def searches_runners_up(self) -> bool:
@@ -252,14 +257,13 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _verify_tied(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
         """Select the best verified map among ties."""
         # capped shapes are not verified: their distances cross the caps; decisions.md, both sides
-        first = ranking.best
-        capped = any(shape.original for shape in (self.source, self.target))
-        # if no isometry fits, `Elastic` or `BothSides` verifies its maps next, unless starts or hypotheses are given
-        limit = self.pair.config.elastic.min_spectral_residual
+        if not self.pair.is_sided or any(shape.original for shape in (self.source, self.target)):
+            return ranking
+        first, limit = ranking.best, self.pair.config.elastic.min_spectral_residual
         is_far = first.spectral_residual > limit and self.problem.allows_elastic
-        is_first_search = self._found is None and self.problem.starts is None
-        is_selected = capped or (is_far and is_first_search) or not self.pair.is_sided
-        tied = [first] if is_selected else self.find_tied(ranking)
+        if is_far and self._searches_freely:  # `Elastic` or `BothSides` verifies its maps next
+            return ranking
+        tied = self.find_tied(ranking)
         best = min(tied, key=lambda fit: self.verified(fit).cost) if len(tied) > 1 else first
         if best is first:
             return ranking
