@@ -4,14 +4,16 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import count
+from pickle import dumps, loads
 from threading import Barrier, Event
+from time import sleep
 
 import numpy as np
 import pytest
 import scipy.linalg  # noqa: F401 - loads a BLAS of its own
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from isomatch._core.cached import cached_property
+from isomatch._core.cached import cached_method, cached_property
 from isomatch._core.threads import ROWS_PER_BLOCK, parallel_map, row_product, serial_blas
 from isomatch.surfaces import Mesh, surface_in_use
 
@@ -106,6 +108,49 @@ def test_properties_of_two_objects_are_computed_at_once():
         assert list(pool.map(lambda shape: shape.title, shapes)) == ["Cat", "Dog"]
     assert [shape.title for shape in shapes] == ["Cat", "Dog"]
     assert sorted(asked) == ["cat", "dog"], "once each"
+
+
+class Slow:
+    """Something whose values take a while."""
+
+    def __init__(self):
+        self.asked = []
+
+    @cached_property
+    def title(self):
+        self.asked.append("title")
+        sleep(0.05)
+        return self.name(1)
+
+    @cached_method
+    def name(self, number):
+        self.asked.append(number)
+        sleep(0.05)
+        return number
+
+
+def test_a_value_is_computed_by_one_thread_while_others_wait():
+    slow = Slow()
+    with ThreadPoolExecutor(6) as pool:
+        values = list(pool.map(lambda i: slow.title if i % 2 else slow.name(i % 4), range(12)))
+    assert values == [i % 4 if i % 2 == 0 else 1 for i in range(12)]
+    assert sorted(map(str, slow.asked)) == ["0", "1", "2", "title"]
+    assert loads(dumps(slow)).title == 1
+
+
+def test_a_value_that_could_not_be_computed_is_computed_again():
+    class Fails(Slow):
+        @cached_property
+        def title(self):
+            self.asked.append("title")
+            if len(self.asked) == 1:
+                raise ValueError("not yet")
+            return 1
+
+    fails = Fails()
+    with pytest.raises(ValueError, match="not yet"):
+        fails.title  # noqa: B018
+    assert (fails.title, fails.asked) == (1, ["title", "title"])
 
 
 def test_a_property_is_known_by_its_class():

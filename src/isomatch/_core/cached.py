@@ -1,22 +1,55 @@
-"""Values that are computed once for each object and kept with it."""
+"""Values that are computed once for each object, on any number of threads, and kept with it."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import wraps
+from threading import Lock, RLock
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 S = TypeVar("S")
 P = ParamSpec("P")
 R = TypeVar("R")
 
-if TYPE_CHECKING or sys.version_info >= (3, 12):
+
+@dataclass
+class _Computation:
+    """A value that is being computed."""
+
+    lock: RLock = field(default_factory=RLock)
+    threads: int = 0  # threads that compute the value or wait for it
+
+
+_GUARD = Lock()
+_COMPUTATIONS: dict[tuple[int, Hashable], _Computation] = {}  # by the object's id and the value's name
+
+
+@contextmanager
+def _one_thread(owner: object, name: Hashable) -> Iterator[None]:
+    """Let one thread at a time compute a value of an object; other values are not affected."""
+    # Objects keep no locks, so that they can be pickled. No value needs itself, so threads never wait in a circle.
+    key = id(owner), name
+    with _GUARD:
+        computation = _COMPUTATIONS.setdefault(key, _Computation())
+        computation.threads += 1
+    try:
+        with computation.lock:
+            yield
+    finally:
+        with _GUARD:
+            computation.threads -= 1
+            if not computation.threads:
+                del _COMPUTATIONS[key]
+
+
+if TYPE_CHECKING:
     from functools import cached_property
 else:
 
     class cached_property:
-        """`cached_property` of Python 3.12, without the lock that all objects shared before."""
+        """`functools.cached_property`, computed by one thread while others wait."""
 
         def __init__(self, func: Any) -> None:
             self.func = func
@@ -29,8 +62,10 @@ else:
             """Compute the value, unless it is known."""
             if instance is None:
                 return self
-            value = instance.__dict__[self.name] = self.func(instance)
-            return value
+            with _one_thread(instance, self.name):
+                if self.name not in instance.__dict__:
+                    instance.__dict__[self.name] = self.func(instance)
+            return instance.__dict__[self.name]
 
 
 def cached_method(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
@@ -43,7 +78,9 @@ def cached_method(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenat
         results = self.__dict__.setdefault(name, {})
         key = (args, *kwargs.items())
         if key not in results:
-            results[key] = method(self, *args, **kwargs)
+            with _one_thread(self, (name, key)):
+                if key not in results:
+                    results[key] = method(self, *args, **kwargs)
         result: R = results[key]
         return result
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray
-from isomatch._core.cached import cached_property
+from isomatch._core.cached import cached_method, cached_property
 from isomatch.correspondence import (
     Embedding,
     PrecisePoints,
@@ -20,6 +20,7 @@ from isomatch.correspondence import (
     with_normals,
 )
 from isomatch.decimation import Prolongation, decimate
+from isomatch.matching.problem import Problem
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
 
@@ -97,6 +98,32 @@ class BentShape:
         return self.stretch * float(np.linalg.norm(offset, axis=1).mean())
 
 
+class CoarseShape:
+    """A shape at a lower resolution, and registrations that share their factors."""
+
+    def __init__(self, shape: Mesh, n_vertices: int) -> None:
+        self.prolongation = Prolongation(shape, decimate(shape, n_vertices))
+        self.registration = RigidRegistration(self.prolongation.coarse.mesh, keeps=True)
+
+
+class CoarseShapes:
+    """Source and target of a pair, in area 1, at lower resolutions."""
+
+    def __init__(self, pair: Problem) -> None:
+        self.meshes = [unit_area_mesh(shape) for shape in (pair.source, pair.target)]
+
+    @cached_method
+    def at(self, side: int, n_vertices: int) -> CoarseShape:
+        """Decimate the source, side 0, or the target, side 1."""
+        return CoarseShape(self.meshes[side], n_vertices)
+
+
+@cached_method
+def coarse_shapes(pair: Problem) -> CoarseShapes:
+    """Return the coarse shapes of a pair, which are kept with it."""
+    return CoarseShapes(pair)
+
+
 class Bending:
     """Bends a shape onto surfaces: at a lower resolution, and then at full resolution."""
 
@@ -113,10 +140,9 @@ class Bending:
     # limbs move as wholes, to a twentieth. Between two lengths, p_i moves to the nearest point of
     # the surface, in space and normals. A hard landmark has the weight π ℓ² of a disc of radius ℓ
     # instead of a_i, so that it moves the piece on which it lies.
-    def __init__(self, shape: Mesh, n_vertices: int) -> None:  # the shape has area 1
-        self._coarse = Prolongation(shape, decimate(shape, n_vertices))
-        self._coarse_registration = RigidRegistration(self._coarse.coarse.mesh, keeps=True)
-        self._full_registration = RigidRegistration(shape)
+    def __init__(self, coarse: CoarseShape) -> None:  # the shape has area 1
+        self._coarse, self._coarse_registration = coarse.prolongation, coarse.registration
+        self._full_registration = RigidRegistration(coarse.prolongation.fine)
 
     @property
     def vertices(self) -> Int[IntArray, "n_coarse"]:
@@ -173,11 +199,11 @@ class ElasticBending(Bending):
     """Bends one shape of a pair onto the other one."""
 
     # back: whether the target is bent onto the source; landmarks: pairs of source and target vertices
-    def __init__(
-        self, shape: PreparedShape, onto: PreparedShape, n_vertices: int, back: bool, landmarks: BodyVertices
-    ) -> None:
-        super().__init__(unit_area_mesh(shape), n_vertices)
-        self._onto = Surroundings(unit_area_mesh(onto), onto.index)
+    def __init__(self, pair: Problem, n_vertices: int, back: bool, landmarks: BodyVertices) -> None:
+        coarse = coarse_shapes(pair)
+        super().__init__(coarse.at(int(back), n_vertices))
+        shape, onto = (pair.target, pair.source) if back else (pair.source, pair.target)
+        self._onto = Surroundings(coarse.meshes[not back], onto.index)
         self._back, self._all_vertices = back, np.arange(shape.body.n_vertices)
         self._landmarks, self._held = landmarks, self._hard_landmarks(landmarks)
 

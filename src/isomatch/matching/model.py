@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -16,7 +17,7 @@ from isomatch._core.errors import DescriptorError, SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding
-from isomatch.descriptors import deviation_of
+from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.assessment.evidence import Measured, Solution
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.priors import Priors
@@ -248,14 +249,20 @@ class RefiningModel(MatchingModel[F, C]):
 
     def descriptor_distance(self, fit: F) -> Float[FloatArray, "r"]:
         """Descriptor distance of each mapped vertex and its image; nan where unknown."""
-        of_source, of_target = self.source.balls, self.target.balls
+        of_source, of_target = self.balls
         if of_source is None or of_target is None:
             return np.full(len(self.vertices), np.nan)
         return of_source.at(self.vertices).descriptor_distance(of_target.at(fit.image), self._deviation)
 
     @cached_property
     def _deviation(self) -> FloatArray:
-        return deviation_of(*(shape.balls for shape in (self.source, self.target) if shape.balls))
+        return deviation_of(*(balls for balls in self.balls if balls))
+
+    @cached_property
+    def balls(self) -> tuple[BallSignature | None, BallSignature | None]:
+        """Ball signatures of source and target, computed side by side."""
+        of_source, of_target = parallel_map(attrgetter("balls"), (self.source, self.target))
+        return of_source, of_target
 
     def weigh(self, fits: Sequence[F], costs: Sequence[float], eligible: Sequence[bool]) -> list[float]:
         """Weigh costs by descriptor distances where maps differ, see ``weigh_costs``."""

@@ -15,12 +15,11 @@ from isomatch._core.errors import MeshError
 from isomatch._core.first_use import Shown
 from isomatch._core.threads import in_background, parallel_map, serial_blas
 from isomatch.correspondence import UNMATCHED, Correspondence, RigidRegistration, read_map
-from isomatch.decimation import Prolongation, decimate
 from isomatch.descriptors import RADII, BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.io import SurfaceLike
 from isomatch.matching.assessment.quality import mean_known
-from isomatch.matching.bending import Surroundings, bend_onto, unit_area_mesh
+from isomatch.matching.bending import Surroundings, bend_onto, coarse_shapes
 from isomatch.matching.parameters import TIES
 from isomatch.matching.priors import checked_initial_map
 from isomatch.matching.problem import Problem, prepare_pair
@@ -197,7 +196,7 @@ class Verifier:
     """Verifies maps between the bodies of two meshes, and keeps what it computes of the shapes."""
 
     def __init__(self, pair: Problem, n_bent: int = N_BENT_VERTICES) -> None:
-        self.shapes, self.n_bent = (pair.source, pair.target), n_bent
+        self.shapes, self.coarse, self.n_bent = (pair.source, pair.target), coarse_shapes(pair), n_bent
         self.is_whole = [x.longest_boundary <= pair.config.parts.long_boundary for x in self.shapes]
         self.are_whole = pair.config.scale == "area" or all(self.is_whole)
         ratio = pair.source.scale / pair.target.scale
@@ -265,25 +264,14 @@ class Verifier:
         measured = float(np.median(on_target[near] / on_source[near]))
         return float(np.clip(measured, self.unit / MAX_UNIT_RATIO, self.unit * MAX_UNIT_RATIO))
 
-    @cached_property
-    def _meshes(self) -> list[Mesh]:
-        return [unit_area_mesh(shape) for shape in self.shapes]
-
-    @cached_method
-    def _coarse(self, way: int) -> Prolongation:
-        return Prolongation(self._meshes[way], decimate(self._meshes[way], self.n_bent))
-
-    @cached_method
-    def _registration(self, way: int) -> RigidRegistration:
-        return RigidRegistration(self._coarse(way).coarse.mesh, keeps=True)
-
     def _bend(self, image: Int[BodyVertices, "n"], unit: float, way: int) -> tuple[float, float]:
         """Bend the largest mapped piece of one shape: bending and turning, or nan."""
-        coarse, mesh = self._coarse(way), self._coarse(way).coarse.mesh
-        onto = Surroundings(self._meshes[1 - way], self.shapes[1 - way].index, unit)
-        images = image[coarse.nearest_members]
+        coarse = self.coarse.at(way, self.n_bent)
+        mesh = coarse.prolongation.coarse.mesh
+        onto = Surroundings(self.coarse.meshes[1 - way], self.shapes[1 - way].index, unit)
+        images = image[coarse.prolongation.nearest_members]
         if (images >= 0).all():
-            registration = self._registration(way)
+            registration = coarse.registration
         else:
             kept = largest_piece(mesh, images >= 0)
             if len(kept) < MIN_PIECE:

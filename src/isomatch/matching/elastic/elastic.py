@@ -238,10 +238,9 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
     @cached_property
     def _bendings(self) -> tuple[ElasticBending, ElasticBending]:
         """Bending of the source onto the target, and of the target onto the source."""
-        count, landmarks = self.pair.config.elastic.n_bent_vertices, self.priors.landmarks
-        both = self.source, self.target
+        pair, count, landmarks = self.pair, self.pair.config.elastic.n_bent_vertices, self.priors.landmarks
         of_source, of_target = parallel_map(
-            lambda way: ElasticBending(both[way], both[1 - way], count, bool(way), landmarks), range(2)
+            lambda back: ElasticBending(pair, count, back, landmarks), (False, True)
         )
         return of_source, of_target
 
@@ -367,7 +366,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
             quality = replace(before.quality, runner_up=ranking.runner_up, bending_cost=winner.score)
             return replace(before, quality=quality, note=FAR_KEPT_NOTE)
         points = self.target.index.points(match.coordinates.target, match.coordinates.source)
-        distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
+        distance = descriptor_distance_of(*self.balls, points.corners[:, 0])
         quality = measure_quality(self.pair, points)
         quality = replace(quality, runner_up=ranking.runner_up, bending_cost=winner.score)
         n_bent = 1 + len(ranking.others)

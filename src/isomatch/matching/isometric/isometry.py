@@ -354,7 +354,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
             reason += "; of those that tie, it agrees best with the priors"
         if ranking.runner_up < np.inf:
             reason += f"; the best alternative scores {ranking.runner_up:.2f} times as much"
-        distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
+        distance = descriptor_distance_of(*self.balls, points.corners[:, 0])
         winner = ranking.best
         return Measured(points, quality, distance, reason, origin_of(pair, winner), fit=winner)
 

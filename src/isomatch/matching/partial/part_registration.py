@@ -20,7 +20,7 @@ from isomatch._core.arrays import (
 from isomatch._core.cached import cached_method, cached_property
 from isomatch.correspondence import Boundary, Embedding, PrecisePoints, nearest_with_normals
 from isomatch.descriptors import deviation_of
-from isomatch.matching.bending import Bending, BentShape, HardLandmarks, Surroundings
+from isomatch.matching.bending import Bending, BentShape, CoarseShape, HardLandmarks, Surroundings
 from isomatch.matching.coordinates import iterate_images
 from isomatch.matching.maps import Fit
 from isomatch.matching.parameters import PART_FIT, PART_UNIT
@@ -289,7 +289,7 @@ class PartFits:
         self.pair, self._config, self.given = pair, config, given
         known = pair.landmarks, pair.functions.target
         self.coordinates = coordinates or WholeCoordinates(pair.whole, config, *known)
-        self.bending = PartBending(pair.part.mesh_body, config.parts.n_bent_vertices)
+        self.bending = PartBending(CoarseShape(pair.part.mesh_body, config.parts.n_bent_vertices))
 
     @cached_method
     def _refinement(self, pair: PartPair, n_rows: int) -> PartRefinement:

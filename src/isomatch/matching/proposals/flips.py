@@ -115,11 +115,12 @@ def near_symmetric_variants(pair: Problem, target_row: SearchRows, most: float) 
     # σ ∘ f distorts distances at most as much as f and σ together, so it may be the true map if σ
     # distorts less than f. Closest points repair errors of σ better on the target, so symmetries of
     # the source are composed with the inverse of f.
-    back = pair.turned
-    composed = _compose(back, pair.inverted(target_row), back.target.near_symmetries(most))
+    back, both = pair.turned, (pair.source, pair.target)
+    of_source, of_target = parallel_map(lambda shape: shape.near_symmetries(most), both)
+    composed = _compose(back, pair.inverted(target_row), of_source)
     rows = [back.inverted(candidate.target_row) for candidate in composed]
     inverses = [Candidate(Alignment(row, np.eye(1), 0.0), "symmetry") for row in rows]
-    variants = _compose(pair, target_row, pair.target.near_symmetries(most))
+    variants = _compose(pair, target_row, of_target)
     return keep_distinct_maps(pair, [*variants, *inverses])
 
 
