@@ -539,10 +539,18 @@ class SymmetricParameters:
     # a composed map turns the whole shape if it is farther from the winner; half turns of ants 0.24,
     # trunks alone to 0.2
     min_turned_distance: float = 0.2  # √area, mean over vertices
+    # a map composed with a mirror image is turned over by steps of these sizes; chosen
+    half_turn_sizes: tuple[int, ...] = (10, 15, 20)  # functions
+    # it is refined further if its spectral residual is at most this multiple of the winner's after the same
+    # steps; ants have 0.84 to 1.06, people at least 1.13, animals at least 1.3
+    max_half_turn_residual_ratio: float = 1.1  # spectral residual over the winner's
     max_maps: int = 4  # composed maps, those of least energy, are refined; chosen
     # a composed map fits as well as the winner up to this ratio; right maps cost at most 1.46 times as
     # much as half turns of ants, wrong maps of animals at least 1.59 times as much as right ones
     max_cost_ratio: float = 1.5  # cost of `verify` over the winner's
+    # a half turn fits as well up to this ratio; right maps of ants cost up to 1.89 times as much as half
+    # turns, half turns of people at least 1.93 times as much as right maps
+    max_half_turn_cost_ratio: float = 1.9  # cost of `verify` over the winner's
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,12 @@ from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.parameters import MAP_DISTANCE, SCREENING, SYMMETRIC, TIES
 from isomatch.matching.problem import Problem, target_rows_near
-from isomatch.matching.proposals.flips import keep_distinct_maps, near_symmetric_variants, symmetric_variants
+from isomatch.matching.proposals.flips import (
+    keep_distinct_maps,
+    mirrored_variants,
+    near_symmetric_variants,
+    symmetric_variants,
+)
 from isomatch.matching.result import Alternative, Outcome
 from isomatch.matching.selection import (
     Ranking,
@@ -416,8 +421,10 @@ class Isometry(RefiningModel[Fit, Embedding]):
         rows = target_rows_near(pair, image)
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
-        hypothesis = Candidate(Alignment(rows, np.eye(1), 0.0), map_.origin)
-        winner, *others = Screening(pair)([hypothesis, *variants])
+        screen, hypothesis = Screening(pair), Candidate(Alignment(rows, np.eye(1), 0.0), map_.origin)
+        winner, *others = screen([hypothesis, *variants])
+        half_turns = screen(self._half_turns(winner))
+        others += half_turns
         limit = SYMMETRIC.max_energy_ratio * max(winner.energy, TIES.energy_noise)
         turned = [
             c
@@ -436,8 +443,31 @@ class Isometry(RefiningModel[Fit, Embedding]):
         if not fits:
             return []
         cost, *costs = parallel_map(lambda fit: self.verified(fit).cost, [first, *fits])
-        tied = sorted((c, i) for i, c in enumerate(costs) if c <= SYMMETRIC.max_cost_ratio * cost)
+        ratios = [
+            SYMMETRIC.max_half_turn_cost_ratio if fit.candidate in half_turns else SYMMETRIC.max_cost_ratio
+            for fit in fits
+        ]
+        tied = sorted((c, i) for i, (c, ratio) in enumerate(zip(costs, ratios)) if c <= ratio * cost)
         return [candidate for _, i in tied if (candidate := fits[i].candidate)]
+
+    def _half_turns(self, winner: Candidate) -> list[Candidate]:
+        """Compose a map with a mirror image of a shape, and turn it over, if that hardly shows in few functions."""
+        # A mirror image σ exchanges left and right, and f ∘ σ reverses the orientation. The refinement preserves
+        # it, so it exchanges back and belly, too. A half turn of curled legs is too far from an isometry to be
+        # found among the near-symmetries.
+        begun = self.begin([winner, *mirrored_variants(self.pair, winner.target_row)])
+        if len(begun) == 1:
+            return []
+
+        def refined(fit: Fit) -> Fit:
+            return self.step(replace(fit, orientation=winner.orientation), SYMMETRIC.half_turn_sizes, True)
+
+        first, *others = parallel_map(refined, begun)
+        limit = SYMMETRIC.max_half_turn_residual_ratio * first.spectral_residual
+        n = len(self.pair.source_vertices)
+        images = [BodyVertices(fit.image[:n]) for fit in others if fit.spectral_residual <= limit]
+        rows = [target_rows_near(self.pair, image) for image in images]
+        return [Candidate(Alignment(row, np.eye(1), 0.0), "symmetry") for row in rows]
 
     def _keep_promising(self, winner: Candidate, rivals: list[Candidate]) -> list[Candidate]:
         """Keep distinct rivals that are about as good as the winner after the first round of the refinement."""

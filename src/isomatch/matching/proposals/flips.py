@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from typing import TypeVar
 
 import numpy as np
@@ -122,6 +122,19 @@ def near_symmetric_variants(pair: Problem, target_row: SearchRows, most: float) 
     inverses = [Candidate(Alignment(row, np.eye(1), 0.0), "symmetry") for row in rows]
     variants = _compose(pair, target_row, of_target)
     return keep_distinct_maps(pair, [*variants, *inverses])
+
+
+def mirrored_variants(pair: Problem, target_row: SearchRows) -> list[Candidate]:
+    """Compose a map with the best mirror image of either shape, if there is one."""
+    shapes = (pair.target, lambda row: row[target_row]), (pair.source, lambda row: target_row[row])
+    composed = [
+        (symmetry.residual, compose(symmetry.image_row))
+        for shape, compose in shapes
+        for symmetry in shape.symmetries
+        if symmetry.orientation < 0
+    ]
+    best = sorted(composed, key=itemgetter(0))[:1]
+    return [Candidate(Alignment(row, np.eye(1), 0.0), "symmetry") for _, row in best]
 
 
 def _compose(pair: Problem, target_row: SearchRows, symmetries: Sequence[Symmetry]) -> list[Candidate]:
