@@ -9,9 +9,9 @@ from multiprocessing import active_children
 from threading import Thread
 from types import FrameType
 
-SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a terminal that was closed
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # signals that end a command: Ctrl-C, kill, closing the terminal
 
-# These codes clear the line of a progress bar and show the cursor, which the bar hides.
+# bytes for the terminal that clear the line of a progress bar and show the cursor again, which the bar hides
 CLEARED = b"\r\x1b[2K\x1b[?25h"
 
 
@@ -20,10 +20,10 @@ def program() -> None:
     # The command runs on another thread, so that a signal is handled even while a compiled loop runs.
     for name in SIGNALS:
         number = getattr(signal, name, None)
-        # A signal that is ignored, as under nohup, stays ignored.
+        # A signal that the caller set to be ignored, as nohup does, stays ignored.
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _end)
-    # The process that removes shared memory of workers after a signal is to be silent.
+    # Python's process that removes the shared memory of workers would print a warning after a signal.
     sys.warnoptions.append("ignore:resource_tracker:UserWarning")
     codes: list[int] = []
     work = Thread(target=lambda: codes.append(_command()), daemon=True)
@@ -36,7 +36,7 @@ def program() -> None:
 
 
 def _command() -> int:
-    from isomatch.cli import main  # slow to import
+    from isomatch.cli import main  # imported here, as the import is slow
 
     return main()
 

@@ -21,16 +21,16 @@ from isomatch._core.errors import FormatError, IsomatchError, MemoryBudgetError,
 from isomatch._core.files import open_file, read_bytes, replaced
 from isomatch._core.memory import require_memory, room_for
 
-FIRST_VERSION = 1  # format version of a file that names none
-_VERSION = "format_version"  # name of the array that holds the version of the format
-# the kinds of numpy types that a stored array may have, and their name in messages
+FIRST_VERSION = 1  # version of the format of files that do not name a version, as the first ones do not
+_VERSION = "format_version"  # name of the array that holds the version of the format in each file
+# kinds of numpy types (`dtype.kind`) that a stored array may have, and their name in messages
 _KINDS = {"float": ("fiu", "numbers"), "integer": ("iu", "integers"), "text": ("U", "a text")}
-MAX_HEADER_BYTES = 1000  # Longest header of an array that is read; chosen, numpy writes 128 bytes.
-# readers of the header of an array, by the version of the format of numpy
+MAX_HEADER_BYTES = 1000  # bytes; a longer header of an array is refused; chosen: numpy writes 128 bytes
+# numpy's readers of the header of an array, by the version of numpy's file format
 _READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 Header = tuple[tuple[int, ...], np.dtype[np.generic]]  # shape and type of an array
-Refuse = Callable[[str], NoReturn]  # raises the error about a damaged file
+Refuse = Callable[[str], NoReturn]  # a function that raises the error about a damaged file
 
 
 def save_arrays(
@@ -67,7 +67,8 @@ def _refusing_damage(refuse: Refuse) -> Iterator[None]:
 
 def _header(start: IO[bytes], size: int, refuse: Refuse) -> Header:
     """Read the header of an array, which has to fit its ``size`` in bytes, with the header."""
-    beginning = BytesIO(start.read(MAX_HEADER_BYTES))  # a header may declare more bytes than there is memory
+    # only the beginning, as a header may declare more bytes than there is memory
+    beginning = BytesIO(start.read(MAX_HEADER_BYTES))
     shape, _, dtype = _READ_HEADER[npy.read_magic(beginning)](beginning)
     if dtype.kind not in "fciubU" or min(shape, default=0) < 0:
         refuse(f"{dtype} of shape {shape} is not an array of numbers or text")
@@ -230,7 +231,7 @@ class Archive:
         for name in headers:
             with _refusing_damage(self.refuse), self._zip.open(f"{name}.npy") as member:
                 arrays[name] = npy.read_array(member, allow_pickle=False)
-                member.read(1)  # zipfile compares the checksum when the end is read
+                member.read(1)  # a read at the end makes zipfile compare the checksum
         return arrays
 
 

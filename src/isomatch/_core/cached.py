@@ -70,7 +70,7 @@ else:
 
 def cached_method(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
     """Decorate a method: its results are kept with the object, by the arguments as written."""
-    # a cache around the bound method would refer to its object, and this cycle would delay freeing the arrays
+    # A cache around the bound method would refer to its object. This cycle would delay freeing the arrays.
     name = f"results of {method.__qualname__}"
 
     @wraps(method)

@@ -16,6 +16,7 @@ import numba
 from numba.core import event
 
 F = TypeVar("F", bound=Callable[..., Any])
+# warning if numba can write no compiled loop to a folder
 UNCACHED = (
     "isomatch: compiled loops cannot be cached here; each run compiles them again, 10 to 20 s for a match; "
     "set NUMBA_CACHE_DIR to a folder of your own that can be written"
@@ -24,7 +25,8 @@ UNCACHED = (
 
 def compiled(**options: Any) -> Callable[[F], F]:
     """Decorate a loop: `numba.njit` compiles it at its first call, to run without the interpreter lock."""
-    options = {"nogil": True, "no_cfunc_wrapper": True, **options}  # no calls from C
+    # the loops are never called from C, and compile faster without a wrapper for C
+    options = {"nogil": True, "no_cfunc_wrapper": True, **options}
 
     def decorate(function: F) -> F:
         try:
@@ -39,7 +41,7 @@ def compiled(**options: Any) -> Callable[[F], F]:
 class CollectorPause(event.Listener):  # type: ignore[misc]  # numba has no types
     """Pause Python's cycle collector while numba compiles, which then takes a fifth less time (measured)."""
 
-    # numba's lock lets one thread compile at a time; if a loop calls another, their compilations are nested.
+    # One thread compiles at a time, by numba's lock. If a loop calls another, their compilations are nested.
     depth, resume = 0, False
 
     def on_start(self, event: event.Event) -> None:

@@ -33,7 +33,7 @@ class IsomatchError(Exception):
     MeshError
     """
 
-    __module__ = "isomatch"  # the public home, which tracebacks name
+    __module__ = "isomatch"  # the public place of the class, which tracebacks name
 
     def __init_subclass__(cls, **options: object) -> None:
         super().__init_subclass__(**options)
@@ -190,7 +190,7 @@ class NotConvergedError(IsomatchError):
     """
 
 
-MAX_INDICES = 5  # Largest number of indices that a message lists; chosen.
+MAX_INDICES = 5  # largest number of indices that a message lists; chosen, so that a message stays short
 
 
 def some(indices: Iterable[int]) -> str:

@@ -25,19 +25,19 @@ from isomatch._core.errors import (
     UnwritableFileError,
 )
 
-# Errors that concern one file of a folder, not the folder or the disk; None: the file is no regular file.
+# values of `OSError.errno` that concern one file, not its folder or the disk; None if it is no regular file
 _ERRORS_OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)
-_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # errors of file systems without locks
-UNFINISHED = ".isomatch-{}.unfinished"  # name of an incomplete file or folder; {} is a random number
-_SURROGATE = re.compile("[\ud800-\udfff]")  # letters that stand for bytes that are not UTF-8
-_SURROGATE_OR_PERCENT = re.compile("[%\ud800-\udfff]")  # letters that are written as % and two digits
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # `OSError.errno` on file systems without locks
+UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder that is being written; {} is random
+_SURROGATE = re.compile("[\ud800-\udfff]")  # what Python puts for bytes of a file name that are not UTF-8
+_SURROGATE_OR_PERCENT = re.compile("[%\ud800-\udfff]")  # what a link writes as % and two digits
 logger = logging.getLogger(__name__)
 
 
 def open_file(path: Path) -> BinaryIO:
     """Open a file to read; `MissingFileError` if there is none, `FormatError` if it is not readable."""
     try:
-        if not S_ISREG(path.stat().st_mode):  # a pipe could block, a device might never end
+        if not S_ISREG(path.stat().st_mode):  # reading from a pipe could block, and from a device never end
             raise FormatError(
                 f"{path}: cannot be opened (not a regular file); write its contents to a file first"
             )
@@ -57,7 +57,7 @@ def read_bytes(path: Path) -> bytes:
 @contextmanager
 def replaced(path: Path) -> Iterator[BinaryIO]:
     """Open a new file, which replaces an earlier one when the block ends without an error."""
-    # a link stays and its target is replaced, but a link without a target is replaced
+    # A symbolic link stays, and the file at its end is replaced. A link to no file is replaced itself.
     with writing(path):
         _require_replaceable(path)
         final = path.resolve() if path.exists() else path
@@ -74,9 +74,7 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8, see `replaced`."""
-    with replaced(
-        path
-    ) as file:  # bytes of file names that are not UTF-8 become escapes, which JSON understands
+    with replaced(path) as file:  # bytes of file names that are not UTF-8 become escapes, which JSON allows
         file.write(text.encode("utf-8", "backslashreplace"))
 
 
@@ -172,7 +170,7 @@ def abandon_files() -> None:
 @contextmanager
 def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
     """Claim a file against other processes while the block runs; no file of ``new`` may exist."""
-    from filelock import FileLock, Timeout  # the import takes 0.1 s, which commands that write nothing save
+    from filelock import FileLock, Timeout  # imported here, as it takes 0.1 s, and few commands need it
 
     lock = path.with_name(f".{path.name}.lock")
     claim = FileLock(lock, timeout=0, thread_local=False)  # the system releases it if the process is killed
@@ -201,7 +199,7 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
     finally:
         with changing:
             with suppress(PermissionError):  # Windows removes the file of the lock when the lock is released
-                lock.unlink(missing_ok=True)  # after the release, the file could belong to another process
+                lock.unlink(missing_ok=True)  # before the release: later it could be another process's
             claim.release()
             _temporary.remove(lock)
 
@@ -238,9 +236,10 @@ def legible(name: str) -> str:
     return _SURROGATE_OR_PERCENT.sub(lambda match: f"%{ord(match[0]) & 0xFF:02X}", name)
 
 
-_DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³])(\s*\..*)?", re.IGNORECASE)  # on Windows
-_NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|\x00-\x1f]')  # letters that Windows or Linux do not allow in names
-_MAX_NAME_BYTES = 200  # Longest name without suffixes; most systems allow 255 bytes in all.
+# names that Windows reserves for devices
+_DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³])(\s*\..*)?", re.IGNORECASE)
+_NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|\x00-\x1f]')  # characters that Windows or Linux do not allow in names
+_MAX_NAME_BYTES = 200  # bytes, without suffixes; chosen: most systems allow 255 bytes with them
 
 
 def require_names(names: Iterable[str], what: str, where: object, remedy: str) -> None:

@@ -59,7 +59,8 @@ def names_at_first_use(package: str) -> list[str]:
     return next(lists, sorted(module._homes))
 
 
-# What pip installs: the folder of the checkout, or the name in an index, which release/prepare.py writes.
+# The package that `pip install` is told to install: the folder of a checkout here; release/prepare.py writes
+# the name in an index instead.
 PACKAGE = "."
 
 
@@ -89,9 +90,9 @@ class PlotOptions(TypedDict, total=False):
 
     label: str  # what the values are, with their unit
     colour_map: str | None  # name of a colour map of matplotlib
-    title: str  # text above all
+    title: str  # title above the picture
     width: int  # the width in pixels; notebooks show two per pixel of the page
-    view: tuple[float, float] | None  # degrees around the shape and above the horizon; (32, 14)
+    view: tuple[float, float] | None  # degrees around the shape and above the horizon; (32, 14) by default
 
 
 def visualization() -> Any:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from isomatch._core.errors import MemoryBudgetError, SettingError
 
-MIB, GIB = 2**20, 2**30  # bytes
+MIB, GIB = 2**20, 2**30  # bytes of a mebibyte and of a gibibyte
 ROOT = Path("/")  # the root of the file system; tests pass another folder
-_MAX_SIZE_RATIO = 20  # bytes of memory that a file may claim for each of its bytes; SECURITY.md promises it
-_ALLOWED_BYTES = 2**26  # memory that any file may claim beside this, however small the file is; chosen
+_MAX_SIZE_RATIO = 20  # bytes of memory that a file may claim per byte; chosen, and promised by SECURITY.md
+_ALLOWED_BYTES = 2**26  # bytes of memory that a file may claim in any case, however small it is; chosen
 
 
 def memory_budget() -> int:

@@ -27,12 +27,12 @@ def worker_processes(
     with ProcessPoolExecutor(count, context, initializer, arguments) as pool:
         try:
             yield pool
-        except BaseException:  # an interruption by the user, too
+        except BaseException:  # not only errors: Ctrl-C, too
             pool.shutdown(wait=False, cancel_futures=True)
             context.kill()
             raise
         if any(process.exitcode for process in context.started):
-            context.kill()  # a pool that breaks while a worker starts would wait for that worker for ever
+            context.kill()  # otherwise a pool that breaks while a worker starts waits for it for ever
 
 
 class _Worker(SpawnProcess):

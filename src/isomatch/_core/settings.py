@@ -37,7 +37,8 @@ class Settings:
     def __post_init__(self) -> None:
         hints = get_type_hints(type(self))
         for setting in fields(self):
-            if isinstance(getattr(self, setting.name), np.generic):  # files hold plain numbers
+            # numpy's numbers become Python's, since only those can be written to a file
+            if isinstance(getattr(self, setting.name), np.generic):
                 object.__setattr__(self, setting.name, getattr(self, setting.name).item())
             _require_allowed(setting.name, getattr(self, setting.name), hints[setting.name], setting.metadata)
 

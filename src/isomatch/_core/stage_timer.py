@@ -23,11 +23,11 @@ The share, an estimate from typical times, never falls. What the function raises
 caller as it is.
 """
 
-# Share of the whole time that has typically passed when a stage of a match, or of a preparation, starts; measured.
+# Share of the time of a match, from 0 to 1, that has typically passed when a stage begins; measured.
 MATCHING_SHARES = {"prepare": 0.0, "components": 0.5, "search": 0.55, "selection": 0.62, "refinement": 0.65}
 MATCHING_SHARES |= {"quality": 0.8, "mirror images": 0.82, "precision": 0.84, "polish": 0.85, "carry": 0.95}
 MATCHING_SHARES |= {"hard landmarks": 0.98}
-# the same for the stages of a preparation
+# Share of the time of a preparation, from 0 to 1, that has typically passed when a stage begins; measured.
 PREPARATION_SHARES = {"body": 0.0, "levels": 0.02, "distances": 0.3, "functions": 0.5, "samples": 0.85}
 
 
@@ -87,7 +87,7 @@ class StageTimer:
             tell(self._tell, self._progress, what, share)
 
     def _tell(self, progress: Callable[[str, float], Any], what: str, share: float) -> None:
-        with self._telling:  # a slow listener may be called later
+        with self._telling:  # only one thread at a time calls the listener, which may be slow
             self._share = max(self._share, share)
             progress(what, self._share)
 
@@ -115,7 +115,7 @@ class _Shown:
     def __call__(self, stage: str, share: float) -> None:
         now, shell = time.perf_counter(), notebook_shell()
         cell = getattr(shell, "execution_count", None)
-        if share < self._share or self._share == 1.0 or cell != self._cell:  # another computation
+        if share < self._share or self._share == 1.0 or cell != self._cell:  # another computation has begun
             self._since, self._bar, self._cell = now, None, cell
         self._share = share
         if shell is None:

@@ -20,17 +20,21 @@ from isomatch._core.errors import FormatError
 from isomatch._core.files import read_bytes
 from isomatch._core.texts import decode_text, unescape
 
-NO_TEXT = {"", "na", "n/a", "#n/a", "<na>", "nan", "."}  # cells, in lower case, that are no text
-NO_NUMBER = NO_TEXT | {"none", "null", "-", "–", "−", "--", "?"}  # the same in a column of numbers
+NO_TEXT = {"", "na", "n/a", "#n/a", "<na>", "nan", "."}  # cells, in lower case, for "no value" in a text
+# cells, in lower case, that mean "no value" in a column of numbers
+NO_NUMBER = NO_TEXT | {"none", "null", "-", "–", "−", "--", "?"}
 BLANKS = " "  # the separator that stands for one or more blanks or tabs
 _SEPARATORS = ";\t,"  # separators in the order of trial; the comma is last, as it may be a decimal comma
 _NO_SEPARATOR = "\x1f"  # the separator of a table with one column; no text contains it
-_MAX_ROWS_COUNTED_BY_CHANCE = 3  # rows; a longer column 1, 2, 3, … numbers the rows and holds no values
+# rows; a longer column 1, 2, 3, … numbers the rows, while a shorter one may hold values; chosen
+_MAX_ROWS_COUNTED_BY_CHANCE = 3
 _MAX_ROWS_EXAMINED = 1000  # number of first rows from which separator and header are inferred; chosen
-_DECIMAL = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?"  # digits fit in one way: two take 2ⁿ steps
+# A decimal number. Each text of digits matches in one way only: two ways would take 2ⁿ steps for n digits.
+_DECIMAL = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?"
 _NUMBER = re.compile(rf"{_DECIMAL}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNORECASE)  # any number
-_WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?", re.ASCII)  # such as 1,5
-_WITH_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d{1,4})?", re.ASCII)  # such as 1.5
+_WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?", re.ASCII)  # number with a comma, such as 1,5
+# a number with a decimal point, such as 1.5
+_WITH_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d{1,4})?", re.ASCII)
 _WORD = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')  # a word in quotes, or up to a blank
 _COMMENT = re.compile(r"\s*(?://|[#%](?=\s|$))")  # the start of a comment
 _COMMENT_MARK = re.compile(r"\s*(?:#|//)\s*")  # what precedes the text of a comment
@@ -108,7 +112,7 @@ class Table:
 
     def _is_header(self, first: list[str], data_rows: list[Row], n_rows: Collection[int]) -> bool:
         filled = [row for row in data_rows if row.cells]
-        if any(map(self.is_number, first)):  # pandas names columns 0, 1, 2 by default
+        if any(map(self.is_number, first)):  # pandas writes the titles 0, 1, 2, … for columns without a name
             counts = [*map(str, range(len(first)))]
             n = len(data_rows)
             is_counted = first in (counts, ["", *counts[:-1]])
@@ -191,8 +195,8 @@ class Table:
             are_numbers = [all(self.number(cell) is not None for cell in column) for column in columns]
             if not (any(are_numbers) if self.titles else all(are_numbers)):
                 self.refuse(rows[0], "is one text with blanks, or several; put quotes around texts")
-        # Below one name, 1,5 2,7 3,5 may be row numbers and values, as R writes them; without a name, 4,5 4,7
-        # are decimal numbers.
+        # With one title, the cells 1,5 2,7 3,5 may be row numbers and values, as R writes them; without a
+        # title, 4,5 4,7 are decimal numbers.
         parts = [re.fullmatch(r"([+-]?\d+),(\d+)", ",".join(row.cells), re.ASCII) for row in rows]
         if self.separator not in (",", _NO_SEPARATOR) or not all(parts):
             return
@@ -229,7 +233,8 @@ class Table:
 
     def numbers(self, column: int) -> FloatArray:
         """Return a column of numbers, nan for no value; `FormatError` quotes a row with anything else."""
-        with suppress(ValueError, IndexError):  # the fast way for plain numbers
+        # a fast way for plain numbers; other tables fail here and are read cell by cell
+        with suppress(ValueError, IndexError):
             cells = [row.cells[column] for row in self.rows]
             if _NUMBERS.fullmatch(" ".join(cells)):
                 return np.array([*map(float, cells)])
@@ -254,7 +259,7 @@ def read_integers(path: Path, width: int, wanted: str) -> IntArray:
     table = read_table(path).titled()
     if len(table.titles) == width + 1:
         table = table.without_row_names()
-    # single numbers belong to the places of their lines, so empty lines count
+    # In a table of one column, the place of a number is its line, so empty lines count.
     rows = table.filled if width > 1 else dropwhile(lambda row: not row.cells, table.rows)
     integers = []
     for row in rows:
@@ -287,7 +292,8 @@ def parse_table(text: str, name: str, not_comments: Collection[str] = ()) -> Tab
         kept.pop()
     n_empty_after = max(n_lines - len(kept) - 1, 0)
     head = (line for _, line in kept[:_MAX_ROWS_EXAMINED] if line.strip())
-    if {*map(_number_separator, head)} == {",", BLANKS}:  # commas and blanks, as people write numbers by hand
+    # numbers separated by commas and blanks, as people write them by hand
+    if {*map(_number_separator, head)} == {",", BLANKS}:
         kept = [(number, line.replace(",", " ")) for number, line in kept]
     separator = declared if declared and declared in _SEPARATORS else _find_separator(kept, name)
     rows = _without_comment_rows(split_rows(kept, separator, name), not_comments)
@@ -370,7 +376,7 @@ def _split_words(line: str) -> list[str]:
 
 
 def _find_separator(lines: list[tuple[int, str]], name: str) -> str:
-    # an apostrophe before a tab was written to escape the tab, which separates nothing
+    # An apostrophe before a tab is an escape for spreadsheets; such a tab separates no cells.
     head = [(number, line.replace("'\t", "'")) for number, line in lines if line.strip()]
     head = head[:_MAX_ROWS_EXAMINED]
     marks: tuple[str, ...] = (*_SEPARATORS, BLANKS)
@@ -384,13 +390,14 @@ def _find_separator(lines: list[tuple[int, str]], name: str) -> str:
             return BLANKS
     if "\t" in fitting and BLANKS in fitting and ";" not in fitting:
         columns = zip(*(row.cells for row in split["\t"]))
-        if any(not any(column) for column in columns):  # several tabs in a row are one separator
+        # in all rows, some columns are empty: several tabs in a row were one separator
+        if any(not any(column) for column in columns):
             return BLANKS
     if fitting and fitting[0] != ",":
         return fitting[0]
     if fitting:
         return "," if not _may_be_decimals(split[","], name) else _NO_SEPARATOR
-    # rows differ in length: of the separators in the first row, take the one by which most rows agree
+    # Rows differ in length. Of the first row's separators, the one by which most rows get equally long wins.
     several = [mark for mark in _SEPARATORS if head and len(split[mark][0].cells) > 1]
     n_alike = {mark: max(Counter(len(row.cells) for row in split[mark]).values()) for mark in several}
     if not several and words and all(map(_NUMBER.fullmatch, words[0].cells)):

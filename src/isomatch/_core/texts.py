@@ -16,12 +16,12 @@ from typing import Any
 from isomatch._core.errors import FormatError
 from isomatch._core.files import open_file, read_bytes, write_text
 
-# The first bytes of a text tell these encodings.
-BYTE_ORDER_MARKS = {
+BYTE_ORDER_MARKS = {  # encodings of texts by the bytes with which such texts begin
     b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16",
 }  # fmt: skip
 _EXAMINED_BYTES = 1000  # number of first bytes that tell whether a text without a mark is UTF-16; chosen
-_FORMULA = re.compile(r"'*[=+\-@\t\r]")  # the start of a spreadsheet formula, escaped or not
+# the start of a cell that a spreadsheet program would take for a formula, escaped by apostrophes or not
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
 
 def text_lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -46,7 +46,8 @@ def read_toml(path: Path, max_bytes: int) -> dict[str, Any]:
         raise FormatError(f"{path}: {problem}; give a TOML file of settings")
     try:
         return tomllib.loads(decode_text(text))
-    except (ValueError, RecursionError) as error:  # no TOML, nested too deeply, or numbers of too many digits
+    # the text is no TOML, is nested too deeply, or has numbers with too many digits
+    except (ValueError, RecursionError) as error:
         raise FormatError(f"{path}: not a TOML file ({error}); correct it or write it again") from None
 
 
@@ -71,7 +72,8 @@ def encoding_of(text: bytes) -> str:
     for mark, encoding in BYTE_ORDER_MARKS.items():
         if text.startswith(mark):
             return encoding
-    for encoding in ("utf-8", "cp1252"):  # cp1252 fails for five bytes, which latin-1 knows
+    # Encodings in the order of trial; five bytes mean nothing in cp1252, then latin-1 is taken.
+    for encoding in ("utf-8", "cp1252"):
         with suppress(UnicodeDecodeError):
             text.decode(encoding)
             return encoding
@@ -82,7 +84,7 @@ def natural_order(name: str) -> list[tuple[str, int]]:
     """Return a sort key by which frame2 comes before frame10, in any case."""
     parts = re.split(r"([0-9]+)", name.casefold())
     numbers = [*map(int, parts[1::2]), -1]
-    return [*zip(parts[::2], numbers), (name, -1)]  # the name orders names that differ only in case
+    return [*zip(parts[::2], numbers), (name, -1)]  # if names differ only in case, the name itself decides
 
 
 def is_whole_number(word: str) -> bool:

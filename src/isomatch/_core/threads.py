@@ -21,8 +21,8 @@ from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import SettingError
 from isomatch._core.memory import ROOT, group_limits, slurm
 
-ROWS_PER_BLOCK = 1280  # rows of a matrix product that a thread computes at once; 5000 vertices make 4 blocks
-POLL_SECONDS = 0.2  # longest wait between two looks for Ctrl-C, which does not end a wait on Windows; chosen
+ROWS_PER_BLOCK = 1280  # rows of a product that a thread computes at once; chosen: 5000 vertices make 4 blocks
+POLL_SECONDS = 0.2  # seconds between two looks for Ctrl-C, which does not end a wait on Windows; chosen
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -84,7 +84,8 @@ def stop_if_abandoned() -> None:
 
 def in_background(function: Callable[[], R]) -> R:
     """Call a function on another thread and wait for its result, so that Ctrl-C takes effect at once."""
-    # after an exception in the waiting thread, the function ends at its next `stop_if_abandoned`
+    # After an exception, such as Ctrl-C, in the thread that waits, the function ends at its next
+    # `stop_if_abandoned`.
     if current_call() is not None:
         return function()
     call, results, errors = Call(), [], []
@@ -142,8 +143,8 @@ def parallel_rows(function: Callable[[int], None], count: int) -> None:
 
 def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """Apply a function to every item on several threads; return the results in the order of the items."""
-    # The function should release the interpreter lock. Items must not share anything that is written, so
-    # that results do not depend on the number of threads. A nested call runs in the thread of its item.
+    # The function should release the interpreter lock. Items must not share anything that is written, so that
+    # results do not depend on the number of threads. A call within another runs in the thread of its item.
     todo = list(items)
     workers = min(n_threads(), len(todo))
     if workers <= 1 or getattr(_inside, "item", False):
@@ -214,7 +215,7 @@ class _Limit:
 @contextmanager
 def serial_blas() -> Iterator[None]:
     """Let BLAS use one thread in a block: results do not depend on their number, and pools do not stall."""
-    # several threads may be in the block: the first one limits BLAS, the last one lifts the limit
+    # Several threads may be in this block: the first limits BLAS to one thread, the last lifts the limit.
     with _Limit.lock:
         if _Limit.controller is None:
             import scipy.linalg  # noqa: F401 - the controller sees only libraries that are loaded

@@ -6,9 +6,10 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray
 
-# Values that differ by less than this share of the largest value count as equal. Coordinates rounded to 1e-9 of
-# their extent change distances by less; in one shape of ten, two of a thousand different values count as equal.
-# When rounding chose between the sides of a symmetric horse, the error of a part went from 2.8 to 10.4 % of √area.
+# Values that differ by less than this share of the largest value count as equal. It is far above what
+# rounding the coordinates to 1e-9 of their extent changes, and makes two of a thousand different values equal
+# in one shape of ten. When rounding decided between the sides of a symmetric horse, the error of a part rose
+# from 2.8 to 10.4 % of √area.
 TIE_RATIO = 1e-7
 
 

@@ -28,8 +28,8 @@ from isomatch.repair import without_seams
 from isomatch.spectral import BasisMethod, Weighting
 from isomatch.surfaces import PrecisePoints
 
-COLUMNS_PER_UPDATE = 16  # The progress is updated after the distances from this number of points.
-# groups of options in the help: exactly one of the first is given, and at most one of the second
+COLUMNS_PER_UPDATE = 16  # points whose distances are computed between two updates of the progress; chosen
+# Groups of options in the help: exactly one of the first group must be given, at most one of the second.
 WHICH_DISTANCES = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
 HOW_COMPUTED = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
 
@@ -191,8 +191,7 @@ class _Request:
         name = "target" if "targets" in self.points else "vertex"
         header = [name, *(f"from_{point}" for point in self.points["sources"])]
         cells = ([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))
-        # Points in faces are quoted, as they contain commas.
-        return table_text([header, *cells]).splitlines()
+        return table_text([header, *cells]).splitlines()  # Points in faces contain commas: they are quoted.
 
 
 class _Answer(NamedTuple):
@@ -276,10 +275,12 @@ def _write(path: Path, request: _Request, distances: FloatArray) -> None:
 
 
 _WEIGHT = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # pattern of a barycentric weight, as 0.2 or 1e-3
-_POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"  # one point, as f12:0.2,0.3,0.5
+# pattern of one point: a vertex, or f12:0.2,0.3,0.5
+_POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"
 _POINTS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)  # a list of points
-WEIGHT_SUM_TOLERANCE = 0.01  # largest difference from 1 of the sum of a point's weights, which files round
-POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"  # in messages
+WEIGHT_SUM_TOLERANCE = 0.01  # difference from 1 of the sum of a point's weights, which files round; chosen
+# how messages explain the notation of a point
+POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
 
 
 def _split_points(text: str) -> list[int | str]:
@@ -316,7 +317,7 @@ def read_point_pairs(path: Path) -> list[list[int | str]]:
     return pairs
 
 
-N_COLUMNS = 100  # distance columns that `isomatch basis` computes by default
+N_COLUMNS = 100  # default of --p of `isomatch basis`: columns of distances; as `Config.n_columns`
 
 
 def basis(

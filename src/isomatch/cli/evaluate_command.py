@@ -26,7 +26,7 @@ MEASURES = (  # Each row has a field of `Verification`, the format of its value,
     ("cost", ".1e", "all in one; compares maps of these two shapes, lower is better"),
 )
 VERDICT_COLOURS = {"right": "green", "doubtful": "yellow", "wrong": "red"}  # colours in the terminal
-# √(target area); for each threshold, the table has the share of points with an error at most this large.
+# √(target area); for each threshold, the table has the share of points with at most this error; chosen
 ERROR_THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.25)
 
 

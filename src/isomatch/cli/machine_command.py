@@ -14,11 +14,14 @@ from isomatch._core.threads import n_threads
 from isomatch.cli.inputs import Json
 from isomatch.cli.terminal import Talk, say, say_table
 
-# packages whose versions affect results or speed: what isomatch needs, and what its extras add
+# packages that isomatch needs; `info` names their versions, which affect results or speed
 REQUIRED = ("numpy", "scipy", "numba", "robust_laplacian", "mapbox_earcut", "matplotlib", "rich", "cyclopts")
+# packages that extras of isomatch add; `info` names their versions if they are installed
 OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT", "h5py")
-DEFAULT_CACHES = "__pycache__ next to each module, or the cache of the user"  # of loops that numba compiled
-ENVIRONMENT_VARIABLES = {  # variables that set a fact of `info`
+# where numba keeps the loops that it compiled, unless NUMBA_CACHE_DIR is set
+DEFAULT_CACHES = "__pycache__ next to each module, or the cache of the user"
+# environment variables that set some of the facts that `info` lists, by the name of the fact
+ENVIRONMENT_VARIABLES = {
     "threads": "ISOMATCH_NUM_THREADS",
     "memory_budget_gib": "ISOMATCH_MEMORY_BUDGET",
     "numba_cache": "NUMBA_CACHE_DIR",

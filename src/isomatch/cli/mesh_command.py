@@ -25,15 +25,14 @@ from isomatch.cli.terminal import Talk, in_shell, say
 from isomatch.io import FORMATS, files_beside, meshes_among, prepare_for_writing, read_as_far_as_possible
 from isomatch.repair import Repair, without_seams
 
-NUMBER_COLUMNS = 50  # A table takes this number of columns of the terminal beside the names.
-# A name takes at least this number of columns of a table, even in a narrow terminal; chosen.
-MIN_NAME_COLUMNS = 12
-# A weld is reported if a smaller share of the vertices is left; of separate triangles, a sixth is left.
+NUMBER_COLUMNS = 50  # columns of the terminal for the numbers of a table, beside the names; chosen
+MIN_NAME_COLUMNS = 12  # columns of the terminal for names in a table, even in a narrow terminal; chosen
+# `repair` warns if a weld leaves a smaller share of the vertices; welded separate triangles leave a sixth
 MIN_SHARE_LEFT = 0.1
 
 Verb = Literal["distance", "basis", "match"]  # commands that may refuse a mesh
 
-# The first step of each command refuses the meshes that the command cannot use.
+# For each command, its first step, which refuses the meshes that the command cannot use.
 _FIRST_STEPS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
     "distance": lambda mesh: isomatch.distance_engine(surface_of(mesh)),
     "basis": lambda mesh: spectral.basis_domain(without_seams(mesh)[0], n_columns=N_COLUMNS),
@@ -201,7 +200,7 @@ def _require_something_left(file: Path, repaired: Repair, weld: float | None) ->
         tell_skipped(f"{file}: {after.n_vertices} of {n_before} vertices are left; {hint}see isomatch check")
 
 
-_INDICES = ("vertex_index", "new_index", "polygon_index", "face_index")  # arrays in NAME.index.npz
+_INDICES = ("vertex_index", "new_index", "polygon_index", "face_index")  # arrays in the file NAME.index.npz
 
 
 def repair(

@@ -37,7 +37,7 @@ COMMANDS = (  # Each command has a group, module:function, and an example, which
     ("Develop", "machine_command:info", "info"),
     ("Develop", "machine_command:warm", "warm"),
 )
-# for each command, by name: its example, the place of its function, and its group in the help
+# For each command, by its name: its example, the place of its function, and its group in the help.
 EXAMPLES = {example.split()[0]: example for _, _, example in COMMANDS}
 COMMAND_PLACES = {name: f"isomatch.cli.{place}" for name, (_, place, _) in zip(EXAMPLES, COMMANDS)}
 _GROUP_OF_TITLE = {title: Group.create_ordered(title) for title in dict.fromkeys(row[0] for row in COMMANDS)}
@@ -73,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     strict = STRICT in words
     words = [word for word in words if word != STRICT]
     if not words or words[0] not in COMMAND_PLACES:
-        # Other packages, such as isomatch_lab, add commands.
+        # Other packages, such as isomatch_lab, add commands as entry points.
         plugins = {point.name: point.value for point in entry_points(group="isomatch.commands")}
         is_list = not words or words[0] in app.help_flags
         for name, place in {**plugins, **COMMAND_PLACES}.items() if is_list else plugins.items():
@@ -108,7 +108,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return DONE
 
 
-_WORDS_OF_TYPES = {int: "a whole number", float: "a number"}
+_WORDS_OF_TYPES = {int: "a whole number", float: "a number"}  # words in messages for the type of an option
 
 
 def _message_of(error: CycloptsError) -> str:
@@ -125,7 +125,7 @@ def _first_line(place: str) -> str:
     spec = find_spec(module)
     tree = parse(Path(spec.origin).read_text(encoding="utf-8")) if spec and spec.origin else Module([], [])
     functions = {node.name: node for node in tree.body if isinstance(node, FunctionDef)}
-    command = functions.get(name, functions.get("run"))  # A command with subcommands is a function `run`.
+    command = functions.get(name, functions.get("run"))  # with subcommands, it is a function `run`
     return ((command and get_docstring(command)) or "").partition("\n")[0]
 
 

@@ -21,10 +21,13 @@ from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import INDENT, in_shell, say, say_rows, say_table, waited
 
-# names of files: a result in plain values; the map back; a page to pick landmarks where no map was found
+# Names of files in the folder of a result: the result in plain values; the map of the other direction; a page
+# to pick landmarks, written where no map was found.
 RESULT, BACK, PICKER = "result.json", "map_back.npz", "picker.html"
-_FILES = {"map": "map.npz", "text": "map.txt", "result": RESULT, "picture": "map.png"}  # names by kind
+# names of the other files in the folder of a result, by what they hold
+_FILES = {"map": "map.npz", "text": "map.txt", "result": RESULT, "picture": "map.png"}
 _FILES |= {"report": "report.html", "map back": BACK}
+# what is said when the chosen alternative makes the map of the other direction obsolete
 BACK_REMOVED = "the map back belonged to the map before and was removed"
 
 Back = tuple["isomatch.Correspondence", dict[str, Any]]
@@ -276,9 +279,9 @@ def _alternative(evidence: Mapping[str, Any], other: isomatch.Correspondence) ->
     return matching.Alternative(lambda: other, energy, orientation, evidence["origin"])
 
 
-# styles of headlines in the terminal, by the outcome; the others are bold yellow
+# styles of headlines in the terminal for some outcomes; headlines of all others are bold yellow
 _STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red", "MIRROR_IMAGE": "bold red"}
-MAX_NOTES = 2  # largest number of notes in a summary; the report has all
+MAX_NOTES = 2  # largest number of notes in a summary, chosen; the report has all
 
 
 def say_result(result: isomatch.MatchResult, details: bool = False) -> None:

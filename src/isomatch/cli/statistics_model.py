@@ -13,7 +13,7 @@ from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import require_writable, say_left_out
 from isomatch.cli.terminal import INDENT, TALK, Talk, say, say_rows
 
-LABEL_WIDTH = 16  # columns of the terminal that a label takes
+LABEL_WIDTH = 16  # columns of the terminal for a label; chosen to hold the longest one
 
 
 def project(model: Path, /, *shapes: Path, output: Output, force: Force = False, talk: Talk = TALK) -> None:

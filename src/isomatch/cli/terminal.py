@@ -29,10 +29,10 @@ from isomatch._core.texts import json_text, without_nonfinite
 
 Tell: TypeAlias = Callable[[str, float], None]  # a function that is called with a stage and the share done
 
-# largest and, in a narrow terminal, smallest number of columns to which texts are broken
+# Texts are broken to the width of the terminal, but to no more and no fewer columns than these; chosen.
 MAX_TEXT_COLUMNS, MIN_TEXT_COLUMNS = 100, 20
-MAX_NAMED = 5  # An error names at most this number of the shapes and pairs that failed.
-INDENT = 14  # number of columns that a label takes before its text
+MAX_NAMED = 5  # largest number of failed shapes and pairs that an error names; chosen
+INDENT = 14  # columns of the terminal for a label, before its text; chosen to hold the longest one
 # visible text in place of each control character, by its code
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
 
@@ -112,7 +112,7 @@ def say_table(rows: Iterable[tuple[str, ...]]) -> None:
     Console(highlight=False).print(table)
 
 
-_STARTED = [time.time()]  # seconds since the epoch when the command was called
+_STARTED = [time.time()]  # seconds since the epoch when the command was called; in a list, to be changed
 
 
 def start_clock(*, with_process: bool) -> None:
@@ -138,7 +138,7 @@ class _Clock(ProgressColumn):
         """Note a stage, such as "matched 3 of 8: a and b", and the share of work done."""
         counted = _COUNTED.match(stage)
         kind = counted[1] if counted else stage
-        if kind != self._kind:  # The first step of this kind began when the step before ended.
+        if kind != self._kind:  # the first step of a kind begins when the last step before it ends
             self._kind, self._since = kind, self._last
         self._steps = [int(counted[2]), int(counted[3])] if counted else [0, 0]
         self.stage, self.share, self._last = stage, share, time.monotonic()
@@ -157,7 +157,7 @@ class _Clock(ProgressColumn):
         return Text(str(self))
 
 
-_COUNTED = re.compile(r"(.+?) (\d+) of (\d+)")  # a stage that counts its steps, as "matched 3 of 8"
+_COUNTED = re.compile(r"(.+?) (\d+) of (\d+)")  # a stage's name that counts its steps, as "matched 3 of 8"
 SECONDS_BETWEEN_LINES = 60.0  # seconds between two lines of progress in a log; chosen
 
 
@@ -263,7 +263,7 @@ def _log_on(console: Console) -> Iterator[None]:
 def part(tell: Tell, first: float, last: float) -> Tell:
     """Map the progress of a part of the work to the range of shares ``first`` to ``last``."""
 
-    def tell_part(stage: str, share: float) -> None:  # "done" is only the end of this part
+    def tell_part(stage: str, share: float) -> None:  # the stage "done" ends only this part, and is not told
         tell("finishing" if stage == "done" else stage, first + (last - first) * share)
 
     return tell_part

@@ -28,10 +28,11 @@ from isomatch.landmarks import read_landmark_pairs, read_landmarks
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, nearest_on_surface
 
-N_DRAWN = 3  # number of shapes that are drawn: the most asymmetric ones
-DRAWN_DISPLACEMENT = 0.1  # share of the mean's size to which pictures enlarge the largest displacement
+N_DRAWN = 3  # shapes that are drawn, the most asymmetric ones; chosen
+DRAWN_DISPLACEMENT = 0.1  # share of the mean's size to which pictures enlarge displacements; chosen
+# titles of the columns of the table of variances
 ANOVA_HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F", "p")
-# parts of captions and labels of pictures
+# Parts of captions and labels of pictures.
 WRONG_MAP_CAPTION = "; where they have one colour, the map between them is wrong"
 DIRECTIONAL_CAPTION = "Directional asymmetry: what all have in common."
 FLUCTUATING_CAPTION = "Fluctuating asymmetry: how far single ones differ from that."
@@ -44,7 +45,7 @@ SAME_ERRORS_WARNING = (  # sentence about shapes that are not of a collection
     "shapes were compared in one topology, where maps go wrong alike in all: asymmetry near their errors may look "
     "directional at a small p; give the folder of isomatch collect"
 )
-# advice where the maps from left to right are doubtful
+# advice if the maps from left to right are doubtful
 REMEDY = "Give landmarks of both sides (--landmarks); a single bone has no mirror half: give left and right (--pairs)."
 
 
@@ -223,7 +224,7 @@ def _match_sides(
             sides = _onto(mesh, places.interpolated(sides.pull_back(scan.vertices)))
             expected = places.interpolated(expected[:, None])[:, 0]
         maps.append(sides)
-        # the symmetric shape, the mean of both sides, has half of the error of the map
+        # The error of the symmetric shape, the mean of both sides, is half of the error of the map.
         map_error = float(np.sqrt(np.nansum(mesh.vertex_areas * (expected / 2) ** 2)))
         about.append({"outcome": result.outcome.value, "map_error": map_error})
         notes += [f"{name}: {note}" for note in result.notes if note.endswith("are left unmatched")]
@@ -312,7 +313,7 @@ def _draw_meshes(
     m, lines, captions = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
     known, size = both.seen[:m] & both.seen[m:], _size(found, share)
     mean = both.mesh(0).moved(found.symmetric)
-    normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # of the mean, as they are smoother
+    normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # the mean's are smoother
     outward = np.where(known, np.einsum("mij,ij->mi", found.components, normals), np.nan)
     planes = [shape_statistics.symmetry_plane(*shape, share) for shape in zip(both.vertices, maps)]
     sides = [_sides(normal, shape, left_right) for shape, (normal, _) in zip(both.vertices, planes)]

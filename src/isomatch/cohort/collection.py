@@ -32,7 +32,8 @@ from isomatch.cohort.plan import (
 from isomatch.cohort.workers import Workers
 from isomatch.settings import Config
 
-RETRY_VALUES = ("source_hash", "target_hash", "reflected", "made_with")  # kept in the row of a retried pair
+# fields that stay in the row of a pair that is matched again
+RETRY_VALUES = ("source_hash", "target_hash", "reflected", "made_with")
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ class Collection(Plan):
             A collection of other surfaces of the same subjects, which is run first. Its template is
             the default of this one.
         """
-        # absolute paths, as workers may run in another folder
+        # Paths are absolute, as workers may run in another folder.
         entries = tuple(Entry(entry.name, entry.path.resolve()) for entry in entries_of(shapes))
         layout = Layout(Path(folder).absolute())
         names = [entry.name for entry in entries]
@@ -243,7 +244,7 @@ class Collection(Plan):
             raise SettingError(f"{self.folder}: {problem}; continue it with the same, or give another folder")
 
 
-_NEIGHBOURS = ("leader", "beside")  # fields of a plan that are other collections
+_NEIGHBOURS = ("leader", "beside")  # fields of a plan that hold other collections
 
 
 def _check_reflect(

@@ -39,14 +39,15 @@ from isomatch.matching import Evidence, Outcome, lower_outcome, match_both, outc
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
-MAX_ROUNDS = 3  # contradicted maps are replaced in at most this number of rounds
-UNSURE_WEIGHT = 0.25  # weight of a map that its own match doubts; all other maps have weight 1 (chosen)
-TRIANGLE_BYTES = 48  # memory for each triple of shapes: 6 numbers of 8 bytes, measured with 150 shapes
-MAX_PATHS = 8  # number of compositions that are compared; more hardly change which one is in their middle
-N_SAMPLES = 100  # number of vertices, about 0.1 √area from each other, at which maps are compared
-MIN_SHARED = 0.5  # two maps are compared if both match at least this share of the samples (chosen)
-WANTED_SIGN = {"preserve": 1, "reverse": -1, "any": 0}  # wanted sign of the orientation of maps, 0 for any
-# β of `inconsistency` in each round, 1 to 39 per √area: trust in a map is exp(−β × its inconsistency)
+MAX_ROUNDS = 3  # rounds, at most, in which contradicted maps are replaced; chosen
+UNSURE_WEIGHT = 0.25  # weight of a map that its own match doubts; other maps have the weight 1; chosen
+TRIANGLE_BYTES = 48  # bytes of memory for each triple of shapes, 6 numbers; measured with 150 shapes
+MAX_PATHS = 8  # compositions that are compared, at most; chosen: more hardly change which is in their middle
+N_SAMPLES = 100  # vertices at which maps are compared; chosen: about 0.1 √area from each other
+MIN_SHARED = 0.5  # share of the samples that both of two maps must match to be compared; chosen
+# for each setting, the wanted sign of the orientation of maps; 0 if both may be
+WANTED_SIGN = {"preserve": 1, "reverse": -1, "any": 0}
+# β in each round of `inconsistency`, 1 to 39 per √area: trust in a map is exp(−β × inconsistency); chosen
 SHARPNESS = 1.3 ** np.arange(15)
 
 
@@ -57,7 +58,7 @@ class Agreement(NamedTuple):
     are mirrored, only the orientation shows it.
     """
 
-    compared: int  # number of pairs whose maps were compared, which are in triangles of matched pairs
+    compared: int  # number of pairs whose maps were compared: those in a triangle of matched pairs
     contradicted: list[Pair]  # pairs whose maps the others still contradict
     replaced: list[Pair]  # pairs whose maps were replaced
     turned: list[str]  # shapes whose maps to the others mostly reverse the orientation
@@ -150,20 +151,20 @@ def _measure(job: CycleJob, ledger: Ledger, workers: Workers) -> FloatArray:
     tasks = [Task(tuple(tile), job.images) for tile in tiles]
     for pair, attempt in workers.completed(tasks):
         if attempt.result is None:
-            continue  # the file is damaged, and the next run matches the pair again
+            continue  # the file is damaged; the next run matches the pair again
         both, (record, file) = attempt.result
         row = rows.pairs[pair]
         if record.key != row.key:
-            continue  # a run was killed after it wrote the map, and the next run writes the row
+            continue  # a run was killed after it wrote the map; the next run writes the row
         if file != (row.file or file):
             if record.replaced_by in ((), row.replaced_by):
-                continue  # the file was changed after it was written; the next run matches it again
+                continue  # the file was changed later; the next run matches the pair again
             replaced = Attempt(attempt.result[1], "", time.time())
             ledger.put(pair, _row_after(row, replaced, len(names)))
         a, b = (number[name] for name in pair)
         images[a, b], images[b, a] = both
     readings = np.full((len(names),) * 3, np.nan)
-    side = max(1, -(-len(names) // workers.count()))  # one task for each worker, as a task carries all images
+    side = max(1, -(-len(names) // workers.count()))  # one task for each worker, as each carries all images
     compare = partial(job.readings, images)
     tasks = [Task(tuple(names[i : i + side]), compare) for i in range(0, len(names), side)]
     for name, attempt in workers.completed(tasks):
@@ -260,8 +261,8 @@ class Repair(NamedTuple):
     """A contradicted pair, and the shapes through which trusted maps lead around it."""
 
     pair: Pair
-    middles: tuple[str, ...]  # names of the shapes between
-    trust: tuple[float, ...]  # weight of the path through each shape between
+    middles: tuple[str, ...]  # names of the shapes through which each path leads
+    trust: tuple[float, ...]  # weight of the path through each of these shapes
     outcomes: tuple[str, ...]  # name of the least sure outcome along each path
     seed: int  # seed of the match
 
@@ -395,7 +396,7 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
         with np.errstate(invalid="ignore"):
             inconsistencies = (weights * errors).sum(axis=1) / total
         trust = prior_trust * trust_in(np.nan_to_num(inconsistencies, nan=np.inf), sharpness)
-    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # both halves differ by rounding
+    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # halves differ by rounding
 
 
 def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:
@@ -405,7 +406,7 @@ def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> F
 
 def turned_shapes(orientations: FloatArray) -> IntArray:
     """Find the shapes mirrored against the others, the smaller group of each connected set."""
-    links = np.nan_to_num(orientations)  # (n, n), near 1 or −1 for each pair; 0 where unclear
+    links = np.nan_to_num(orientations)  # (n, n): near 1 or −1 for each pair, 0 where it is unclear
     np.fill_diagonal(links, 1.0)
     count, group = connected_components(links != 0, directed=False)
     sides = [_smaller_side(links, np.flatnonzero(group == i)) for i in range(count)]
@@ -413,7 +414,7 @@ def turned_shapes(orientations: FloatArray) -> IntArray:
 
 
 def _smaller_side(links: FloatArray, members: IntArray) -> IntArray:
-    # links are 1 within two groups and −1 between them: the leading eigenvector has one sign in each group
+    # Links are 1 in each of two groups, −1 between them: the leading eigenvector has one sign in each.
     side = np.linalg.eigh(links[np.ix_(members, members)])[1][:, -1]
     return min(members[side < 0], members[side >= 0], key=len)
 

@@ -49,13 +49,12 @@ from isomatch.io import Asset, Attribute, Frame, Polygons, mesh_from, read_asset
 from isomatch.surfaces import Mesh, reflected
 from isomatch.visualization import camera_of, position_colours, surface_image, to_screen
 
-SURFACES_PER_TASK = 4  # number of surfaces that a worker writes in one task
-N_COMPARED_VERTICES = 1000  # number of vertices by which shapes are compared to find outliers
-MAX_COMPARED_SHAPES = 2000  # of more shapes, a regular sample of about this number is compared
-SAVE_INTERVAL = 60.0  # seconds after which shapes.csv is written again, so that a killed run loses little
-# Third shapes, at most, through which a shape's surface is also reached; its median is over these; chosen.
-MAX_WAYS = 20
-THUMBNAIL_SIZE, MARGIN = 300, 6  # pixels along a side of a thumbnail, and between its border and the shape
+SURFACES_PER_TASK = 4  # surfaces that a worker writes in one task; chosen
+N_COMPARED_VERTICES = 1000  # vertices by which shapes are compared to find outliers; chosen
+MAX_COMPARED_SHAPES = 2000  # of more shapes, a regular sample of about this number is compared; chosen
+SAVE_INTERVAL = 60.0  # seconds between two writings of shapes.csv, so that a killed run loses little; chosen
+MAX_WAYS = 20  # third shapes, at most, through which a surface is reached, too; the median counts; chosen
+THUMBNAIL_SIZE, MARGIN = 300, 6  # pixels along a side of a thumbnail, and of its border; chosen
 
 
 def finish(
@@ -146,7 +145,7 @@ def _plan_surfaces(known: Snapshot, template: str) -> list[PlannedSurface]:
     ring = [*names[start:], *names[:start]]
     around = [frozenset(leg) for leg in pairwise([*ring, template])]
     is_closed = is_ring and sure.issuperset(around)
-    if is_closed:  # in a closed ring, every surface depends on all maps
+    if is_closed:  # in a closed ring, each surface depends on all maps
         key = _hash_of(keys[leg] for leg in around)
         in_order = tuple(entries[name] for name in ring)
         plans = [plans[0]._replace(key=f"{template_key} {key}", ways=(in_order[1:],))]
@@ -201,7 +200,7 @@ def _remove_others(known: Snapshot, kept: set[str], lines: dict[str, SurfaceRow]
         for file in (layout.corresponded(name), *seen, landmarks):
             file.unlink(missing_ok=True)
             ledger.forget("files", file.relative_to(layout.folder).as_posix())
-        if lines.pop(name, None):  # the other shapes are compared again, without this one
+        if lines.pop(name, None):  # the other shapes are now compared without it
             lines |= {other: replace(line, unlike="") for other, line in lines.items()}
     for pair in everything.pairs:
         if not set(pair) <= set(known.names):
@@ -255,7 +254,7 @@ class PlannedSurface(NamedTuple):
     pair: Pair | None  # the template and the shape; None for the template itself
     key: str  # identifies the maps that give the surface
     scale: float = 1.0  # factor that brings positions to the unit of the collection
-    ways: Ways = ((),)  # the surface is their median; the way of the template leads once around a ring
+    ways: Ways = ((),)  # the surface is the median of these ways; the template's leads once around a ring
 
 
 def _write_surface(layout: Layout, of: Entry, plan: PlannedSurface) -> tuple[SurfaceRow, str]:

@@ -59,10 +59,10 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Graph, Mesh, reflected
 
-MAX_TILE_PAIRS = 64  # largest number of pairs in a task, whose rows are written when all of them are matched
-TILES_PER_WORKER = 4  # number of tasks for each worker; with fewer, some workers would be idle at the end
-MAX_LOADED_BYTES = 256 * 2**20  # bytes of prepared shapes that a worker keeps for later pairs (chosen)
-MAX_CARRIERS = 1500  # largest number of points of the leader's surface that carry other surfaces along
+MAX_TILE_PAIRS = 64  # pairs in a task, at most; their rows are written when all are matched; chosen
+TILES_PER_WORKER = 4  # tasks for each worker; chosen: with fewer, some workers would be idle at the end
+MAX_LOADED_BYTES = 256 * 2**20  # bytes of prepared shapes that a worker keeps for later pairs; chosen
+MAX_CARRIERS = 1500  # points of a leader's surface, at most, that carry other surfaces along; chosen
 REFLECTED_NOTE = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -205,7 +205,7 @@ class Run:
             old = rows.pairs[plan.pair]
             if isinstance(attempt.result, tuple):
                 shape, pair = attempt.result
-                # the row of the shape is written first, as it decides which pairs are matched again
+                # The row of the shape is written first, as it decides which pairs are matched again.
                 shape = self._with_reasons(shape, rows.shapes[entry.name], (entry.name,), None, rows)
                 ledger.put(entry.name, shape)
                 row = self._with_reasons(pair, old, plan.pair, None, rows)
@@ -326,8 +326,8 @@ class PlannedPair(NamedTuple):
     hashes: tuple[str, str]  # content_hash of the surfaces in the files
     reflected: tuple[str, ...]  # names of the shapes that are matched as mirror images
     attempt: int  # number of earlier attempts, added to the seed
-    contradicted: bool = False  # whether other maps contradict the earlier one: any new one then replaces it
-    led_by: str = ""  # identifies the map of the leader from which the match starts
+    contradicted: bool = False  # whether other maps contradict the earlier map, so that a new one replaces it
+    led_by: str = ""  # key of the map of the leading structure from which the match starts
 
     @property
     def known(self) -> dict[str, Any]:
@@ -415,7 +415,7 @@ class Job:
             return shape.error
         file = self.layout.maps(plan.pair)
         maps = _load_if_whole(lambda: PairMaps.load(file))
-        if maps is None or maps.record.key != plan.key:  # equal keys: a killed run has saved these maps
+        if maps is None or maps.record.key != plan.key:  # an equal key: a killed run has saved these maps
             maps = self._new_maps(plan)
             worst = min((side.outcome for side in maps.record.sides), key=lambda outcome: outcome.sureness)
             if worst.is_doubtful:
@@ -462,13 +462,13 @@ def _unsureness(record: MapRecord) -> tuple[int, float]:
 def _load_if_whole(load: Callable[[], T]) -> T | None:
     try:
         return load()
-    except FormatError:  # the file is missing, or a full disk cut it short
+    except FormatError:  # the file is missing, or was cut short when the disk was full
         return None
 
 
 _loaded_shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
 """Prepared shapes with their bytes, by file, time of its change (ns) and settings; the last used is last."""
-_loaded_shapes_lock = Lock()  # guards `_loaded_shapes`, as a worker of a cluster may have several threads
+_loaded_shapes_lock = Lock()  # guards `_loaded_shapes`: a worker may have several threads
 
 
 def load_shape(file: Path, config: Config, room: int = MAX_LOADED_BYTES) -> PreparedShape:

@@ -43,12 +43,13 @@ from isomatch.landmarks import (
 from isomatch.surfaces import Mesh, reflected
 from isomatch.transfer import carry_landmarks
 
-# suffixes of files of landmarks; of several files of a shape, the one whose suffix comes first is read
+# Suffixes of files of landmarks. If a shape has several files, the one whose suffix comes first here is read.
 LANDMARK_SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".tps", ".csv", ".txt")
-ERROR_COLUMNS = ("specimen", "landmark", "expected_error", "spread", "error")  # of landmarks_errors.csv
-MIN_PLACED_SHARE = 0.5  # landmarks of a shape slide if at least this share of them has a position
-N_LEAST_SURE = 3  # number of landmarks, and of semilandmarks, that are reported as the least sure
-SAME_PLACE_SHARE = 1e-4  # share of the extent of all landmarks; positions that differ by less are equal
+# titles of the columns of landmarks_errors.csv
+ERROR_COLUMNS = ("specimen", "landmark", "expected_error", "spread", "error")
+MIN_PLACED_SHARE = 0.5  # share of a shape's landmarks that must have a position for them to slide; chosen
+N_LEAST_SURE = 3  # landmarks, and semilandmarks, that are reported as the least sure; chosen
+SAME_PLACE_SHARE = 1e-4  # share of the extent of all landmarks; positions this near are equal; chosen
 
 
 @dataclass(frozen=True)
@@ -244,7 +245,7 @@ def write_tables(
         views = _write_views(known, to, points, suffix)
         if to == own_folder:
             keep_files(collection.layout, (path for path in earlier if path.exists()))
-            write_page(Snapshot(known.plan, known.plan.rows()))  # new rows, as pairs may have been matched
+            write_page(Snapshot(known.plan, known.plan.rows()))  # read anew: pairs may have been matched
     spread = {name: marks.spread for name, marks in points.items() if np.isfinite(marks.spread).any()}
     errors = {name: marks.expected_error for name, marks in points.items()}
     least_sure = max(views, key=lambda name: np.nanmax(errors[name], initial=0.0), default="")

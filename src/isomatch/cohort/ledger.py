@@ -18,15 +18,16 @@ from isomatch._core.texts import write_csv
 from isomatch.correspondence import SIDES
 from isomatch.matching import MatchResult, Outcome
 
-State = Literal["todo", "failed", "done"]  # of a shape or a pair
+State = Literal["todo", "failed", "done"]  # state of a shape or a pair
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""
-# √area; a map is wrong if its mean distance from compositions of others is larger; of right maps it is ≤ 0.05
+# √area; mean distance from compositions of other maps, above which a map is wrong; right maps have at most
+# 0.05: decisions.md, contradicted maps
 MAX_INCONSISTENCY = 0.1
-# numbers of Laplace eigenvalues, and of quantiles of geodesic distances, by which a template is chosen
+# Numbers of Laplace eigenvalues, and of quantiles of geodesic distances, that describe a shape; chosen.
 N_EIGENVALUES, N_QUANTILES = 30, 20
-N_RANKS = 64  # number of quantiles of the distances of vertices from their centroid that identify a shape
-LOCK_TIMEOUT = 60.0  # seconds to wait while another process reads or writes a ledger
+N_RANKS = 64  # quantiles of the distances of vertices from their centroid, which identify a shape; chosen
+LOCK_TIMEOUT = 60.0  # seconds of waiting while another process reads or writes a ledger; chosen
 _CREATE_TABLES = """
 BEGIN IMMEDIATE;
 CREATE TABLE IF NOT EXISTS shapes (name TEXT PRIMARY KEY, record TEXT NOT NULL);
@@ -79,9 +80,9 @@ class MapSummary:
 class Row:
     """Values that are written as one JSON object; those equal to their default are left out."""
 
-    always: ClassVar[tuple[str, ...]] = ("state", "time")  # values that are written even if equal to defaults
+    always: ClassVar[tuple[str, ...]] = ("state", "time")  # values that are written even if they are defaults
     of_done: ClassVar[tuple[str, ...]] = ()  # values that are also written if the state is "done"
-    # values that were read, and whose names this version does not know
+    # values that were read under names that this version does not know
     more: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -126,20 +127,20 @@ class ShapeRow(Row):
     """What is known of a shape."""
 
     of_done = ("reflected", "bytes", "n_vertices", "area", "features", "holes", "notes")
-    size: int | None = None  # size of its file, in bytes
-    changed: int | None = None  # when its file was changed, in ns since the epoch
+    size: int | None = None  # size of the shape's file, in bytes
+    changed: int | None = None  # when the shape's file was changed, in ns since the epoch
     state: State
     time: float = 0.0  # when the row was made, in seconds since the epoch
     error: str = ""
     seconds: float | None = None
     key: str = ""  # identifies the prepared shape
-    hash: str = ""  # content hash of the surface in its file
-    reflected: bool = False  # whether it is matched as its mirror image
+    hash: str = ""  # content hash of the surface in the shape's file
+    reflected: bool = False  # whether the shape is matched as its mirror image
     bytes: int = 0  # size of the file of the prepared shape
     file: str = ""  # digest of the file of the prepared shape
-    n_vertices: int = 0
-    area: float = 0.0
-    features: tuple[float, ...] = ()  # see `features_of`
+    n_vertices: int = 0  # vertices of the surface in the shape's file
+    area: float = 0.0  # area of the surface in the shape's file
+    features: tuple[float, ...] = ()  # numbers by which a template is chosen, see `features_of`
     n_points: int = 0  # `likeness_of` computes this value and the next three
     spread: float = 0.0
     ranks: tuple[float, ...] = ()
@@ -147,7 +148,7 @@ class ShapeRow(Row):
     holes: tuple[int, float] | None = None  # number of boundaries, and their length in √area
     notes: tuple[str, ...] = ()
     made_with: str = ""  # key of its `OriginRow`
-    again: tuple[str, ...] = ()  # why it was prepared again
+    again: tuple[str, ...] = ()  # why the shape was prepared again
 
     @property
     def hashes(self) -> tuple[str, ...]:
@@ -159,11 +160,11 @@ class ShapeRow(Row):
 class PairAgreement(Row):
     """How the maps of a pair agree with the others of a collection, see `agree`."""
 
-    before: float | None = None  # inconsistency when it was measured first
-    inconsistency: float | None = None  # mean distance from compositions of other maps, in √area
-    outcomes: tuple[str, ...] = ()  # outcomes of its own match, in both directions
+    before: float | None = None  # inconsistency of the map when it was measured first
+    inconsistency: float | None = None  # mean distance from compositions of other maps (√area)
+    outcomes: tuple[str, ...] = ()  # outcomes of the match of the pair itself, in both directions
     tried_with: int | None = None  # number of shapes with which a replacement was tried
-    refused: str = ""  # why it was not replaced
+    refused: str = ""  # why the map was not replaced
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,12 +176,12 @@ class MapRecord(Row):
     source_hash: str = ""  # hash of the surface in the source's file
     target_hash: str = ""
     reflected: tuple[str, ...] = ()  # names of the shapes that were matched as mirror images
-    led_by: str = ""  # identifies the map of the leader that it started from
+    led_by: str = ""  # key of the map of the leading structure from which the match started
     forward: MapSummary = MapSummary()  # the map source → target
     backward: MapSummary = MapSummary()  # the map target → source
     seconds: float | None = None
-    memory: float | None = None  # largest memory of the process until then, in bytes
-    replaced_by: tuple[str, ...] = ()  # shapes of the composition that replaced it
+    memory: float | None = None  # bytes: largest memory of the process until the match ended
+    replaced_by: tuple[str, ...] = ()  # shapes through which the composition leads that replaced the map
 
     @property
     def sides(self) -> tuple[MapSummary, MapSummary]:
@@ -206,7 +207,7 @@ class PairRow(MapRecord):
     file: str = ""  # digest of the file of the maps
     contradicted: bool | None = None  # whether other maps contradict the one that is matched again
     made_with: str = ""  # key of its `OriginRow`
-    again: tuple[str, ...] = ()  # why it was matched again
+    again: tuple[str, ...] = ()  # why the pair was matched again
     not_reflected: Mapping[str, str] = field(default_factory=dict)  # why a shape is not reflected
     agreement: PairAgreement | None = None  # None if the pair was not compared
 
@@ -271,12 +272,12 @@ class SurfaceRow:
     expected_error: Cell = ""  # expected error of the map, in √area
     ways: Cell = ""  # number of maps from the template, along different shapes, whose median this surface is
     scale: Cell = ""  # factor by which positions were multiplied
-    reflected: str = ""  # yes if it was matched as its mirror image
+    reflected: str = ""  # yes if the shape was matched as its mirror image
     mirror_image: str = ""
-    unlike: str = ""  # why it is far from all others
+    unlike: str = ""  # why the shape is far from all others
     loop_error: Cell = ""  # distance of the template from itself once around a ring, in √area
     greatest_loop_error: Cell = ""
-    again: str = ""  # what was wrong with its former file; not a column of the table
+    again: str = ""  # what was wrong with the former file of the surface; not a column of the table
 
     @classmethod
     def read(cls, path: Path) -> dict[str, SurfaceRow]:
@@ -291,10 +292,11 @@ class SurfaceRow:
         write_csv(path, map(vars, lines), SURFACE_COLUMNS)
 
 
-SURFACE_COLUMNS = tuple(column.name for column in fields(SurfaceRow))[:-1]  # all but ``again``
+# columns of the table of surfaces: all fields but ``again``
+SURFACE_COLUMNS = tuple(column.name for column in fields(SurfaceRow))[:-1]
 OLDEST_COLUMNS = SURFACE_COLUMNS[: SURFACE_COLUMNS.index("error") + 1]  # columns that every version writes
 _KEY_OF_FIELD = dict(zip(("forward", "backward"), SIDES))  # keys in JSON of fields with other names
-_FIELD_OF_KEY = dict(zip(SIDES, _KEY_OF_FIELD))
+_FIELD_OF_KEY = dict(zip(SIDES, _KEY_OF_FIELD))  # fields by their keys in JSON
 _READERS: Mapping[str, Callable[[Any], Any]] = {  # functions from JSON to the values of some fields
     **dict.fromkeys(_KEY_OF_FIELD, lambda value: MapSummary(value or {})),
     "agreement": PairAgreement.from_json,
@@ -308,8 +310,9 @@ class Rows:
     shapes: dict[str, ShapeRow] = field(default_factory=dict)
     pairs: dict[Pair, PairRow] = field(default_factory=dict)
     files: dict[str, FileRow] = field(default_factory=dict)  # rows of files by their paths in the folder
-    origins: dict[str, OriginRow] = field(default_factory=dict)  # by the values ``made_with`` of other rows
-    damaged: list[str] = field(default_factory=list)  # such as "the row of a and b in ledger.sqlite"
+    # rows of origins, by the key that other rows call ``made_with``
+    origins: dict[str, OriginRow] = field(default_factory=dict)
+    damaged: list[str] = field(default_factory=list)  # damage: "the row of a and b in ledger.sqlite"
 
     def merge(self, other: Rows) -> None:
         """Add rows; on conflict keep the finished one, or the newer if a file changed."""
@@ -385,7 +388,7 @@ def _counts_more(one: ShapeRow | PairRow | FileRow, other: ShapeRow | PairRow | 
 # kind of the value of a row: a type, or a function that tells which values are allowed
 ValueKind = type | UnionType | Callable[[Any], bool]
 RowKinds = Mapping[str, Mapping[str, ValueKind]]  # kinds of values, by name, that a row needs in each state
-NUMBER = int | float
+NUMBER = int | float  # kind of a value: a number
 
 
 def _list_of(kind: ValueKind, count: int | None = None) -> Callable[[Any], bool]:
@@ -408,13 +411,14 @@ def _is_summary(value: Any) -> bool:
 
 # checks of values that are lists: of texts, and the fields ``holes`` and ``features`` of a `ShapeRow`
 _TEXTS, _HOLES, _FEATURES = _list_of(str), _list_of(NUMBER, 2), _list_of(NUMBER, N_EIGENVALUES + N_QUANTILES)
-_SHAPE_VALUES: RowKinds = {  # of rows of shapes
+_SHAPE_VALUES: RowKinds = {  # kinds of the values that a row of a shape needs, by its state
     "done": {"key": str, "hash": str, "bytes": int, "area": NUMBER, "features": _FEATURES, "notes": _TEXTS},
     "failed": {"error": str},
 }
+# kinds of the values that a row of a matched pair needs
 _MATCH_VALUES: dict[str, ValueKind] = dict.fromkeys(("source_hash", "target_hash"), str)
 _MATCH_VALUES |= dict.fromkeys(SIDES, _is_summary)
-_PAIR_VALUES: RowKinds = {  # of rows of pairs
+_PAIR_VALUES: RowKinds = {  # kinds of the values that a row of a pair needs, by its state
     "done": {"key": str, "attempt": int, **_MATCH_VALUES},
     "failed": {"key": str, "attempt": int, "error": str},
     "todo": {"attempt": int},
@@ -426,7 +430,7 @@ TABLES: Mapping[str, tuple[type[Row], RowKinds]] = {
     "origins": (OriginRow, {"done": {"made_with": dict}}),
 }
 """Class of the rows of each table of `Rows`, and the values that they must have."""
-_OPTIONAL_VALUES: Mapping[str, ValueKind] = {  # kinds of the values that a row may lack
+_OPTIONAL_VALUES: Mapping[str, ValueKind] = {  # kinds of the values that a row may have, but need not
     **dict.fromkeys(("file", "error", "source_hash", "target_hash", "led_by"), str),
     **dict.fromkeys(("seconds", "spread", "handedness"), NUMBER),
     **dict.fromkeys(("again", "replaced_by"), _TEXTS),
@@ -468,7 +472,7 @@ class Ledger:
     def put(self, name: str | Pair, row: Row) -> None:
         """Write the row of a shape, a pair, a file by its path in the folder, or settings."""
         record, table = row.to_json(), next(table for table, (kind, _) in TABLES.items() if type(row) is kind)
-        getattr(self.rows, table)[name] = type(row).from_json(record)  # the row as it would be read
+        getattr(self.rows, table)[name] = type(row).from_json(record)  # the row as a later run would read it
         values = *([name] if isinstance(name, str) else name), json.dumps(record)
         self._execute(f"INSERT OR REPLACE INTO {table} VALUES ({', '.join('?' * len(values))})", *values)
 
@@ -494,7 +498,7 @@ def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
             opened.enter_context(closing(connection))
             connection.execute(f"PRAGMA journal_mode = {'WAL' if one_host else 'DELETE'}")
             if one_host:
-                # a power failure may lose the last rows, which are restored from the files of maps
+                # A power failure may lose the last rows; they are restored from the files of maps.
                 connection.execute("PRAGMA synchronous = NORMAL")
             connection.executescript(_CREATE_TABLES)
             ledger = Ledger(connection, path)
@@ -521,7 +525,7 @@ def read_ledgers(paths: Iterable[Path]) -> Rows:
     """Read ledgers, also while they are written; `FormatError` if a file is no ledger."""
     rows = Rows()
     for path in paths:
-        # reading undoes half-written changes of a killed process, which needs a writable file (mode=rw)
+        # Reading undoes half-written changes of a killed process, so the file must be writable (mode=rw).
         address = f"{path.resolve().as_uri()}?mode=rw"
         with (
             _naming(path, "cannot be read as a ledger"),
@@ -534,8 +538,8 @@ def read_ledgers(paths: Iterable[Path]) -> Rows:
 def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
     present = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
     rows = Rows()
-    for table in filter(present.__contains__, TABLES):  # a new ledger, or an old one, may lack tables
-        # all rows are fetched at once, since other processes cannot write while rows are read
+    for table in filter(present.__contains__, TABLES):  # a new or an old ledger may lack tables
+        # All rows are fetched at once, since no other process can write while rows are read.
         for *names, text in connection.execute(f"SELECT * FROM {table}").fetchall():
             row = row_of(table, text)
             if row is None:

@@ -35,11 +35,11 @@ from isomatch.correspondence import PAIR_FORMAT, SIDES, Correspondence, pair_par
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh, reflected
 
-UNKNOWN_ERROR = -1.0  # value in a file of an expected error that is not known
+UNKNOWN_ERROR = -1.0  # value in a file that stands for an unknown expected error
 DIGESTED_FOLDERS = ("prepared", "maps", "corresponded", "landmarks")
 """Folders of a collection; the ledgers keep a digest of each of their files."""
 MISSING, CHANGED = "is missing", "was changed after it was written"  # what may be wrong with a file
-MAX_NAMED_FILES = 5  # an error about damaged files names at most this number of them
+MAX_NAMED_FILES = 5  # files that an error about damaged files names, at most; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,9 +159,8 @@ def _kept_files(layout: Layout, rows: Rows) -> Iterator[_KeptFile]:
 
 
 def _change_of(kept: _KeptFile) -> str:
-    # all bytes are compared, since a disk may lose some and still report the same size and time
-    path, row = kept
-    with suppress(FormatError, OSError):  # OSError: the disk cannot read the file
+    path, row = kept  # all bytes count: a disk may lose some and report the same size and time
+    with suppress(FormatError, OSError):  # an OSError if the disk cannot read the file
         if digest_of(path) == row.file:
             return ""
         if isinstance(row, PairRow):
@@ -181,7 +180,7 @@ def maps_along(
     composed, errors = maps.forward, _expected_error(maps)
     for pair in pairs:
         maps = maps_of_pair(layout, *pair)
-        # errors of the maps are taken as independent: their squares add up
+        # The errors of the two maps are taken as independent: their squares add up.
         errors = np.asarray(np.hypot(errors, composed.pull_back(_expected_error(maps))))
         composed = composed.then(maps.forward, *map(mesh_of, pair))
     return composed, errors

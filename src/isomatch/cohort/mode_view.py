@@ -12,9 +12,9 @@ from isomatch.cohort.shape_statistics import ShapeModel
 from isomatch.cohort.specimen_page import MAX_SHOWN_VERTICES, simplified, stops, template_of, text_of
 from isomatch.visualization import DrawnSurface, camera_of, html_page, scripts_of, stage_of
 
-SLIDER_END = 3  # standard deviations from the mean to either end of a slider
-SLIDER_STEP = 0.1  # standard deviations between two positions of a slider
-CLIPPED_SHARE = 0.005  # share of the vertices whose displacements are beyond the end of the colour scale
+SLIDER_END = 3  # standard deviations from the mean to either end of a slider; chosen
+SLIDER_STEP = 0.1  # standard deviations between two positions of a slider; chosen
+CLIPPED_SHARE = 0.005  # share of the vertices with displacements beyond the end of the colour scale; chosen
 
 
 def write_modes(path: str | Path, model: ShapeModel, n_modes: int = 3) -> None:

@@ -39,16 +39,16 @@ from isomatch.io import meshes_among
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
-STALE_AGE = 3600.0  # seconds; an older unfinished file belongs to no run, as a file is written in seconds
+STALE_AGE = 3600.0  # seconds; older unfinished files belong to no run, as files take seconds to write; chosen
 NO_SETTING = "—"  # text in place of a setting that an earlier version did not have
 R = TypeVar("R", ShapeRow, PairRow)
-MAX_MEDOID_SAMPLE = 1000  # number of others, at most, with which each shape is compared to find the medoid
-NAME_SEPARATOR = "__"  # separates two names of shapes in the name of the file of their maps
+MAX_MEDOID_SAMPLE = 1000  # others, at most, with which each shape is compared to find the medoid; chosen
+NAME_SEPARATOR = "__"  # text between the names of two shapes in the name of the file of their maps
 PAIR_PATTERNS = ("star", "all", "chain", "ring")  # ways to choose pairs, see `pairs_of`
 OTHER_SHAPES = "*"  # name by which ``units`` gives the unit of all shapes that it does not name
-MAX_SIZE_RATIO = 2.0  # shapes of one kind in one unit differ in size, √area, by a smaller factor (chosen)
-TILE_SIDE = 8  # number of shapes on either side of a square of pairs, which one task or shard takes together
-_NAMES_REMEDY = "give a list.csv with columns name and path"  # for names of files that cannot be used
+MAX_SIZE_RATIO = 2.0  # ratio of sizes, in √area, up to which shapes of one kind may be in one unit; chosen
+TILE_SIDE = 8  # shapes on either side of a square of pairs, which a task or shard takes together; chosen
+_NAMES_REMEDY = "give a list.csv with columns name and path"  # advice for names that no file can have
 
 
 class Layout:
@@ -101,7 +101,7 @@ class Layout:
 
     def remove_unfinished(self, shard: tuple[int, int]) -> None:
         """Remove unfinished files of killed runs; beside other shards, only old files."""
-        # files are listed before ledgers: a run that is writing one of these files has a ledger by then
+        # Files are listed before ledgers: the ledger of a run that is writing one of these files exists then.
         unfinished = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
         is_only_run = shard[1] == 1 and self.ledgers() == [self.ledger(shard)]
         remove_unfinished(unfinished, 0.0 if is_only_run else STALE_AGE)
@@ -195,7 +195,7 @@ class Plan:
     folder: Path
     shapes: tuple[Entry, ...]  #: names and files
     pairs: str
-    template: str | None  #: name; None for the medoid, which is found once all shapes are prepared
+    template: str | None  #: name of the template; None for the medoid, found once all shapes are prepared
     config: Config
     seed: int
     reflect: Literal["auto"] | tuple[str, ...] = ()

@@ -307,7 +307,7 @@ class Status:
     mirror_images: dict[str, str | None]
     outliers: list[Outlier]
     agreement: Agreement
-    loop: dict[str, Any] | None  # of a ring, its ``open`` legs and the errors once around it, in √area
+    loop: dict[str, Any] | None  # for pairs in a ring: ``open`` legs, and the errors once around it, in √area
     damaged: dict[str, str]  # what is wrong with files and rows that are not as they were written
     failures: dict[str, str]  # why shapes and pairs failed
 

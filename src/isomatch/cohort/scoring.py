@@ -29,9 +29,9 @@ from isomatch.io import Asset, Attribute, mesh_from, read_mesh, write_asset
 from isomatch.landmarks import Landmarks
 from isomatch.settings import Config
 
-# share of the size of a model; a template farther than this from its scored shape is another surface
+# share of the size of a model; a template farther than this from its scored shape is another surface; chosen
 MAX_TEMPLATE_CHANGE = 1e-4
-LAST_FILE = "scored.json"  # file about new shapes that is written last: where it is, all others are complete
+LAST_FILE = "scored.json"  # file about new shapes that is written last: if it exists, all others are complete
 
 
 def add(
@@ -88,7 +88,7 @@ def add(
         remedy = f"run isomatch statistics {folder} -o {file.parent}, or give it by --model"
         raise InputError(f"{file}: no model; {remedy}")
     prior = ShapeModel.load(file)
-    # the ledger is claimed, so that no run of the collection removes unfinished files meanwhile
+    # The ledger is claimed, so that no run of the collection removes unfinished files in the meantime.
     with claimed(collection.layout.ledger()), workers_of(executor, jobs) as workers:
         shapes = new_shapes(files)
         more, left_out = plan_added(collection, shapes, model=prior, reflect=reflect, units=units)

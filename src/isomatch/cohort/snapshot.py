@@ -75,7 +75,8 @@ class Snapshot:
         else:
             mirrored = set(self._mirrored_group(pairs))
         clearest: dict[str, Pair] = {}
-        scores = {pair: rows.pairs[pair].forward.measures["mirrored"] for pair in shown}  # low if clear
+        # low where the mirror image clearly fits
+        scores = {pair: rows.pairs[pair].forward.measures["mirrored"] for pair in shown}
         for pair in sorted(shown, key=lambda pair: math.inf if (x := scores[pair]) is None else x):
             for name, other in (pair, pair[::-1]):
                 if name in mirrored and other not in mirrored:

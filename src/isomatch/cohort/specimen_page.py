@@ -28,9 +28,9 @@ from isomatch.visualization import (
     turn_to_target,
 )
 
-MAX_SHOWN_VERTICES = 10_000  # a surface with more vertices is simplified to this number on a page
-N_STOPS = 9  # number of colours of a scale, between which a browser interpolates
-HELP = "Drag to rotate; the wheel or two fingers zoom."
+MAX_SHOWN_VERTICES = 10_000  # vertices of a surface on a page; larger surfaces are simplified; chosen
+N_STOPS = 9  # colours of a scale, between which a browser interpolates; chosen
+HELP = "Drag to rotate; the wheel or two fingers zoom."  # how to look at a surface on the page
 
 
 class Specimen(NamedTuple):
@@ -117,7 +117,7 @@ def _place_landmarks(surface: DrawnSurface, known: Landmarks | None, marks: Land
     known = Landmarks([]) if known is None else known
     rows = {name: row for row, name in enumerate(known.names)}
     found = [*range(len(marks))] if known is marks else [rows.get(name, -1) for name in marks.names]
-    # the row that is added, at index −1, is the position of a landmark without one
+    # A row is added, with the index −1, as the position of landmarks that have none.
     positions = np.vstack([known.positions, np.full((1, 3), np.nan)])[found]
     errors = np.append(known.expected_error, np.nan)[found].tolist()
     plain = [None if np.isnan(error) else error for error in errors]

@@ -31,8 +31,8 @@ from isomatch.surfaces import Mesh
 
 Scale = Literal["keep", "remove"]  # whether shapes keep their sizes, or are brought to one size
 Weights = Literal["area", "uniform"]  # whether a vertex counts by its area, or all count alike
-TestMethod = Literal["permutation", "parametric"]  # where p-values of a test come from
-GROUP_PATTERN = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # of ``group`` in a formula
+TestMethod = Literal["permutation", "parametric"]  # method that gives the p-values of a test
+GROUP_PATTERN = r"factor\s*\(\s*group\s*\)|(?<![\w.])group(?![\w.])"  # matches ``group`` in a formula
 LOG_SIZE = "size"  # name in formulas of the logarithm of the centroid size
 
 

@@ -38,11 +38,11 @@ from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.surfaces import Mesh
 
 VERSION = version("isomatch")  # version of isomatch that results record
-MODE_DEVIATIONS = 2  # standard deviations by which files of modes move the mean
+MODE_DEVIATIONS = 2  # standard deviations by which the files of modes move the mean; chosen
 LINKED_SUFFIXES = ".csv", ".npz", ".h5", ".ply", ".vtp"  # suffixes of the files that a page links
 Groups = list[str] | None  # the group of each shape
-GREY_LEVEL = 0.6  # red, green and blue, from 0 to 1, of vertices without a value
-GEODESIC_LABEL = "difference of geodesic distances, in √area"  # of charts
+GREY_LEVEL = 0.6  # red, green and blue, from 0 to 1, of vertices without a value; chosen
+GEODESIC_LABEL = "difference of geodesic distances, in √area"  # label of charts of geodesic distances
 
 
 @dataclass(frozen=True)
@@ -392,11 +392,11 @@ PICTURE_CAPTIONS = {
 }
 """What each picture shows, in the order of the page."""
 
-SCALINGS = {  # what the settings of ``scale`` and ``weights`` do
+SCALINGS = {  # what each value of the setting ``scale`` does
     "keep": "Size is part of the shape (scale keep)",
     "remove": "All shapes are brought to one size (scale remove)",
 }
-WEIGHTINGS = {
+WEIGHTINGS = {  # what each value of the setting ``weights`` does
     "area": "a vertex counts by its share of the area (weights area)",
     "uniform": "all vertices count alike (weights uniform)",
 }

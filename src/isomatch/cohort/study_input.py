@@ -20,7 +20,7 @@ from isomatch.cohort.shape_statistics import CORRESPONDED, CorrespondedShapes, C
 from isomatch.io import FORMATS, meshes_among
 from isomatch.landmarks import Curve, is_of_landmarks, read_landmark_pairs, read_specimens
 
-TRUSTED_OUTCOMES = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt, as pairs.csv names them
+TRUSTED_OUTCOMES = {"CONVERGED", "PARTIAL"}  # outcomes, as named in pairs.csv, of maps not in doubt
 Table = dict[str, dict[str, str]]  # cells of each shape by column; "" where there is no value
 
 
@@ -122,8 +122,8 @@ def read_shape_cells(
     path: Path, names: Iterable[str], left_out: Sequence[str] = (), columns: Sequence[str] = ("group",)
 ) -> Table:
     """Read a table of shapes, as spreadsheets write it: cells by column."""
-    # It has a column name and the given ones, among others; or name and group without a header.
-    # Names may be file names, or the row names of R. Rows of shapes that were left out are skipped.
+    # The table has a column name and the given ones, among others; or name and group without a header. Names
+    # may be file names, or the row names of R. Rows of shapes that were left out are skipped.
     names_of = {normalize("NFC", name): name for name in names}
     spared = [name for name in (*names_of, *names_of.values()) if name.startswith("#")]
     untitled = read_table(path, spared)

@@ -33,8 +33,8 @@ FORMATS = {"in doubt": "{:.1%}", "distortion_mean": "{:.1%}", "coverage": "{:.0%
 FORMATS |= {"spectral_residual": "{:.2f}", "runner_up": "{:.2f}", "seconds": "{:.1f}"}
 # heads on the page of columns that have other names in pairs.csv
 HEADS = {"runner_up": "best alternative", "distortion_mean": "distortion"}
-MAX_TURNED_SHARE = 0.01  # the page reports the share of turned-over faces of a shape if it is larger
-MAX_PAIRS = 200  # largest number of pairs on the page
+MAX_TURNED_SHARE = 0.01  # share of a shape's faces; the page reports it if more are turned over; chosen
+MAX_PAIRS = 200  # pairs on the page, at most; chosen
 MEASURES = tuple(field.name for field in fields(Quality))  # names of the measures of a map
 PAIR_COLUMNS = (  # columns of pairs.csv
     *("source", "target", "state", "outcome", "outcome_back"),
@@ -42,8 +42,8 @@ PAIR_COLUMNS = (  # columns of pairs.csv
     *("inconsistency", "inconsistency_before", "replaced_by", "reflected", "seconds", "memory", "error"),
     *("source_hash", "target_hash", "key"),
 )
-LOCAL_SOURCES = "'self' file: data:"  # sources, in a content security policy, from which pages load pictures
-N_SURE_REPORTS = 3  # number of pairs, the worst of those not in doubt, that get a report too
+LOCAL_SOURCES = "'self' file: data:"  # sources of pictures that the content security policy allows
+N_SURE_REPORTS = 3  # pairs not in doubt, the worst, that get a report, too; chosen
 
 
 def write_page(known: Snapshot) -> None:
@@ -206,8 +206,7 @@ def _write_report_of(collection: Collection, item: tuple[Pair, PairRow]) -> None
         command += " --orientation any"
     command += " -o DIR --landmarks landmarks.txt"
     path = collection.layout.report(pair)
-    # the result is restored from saved parts; notes say what these parts lack
-    notes = row.forward.notes
+    notes = row.forward.notes  # the result is restored from saved parts: notes say what these lack
     if row.forward.values["alternatives"]:
         notes.append("a collection does not keep alternatives; isomatch match finds them again")
     if row.is_contradicted:

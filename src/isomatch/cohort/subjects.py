@@ -31,13 +31,14 @@ from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected
 
 Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
-CONTACT_DISTANCE = 0.1  # √area of the smaller of two structures, which touch where they are nearer than this
-MIN_CONTACT_SHARE = 0.2  # two structures are in contact if this share of the area of the smaller one touches
-MIN_SHEET_SHARE = 0.6  # a structure follows a larger one that touches this share of its area, unlike joints
-MOVEMENT_REACH = 0.1  # √area; points up to this far outside a contact are moved along with the contact
-N_ROUNDS = 4  # number of times that a sheet is moved; more times hardly reduce the slip of knee cartilage
-MAX_SLIP = 0.5  # √(area of a vertex); a touching point that still slips by more has no counterpart
-MAX_UNPAIRED_SHARE = 0.5  # a sheet is not moved if a larger share of its touching points has no counterpart
+CONTACT_DISTANCE = 0.1  # √area of the smaller of two structures; where they are this near, they touch; chosen
+MIN_CONTACT_SHARE = 0.2  # share of the smaller one's area that touches, for two structures in contact; chosen
+# share of its area that touches a larger structure, from which a structure follows it, unlike joints; chosen
+MIN_SHEET_SHARE = 0.6
+MOVEMENT_REACH = 0.1  # √area; points up to this far outside a contact are moved with the contact; chosen
+N_ROUNDS = 4  # times that a sheet is moved; chosen: more times hardly reduce the slip of knee cartilage
+MAX_SLIP = 0.5  # √(area of a vertex); a touching point that still slips by more has no counterpart; chosen
+MAX_UNPAIRED_SHARE = 0.5  # share of its points without a counterpart, above which a sheet stays; chosen
 
 
 def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
@@ -70,12 +71,12 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
         if alike := [name for name, fold in zip(names, folded) if folded.count(fold) > 1]:
             remedy = "name them alike, or otherwise"
             raise InputError(f"{source}: {', '.join(alike)} differ in case or accents alone; {remedy}")
-    # a structure of a few subjects that lack a usual structure may be that structure under another name
+    # If a few subjects have a structure and lack a usual one, it may be the usual one under another name.
     usual = [structure for structure, files in found.items() if 2 * len(files) > len(subjects)]
     for structure, files in found.items():
         lacked = [other for other in usual if found[other].keys().isdisjoint(files)]
         who = f"{source}: nothing is matched; {structure} of {', '.join(files)}"
-        if structure in ("corresponded", "statistics"):  # names of folders beside the folders of structures
+        if structure in ("corresponded", "statistics"):  # folders of results
             raise InputError(f"{who} cannot have this name; rename it")
         if structure not in usual and (lacked or len(files) == 1):
             same = f"may be the same as {' or '.join(lacked)}" if lacked else "is in no other subject"
@@ -98,7 +99,7 @@ def subject_collections(
     if strangers := {*named, *(units or ()), template} - names - {OTHER_SHAPES, None}:
         raise InputError(f"{', '.join(map(str, strangers))}: no subjects; give names such as {min(names)}")
     in_order = sorted(names, key=natural_order)
-    # the subject with most structures shows which structures lie on others
+    # The subject with most structures shows which structure lies on which.
     whole = template or max(in_order, key=lambda name: sum(name in files for files in found.values()))
     meshes = dict[str, Mesh]()
     for structure, files in found.items():

@@ -15,14 +15,14 @@ from isomatch.cohort.snapshot import Snapshot
 from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PointCloud
 
-MIN_RESCALING = 0.01  # a copy counts as rescaled if the logarithm of the ratio of sizes is larger, about 1 %
-MAX_CLOSED_BOUNDARY = 0.05  # √area; a surface with boundaries of a smaller total length counts as closed
-OutlierKind = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]  # see `outliers`
-# kinds that a run reports before it matches; it reports a broken shape when its preparation fails
+MIN_RESCALING = 0.01  # logarithm of the ratio of sizes (1 %), above which a copy is rescaled; chosen
+MAX_CLOSED_BOUNDARY = 0.05  # √area; boundaries of a surface that counts as closed are shorter in all; chosen
+OutlierKind = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]  # kinds of outliers
+# kinds that a run reports before it matches; broken shapes are reported when their preparation fails
 KINDS_BEFORE_MATCHING: tuple[OutlierKind, ...] = ("units", "twice", "mirrored", "holes")
 NOT_UNLIKE = "no"  # value in the column ``unlike`` of a shape that was compared and is like the others
-SAME_DISTANCE = 1e-5  # shares of a shape's size; distances that differ by less are equal in single precision
-MIN_HANDEDNESS = 1e-6  # smaller differences of ``handedness``, which has no unit, are rounding
+SAME_DISTANCE = 1e-5  # share of a shape's size; distances this near are equal in single precision
+MIN_HANDEDNESS = 1e-6  # least ``handedness``, which has no unit, that is no rounding; chosen
 
 
 class Outlier(NamedTuple):

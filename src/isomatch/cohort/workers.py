@@ -24,8 +24,8 @@ from isomatch._core.skipped import tell_skipped
 from isomatch._core.stage_timer import Progress, with_two_arguments
 from isomatch._core.threads import n_threads
 
-TASKS_PER_WORKER = 2  # number of tasks that are sent for each worker, so that none waits for its next one
-COUNT_INTERVAL = 2.0  # seconds after which the workers of a cluster are counted again
+TASKS_PER_WORKER = 2  # tasks that are sent for each worker; chosen: no worker waits for its next one
+COUNT_INTERVAL = 2.0  # seconds between two counts of the workers of a cluster; chosen
 S = TypeVar("S")
 T = TypeVar("T")
 # message if all tasks of an executor are cancelled
@@ -41,7 +41,7 @@ class Task:
 
     items: tuple[Any, ...]
     function: Callable[[Any], Any]
-    lost: int = 0  # number of times that any worker died while this task was running
+    lost: int = 0  # times that a worker died while this task was running
 
 
 class Attempt(NamedTuple, Generic[T]):
@@ -66,7 +66,7 @@ def try_job(work: Callable[[S], T], item: S) -> Attempt[T]:
     except Exception as error:  # any error becomes a row with its reason, as no item may end a run
         if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
             raise
-        reason = legible(f"{type(error).__name__}: {error}")  # the message may have the name of a file
+        reason = legible(f"{type(error).__name__}: {error}")  # names of files in it may be illegible
         return Attempt(None, reason, time.time(), time.perf_counter() - start)
 
 
@@ -219,7 +219,7 @@ def _n_threads_of(client: Any) -> Callable[[], int]:
     @lru_cache(maxsize=1)
     def count(_: float) -> int:
         try:
-            return sum(client.nthreads().values()) or 1  # at first, no worker has come
+            return sum(client.nthreads().values()) or 1  # 1 until the first worker of the cluster has come
         except OSError:
             raise InputError(WORKERS_LOST) from None
 

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest import nearest_of_few, nearest_rows
 
-# Least singular value over the largest; a smaller one is rounding, and leaves the rotation undetermined.
+# least singular value over the largest; a smaller one is rounding and leaves the rotation undetermined
 MIN_SINGULAR_RATIO = 1e-9
 
 

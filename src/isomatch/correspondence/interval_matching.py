@@ -12,21 +12,20 @@ from isomatch._core.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_rows
 
-Terms: TypeAlias = tuple[Any, ...]  # numbers and arrays of a cost for compiled loops: `IntervalCost.terms`
-FORBIDDEN_COST = 50.0  # cost that rules out an assignment, above all sums of allowed costs; chosen
-NO_GAIN = np.float32(-1e9)  # gain that marks a free place in the list of variants, below all true gains
-# Flags of compiled loops, in which no number is nan, and the last bits of results do not matter.
+Terms: TypeAlias = tuple[Any, ...]  # numbers and arrays of a cost in compiled loops, see `IntervalCost.terms`
+FORBIDDEN_COST = 50.0  # cost that rules out an assignment; chosen far above all sums of allowed costs
+NO_GAIN = np.float32(-1e9)  # gain of a free place in the list of variants; chosen far below all true gains
+# flags of numba for loops in which no number is nan and the last bits of results do not matter
 FAST_MATH = {"nnan", "nsz", "reassoc", "contract", "arcp"}
 
-# If a part of a surface is missing, the distance of two points on the whole lies in an interval [l,
-# u]: u is the distance along the part, and l allows paths through the missing region
-# (`MissingRegion`; Bracha, Dagès & Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS
-# 2024). Under a map f of a near-isometric pair, the interval of two points should meet the interval
-# of their images, a single number if f leads to a whole. Violations c are summed as in a quadratic
-# assignment problem, Σ_ab w_ab c_ab(f(a), f(b)) + Σ_a unary(a, f(a)), which is solved approximately
-# by assigning one point after the other: `assign_points` keeps many assignments of all points,
-# `grow_regions` leaves out points if no candidate agrees, `trilaterate` places each point by
-# itself.
+# If a part of a surface is missing, the distance of two points on the whole lies in an interval [l, u]: u is
+# the distance along the part, and l allows paths through the missing region (`MissingRegion`; Bracha, Dagès &
+# Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024). Under a map f of a near-isometric pair,
+# the interval of two points should meet the interval of their images, a single number if f leads to a whole.
+# Violations c are summed as in a quadratic assignment problem, Σ_ab w_ab c_ab(f(a), f(b)) + Σ_a unary(a,
+# f(a)), which is solved approximately by assigning one point after the other: `assign_points` keeps many
+# assignments of all points, `grow_regions` leaves out points if no candidate agrees, `trilaterate` places
+# each point by itself.
 
 
 class Intervals(NamedTuple):
@@ -74,10 +73,10 @@ class IntervalCost:
     array([0. , 0.5, 1.5])
     """
 
-    tolerance: float = 0.05
-    inside: float = 0.1
-    most: float = 0.5
-    soft: float = 0.15
+    tolerance: float = 0.05  # share of l and u by which d may leave [l, u] at no cost; chosen
+    inside: float = 0.1  # weight of |d − u|, beside the violation of [l, u]; chosen
+    most: float = 0.5  # largest numerator, in the unit of distances: one wrong image costs little; chosen
+    soft: float = 0.15  # added to u in the denominator, so that short distances do not count most; chosen
 
     def __call__(self, distances: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
         """Costs of arrays of equal shape."""
@@ -97,10 +96,9 @@ class IntervalCost:
 @compiled(inline="always")
 def _costs(terms: Terms, point: int, assigned: IntArray, candidates: Intervals, total: AnyArray) -> Any:
     """Set the summed costs (c,) of the candidates of a point, and return the sum of the weights."""
-    # Σ_a w_a c(d(x_a, k)) for the points a that have a candidate x_a. If the distance of two
-    # candidates is an interval too, it violates [l, u] by the gap between the two intervals. The
-    # outer loop runs through the points, the inner one through the candidates, so that rows are
-    # read in order.
+    # Σ_a w_a c(d(x_a, k)) for the points a that have a candidate x_a. If the distance of two candidates is an
+    # interval too, it violates [l, u] by the gap between the two intervals. The outer loop runs through the
+    # points, the inner one through the candidates, so that rows are read in order.
     lower, higher, upper, weight, scaled, inside, most = terms
     least, greatest = candidates
     zero = total.dtype.type(0)
@@ -145,8 +143,7 @@ def assign_points(
     >>> assigned[0], float(cost[0])
     (array([2, 3, 1]), 0.0)
     """
-    # The cost of an assignment x of the first p points is a sum over pairs, so that one more point
-    # adds
+    # The cost of an assignment x of the first p points is a sum over pairs, so that one more point adds
     #   E(x_0 … x_p) = E(x_0 … x_{p−1}) + unary(p, x_p) + Σ_{a<p} c(d(x_a, x_p)),
     # and the cheapest of the h c children that differ are kept. Two assignments differ if Σ_a
     # d(x_a, y_a) ≥ p min_distance: this sum, too, is the sum of the parents plus one distance. The
@@ -160,10 +157,10 @@ def assign_points(
         added = room[: len(images)]
         _costs_of(terms, np.full(len(images), point), images, candidates, added)
         added += total[:, None] + unary[point]
-        costs = added.ravel()  # (h c,): child = parent c + candidate
-        n_children = min(len(costs), 12 * width)  # many more than are kept, as most are variants of a few
+        costs = added.ravel()  # (h c,): the child of a parent with a candidate is at c · parent + candidate
+        n_children = min(len(costs), 12 * width)  # chosen: far more than are kept, as most are variants
         best = np.sort(np.argpartition(costs, n_children - 1)[:n_children])
-        best = best[np.argsort(costs[best], kind="stable")]  # least cost first, ties by number
+        best = best[np.argsort(costs[best], kind="stable")]  # cheapest first, equal costs by their row
         parent, last = np.divmod(best, c)
         kept = _keep_differing(candidates.upper, (parent, last), min_distance * (point + 1), sums, next_sums)
         sums, next_sums = next_sums, sums
@@ -221,7 +218,7 @@ def _fill_kept(
                 break
         else:
             kept[n], latest[parent] = i, n
-            for k in range(n + 1):  # k is the column; distances may be asymmetric by rounding
+            for k in range(n + 1):  # sums are read by columns k, as rounding makes distances asymmetric
                 next_sums[k, n] = sums[parents[kept[k]], parent] + distances[last[kept[k]], candidate]
             n += 1
             if n == len(kept):
@@ -277,11 +274,11 @@ def grow_regions(
     """
     regions, gains = np.full((len(seeds), len(unary)), -1), np.zeros(len(seeds))
     regions[np.arange(len(seeds)), seeds[:, 0]] = seeds[:, 1]
-    # points in order of their distance from the seed, beginning with the seed itself
+    # Points join in the order of their distance from the seed; the seed itself is first.
     order = np.argsort(np.where(np.eye(len(unary)), -1.0, points.upper), axis=1, kind="stable")[seeds[:, 0]]
     points, candidates = points.single, candidates.single
     single_unary = np.ascontiguousarray(unary, np.float32)
-    # Near points have more weight, because their distances are known better and locate a point better.
+    # Near points have more weight: their distances are known better, and locate a point better.
     terms = cost.terms(points, 1 / (np.float32(near) + points.upper))
     bounds = *map(np.float32, (dearest, refused, min_distance)), width
 

@@ -15,10 +15,10 @@ from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.surfaces import Mesh, PrecisePoints, Surface
 
-UNMATCHED = -1  # the image of a vertex without an image
-# Default values of unmatched vertices, by the kind of numpy type (`dtype.kind`) of the pulled back array.
+UNMATCHED = -1  # index that a map has in place of the image of a vertex without an image
+# For each kind of numpy type (`dtype.kind`), the value that a pulled back array has at unmatched vertices.
 _FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}
-MAX_STRETCH_RATIO = 4.0  # largest stretch, over the median, of an edge that a map does not tear; chosen
+MAX_STRETCH_RATIO = 4.0  # stretch over the median stretch, above which a map tears an edge; chosen
 
 
 def check_map(
@@ -54,7 +54,7 @@ def _precise(faces: AnyArray, weights: FloatArray, image: IntArray, n_target: in
     if faces.size and faces.dtype.kind not in "iu":
         raise MapError(f"faces have type {faces.dtype}, expected integers: three target vertices each")
     matched = image >= 0
-    rows = slice(None) if matched.all() else matched  # a slice makes no copies
+    rows = slice(None) if matched.all() else matched  # a slice, which makes no copies, if all are matched
     if faces[rows].min(initial=0) < 0 or faces[rows].max(initial=-1) >= n_target:
         raise MapError(f"faces name vertices outside the target's 0…{n_target - 1}")
     smallest = weights[rows].min(initial=0.0)
@@ -113,7 +113,7 @@ def push_forward_rows(
         pushed: FloatArray = (transposed @ np.where(matched[:, None], weighted, 0.0)) / total[:, None]
     if target_areas is not None:
         has_no_image = transposed @ np.ones(n_source) == 0
-        pushed[has_no_image] = 0.0  # vertices with images may have no area
+        pushed[has_no_image] = 0.0  # no vertex is mapped to these; others may have area 0
     return pushed.reshape(n_target, *rows.shape[1:])
 
 
@@ -141,9 +141,9 @@ def _fill_rows(labels: AnyArray, unmatched: BoolArray, fill: object) -> AnyArray
 
 def compose_arrays(
     vertices: IntArray,  # middle vertex (n,) of each source vertex
-    points: PrecisePoints,  # the same, as precise points
+    points: PrecisePoints,  # the middle points of the source vertices, as precise points
     image: IntArray,  # target vertex (m,) of each middle vertex
-    images: PrecisePoints,  # the same as precise points
+    images: PrecisePoints,  # images of the middle vertices, as precise points
     middle: Mesh | None,
     target: Mesh | None,
 ) -> tuple[IntArray, PrecisePoints]:
@@ -190,8 +190,8 @@ def _compose_on_surface(
     points: PrecisePoints, images: PrecisePoints, middle: Mesh, target: Mesh
 ) -> tuple[PrecisePoints, BoolArray]:
     """Interpolate images of corners of m points in space, and take the nearest points of the target."""
-    # Corners that the map tears from the first one are left out. The second result tells which of
-    # the m points have more than one corner left.
+    # Corners that the map tears from the first corner of their triangle are left out. The second result tells
+    # which of the m points have more than one corner left.
     positions = normalised(target.vertices)[0]
     places = images.interpolated(positions)
     corners, surfaces = points.corners, (normalised(middle.vertices)[0], places)

@@ -25,8 +25,8 @@ from isomatch._core.errors import FormatError, SettingError
 from isomatch._core.files import open_file, replaced
 from isomatch._core.tables import read_integers
 
-DIRECTION = "source -> target"  # stored in files, to tell from which surface a map leads
-FORMAT = ArrayFormat(
+DIRECTION = "source -> target"  # text in each file: its map leads from the source to the target
+FORMAT = ArrayFormat(  # contents of the file of a map
     what="a map",
     writer="Correspondence.save",
     version=1,  # raise it when earlier versions of isomatch could not read the files
@@ -41,9 +41,10 @@ FORMAT = ArrayFormat(
     },
 )
 
-SIDES = ("there", "back")  # prefixes of the arrays of both maps of a pair: source → target, and back
-_ENDS = tuple(zip(SIDES, ("n_source", "n_target")))  # each map with the name of its length
-PAIR_FORMAT = ArrayFormat(
+SIDES = ("there", "back")  # prefixes of the arrays of both maps of a pair: from source to target, and back
+# the two prefixes with the name of the number of vertices from which each map leads
+_ENDS = tuple(zip(SIDES, ("n_source", "n_target")))
+PAIR_FORMAT = ArrayFormat(  # contents of the file of the maps of a pair, both ways
     what="the maps of a pair",
     writer="isomatch collect",
     version=1,
@@ -56,14 +57,14 @@ PAIR_FORMAT = ArrayFormat(
     },
 )
 
-_HEADER = re.compile(
+_HEADER = re.compile(  # matches the first lines of the text file of a map
     r"# isomatch map(?:, format version (?P<version>[0-9]{1,9}))?,.*\n"
     r"# (?P<n_source>[0-9]{1,18}) source vertices, (?P<n_target>[0-9]{1,18}) target vertices"
     r"(?:.*\n#.*\n# source hash (?P<source_hash>\w+), target hash (?P<target_hash>\w+))?"
 )
-MAX_HEADER_BYTES = 1000  # first bytes of a text in which its header is sought; chosen
+MAX_HEADER_BYTES = 1000  # bytes at the start of a text file among which its header is sought; chosen
 _LINES = "write one 0-based target vertex on each line, -1 where unmatched"  # the remedy in messages
-_MAX_LISTED_ARRAYS = 8  # most arrays of a file that a message lists; chosen
+_MAX_LISTED_ARRAYS = 8  # largest number of arrays of a file that a message lists; chosen
 
 
 def write_map(path: Path, parts: dict[str, Any]) -> None:
@@ -130,7 +131,7 @@ def _read_arrays(
     with Archive.opened(path, refuse) as file:
         names = file.names
         is_of_pair = {"record", *(f"{side}_vertices" for side in SIDES)} <= set(names)
-        if not {"direction", "format_version"} & set(names):  # files of isomatch have one of these arrays
+        if not {"direction", "format_version"} & set(names):  # files of isomatch have one of these
             if not names:
                 refuse("it has no array 'vertices'")
             return False, {"vertices": choose_vector(path, file.read_all(names), n_source, variable)}

@@ -14,9 +14,9 @@ from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import PrecisePoints
 
-MAX_STEPS = 1000  # most steps of the iteration; chosen
-# Largest movement of a point in the last step, over the extent of all points; the second bound is for
-# maps, whose errors are far larger.
+MAX_STEPS = 1000  # largest number of steps of the iteration; chosen
+# An iteration ends once no point moves by more than this, over the extent of all points: the first for
+# points, the second for maps, whose errors are far larger; chosen.
 EXACT_STEP, PRECISE_STEP = 1e-12, 1e-6
 
 
@@ -55,7 +55,7 @@ def median_map(
     rows = np.flatnonzero(2 * (starts >= 0).sum(axis=1) >= len(maps))
     median = geometric_median(images[:, rows], PRECISE_STEP)
     if len(maps) == 2 and errors is not None and np.min(errors) > 0:
-        weight = 1 / (1 + (errors[0] / errors[1]) ** 2)  # the weight of the first map
+        weight = 1 / (1 + (errors[0] / errors[1]) ** 2)  # weight of the first map, by both expected errors
         mean = weight * images[0, rows] + (1 - weight) * images[1, rows]
         median = np.where(np.isnan(mean), median, mean)
     groups = VertexGroups.of(np.arange(mesh.n_vertices), mesh.n_vertices)
@@ -75,11 +75,10 @@ def geometric_median(points: FloatArray, tolerance: float = EXACT_STEP) -> Float
     >>> geometric_median(np.array([[[0.0, 0, 0]], [[1, 0, 0]], [[9, 0, 0]]])).round(6)
     array([[1., 0., 0.]])
     """
-    # Weiszfeld 1937: Σ_k |p_k − x| has the gradient Σ_k (x − p_k) / |p_k − x|, which vanishes at
-    # the mean of the p_k with the weights 1 / |p_k − x|: x moves to this mean until no point moves
-    # by more than the tolerance, relative to the extent of the points. If a median is one of the
-    # points, its weight is singular; so all points are compared with the result. Any point between
-    # two is a median.
+    # Weiszfeld 1937: Σ_k |p_k − x| has the gradient Σ_k (x − p_k) / |p_k − x|, which vanishes at the mean of
+    # the p_k with the weights 1 / |p_k − x|: x moves to this mean until no point moves by more than the
+    # tolerance, relative to the extent of the points. If a median is one of the points, its weight is
+    # singular; so all points are compared with the result. Any point between two is a median.
     known = np.asarray(np.isfinite(points).all(axis=2))[:, :, None]
     points = np.where(known, points, 0.0)
     count = known.sum(axis=0)

@@ -13,14 +13,12 @@ from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_map
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
-MIN_SQUARED_DISTANCE = np.float32(1e-30)  # least squared distance in a denominator, which then is not 0
-QUERIES_PER_PRODUCT = 1024  # queries whose distances `nearest_of_few` computes by one matrix product
-# Queries, and points, of one parallel task; fixed, so that results do not depend on the number of threads.
+MIN_SQUARED_DISTANCE = np.float32(1e-30)  # least squared distance in a denominator, so that none is 0; chosen
+QUERIES_PER_PRODUCT = 1024  # queries whose distances one matrix product of `nearest_of_few` gives; chosen
+# Queries, and points, of a parallel task; chosen and fixed: the number of threads changes no result.
 QUERIES_PER_TASK, POINTS_PER_TASK = 512, 2048
-# Bound of the rounding of a sum of products in single precision, as a fraction of the squared norms.
-ROUNDING_RATIO = 1e-5
-# Difference of scores, over the largest squared norm, below which they are compared in double precision.
-TIE_RATIO = 1e-6
+ROUNDING_RATIO = 1e-5  # rounding of a sum of products in single precision, over the squared norms, at most
+TIE_RATIO = 1e-6  # scores this near, over the largest squared norm, are compared in double precision; chosen
 
 
 def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
@@ -191,7 +189,7 @@ def _open_cells(
         best[i] = winner
 
 
-@compiled(inline="always")  # compiled with the flags of the loop that calls it
+@compiled(inline="always")  # inlined, so that it is compiled with the flags of the loop that calls it
 def squared_distance(x: AnyArray, j: int, y: AnyArray, i: int) -> Any:
     """Squared distance of row j of x from row i of y, in their precision."""
     total = x.dtype.type(0)

@@ -14,13 +14,14 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.threads import parallel_map
 
 MATRICES_PER_TASK = 10_000  # matrices that one thread decomposes at once; chosen
-MAX_REFINED_POSES = 4  # number of poses that are refined, as a solid can lie on its axes in four ways
-MAX_REFINEMENT_STEPS = 30  # most steps of closest points in the refinement of a pose; chosen
-# Exponent of 1 / distance in the weight of a surface point in `carry_along`; chosen above 2, where sums of
-# weights over a surface converge.
+MAX_REFINED_POSES = 4  # nearest poses that are refined; chosen: a solid can lie on its axes in four ways
+MAX_REFINEMENT_STEPS = 30  # largest number of steps of closest points that refine a pose; chosen
+# Exponent of 1 / distance in the weight of a surface point in `carry_along`; chosen above 2: only then the
+# sum of the weights over a plane is finite.
 FALLOFF_EXPONENT = 4.0
-MIN_DISTANCE_RATIO = 1e-6  # least distance, over the largest one, from which a weight is computed
-MIN_PROGRESS_RATIO = 0.999  # distance after a step over the least before, above which a pose has converged
+MIN_DISTANCE_RATIO = 1e-6  # distances are raised to this share of the largest, for finite weights; chosen
+# mean distance after a step over the least one before; above this ratio, a pose has converged; chosen
+MIN_PROGRESS_RATIO = 0.999
 
 
 def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray:

@@ -17,10 +17,9 @@ from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints
 
-NORMAL_UNIT = 0.1  # length of normals, in √area, as further coordinates beside positions; chosen
+NORMAL_UNIT = 0.1  # √area; length of a normal as three further coordinates beside a position; chosen
 ROTATION_FITS = 2  # fits of rotations and positions between two searches for nearest points; chosen
-# Ridge of normal equations, per row that they sum up; larger than the rounding to single precision.
-RIDGE_PER_EQUATION = 1e-6
+RIDGE_PER_EQUATION = 1e-6  # ridge of normal equations per equation; chosen above single precision's rounding
 
 
 class RigidRegistration:
@@ -54,8 +53,8 @@ class RigidRegistration:
         self, length: float, scale: float, held: tuple[int, ...]
     ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
         """Strength (n,) that attracts vertices to their points, and the function that solves for positions."""
-        # ∇E = 0, divided by ℓ²: (L + a / ℓ²) y = a p / ℓ² + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j),
-        # where a = scale² areas. Held vertices have π ℓ², a disc of that radius.
+        # The energy E of the step has ∇E = 0, divided by ℓ², where (L + a / ℓ²) y = a p / ℓ² + Σ_j w_ij ½
+        # (R_i + R_j) (x_i − x_j), with a = scale² areas. Held vertices have π ℓ², a disc of that radius.
         pull = self._energy.areas * (scale / length) ** 2
         pull[list(held)] = np.pi
         return pull, factorise_for_threads(self._energy.stiffness, pull)
@@ -89,11 +88,10 @@ class RigidRegistration:
         # With points x_i, areas a_i, weights w of the tufted intrinsic Delaunay triangulation and
         # rotations R_i, each step lowers
         #   Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²,
-        # alternately in R and in y. The second sum is the energy of Sorkine & Alexa 2007
-        # (`RigidEnergy`). Between two steps p_i moves to the target's point nearest to y_i. A pull
-        # on one vertex decays within the length ℓ, because (A + ℓ² L) y = A p is a screened Poisson
-        # equation. 25 ms a step for 5000 vertices: a factorisation, and n nearest points in six
-        # dimensions.
+        # alternately in R and in y. The second sum is the energy of Sorkine & Alexa 2007 (`RigidEnergy`).
+        # Between two steps p_i moves to the target's point nearest to y_i. A pull on one vertex decays within
+        # the length ℓ, because (A + ℓ² L) y = A p is a screened Poisson equation. 25 ms a step for 5000
+        # vertices: a factorisation, and n nearest points in six dimensions.
         lengths = tuple(lengths)
         if not most_scaled >= 1.0:
             raise SettingError(f"most_scaled = {most_scaled}; expected a number of at least 1")

@@ -13,24 +13,23 @@ from isomatch.correspondence.poses import nearest_rotation
 from isomatch.spectral import stiffness_and_masses
 from isomatch.surfaces import Mesh
 
-MAX_TURNS = 20  # most corrections of one rotation; chosen
-MIN_TURN_ANGLE = 1e-4  # radians; a correction by a smaller angle is the last one
-MIN_DENOMINATOR = 1e-30  # least area, length or squared length in a denominator, which then is not 0
-EDGE_FACTOR = 2 / 3  # factor that gives the edges of equilateral triangles their cotangent weights
+MAX_TURNS = 20  # largest number of corrections of one rotation; chosen
+MIN_TURN_ANGLE = 1e-4  # radians; a correction of a rotation by a smaller angle is the last one; chosen
+MIN_DENOMINATOR = 1e-30  # areas and lengths in a denominator are raised to this, so that none is 0; chosen
+EDGE_FACTOR = 2 / 3  # factor of the weight of an edge; 2/3 gives equilateral triangles cotangent weights
 MAX_EDGE_WEIGHT = 20.0  # largest weight of an edge, as short edges of slivers would have huge ones; chosen
-# Residual at which conjugate gradients end, over the first residual; the next step starts from the result.
+# residual over the first one at which conjugate gradients end; chosen: the next step starts from the result
 MAX_RESIDUAL_RATIO = 1e-2
-MAX_ITERATIONS = 100  # most iterations of conjugate gradients; chosen
+MAX_ITERATIONS = 100  # largest number of iterations of conjugate gradients; chosen
 
 
 @dataclass(frozen=True, eq=False)
 class RigidEnergy:
     """½ Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|² of vertices x_i that move to y_i."""
 
-    # Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. Each vertex i has a
-    # rotation R_i, which its edges e_ij = x_i − x_j should follow: e'_ij = y_i − y_j ≈ R_i e_ij.
-    # The energy is lowered alternately in the rotations and in y. Local step: given y, each R_i is
-    # the rotation that maximises
+    # Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. Each vertex i has a rotation R_i,
+    # which its edges e_ij = x_i − x_j should follow: e'_ij = y_i − y_j ≈ R_i e_ij. The energy is lowered
+    # alternately in the rotations and in y. Local step: given y, each R_i is the rotation that maximises
     #   Σ_j w_ij e'_ij · R_i e_ij = tr(R_i Σ_i),  Σ_i = Σ_j w_ij e_ij e'_ijᵀ,
     # Kabsch's rotation for Σ_iᵀ. Global step: given the rotations, the derivative by y_i, where
     # each edge counts from both ends,
@@ -82,9 +81,8 @@ class RigidEnergy:
         else:
             rotations = scaled = improve_rotations(turn, covariances)
         if most_scaled > 1.0:
-            # As similar as possible: R_i becomes s_i R_i, where Σ_j w_ij |e'_ij − s R_i e_ij|² is
-            # least at s_i = tr(R_i Σ_i) / Σ_j w_ij |e_ij|², between 1 / most_scaled and
-            # most_scaled.
+            # As similar as possible: R_i becomes s_i R_i, where Σ_j w_ij |e'_ij − s R_i e_ij|² is least at
+            # s_i = tr(R_i Σ_i) / Σ_j w_ij |e_ij|², between 1 / most_scaled and most_scaled.
             owner = np.repeat(np.arange(len(before)), np.diff(self.start))
             squares = self.weights * ((before[owner] - before[self.neighbours]) ** 2).sum(axis=1)
             squares = np.maximum(np.bincount(owner, squares, len(before)), MIN_DENOMINATOR)
@@ -95,18 +93,16 @@ class RigidEnergy:
 
     def solve(self, diagonal: FloatArray, right: FloatArray, start: FloatArray) -> FloatArray:
         """Solve (L + diag(d)) y = b (n, 3), d > 0, approximately from a guess, by conjugate gradients."""
-        # Iterations end when the residual is a hundredth of the first one: enough if the next step
-        # starts from the result. Each takes time linear in the edges. Bending over long lengths
-        # needs more of them, as it makes d small.
+        # Iterations end when the residual is a hundredth of the first one: enough if the next step starts from
+        # the result. Each takes time linear in the edges. Bending over long lengths, with small d, takes more.
         y = start.copy()
         _conjugate_gradients(self.start, self.neighbours, self.weights, diagonal, right, y)
         return y
 
     def scale(self, before: FloatArray, moved: FloatArray, pulls: FloatArray) -> float:
         """Compute the best factor to enlarge the surface at rest, given the `pulls`: y·p / x·L x."""
-        # Σ_i Σ_j w_ij |e'_ij − s R_i e_ij|² is least at s = Σ w e' · R e / Σ w |e|². In the sum
-        # from both ends of each edge, with the antisymmetry of e, the numerator is 2 Σ_i y_i · p_i
-        # and the denominator 2 x · L x.
+        # Σ_i Σ_j w_ij |e'_ij − s R_i e_ij|² is least at s = Σ w e' · R e / Σ w |e|². Summed from both ends of
+        # each edge, with e_ji = −e_ij, the numerator is 2 Σ_i y_i · p_i and the denominator 2 x · L x.
         return float((moved * pulls).sum() / max((before * (self.stiffness @ before)).sum(), MIN_DENOMINATOR))
 
 

@@ -17,29 +17,25 @@ from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.decimation import Prolongation, decimate
 from isomatch.surfaces import Mesh, PrecisePoints
 
-N_COARSE = 3000  # vertices of the coarse template, which is bent to the images of the map; chosen
-# Lengths, in √area of the target, below which the template moves rigidly, one for each step: first of the
-# coarse template, which the images of the map attract, then of the full template, which nearest points
-# attract; chosen.
+N_COARSE = 3000  # vertices of the coarse template, which the images of the map attract first; chosen
+# √area of the target; lengths below which the coarse template moves rigidly, one for each step; chosen
 MAP_LENGTHS = (0.1, 0.07, 0.05, 0.035)
+# √area of the target; the same for the full template, which nearest points attract; chosen
 NEAREST_LENGTHS = (0.025, 0.017, 0.012)
-# Median edges; shorter lengths are raised to this, as stiffer pieces do not follow noise; chosen.
-MIN_LENGTH_EDGES = 1.5
-# Length of normals, in √area, as further coordinates beside positions; from 0.1 on, the two sides of thin
-# walls are confused.
+MIN_LENGTH_EDGES = 1.5  # median edges; raises shorter lengths, as stiffer pieces do not follow noise; chosen
+# √area of the target; length of normals beside positions; from 0.1 on, sides of walls are confused
 NORMAL_UNIT = 0.03
-# Least cosine between the normals of a vertex and of a point that attracts it; chosen.
-MIN_FACING_COSINE = 0.3
-# √area; boundary vertices of the template nearer than this to the boundary of the target are attracted by it,
-# and a vertex over an opening farther than this from its nearest point has no counterpart; chosen.
+MIN_FACING_COSINE = 0.3  # least cosine of the normals of a vertex and of the point that attracts it; chosen
+# √area of the target; the target's boundary attracts boundary vertices of the template this near to it, and a
+# vertex over an opening farther from its nearest point has no counterpart; chosen
 BOUNDARY_DISTANCE = 0.025
-BOUNDARY_PULL = 4.0  # attraction by a point of the boundary; other points have 1; chosen
-REST_PULL = 0.02  # attraction of a vertex by its present place; other points have 1; chosen
+BOUNDARY_PULL = 4.0  # attraction of a vertex by a point of the boundary, where other points have 1; chosen
+REST_PULL = 0.02  # attraction of a vertex by its present place, where its point has 1; chosen
 RELEASED_RINGS = 2  # rings of vertices around inverted faces that no point attracts; chosen
-MAX_ROUNDS, ROUNDS_PER_FIT = 60, 10  # rounds of the repair of inverted faces, and between fits of rotations
-INVERTED_WEIGHT = 30.0  # weight of an inverted face; the other faces at its corners have 1; chosen
-# Barycentric coordinate of a point below which the point is on an edge; rounding is smaller.
-MAX_WEIGHT_ON_EDGE = 1e-6
+# largest number of rounds that repair inverted faces, and rounds between two fits of rotations; chosen
+MAX_ROUNDS, ROUNDS_PER_FIT = 60, 10
+INVERTED_WEIGHT = 30.0  # weight of the place that an inverted face wants for a corner; others 1; chosen
+MAX_WEIGHT_ON_EDGE = 1e-6  # barycentric coordinate below which a point is on an edge; chosen above rounding
 
 
 class BentTemplate(NamedTuple):
@@ -58,19 +54,17 @@ def bend_template(
     matched: BoolArray,  # whether nearest points attract each vertex (n,) afterwards
 ) -> BentTemplate:
     """Bend a template onto a target as rigidly as possible, starting from the images of its vertices."""
-    # In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step
-    # lowers
+    # In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step lowers
     #   Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
-    # alternately in R and y, see `RigidEnergy`. First the template is decimated. The mean images of
-    # the vertices merged into a coarse vertex attract it, as the length ℓ decreases; the scale of x
-    # is fitted too. Then the vertices of the template follow the coarse ones rigidly, and the
-    # nearest points, by position and normal, attract them. These are sought along the surface from
-    # the previous ones, so that no step leads to another sheet. The boundary of the target attracts
-    # vertices of the boundary if it is near. No point attracts a vertex without an image, a vertex
-    # whose point faces elsewhere or lies on a boundary, or a vertex at inverted faces: there the
-    # template is completed as rigidly as possible. The faces that remain inverted in the end are
-    # slivers, see `repair_inverted`. Time and memory are linear in the vertices of both, apart from
-    # a search tree of the target: 50 µs a vertex.
+    # alternately in R and y, see `RigidEnergy`. First the template is decimated. The mean images of the
+    # vertices merged into a coarse vertex attract it, as the length ℓ decreases; the scale of x is fitted
+    # too. Then the vertices of the template follow the coarse ones rigidly, and the nearest points, by
+    # position and normal, attract them. These are sought along the surface from the previous ones, so that no
+    # step leads to another sheet. The boundary of the target attracts vertices of the boundary if it is near.
+    # No point attracts a vertex without an image, a vertex whose point faces elsewhere or lies on a boundary,
+    # or a vertex at inverted faces: there the template is completed as rigidly as possible. The faces that
+    # remain inverted in the end are slivers, see `repair_inverted`. Time and memory are linear in the
+    # vertices of both, apart from a search tree of the target: 50 µs a vertex.
     centre, unit = target.vertices.mean(axis=0), np.sqrt(target.area)
     onto = _Target(target.moved((target.vertices - centre) / unit))
     images = (images - centre) / unit
@@ -109,8 +103,7 @@ class _Bending:
         scales: bool = False,
     ) -> FloatArray:
         """Move vertices to a lower energy; points (n, 3) attract them with a strength (n,), 0 for none."""
-        # ∇E = 0, divided by ℓ², see `RigidRegistration`, with κ = REST_PULL, which keeps the matrix
-        # definite:
+        # ∇E = 0, divided by ℓ², see `RigidRegistration`, with κ = REST_PULL, which keeps the matrix definite:
         #   (L + diag(d)) y = (a / ℓ²) (strength p + κ y_before) + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j),
         #   d = (a / ℓ²) (strength + κ)
         # With ``scales``, x is enlarged by the factor that lowers the energy most.
@@ -273,11 +266,10 @@ def is_mirrored(mesh: Mesh, moved: FloatArray) -> bool:
 
 def repair_inverted(mesh: Mesh, moved: FloatArray, scale: float) -> tuple[FloatArray, BoolArray]:
     """Move the corners of inverted faces by about an edge until few are left, the second result (m,)."""
-    # Each face wants its shape at rest, ``scale`` times as large, rotated as its neighbourhood,
-    # around its centre. Corners move to the mean of the places that their faces want, where
-    # inverted faces count thirty times: the global step of Bouaziz et al., *Projective Dynamics*,
-    # SIGGRAPH 2014, by Jacobi iteration, for few vertices. Most inverted faces are slivers, which
-    # any noise inverts.
+    # Each face wants its shape at rest, ``scale`` times as large, rotated as its neighbourhood, around its
+    # centre. Corners move to the mean of the places that their faces want, where inverted faces count thirty
+    # times: the global step of Bouaziz et al., *Projective Dynamics*, SIGGRAPH 2014, by Jacobi iteration, for
+    # few vertices. Most inverted faces are slivers, which any noise inverts.
     moved, around = moved.copy(), _two_rings(mesh)
     rotations = _rotations(mesh, moved, around)
     moving = np.zeros(mesh.n_vertices, dtype=bool)

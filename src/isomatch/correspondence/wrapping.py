@@ -21,8 +21,8 @@ from isomatch.decimation import normalised
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-N_GUIDES = 30  # matched vertices nearest to a component without images, which it follows; chosen
-STRETCH_QUANTILE = 0.99  # quantile, over edges, of the factors of growth or shrinking that is the stretch
+N_GUIDES = 30  # matched vertices nearest to a component without images, which moves with them; chosen
+STRETCH_QUANTILE = 0.99  # quantile, over edges, of growth or shrinking, which is reported; chosen
 
 
 @dataclass(frozen=True)
@@ -174,12 +174,11 @@ def _weld(mesh: Mesh) -> tuple[Mesh, IntArray]:
 
 def _extend(mesh: Mesh, positions: FloatArray, placed: BoolArray) -> FloatArray:
     """Place others: by a similarity and harmonic offsets if linked to placed ones, else with the nearest."""
-    # The similarity of the whole gives the curvature over an opening.
+    # At an opening, positions follow the similarity that fits the whole, which gives the curvature.
     similarity = _fit_similarities(mesh.vertices[placed][None], positions[placed][None])
     similar = similarity(mesh.vertices, np.zeros(len(placed), int))
-    # The difference u between the positions and the similarity is extended harmonically along the
-    # surface: L u = 0 at the unknown vertices, L_uu u_u = −L_uk u_k, with edges of weight 1 /
-    # length.
+    # The difference u between the positions and the similarity is extended harmonically along the surface: L
+    # u = 0 at the unknown vertices, L_uu u_u = −L_uk u_k, with edges of weight 1 / length.
     positions = positions.copy()
     linked = np.isin(mesh.components, mesh.components[placed])
     ends = mesh.edges

@@ -37,7 +37,8 @@ class Creature:
         return f"Creature({self.kind}, style {self.style}{symmetric}, {self.mesh.n_vertices} vertices)"
 
 
-PAIR_FILE = files("isomatch.datasets") / "shipped" / "creature_pair.npz"  # arrays of `example_pair`
+# file with the arrays of the two creatures of `example_pair`
+PAIR_FILE = files("isomatch.datasets") / "shipped" / "creature_pair.npz"
 
 
 def example_pair() -> tuple[Creature, Creature]:
@@ -106,7 +107,7 @@ def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
     corners, barycentric = nearest_on_surface(mesh, points)
     number = {face: i for i, face in enumerate(map(tuple, mesh.faces.tolist()))}
     faces = np.array([number.get(face, -1) for face in map(tuple, corners.tolist())], dtype=np.int64)
-    at_vertex = np.flatnonzero(faces < 0)  # points at vertices, which get the first face with that vertex
+    at_vertex = np.flatnonzero(faces < 0)  # for points at vertices, the first face with that vertex
     used, first_corner = np.unique(mesh.faces, return_index=True)
     corner = first_corner[np.searchsorted(used, corners[at_vertex, 0])]
     faces[at_vertex], barycentric[at_vertex] = corner // 3, np.eye(3)[corner % 3]

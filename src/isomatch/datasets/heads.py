@@ -33,22 +33,23 @@ FEATURES = {
     "ear": ((0.62, 0.78, -0.05), 0.17, (0.3, 0.75, -0.05)),
     "neck": ((0.0, -0.85, -0.55), 0.5, (0.0, -0.65, -0.5)),
 }
-LEFT, RIGHT = np.array([1, 1, 1]), np.array([-1, 1, 1])  # factors of x, y, z that put left points on a side
-SKULL = np.array([0.85, 0.9, 1.0])  # half of the width, height and length of the skull
-# factors by which a species enlarges the features, in their order, and the axes of the skull
+# for each side of the head, factors of x, y, z that put points of the left side there
+LEFT, RIGHT = np.array([1, 1, 1]), np.array([-1, 1, 1])
+SKULL = np.array([0.85, 0.9, 1.0])  # half width, height and length of the skull; the last is the unit
+# Factors by which a species enlarges the features, in their order, and axes of the skull; chosen.
 PROPORTIONS: dict[str, tuple[tuple[float, ...], tuple[float, float, float]]] = {
     "cat": ((0.6, 0.7, 0.7, 1.0, 0.8, 1.0, 1.1, 1.0, 0.8), (1.05, 1.0, 0.9)),
     "lion": ((1.4, 1.2, 1.6, 0.7, 1.3, 0.9, 0.8, 0.45, 1.3), (0.95, 0.95, 1.1)),
 }
-VARIATION = 0.2  # largest relative deviation of the factors of an individual from its species
-MOUTH = (-0.46, 0.35, 0.05, 0.1)  # height of the mouth's middle, rise to its corners, width and depth
-# directions of the left corner of the mouth, of the left hinge of the jaw, and of the middle of the jaw
+VARIATION = 0.2  # largest relative deviation of an individual's factors from its species; chosen
+MOUTH = (-0.46, 0.35, 0.05, 0.1)  # height of the mouth's middle, rise to its corners, width and depth; chosen
+# Directions from the head's centre: left corner of the mouth, left hinge and middle of the jaw; chosen.
 CORNER, JAW_HINGE, JAW_MIDDLE = np.array([[0.33, -0.42, 0.84], [0.8, -0.3, 0.2], [0.0, -0.7, 0.75]])
-JAW_TURN = 0.35  # radians by which the jaw turns when the mouth opens
-LIP_HEIGHT = 0.06  # height below the line of the mouth over which the skin moves less than the jaw
-SMILE = np.array([0.1, 0.13, -0.05])  # displacement of the left corner of the mouth
-N_FINE = 12_000  # number of vertices of a head before decimation
-LANDMARKS = {  # directions of the landmarks of a head
+JAW_TURN = 0.35  # radians by which the jaw turns when the mouth opens; chosen
+LIP_HEIGHT = 0.06  # height below the line of the mouth over which the skin moves less than the jaw; chosen
+SMILE = np.array([0.1, 0.13, -0.05])  # displacement of the left corner of the mouth in a smile; chosen
+N_FINE = 12_000  # vertices of a head before decimation; chosen
+LANDMARKS = {  # directions of the landmarks from the head's centre
     "nose": FEATURES["nose"][0],
     "chin": FEATURES["chin"][0],
     **{
@@ -57,10 +58,11 @@ LANDMARKS = {  # directions of the landmarks of a head
         for side, signs in (("left", LEFT), ("right", RIGHT))
     },
 }
-DARK_STRIPE, LIGHT_STRIPE = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)  # red, green, blue of the stripes
-N_TEXELS = 512  # pixels across the picture of the stripes
-STRIPE_PHASE = 26.0  # radians of phase per unit of direction: about 8 stripes from back to front
-# width of a square in a corner of the picture, which is 1 wide, for the faces at the pole of the neck
+# red, green and blue, from 0 to 1, of the stripes of a picture
+DARK_STRIPE, LIGHT_STRIPE = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)
+N_TEXELS = 512  # width and height of the picture of the stripes, in pixels; chosen
+STRIPE_PHASE = 26.0  # radians of the stripes' phase per unit of direction; chosen: about 8 stripes in all
+# side of a square in a corner of the picture, which is 1 wide, for the faces at the pole of the neck; chosen
 POLE_SQUARE_SIDE = 0.14
 
 
@@ -192,7 +194,7 @@ def _flattened(directions: FloatArray, faces: IntArray) -> FloatArray:
 
     Faces at the pole of the neck would lie across the whole disc, so they have a place in a corner of the picture.
     """
-    # In this azimuthal equidistant projection, the distance from the middle is the angle from the axis
+    # In an azimuthal equidistant projection, the distance from the middle is the angle from an axis, here
     # opposite to the neck.
     x, y, z = (directions @ _axes()).T
     radius = np.arccos(np.clip(z, -1, 1)) / np.pi

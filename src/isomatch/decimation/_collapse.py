@@ -20,13 +20,13 @@ from isomatch._core.compiled import compiled
 Index: TypeAlias = int | np.int64
 
 FIRST, KIND, VERSION, MARK, PARENT = range(5)  # columns of ``marks``, the integers of a vertex
-INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices; a higher kind is less free to move
-# Weight of the plane through a boundary edge, relative to a face as large as the square on the edge; chosen.
+INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices; a vertex of a higher kind is less free to move
+# weight of the plane through a boundary edge, where a face as large as the square on the edge has 1; chosen
 BOUNDARY_WEIGHT = 1.0
-MIN_TURN_COSINE = 0.2  # least cosine of the angle by which a collapse may turn a face; chosen
-# A collapse may not halve the shape of a face to less than this: 4 √3 area / sum of squared edges; chosen.
+MIN_TURN_COSINE = 0.2  # least cosine of the angle by which a collapse may turn a face's normal; chosen
+# A collapse may not halve the quality of a face, 4 √3 area / sum of squared edges, to less; chosen.
 SLIVER_SHAPE = 0.2
-N_BUCKETS = 128  # number of buckets into which edges are sorted by cost; 1024 give no better result
+N_BUCKETS = 128  # number of buckets by which the queue sorts edges by cost; 1024 give no better result
 
 
 @compiled(error_model="numpy")
@@ -79,14 +79,12 @@ def describe_vertices(
             length = np.sqrt(x * x + y * y + z * z)
             if length > 0.0:
                 x, y, z = x / length, y / length, z / length
-                # each corner has a third of the area, which is half of the length of the cross
-                # product
+                # Each corner has a third of the face's area, which is half of the length of the cross.
                 _add_planes(vertices, v, x, y, z, length / 6.0, point_weight * length / 6.0)
                 for end in (b, c):
                     if kind == BOUNDARY and link[end, 1] < 0:
-                        # The plane through that boundary edge and perpendicular to the face has the
-                        # normal e × n, as long as the edge, so that the weight is a third of the
-                        # square on the edge.
+                        # The plane through that boundary edge and perpendicular to the face has the normal e
+                        # × n, as long as the edge, so that the weight is a third of the square on the edge.
                         ex, ey, ez = difference(vertices, end, v)
                         weight = BOUNDARY_WEIGHT / 3.0
                         _add_planes(
@@ -108,7 +106,7 @@ def _kind(v: Index, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
     while corner >= 0:
         b, c = other_vertices(corners, corner)
         if link[b, 1] >= 0 or link[c, 1] >= 0:
-            return FIXED  # three faces meet at an edge
+            return FIXED  # more than two faces meet at an edge of the vertex
         link[b, int(link[b, 0] >= 0)] = c
         link[c, int(link[c, 0] >= 0)] = b
         n_faces, start = n_faces + 1, b
@@ -151,13 +149,12 @@ def collapse_edges(
     in_place: bool,
 ) -> int:
     """Collapse edges of a cost below the limit, cheapest first, at most ``max_per_block`` in each block."""
-    # With several blocks, the working set fits into the cache, and a vertex takes part in one
-    # collapse of each block. PARENT becomes the vertex into which each was merged, the first of all
-    # that were merged with it. A row of the queue is an edge: the next one in the same bucket, its
-    # ends, and the sum of their VERSIONs, which tells that an edge is out of date. The first
-    # N_BUCKETS rows start the buckets; the middle bucket has the cost ``scale``. The row after them
-    # starts the list of free rows, and holds the number of rows in use and the lowest bucket in
-    # use.
+    # With several blocks, the working set fits into the cache, and a vertex takes part in one collapse of
+    # each block. PARENT becomes the vertex into which each was merged, the first of all that were merged with
+    # it. A row of the queue is an edge: the next one in the same bucket, its ends, and the sum of their
+    # VERSIONs, which tells that an edge is out of date. The first N_BUCKETS rows start the buckets; the
+    # middle bucket has the cost ``scale``. The row after them starts the list of free rows, and holds the
+    # number of rows in use and the lowest bucket in use.
     n = len(vertices)
     for w in range(n):
         marks[w, VERSION] = marks[w, MARK] = 0
@@ -196,9 +193,9 @@ def collapse_edges(
                 v, u, x, y, z, vertices, marks, corners
             ):
                 continue
-            # The quadric of the merged vertex is the sum of both, so that it measures the distances
-            # to the planes of all faces around the vertices that were merged into it (Garland &
-            # Heckbert 1997, section 4).
+            # The quadric of the merged vertex is the sum of both, so that it measures the squared distances
+            # to the planes of all faces around the vertices that were merged into it (Garland & Heckbert
+            # 1997, section 4).
             vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z
             for i in range(3, 13):
                 vertices[u, i] += vertices[v, i]
@@ -259,11 +256,10 @@ def _enqueue(
 @compiled(error_model="numpy")
 def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, turn: int) -> bool:
     """Whether the surface stays the same when u and v become one."""
-    # The link condition of Dey et al. 1999: the common neighbours of u and v must be the vertices
-    # opposite to their edge, Lk u ∩ Lk v = Lk uv. A boundary counts as closed by one more vertex,
-    # which two boundary vertices share: so they are merged only along a boundary edge, whose one
-    # face must not be a component of its own. MARK is turn at neighbours of u, and turn + 1 at the
-    # vertices opposite to the edge.
+    # The link condition of Dey et al. 1999: the common neighbours of u and v must be the vertices opposite to
+    # their edge, Lk u ∩ Lk v = Lk uv. A boundary counts as closed by one more vertex, which two boundary
+    # vertices share: so they are merged only along a boundary edge, whose one face must not be a component of
+    # its own. MARK is turn at neighbours of u, and turn + 1 at the vertices opposite to the edge.
     opposite = turn + 1
     n_shared, n_around_u = 0, 0
     corner = marks[u, FIRST]
@@ -272,7 +268,7 @@ def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, 
         if b == v or c == v:
             across = b + c - v
             if marks[across, MARK] == opposite:
-                return False  # two faces would have the same vertices
+                return False  # two faces would have the same three vertices
             marks[across, MARK] = opposite
             n_shared += 1
         elif b >= 0:
@@ -292,7 +288,8 @@ def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, 
             is_closed |= marks[b, MARK] == opposite and marks[c, MARK] == opposite
         corner = corners[corner, 1]
     if is_closed:
-        # A face at v has both opposite vertices: would a face at u coincide with it, as in a tetrahedron?
+        # Here, a face at v has both vertices opposite to the edge. If a face at u has them, too, as in a
+        # tetrahedron, these two faces would coincide.
         corner = marks[u, FIRST]
         while corner >= 0:
             b, c = other_vertices(corners, corner)
@@ -324,8 +321,8 @@ def _spoils_face(
         after = np.sqrt(nx * nx + ny * ny + nz * nz)
         if mx * nx + my * ny + mz * nz < MIN_TURN_COSINE * before * after:
             return True
-        # squared edges: with a = c − b, and p from b, |a|² + |p|² + |p − a|² is twice |a|² + |p|² −
-        # a·p
+        # The squared edges of the face, with a = c − b and p from b, are |a|² + |p|² + |p − a|² in all, twice
+        # |a|² + |p|² − a·p.
         edge = ex * ex + ey * ey + ez * ez
         before /= edge + px * px + py * py + pz * pz - ex * px - ey * py - ez * pz
         after /= edge + qx * qx + qy * qy + qz * qz - ex * qx - ey * qy - ez * qz
@@ -363,10 +360,9 @@ def _placement(
     vertices: FloatArray, marks: AnyArray, u: Index, v: Index, in_place: bool
 ) -> tuple[float, float, float, float]:
     """Place where u and v become one vertex, and the error there; infinite if they cannot."""
-    # The error xᵀ A x + 2 bᵀ x + c of the sum of both quadrics is least where its gradient 2 (A x +
-    # b) vanishes, at x = −A⁻¹ b, which is computed by cofactors: A is symmetric. If A is nearly
-    # singular, as on a plane, x stays at v; if one vertex is freer than the other, x stays at the
-    # less free one.
+    # The error xᵀ A x + 2 bᵀ x + c of the sum of both quadrics is least where its gradient 2 (A x + b)
+    # vanishes, at x = −A⁻¹ b, which is computed by cofactors: A is symmetric. If A is nearly singular, as on
+    # a plane, x stays at v; if one vertex is freer than the other, x stays at the less free one.
     p, q = vertices[u], vertices[v]
     xx, xy, xz, yy, yz, zz = p[3] + q[3], p[4] + q[4], p[5] + q[5], p[6] + q[6], p[7] + q[7], p[8] + q[8]
     bx, by, bz = p[9] + q[9], p[10] + q[10], p[11] + q[11]

@@ -23,16 +23,17 @@ from isomatch.decimation._collapse import (
 )
 from isomatch.surfaces import Mesh, in_spatial_order
 
-MAX_CACHED_VERTICES = 2**16  # vertices; a larger mesh is decimated block by block, so that a cache holds them
-BLOCK_VERTICES = 2048  # vertices in a block, of about 250 bytes each: half of a cache of 1 MB
-MAX_BLOCK_SHARE = 0.5  # largest share of the vertices of a block that is merged in one round; chosen
-EDGE_SHARES = (0.4, 0.6, 0.8, 1.0)  # shares of the edges, the cheapest, that rounds may collapse; chosen
-MIN_PROGRESS_SHARE = 0.02  # if a round merged a smaller share of the vertices, the next EDGE_SHARES follows
-# Weights of squared distances to the merged vertices, relative to squared distances to the planes of faces.
-# If no vertex may move, the smaller weight keeps the volume of an animal better by 1 %, with a tenth of
-# its vertices.
+# vertices; larger meshes are decimated block by block, so that a block is in the processor's cache; chosen
+MAX_CACHED_VERTICES = 2**16
+BLOCK_VERTICES = 2048  # vertices in a block; chosen: at about 250 bytes each, half of a cache of 1 MB
+MAX_BLOCK_SHARE = 0.5  # largest share of the vertices of a block that one round merges; chosen
+# shares of the edges, the cheapest, among which rounds may collapse, one after the other; chosen
+EDGE_SHARES = (0.4, 0.6, 0.8, 1.0)
+MIN_PROGRESS_SHARE = 0.02  # share of the vertices; after a round with fewer, the next of EDGE_SHARES follows
+# Weights of squared distances to merged vertices; squared distances to planes of faces have 1. The second,
+# for vertices that may not move, keeps an animal's volume better by 1 % with a tenth of its vertices.
 POINT_WEIGHT, IN_PLACE_POINT_WEIGHT = 1e-2, 1e-3
-N_SAMPLED_FACES = 20_000  # faces whose edges give the distribution of costs; chosen
+N_SAMPLED_FACES = 20_000  # number of faces whose edges give the distribution of costs; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,7 +136,7 @@ def decimations(
         common = None
         while rounds.n > size and not rounds.is_over:
             if size > sizes[-1] and not rounds.is_far_from(size):
-                common = common or deepcopy(rounds)  # a copy, as the next round may end at this size
+                common = common or deepcopy(rounds)  # copied, as the next round may end at this size, too
             rounds.collapse(size)
         coarse.append(rounds.result(mesh, size))
         rounds = common or rounds
@@ -167,7 +168,8 @@ class _Rounds:
         self.vertices, self.marks, self.corners = vertices, marks, corners
         self.owner = owner  # int32 (n_fine,): the vertex into which each vertex of the mesh was merged
         self.in_place = in_place
-        self.n_shares = self.n_collapsed = 0  # number of EDGE_SHARES tried, and collapses of the last round
+        # how many of EDGE_SHARES were tried, and how many edges the last round collapsed
+        self.n_shares = self.n_collapsed = 0
 
     @property
     def is_over(self) -> bool:
@@ -199,7 +201,8 @@ class _Rounds:
         """Return the coarse mesh, its vertices in the order of the first fine vertices merged into them."""
         _, centre, size = normalised(mesh.vertices)
         first = np.empty(self.n, dtype=np.int64)
-        first[self.owner[::-1]] = np.arange(len(self.owner))[::-1]  # the last of equal indices counts
+        # the last of equal indices stays: read backwards, the first vertex merged into each
+        first[self.owner[::-1]] = np.arange(len(self.owner))[::-1]
         order, number = np.argsort(first), np.empty(self.n, dtype=np.int64)
         number[order] = np.arange(self.n)
         faces = number[self.corners[:, 0]].reshape(-1, 3)
@@ -231,7 +234,8 @@ def _costs(
 
 def normalised(vertices: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Move the middle of vertices to 0 and scale them to [−1, 1]; return also the middle, and the size."""
-    low, high = (np.array([extreme(x) for x in vertices.T]) for extreme in (np.min, np.max))  # fast
+    # column by column, which is faster
+    low, high = (np.array([extreme(x) for x in vertices.T]) for extreme in (np.min, np.max))
     centre = low / 2 + high / 2
     size = float((high / 2 - low / 2).max()) or 1.0
     return (vertices - centre) / size, centre, size

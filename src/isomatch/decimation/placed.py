@@ -14,12 +14,12 @@ from isomatch._core.threads import parallel_map
 from isomatch.decimation._collapse import Index, difference, link_corners, other_vertices
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_in_triangle
 
-MAX_STARTS = 8  # vertices of a group, at most, among which a search starts at the nearest; chosen
+MAX_STARTS = 8  # vertices of a group, at most; a search starts at the nearest one; chosen
 # A point is inside a face, and the search ends, if all its barycentric weights exceed the first bound,
 # far above rounding, and its squared distance is at most the second, far below the squared size of a
 # face of the mesh, which is scaled to [−1, 1].
 MIN_INSIDE_WEIGHT, MAX_SQUARED_DISTANCE = 1e-9, 1e-20
-CHUNK_POINTS = 8192  # points of one task; fixed, so that the number of threads changes nothing
+CHUNK_POINTS = 8192  # points of one task; chosen and fixed: the number of threads changes no result
 
 
 class VertexGroups(NamedTuple):
@@ -41,8 +41,8 @@ class PlacedMesh:
     """A mesh and the places (n, 3) of its vertices in space, linear in between."""
 
     mesh: Mesh
-    places: FloatArray  # in [−1, 1], so that squares neither overflow nor underflow; nan if a vertex has none
-    groups: VertexGroups  # of the vertices of the mesh; a search starts in the groups near a position
+    places: FloatArray  # places in [−1, 1], so that no square overflows or vanishes; nan without a place
+    groups: VertexGroups  # groups of the mesh's vertices; a search starts in the groups near a position
 
     def inverse(self, positions: FloatArray, near: IntArray) -> PrecisePoints:
         """Find the points of the mesh whose places are nearest to positions (m, 3). O(m).

@@ -26,7 +26,7 @@ from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
 # Least cosine between the normals of a vertex and of a face that suits it (60°). Below, the squared distance of
 # the face grows by NORMAL_WEIGHT × area of the coarse vertex × missing cosine; chosen.
 MIN_FACING_COSINE, NORMAL_WEIGHT = 0.5, 0.2
-MAX_ROUNDING = 1e-6  # bound of the rounding to single precision of positions in [−1, 1]
+MAX_ROUNDING = 1e-6  # added to radii of faces; chosen above the rounding of positions in [−1, 1], 6e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,9 +54,8 @@ class Prolongation:
     @cached_property
     def on_coarse(self) -> PrecisePoints:
         """The place (n points) of each fine vertex on the coarse mesh, its corner of greatest weight first."""
-        # The place is the nearest point of the coarse faces around the owner and its neighbours,
-        # about 25 for each vertex. Faces around the owner come first, so that most others can be
-        # passed over.
+        # The place is the nearest point of the coarse faces around the owner and its neighbours, about 25 for
+        # each vertex. Faces around the owner come first, so that most others can be passed over.
         points, _, _ = normalised(self.fine.vertices)
         normals = vertex_normals(points, self.fine.sound_faces)
         coarse = self._coarse
@@ -215,7 +214,7 @@ def _nearest_on_coarse(
             facing = (
                 frames[f, 3] * normals[i, 0] + frames[f, 4] * normals[i, 1] + frames[f, 5] * normals[i, 2]
             )
-            if not facing <= MIN_FACING_COSINE:  # nan if the face has no area
+            if not facing <= MIN_FACING_COSINE:  # false for nan, the cosine of a face without area
                 facing = MIN_FACING_COSINE if facing > MIN_FACING_COSINE else 0.0
             cost += tolerance[owner] * (MIN_FACING_COSINE - facing)
             if cost < best:

@@ -22,17 +22,18 @@ from isomatch.geodesics import (
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud
 
-# The default radii of balls, in √area, from a wrist to a knee. Larger balls reach other limbs where limbs
-# touch: decisions.md, ball signature.
+# √area; default radii of the balls, from a wrist to a knee; larger balls reach other limbs where limbs touch:
+# decisions.md, ball signature
 RADII = (0.04, 0.06, 0.09)
-# Weights of the offset and of the three extents, from the greatest to the least, in a comparison. The
-# greatest extent tells little: decisions.md, ball signature.
+# Weights of a ball's offset and three extents, greatest first, in a comparison. The greatest extent tells
+# little: decisions.md, ball signature.
 WEIGHTS = (1.0, 0.0, 0.5, 1.0)
-MIN_RADIUS_EDGES = 2.0  # least radius in mean edges; with 5000 vertices a radius of 0.04 has 2.5; chosen
-MAX_OVERHANG = 0.02  # length, in the unit of the radii, by which a ball may cross a boundary; chosen
-MIN_DEVIATION = 0.03  # least standard deviation by which values are divided; smaller ones are noise
+# mean edges; balls of smaller radius are not compared; chosen: with 5000 vertices, radius 0.04 has 2.5
+MIN_RADIUS_EDGES = 2.0
+MAX_OVERHANG = 0.02  # length, in the radii's unit, by which a ball may cross a boundary; chosen
+MIN_DEVIATION = 0.03  # standard deviations that divide values are raised to this; smaller are noise; chosen
 MAX_SAMPLE_SPACINGS = 1.5  # mean spacings of samples up to which a sample stands for a vertex; chosen
-MIN_HALF_CELL = 1e-9  # half width, in the unit of the radii, of the cell of a vertex without area; chosen
+MIN_HALF_CELL = 1e-9  # half width, in the unit of the radii, that a vertex without area has at least; chosen
 MAX_DIFFERENCE = 2.0  # standard deviations; a larger difference of two values counts as this; chosen
 
 
@@ -45,10 +46,10 @@ class BallSignature:
     of its covariance. They are divided by the radius.
     """
 
-    radii: FloatArray  # increasing, (r,)
+    radii: FloatArray  # radii of the balls, increasing, (r,)
     values: FloatArray  # offset and three extents of each ball, (n, r, 4)
     to_boundary: FloatArray  # distance (n,) to the boundary; inf if there is none
-    finest: float = 0.0  # least radius; smaller balls have too few vertices to tell anything
+    finest: float = 0.0  # least radius; smaller balls have too few vertices to describe the surface
 
     @cached_property
     def known(self) -> BoolArray:
@@ -264,8 +265,7 @@ def _moments(
                     continue
                 share = min(share, 1.0)
                 w = half_cells[v] ** 2 * share
-                # the middle of the share lies nearer to the centre than the vertex, by half the
-                # missing width
+                # the middle of the share lies nearer to the centre than the vertex, by half the missing width
                 factor = (1.0 - (1.0 - share) * half_cells[v] / max(distances[e], half_cells[v])) / r
                 x = factor * (points[v, 0] - points[centre, 0])
                 y = factor * (points[v, 1] - points[centre, 1])

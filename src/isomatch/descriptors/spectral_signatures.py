@@ -10,7 +10,7 @@ from isomatch.repair import without_seams
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh
 
-CLIPPED_SHARE = 0.02  # share of curvatures clipped at either end, as they are noisy at sharp tips; chosen
+CLIPPED_SHARE = 0.02  # share of the curvatures clipped at either end: sharp tips are noisy; chosen
 
 
 def wave_kernel_signature(
@@ -66,7 +66,7 @@ def wave_kernel_map(
     after the heat kernel map of Ovsjanikov, Mérigot, Mémoli & Guibas, *One Point Isometric Matching
     with the Heat Kernel*, SGP 2010.
     """
-    # Σ_i g_e(λ_i) φ_i(x) φ_i(y)
+    # The signature of two points x, y at the energy e is Σ_i g_e(λ_i) φ_i(x) φ_i(y).
     filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
     return np.asarray(basis.vectors[:, 1:k] @ (basis.vectors[vertex, 1:k, None] * filters))
 

@@ -17,10 +17,12 @@ from isomatch.matching import COVERAGE_RADIUS, covered_share
 from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PrecisePoints
 
-CURVE_LIMIT = 0.25  # √(target area); largest error of published curves
-THRESHOLDS = np.linspace(0.0, CURVE_LIMIT, 101)  # √(target area); errors at which a curve has points
-TABLE_THRESHOLDS = (0.05, 0.10, 0.25)  # √(target area); tables have the share of errors at most this large
-UNMATCHED_ERROR = 1.0  # √(target area); the error that a vertex without an image adds to a mean
+CURVE_LIMIT = 0.25  # √(target area); largest error that curves show; as in published curves
+THRESHOLDS = np.linspace(0.0, CURVE_LIMIT, 101)  # √(target area); errors of a curve's points; chosen
+# √(target area); for each, tables have the share of points with at most this error; chosen
+TABLE_THRESHOLDS = (0.05, 0.10, 0.25)
+# √(target area); the error of a vertex without an image, in a mean; chosen: about the size of the shape
+UNMATCHED_ERROR = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +107,7 @@ def _distances_to_points(
     pairs = np.column_stack([np.repeat(vertices, 3), points.corners.ravel()])
     to_corners = pair_distances(engine, pairs).reshape(-1, 3)
     weights = points.barycentric
-    interpolated = np.where(weights > 0, weights * to_corners, 0.0).sum(axis=1)  # 0 × inf counts as 0
+    interpolated = np.where(weights > 0, weights * to_corners, 0.0).sum(axis=1)  # 0 × inf is 0 here
     straight = np.linalg.norm(points.interpolated(target.vertices) - target.vertices[vertices], axis=1)
     is_corner = (points.corners == vertices[:, None]).any(axis=1)
     return np.asarray(np.where(is_corner, straight, interpolated))
@@ -170,7 +172,7 @@ def area_under_curve(errors: FloatArray, limit: float = CURVE_LIMIT) -> float:
     >>> area_under_curve(np.array([0.0, 0.125, np.inf, np.inf]))
     0.375
     """
-    return float(np.clip(1 - errors / limit, 0, 1).mean())  # the exact integral of the steps
+    return float(np.clip(1 - errors / limit, 0, 1).mean())  # exact, as the curve is a step function
 
 
 def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERAGE_RADIUS) -> float:

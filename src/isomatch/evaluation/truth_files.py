@@ -15,9 +15,9 @@ from isomatch._core.errors import FormatError, some
 from isomatch.correspondence import IndexBase, index_base, read_map
 from isomatch.surfaces import Mesh, PrecisePoints
 
-# Published weights have few digits: they may be this negative, and their sum may differ from 1 by this.
+# how negative weights may be, and how far from 1 their sum, since published weights have few digits; chosen
 MAX_ROUNDING = 1e-2
-# Suffix of maps of PARTIALSMAL, numbered from 0, which end with a mask of target vertices with a counterpart.
+# suffix of the maps of PARTIALSMAL: indices from 0, then a mask of the target vertices with a counterpart
 MASKED_SUFFIX = ".map"
 TRUTH_CONTENTS = (  # what a file of truth may hold, in messages
     "expected, for each vertex of the source, a vertex of the target or a triangle and three weights, or else rows of a "
@@ -131,7 +131,8 @@ def _truth_of_rows(
     """Read rows of a source vertex and a target vertex, −1 if it has none; one base for both columns."""
     rows = _whole_numbers(path, table)
     base = IndexBase(counts_from or 0)
-    if counts_from is None and (rows[:, 0] != 0).all():  # every row has a source vertex
+    # no source vertex is 0, though each row names one: the file counts from 1
+    if counts_from is None and (rows[:, 0] != 0).all():
         base = index_base(path, rows[:, 0], source.n_vertices, "source vertices")
         if not base.is_certain:
             base = index_base(path, rows[:, 1], target.n_vertices)

@@ -19,7 +19,7 @@ from isomatch.surfaces import Mesh
 Solver = Callable[[int], FloatArray]
 """Distances from a vertex of a connected mesh to all its vertices, (n,)."""
 
-# Defects, by the names of `check`, with which pygeodesic crashes or computes wrong distances.
+# names, as in `check`, of defects with which pygeodesic crashes or computes wrong distances
 _UNSUPPORTED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
 
 

@@ -14,13 +14,12 @@ from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, requ
 from isomatch.surfaces import Mesh
 
 MAX_SHIFT_EDGES = 0.02  # largest correction for curvature in a triangle, as a fraction of an edge; chosen
-MAX_FOCUS = 0.3  # 1 / the least number of steps to the focus of a front that converges; chosen
-# A path replaces another if it is shorter by more than this fraction of its last piece, the one within
-# the triangle; chosen.
+MAX_FOCUS = 0.3  # 1 / the least number of steps after which a front that converges reaches its focus; chosen
+# A path replaces another if it is shorter by this fraction of its last piece, in the triangle; chosen.
 TIE_STEPS = 1e-6
 MAX_UNFOLDED_FACES = 40  # faces crossed, at most, to find a vertex that splits an obtuse angle; chosen
-RIGHT_ANGLE_COSINE = 1e-6  # largest absolute cosine of an angle that counts as right, and is not split
-# Empty arrays for a front that has no bounds, or goes to all vertices.
+RIGHT_ANGLE_COSINE = 1e-6  # an angle with a smaller |cosine| is right, and not split; chosen
+# Empty arrays: for a front without bounds on distances, and for a front that goes to all vertices.
 NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)
 
 
@@ -35,7 +34,7 @@ class FastMarching(ColumnEngine):
 
     def __init__(self, mesh: Mesh) -> None:
         require_finite(mesh)
-        self._unit = ordinary_unit(mesh)  # stencils hold lengths in single precision
+        self._unit = ordinary_unit(mesh)  # a length of ordinary size: stencils are in single precision
         self._stencil = stencil_of(mesh.moved(mesh.vertices / self._unit))
         self.n_points = mesh.n_vertices
 
@@ -111,9 +110,9 @@ class Stencil(NamedTuple):
     # is at (0, 0), other[u] at (shape[u, 0], 0), and the target at (shape[u, 1], shape[u, 2]), with
     # a positive ordinate. Lengths are in mesh units.
     start: IntArray
-    target: AnyArray  # int32, as is other
+    target: AnyArray  # int32: the vertex at the end of each edge; ``other`` has this type, too
     step: Float32Array
-    first: AnyArray  # int32
+    first: AnyArray  # int32: where the pairs of each edge begin
     other: AnyArray
     shape: Float32Array
     curvature: FloatArray  # the Gaussian curvature at each vertex, in 1 / squared mesh units
@@ -121,13 +120,12 @@ class Stencil(NamedTuple):
 
 def stencil_of(mesh: Mesh) -> Stencil:
     """Build the stencils of a mesh: every corner, and the unfolded neighbours that split obtuse corners."""
-    # A front can reach an obtuse corner c of a face (a, b, c) before a or b is known: its normal
-    # then lies between neither pair of sides. Kimmel & Sethian 1998, section "extension to general
-    # triangulations": the faces beyond the edge (a, b) are unfolded into the plane of the face
-    # until a vertex d splits the angle at c into two acute ones. Then (a, d) and (d, b) update c as
-    # well: they are virtual edges with their lengths in the plane. O(faces) time, about 260 bytes
-    # per vertex. The mesh need not be manifold: unfolding ends at edges of one face or of more than
-    # two.
+    # A front can reach an obtuse corner c of a face (a, b, c) before a or b is known: its normal then lies
+    # between neither pair of sides. Kimmel & Sethian 1998, section "extension to general triangulations": the
+    # faces beyond the edge (a, b) are unfolded into the plane of the face until a vertex d splits the angle
+    # at c into two acute ones. Then (a, d) and (d, b) update c as well: they are virtual edges with their
+    # lengths in the plane. O(faces) time, about 260 bytes per vertex. The mesh need not be manifold:
+    # unfolding ends at edges of one face or of more than two.
     faces, points = mesh.sound_faces, mesh.vertices
     opposite = _opposite_corners(mesh)
     # Side i of a face leads from corner i to corner i + 1. All below are (m, 3), by corner i of face f.
@@ -171,8 +169,8 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
     shape = np.concatenate([shape, mirrored])
     step = np.hypot(shape[:, 1], shape[:, 2]).astype(np.float32)
     trigger, other, target = np.concatenate([a, b]), np.concatenate([b, a]), np.concatenate([target, target])
-    # Updates of one target by one trigger belong to one edge, except that two virtual edges may
-    # have different lengths.
+    # Updates of one target by one vertex that has become known belong to one edge, except that two virtual
+    # edges may have different lengths.
     order = _sorted_rows(target, n)
     order = np.take(order, _sorted_rows(np.take(trigger, order), n))
     trigger, other, target, step = (np.take(values, order) for values in (trigger, other, target, step))
@@ -187,7 +185,7 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
 
 def _sorted_rows(keys: IntArray, n: int) -> IntArray:
     """Sort keys (m,) from 0…n − 1: their indices, equal keys as they come. O(m + n)."""
-    # a matrix with one entry in each row, the row's number: its columns are the rows of each key
+    # A matrix with the number of each row in the column of its key: columns list the rows of each key.
     rows = np.arange(len(keys) + 1)
     return np.asarray(csr_array((rows[:-1], keys, rows), shape=(len(keys), n)).tocsc().data)
 
@@ -213,8 +211,8 @@ def _split_obtuse(
     by = np.sqrt(np.maximum(_products(cb, cb) - bx * bx, 0.0))
     cb_length = np.sqrt(bx * bx + by * by)
     is_open = (bx < -RIGHT_ANGLE_COSINE * cb_length) & (by > 0)  # cos of the angle at c is bx / |cb|
-    # (lx, ly), (rx, ry): the unfolded edge to cross next, to the corner ``gate``. The direction of d
-    # must be within 90° of both a and b.
+    # (lx, ly) and (rx, ry) are the ends of the unfolded edge that is crossed next, and ``gate`` is the corner
+    # beyond it. The direction of d must be within 90° of both a and b.
     state = [obtuse, c, a, b, ax, bx, by, cb_length, a, ax, np.zeros(len(c)), b, bx, by, opposite[obtuse]]
     corners, shape, keys = [np.zeros((0, 3), np.int64)], [np.zeros((0, 3))], [np.zeros(0, np.int64)]
     for _ in range(MAX_UNFOLDED_FACES):
@@ -283,11 +281,9 @@ def _excess(before: float, radius: float, step: float, gauss: float) -> float:
         return before
     spread = before * start  # κ start − 1: excess of the curvature over a circle's, at the start
     share = start / radius
-    # κ' = −κ²: the radius of curvature 1/κ grows by the step. A front that converges is kept before
-    # its focus.
+    # κ' = −κ²: the radius of curvature 1/κ grows by the step. A front that converges stays before its focus.
     bent = (1.0 + spread) / max(radius + spread * step, 0.5 * start)
-    # κ = 1/r + δ with small δ: (r² δ)' = −K r², integrated from start to radius and divided by
-    # radius²
+    # κ = 1/r + δ with small δ: (r² δ)' = −K r², integrated from start to radius and divided by radius²
     bent -= gauss * step * (1.0 + share + share * share) / 3.0
     return min(max(bent, -MAX_FOCUS / step), 1.0 / step) - 1.0 / radius
 
@@ -383,15 +379,14 @@ def _advance(
                             straight = np.sqrt((x - sx) ** 2 + height * height)
                             part = crossing / (height * length)  # fraction of the edge from v
                             between = excess[v] + part * (excess[w] - excess[v])
-                            # Known distances of v and w contain the excess of the front, but the
-                            # circle through them does not bulge as the front does. Let ε be the
-                            # excess between them, L = length, t = part L where the ray crosses, and
-                            # α its angle with the edge. Along the edge the distance d of the front
-                            # has the second derivative d'' = κ sin²α, the distance of the circle
-                            # sin²α / d, and both agree at the ends: the difference δ'' = ε sin²α
-                            # with δ(0) = δ(L) = 0 is δ(t) = −½ ε sin²α t (L − t). The shift −δ is
-                            # subtracted from the distance to the virtual source; sin α = height /
-                            # straight. Without it the error is of first order in the edge length,
+                            # Known distances of v and w contain the excess of the front, but the circle
+                            # through them does not bulge as the front does. Let ε be the excess between them,
+                            # L = length, t = part L where the ray crosses, and α its angle with the edge.
+                            # Along the edge the distance d of the front has the second derivative d'' = κ
+                            # sin²α, the distance of the circle sin²α / d, and both agree at the ends: the
+                            # difference δ'' = ε sin²α with δ(0) = δ(L) = 0 is δ(t) = −½ ε sin²α t (L − t).
+                            # The shift −δ is subtracted from the distance to the virtual source; sin α =
+                            # height / straight. Without it the error is of first order in the edge length,
                             # and on rough meshes three times as large.
                             shift = 0.5 * between * (height / straight) ** 2
                             shift *= part * (1.0 - part) * length * length

@@ -22,18 +22,17 @@ from isomatch.geodesics.protocol import (
 DistanceFunction = Callable[[IntArray], ArrayLike]
 """Maps sources (m,) to distance columns (m, n)."""
 
-# Fractions of the largest distance; a matrix that exceeds one of them is refused.
-MAX_ASYMMETRY = 0.01  # largest difference of the distances from i to j and from j to i, as in fast marching
-MAX_DIAGONAL = 1e-6  # largest distance of a point to itself, which is rounding
+# Difference of the distances there and back over the largest; a matrix with more is refused; chosen.
+MAX_ASYMMETRY = 0.01
+MAX_DIAGONAL = 1e-6  # distance of a point from itself over the largest; above, a matrix is refused; chosen
 CHECKED_ROWS = 256  # rows of a matrix that are in memory at once while it is checked; chosen
 
 
 class GivenMatrix(ColumnEngine):
     """An n × n matrix of distances, finite or ``inf``; it is not copied, so it may be a memory map."""
 
-    # d_ij and d_ji may differ by 1 % of the largest distance, as approximate distances do; their
-    # mean is used. Reading and checking take O(n²) time once, but no memory of that order. O(n)
-    # time per column.
+    # d_ij and d_ji may differ by 1 % of the largest distance, as approximate distances do; their mean is
+    # used. Reading and checking take O(n²) time once, but no memory of that order. O(n) time per column.
     name = "matrix"
 
     def __init__(self, matrix: AnyArray) -> None:
@@ -50,7 +49,8 @@ class GivenMatrix(ColumnEngine):
             largest = max(largest, float(np.max(rows, initial=0.0, where=np.isfinite(rows))))
         for first, rows in self._blocks():
             columns = matrix[:, first : first + len(rows)].T
-            with np.errstate(invalid="ignore"):  # inf − inf is nan, but equal entries are accepted before
+            # differences of two infinite entries are nan here, but equal entries were accepted before
+            with np.errstate(invalid="ignore"):
                 near = (rows == columns) | (np.abs(rows - columns) <= MAX_ASYMMETRY * largest)
             _require_all(near, first, "the distance matrix is not symmetric")
             near = rows[np.arange(len(rows)), first + np.arange(len(rows)), None] <= MAX_DIAGONAL * largest

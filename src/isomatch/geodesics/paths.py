@@ -22,8 +22,9 @@ from isomatch.io import SurfaceLike, mesh_from
 from isomatch.repair import repair
 from isomatch.surfaces import Mesh, PrecisePoints
 
-MAX_EXCESS_RATIO = 1e-9  # largest excess of an exact length over the path along edges, which is rounding
-MIN_SEGMENT_RATIO = 1e-12  # least length of a segment over its path; a shorter one is rounding at a vertex
+# excess of an exact length over the path along edges, relative to it, that is rounding; chosen
+MAX_EXCESS_RATIO = 1e-9
+MIN_SEGMENT_RATIO = 1e-12  # length of a segment over its path, below which it is left out as rounding; chosen
 PATH_SUFFIXES = (".obj", ".vtp")  # formats in which paths are written
 
 

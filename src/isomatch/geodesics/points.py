@@ -13,8 +13,8 @@ from isomatch._core.errors import MeshError
 from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine, require_in_range
 from isomatch.surfaces import Mesh, PrecisePoints
 
-MAX_SUM_ERROR = 1e-6  # largest difference from 1 of the sum of the weights of a point, which is rounding
-MIN_WEIGHT = 1e-12  # least weight of a corner; a smaller one counts as 0, as faces there would have no area
+MAX_SUM_ERROR = 1e-6  # largest difference from 1 of the sum of a point's weights; chosen above rounding
+MIN_WEIGHT = 1e-12  # weights below this count as 0, as faces there would have no area; chosen
 
 
 def points_of(given: ArrayLike | PrecisePoints, n_vertices: int) -> PrecisePoints:
@@ -147,9 +147,10 @@ class _Division:
         parts = self._parts.setdefault(face, [tuple(corners.tolist())])
         place = self._place(new, corners)
         bases = (np.array([self._place(vertex, corners) for vertex in part]) for part in parts)
-        weights = [np.linalg.solve(basis.T, place) for basis in bases]  # of the new vertex, by part
+        weights = [np.linalg.solve(basis.T, place) for basis in bases]  # weights of the new vertex by part
         inside = max(range(len(parts)), key=lambda i: weights[i].min())
-        opposite = np.flatnonzero(weights[inside] < MIN_WEIGHT)  # if the vertex is on an edge
+        # corners with weight 0, if the new vertex is on an edge
+        opposite = np.flatnonzero(weights[inside] < MIN_WEIGHT)
         edge = set(np.delete(parts[inside], opposite).tolist()) if len(opposite) == 1 else set()
         divided = {part for part in parts if part == parts[inside] or (edge and edge <= set(part))}
         sides = [side for part in parts if part in divided for side in zip(part, (*part[1:], part[0]))]
@@ -179,8 +180,8 @@ class _Division:
 class PointsInFaces(ColumnEngine):
     """The vertices of a mesh, and then m points in its faces, measured through the corners of their faces."""
 
-    # For engines that need good triangles. Three columns for each source in a face; points of one
-    # face have the distance in its plane.
+    # This class is for engines that need good triangles. A source in a face takes three columns; points of
+    # one face have the distance in its plane.
     def __init__(self, engine: DistanceEngine, mesh: Mesh, points: PrecisePoints) -> None:
         self.name, self.n_points = engine.name, mesh.n_vertices + len(points.corners)
         self._engine, self._n = engine, mesh.n_vertices
@@ -231,9 +232,8 @@ class PointsInFaces(ColumnEngine):
             x = float((place - a) @ (b - a)) / length
             y = np.sqrt(max(spokes[i] ** 2 - x**2, 0.0))
             with np.errstate(invalid="ignore"):  # inf − inf is nan, between components
-                # sx² + depth² = near², (sx − length)² + depth² = far²; the difference of the two
-                # gives sx in the plane of the face the virtual source is (sx, −depth), the edge
-                # from (0, 0) to (length, 0)
+                # sx² + depth² = near² and (sx − length)² + depth² = far² give sx. In the plane of the face,
+                # the virtual source is (sx, −depth), and the edge is from (0, 0) to (length, 0).
                 near, far = distances[i], distances[(i + 1) % 3]
                 sx = 0.5 * (length + (near - far) * (near + far) / length)
                 depth = np.sqrt(np.maximum(near**2 - sx**2, 0.0))

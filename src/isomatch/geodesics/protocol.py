@@ -14,7 +14,7 @@ from isomatch._core.errors import MeshError, some
 from isomatch._core.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
 
-COLUMNS_AT_ONCE = 64  # columns at once, for pairs or balls, from an engine that has only columns; chosen
+COLUMNS_AT_ONCE = 64  # columns that an engine without pairs or balls computes at once for them; chosen
 
 
 @runtime_checkable

@@ -12,14 +12,15 @@ from isomatch._core.compiled import compiled
 from isomatch._core.memory import memory_budget, require_memory
 from isomatch.surfaces import Mesh, count_fans
 
-# Bounds of rounding, as fractions of a length, and far below the lengths of edges; chosen.
-MIN_GAIN_RATIO = 1e-14  # least fraction by which a path to a vertex is shorter than the path it replaces
-MIN_LOSS_RATIO = 1e-12  # least fraction by which another path is shorter if a window is dropped
-MAX_MISS_EDGES = 1e-9  # largest miss, over the edge, of a ray that belongs to a window; errors are its square
-MIN_BEND_RATIO = 1e-12  # least excess of the angle at a vertex, over a straight one, at which rays bend
-MIN_WIDTH_EDGES = 1e-15  # least width of a window over its edge; a narrower one is rounding and dropped
-MIN_HEIGHT_EDGES = 1e-13  # least height of an unfolded face above a side, over its sides
-BYTES_PER_WINDOW = 270  # memory of a window while lists grow, which bounds the number of windows; measured
+# least fraction by which a path to a vertex is shorter than the path that it replaces; chosen: rounding
+MIN_GAIN_RATIO = 1e-14
+MIN_LOSS_RATIO = 1e-12  # fraction by which a path must be shorter to drop a window; chosen above rounding
+MAX_MISS_EDGES = 1e-9  # largest miss, over the edge, of a window's ray; chosen: the error is its square
+# radians by which the angle at a vertex must exceed π for rays to bend there, over π; chosen above rounding
+MIN_BEND_RATIO = 1e-12
+MIN_WIDTH_EDGES = 1e-15  # width of a window over its edge; a narrower one is rounding and dropped; chosen
+MIN_HEIGHT_EDGES = 1e-13  # height of an unfolded face over its sides; lower ones are raised to this; chosen
+BYTES_PER_WINDOW = 270  # bytes of memory of a window while lists grow, which bounds their number; measured
 
 
 class UnfoldedFaces(NamedTuple):
@@ -185,13 +186,12 @@ def _propagate(
     unfolded: UnfoldedFaces, points: FloatArray, source: int, target: int, bound: FloatArray, limit: int
 ) -> tuple[FloatArray, IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]:
     """Compute the fields of `Windows`; give up at a limit of windows."""
-    # Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987; Chen &
-    # Han, *Shortest paths on a polyhedron*, SoCG 1990; the filter and the queue of Xin & Wang,
-    # *Improving Chen and Han's algorithm on the discrete geodesic problem*, TOG 2009. A shortest
-    # path is straight in each face, goes straight across an edge once its two faces are unfolded
-    # into one plane, and bends only at vertices (*roots*). So the light of a root is followed
-    # through rows of unfolded faces. A *window* is the part low…high of a side by which it enters a
-    # face; there the distance is
+    # Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987; Chen & Han,
+    # *Shortest paths on a polyhedron*, SoCG 1990; the filter and the queue of Xin & Wang, *Improving Chen and
+    # Han's algorithm on the discrete geodesic problem*, TOG 2009. A shortest path is straight in each face,
+    # goes straight across an edge once its two faces are unfolded into one plane, and bends only at vertices
+    # (*roots*). So the light of a root is followed through rows of unfolded faces. A *window* is the part
+    # low…high of a side by which it enters a face; there the distance is
     #   d(t) = σ + |(t, 0) − (px, py)|,   low ≤ t ≤ high,
     # with the root at (px, py), py ≤ 0, in the frame of the side, and σ its own distance. Unlike
     # MMP, windows on one edge are not trimmed against one another, which takes O(n²) windows in the
@@ -206,10 +206,11 @@ def _propagate(
     distance = np.full(n, np.inf)
     reached = np.full(n, -1, np.int64)
     spread_at = np.full(n, np.inf)  # distance (n,) of a vertex from the source when it last became a root
-    # of the best window (see below) that enters a face by a side: the distance at the opposite corner c, and
-    # where the ray to c crosses the side
+    # For the best window that enters a face by each side (see below): its distance at the opposite corner c,
+    # and where the ray to c crosses the side.
     split_at, split_ray = np.full(len(length), np.inf), np.zeros(len(length))
-    windows = [(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0) for _ in range(0)]  # no entry, only their types
+    # an empty list, from which numba infers the types of an entry
+    windows = [(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0) for _ in range(0)]
     queue = [(0.0, -1 - source)]
     distance[source] = 0.0
     bound[source] = 0.0

@@ -18,8 +18,8 @@ from isomatch.io.formats.obj import ObjDocument
 from isomatch.io.formats.ply import TEXTURE_NUMBER, PlyDocument
 from isomatch.io.materials import UNTINTED, Layer, Look, Looks, Picture, as_png, unreadable_pictures
 
-_MATERIAL_LABEL = "material"  # name of the labels of faces that name materials of OBJ
-_UNDEFINED_LAYER = Layer((0.5, 0.5, 0.5, 1.0))  # grey, for materials that no library defines
+_MATERIAL_LABEL = "material"  # attribute of faces that names the material of each face in OBJ
+_UNDEFINED_LAYER = Layer((0.5, 0.5, 0.5, 1.0))  # grey, for materials that no library of an OBJ file defines
 
 
 def looks_of(asset: Asset) -> Looks | None:

@@ -20,12 +20,13 @@ from isomatch.surfaces import Mesh, weld_points
 REPORTED_ROUNDING, MAX_ROUNDING = 1e-4, 1e-3
 """Distances, in mean edges, that rounding may move positions: above the first this is avoided or reported, above the
 second the user has to allow it."""
-UNKNOWN, SCANNER = "unknown", "scanner_anat"  # names of spaces of coordinates in GIFTI
-# The voxel axes of FreeSurfer, as columns, in coordinates right, anterior, superior.
+UNKNOWN, SCANNER = "unknown", "scanner_anat"  # names of spaces of coordinates, as GIFTI writes them
+# axes of the voxels of FreeSurfer, one in each column, in coordinates right, anterior, superior
 _VOXEL_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-_SCANNER_HEAD = [2, 1, 20]  # the numbers with which the footer of a surface in scanner coordinates begins
-_MATRIX_TOLERANCE = 1e-4  # largest difference, in millimetres, of entries of equal matrices; chosen
-NEW_VOLUME: Mapping[str, Any] = {  # the first entries of a volume, as nibabel writes them
+_SCANNER_HEAD = [2, 1, 20]  # start of the footer of a FreeSurfer surface in scanner coordinates
+_MATRIX_TOLERANCE = 1e-4  # millimetres; matrices whose entries differ by less are equal; chosen
+# first entries of the data on a volume of FreeSurfer, as nibabel writes them
+NEW_VOLUME: Mapping[str, Any] = {
     "head": np.array([2, 0, 20], dtype=np.int32),
     "valid": "1  # volume info valid",
     "filename": "none",
@@ -33,7 +34,7 @@ NEW_VOLUME: Mapping[str, Any] = {  # the first entries of a volume, as nibabel w
 Axes: TypeAlias = Literal["RAS", "LPS"]
 """The directions of x, y and z: right, front and up, or left, back and up."""
 TURN = np.array([-1.0, -1.0, 1.0])  # the factors of x, y, z that turn RAS into LPS and back
-# Names of two texts of a file: SPACE names the axes, as in VTP of 3D Slicer; COMMENTS has further lines.
+# Names of texts in a file: SPACE names the axes, as 3D Slicer writes into VTP; COMMENTS has the other lines.
 SPACE, COMMENTS = "SPACE", "comments"
 # Lines that name the axes, as 3D Slicer and NRRD write them, and lines that name the unit of coordinates.
 _AXES_LINE = re.compile(r"\b(?:space|coordinate[ _]?system)\s*[=:]\s*[\"']?(?P<axes>[rlaips]{3})\b", re.I)
@@ -283,7 +284,7 @@ class Asset:
         if len(self.polygons) and len(places):
             corners = places.take(self.polygons.triangles, axis=0, mode="clip")
             sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-        else:  # the mean edge that as many points on a square would have
+        else:  # the mean edge length if the points were on a square grid
             sides = np.linalg.norm(places - places[:1], axis=1) / max(len(places), 1) ** 0.5
         return float(sides[np.isfinite(sides)].sum() / max(np.isfinite(sides).sum(), 1))
 

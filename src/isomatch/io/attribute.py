@@ -17,8 +17,9 @@ from isomatch._core.memory import require_memory
 Domain = Literal["point", "corner", "face"]
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
 
-_WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}  # numbers of columns of a kind
-_WHITE_TOLERANCE = 1e-3  # largest excess of a fraction of colour over 1, as interpolated white has; chosen
+# allowed numbers of columns of an attribute, by its kind
+_WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}
+_WHITE_TOLERANCE = 1e-3  # excess of a colour, as a fraction, over 1, which interpolated white has; chosen
 _UV_NAMES = {  # lower-case names of texture coordinates, without blanks and underscores
     "uv", "st", "uvs", "uvmap", "texcoord",
     "texcoords", "tcoords", "texturecoordinates", "texturecoords",
@@ -230,7 +231,8 @@ def srgb_of(linear: ArrayLike) -> FloatArray:
     light = np.array(linear, dtype=np.float64)
     colours = light[..., :3]
     root = np.maximum(colours, 0) ** (1 / 2.4)
-    light[..., :3] = np.where(colours <= 0.0031308, 12.92 * colours, root + 0.055 * (root - 1))  # 1 stays 1
+    # written so that 1 stays exactly 1
+    light[..., :3] = np.where(colours <= 0.0031308, 12.92 * colours, root + 0.055 * (root - 1))
     return light
 
 

@@ -18,7 +18,7 @@ from isomatch.io.attribute import Attribute, Domain, Kind, guess_kind, number_eq
 from isomatch.io.materials import png_of, texture_of
 from isomatch.io.polygons import Polygons, split_at_seams, triangles_of_strips
 
-# Names, in lower case, without blanks and a final s, that libraries give to attributes without a name.
+# names that libraries give to attributes without a name: in lower case, without blanks and a final s
 _STANDARD_NAMES = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
 
 
@@ -27,9 +27,9 @@ class Geometry:
     """The points and polygons of an object, which may also have other cells."""
 
     points: AnyArray
-    polygons: Polygons  # without positions, so concave polygons are not cut rightly
+    polygons: Polygons  # polygons without positions, so that a concave one may be cut wrongly
     rows: IntArray  # (p,) number of each polygon among all cells
-    left_out: Mapping[str, int] = field(default_factory=dict)  # number of other cells of each kind
+    left_out: Mapping[str, int] = field(default_factory=dict)  # number of cells of other kinds, by kind
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -70,7 +70,7 @@ def _texts_of(mesh: object) -> dict[str, str]:
         for name, text in named.items():
             words = [text] if isinstance(text, str) else np.asarray(text).ravel().tolist()[:1]
             texts |= {str(name): word for word in words if isinstance(word, str)}
-    units = getattr(mesh, "units", None)  # trimesh has this property
+    units = getattr(mesh, "units", None)  # only trimesh has this property
     return texts | ({"units": units} if isinstance(units, str) else {})
 
 
@@ -127,7 +127,7 @@ def polygons_of(
     sizes: IntArray,
     rows: IntArray,
     others: Mapping[str, int],
-    strips: tuple[IntArray, IntArray] | None = None,  # the corners and sizes of cells that follow all others
+    strips: tuple[IntArray, IntArray] | None = None,  # corners and sizes of cells that come after all others
 ) -> Geometry:
     """Leave out cells with fewer than three corners; refuse other cells than vertices without polygons."""
     if strips:
@@ -170,7 +170,7 @@ def _open3d_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
         ("vertex_colors", "color", "point", "colour"),
         ("triangle_normals", "normal", "face", "normal"),
         ("triangle_uvs", "uv", "corner", "uv"),
-        ("normals", "normal", "point", "normal"),  # Open3D: point clouds have this name and the next
+        ("normals", "normal", "point", "normal"),  # names in Open3D; point clouds have this name and the next
         ("colors", "color", "point", "colour"),
     )
     for source, name, domain, kind in places:
@@ -265,7 +265,8 @@ def to_trimesh(asset: Asset) -> Any:
     mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
     mesh.metadata.update(_space_of(asset))
     of_triangle = split.polygons.of_triangle
-    has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # these take the place of colours
+    # texture coordinates and colours exclude each other; these win
+    has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))
     for attribute in split.attributes:
         of_points = attribute.domain == "point"
         values = attribute.plain if of_points else attribute.plain[of_triangle]
@@ -273,7 +274,7 @@ def to_trimesh(asset: Asset) -> Any:
             material = None
             if texture is not None:
                 image = package("PIL.Image", None, "a texture").fromarray(texture)
-                # white, as the tint is painted into the picture; the default of trimesh is dark grey
+                # The picture has the tint, so the material is white, not trimesh's dark grey.
                 material = trimesh.visual.material.SimpleMaterial(image=image, diffuse=(255, 255, 255))
             mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]), material=material)
         elif attribute.kind == "colour" and not has_uv:
@@ -371,7 +372,7 @@ def to_open3d(asset: Asset) -> Any:
                 mesh.triangle_uvs = vector(values[polygons.triangles.ravel(), :2])
             case "uv", "corner":
                 mesh.triangle_uvs = vector(values[polygons.corner_of_triangle.ravel(), :2])
-    if texture is not None:  # row 0 of a picture of Open3D is at the bottom
+    if texture is not None:  # in Open3D, row 0 of a picture is at its bottom
         mesh.textures = [open3d.geometry.Image(np.ascontiguousarray(texture[::-1]))]
         mesh.triangle_material_ids = open3d.utility.IntVector(np.zeros(len(mesh.triangles), dtype=np.int32))
     return mesh

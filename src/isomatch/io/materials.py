@@ -19,12 +19,13 @@ from isomatch._core.files import open_file, read_bytes
 from isomatch.io.attribute import linear_of, srgb_of
 
 Wrap = Literal["repeat", "clamp", "mirror"]
-UNTINTED = (1.0, 1.0, 1.0, 1.0)  # the factors of a colour that change nothing
+UNTINTED = (1.0, 1.0, 1.0, 1.0)  # factors of red, green, blue and opacity that change nothing
 IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))  # the transform of texture coordinates that moves nothing
 _PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # first bytes of pictures by format
-_PILLOW_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # Pillow knows them by contents
-_CANNOT_READ = "a picture cannot be read: "  # the beginning of messages
-_MAX_PAINTED_WIDTHS = 8  # widths of a picture over which its clamped border is painted at most; chosen
+# formats of pictures, which Pillow tells by the first bytes
+_PILLOW_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")
+_CANNOT_READ = "a picture cannot be read: "  # beginning of a message
+_MAX_PAINTED_WIDTHS = 8  # widths of a picture to which its clamped border is painted at most; chosen
 DEFAULT_DIFFUSE = (102, 102, 102, 255)  # the colour of a simple material of trimesh that has none
 
 
@@ -145,7 +146,7 @@ def pixels_of(picture: bytes) -> FloatArray:
 
 def _load_image(picture: bytes) -> Any:
     """Load an image of red, green, blue and opacity; `FormatError` if it cannot be read."""
-    from PIL import Image, UnidentifiedImageError  # slow to import, and needed by matplotlib
+    from PIL import Image, UnidentifiedImageError  # imported here, as it is slow
 
     try:
         image: Image.Image = Image.open(BytesIO(picture))
@@ -182,7 +183,7 @@ def picture_in(path: Path) -> bytes | None:
             try:
                 with warnings.catch_warnings(action="ignore"):
                     Image.open(file, formats=kinds).verify()
-            except Exception:  # the readers of Pillow have no list of their errors
+            except Exception:  # Pillow's readers raise many kinds of errors
                 return None
     return read_bytes(path)
 

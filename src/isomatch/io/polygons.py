@@ -15,9 +15,11 @@ from isomatch._core.errors import MeshError
 from isomatch.io.attribute import Attribute, without_labels
 from isomatch.surfaces import first_equal, weld_points
 
-_CORNER_ROUNDING = 16 * np.finfo(np.float64).eps  # rounding of a corner over the largest coordinate; chosen
-_COCIRCULAR_TOLERANCE = 1e-12  # distance from a line or circle over the polygon's extent that is rounding
-_MAX_OVERLAP_SHARE = 1e-9  # share of a polygon that its triangles may cover twice by rounding; chosen
+# rounding of a corner's position over the largest coordinate; chosen: 16 units in the last place
+_CORNER_ROUNDING = 16 * np.finfo(np.float64).eps
+# distance from a line or circle over the polygon's extent up to which a point is on it; chosen
+_COCIRCULAR_TOLERANCE = 1e-12
+_MAX_OVERLAP_SHARE = 1e-9  # share of a polygon that its triangles may cover twice; chosen above rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,7 +83,7 @@ class Polygons:
         rows, triangles, left = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3), dtype=np.int64)], list[int]()
         for polygon, places, flat, rounding in self._concave():
             start, size = int(self.starts[polygon]), len(flat)
-            first = int(np.lexsort(places.T)[0])  # the result does not depend on the first corner
+            first = int(np.lexsort(places.T)[0])  # always the same corner, wherever the polygon begins
             ears = _cut_ears(np.roll(flat, -first, axis=0), rounding)
             if ears is None:
                 left.append(polygon)
@@ -139,7 +141,7 @@ class Polygons:
     def between(self, corners: IntArray) -> Polygons:
         """Replace the numbers of the corners, and cut the polygons in the same way."""
         polygons = Polygons(corners, self.sizes, self.points)
-        polygons.__dict__["_cut"] = self._cut  # the cut has the old numbers of points
+        polygons.__dict__["_cut"] = self._cut  # the same cut, in the old numbers of points
         return polygons
 
     @cached_property
@@ -200,8 +202,7 @@ def _are_convex(flat: FloatArray, rounding: FloatArray) -> BoolArray:
     """Whether outlines (p, k, 2) turn left at every corner, and once around: (p,)."""
     after = np.roll(flat, -1, axis=1) - flat
     before, size = after.copy(), flat.shape[1]
-    # ``before`` is the last edge of positive length before each corner
-    for i in range(-size, 2 * size):
+    for i in range(-size, 2 * size):  # ``before``: the last edge before a corner that has a length
         corner, previous = i % size, (i - 1) % size
         no_edge = np.abs(after[:, previous]).max(axis=1) <= rounding
         before[:, corner] = np.where(no_edge[:, None], before[:, previous], after[:, previous])
@@ -233,9 +234,9 @@ def _cut_ears(flat: FloatArray, rounding: float) -> IntArray | None:
 
 def _flip_to_delaunay(flat: FloatArray, triangles: IntArray) -> IntArray:
     """Flip inner edges until no circumcircle contains the corner across an edge (Lawson 1977)."""
-    # The long triangles of earcut mislead fast marching: in an L-shaped prism it finds 5.32 instead of 4.47.
+    # Long triangles, as earcut makes, mislead fast marching: in an L-shaped prism it finds 5.32, not 4.47.
     faces = triangles.tolist()
-    for _ in range(4 * len(faces)):  # a bound, as rounding could flip an edge for ever
+    for _ in range(4 * len(faces)):  # a bound on the flips, as rounding could flip an edge for ever
         across = {(face[i - 2], face[i - 1]): (t, face[i]) for t, face in enumerate(faces) for i in range(3)}
         flipped: set[int] = set()
         for (b, c), (t, a) in across.items():

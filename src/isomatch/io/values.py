@@ -24,12 +24,14 @@ from isomatch.io.attribute import Attribute, Kind, guess_kind, number_equal_name
 from isomatch.io.formats import freesurfer, gifti
 from isomatch.io.formats._reading import reading, unexpected
 
-# Lower-case names of columns that number vertices, or faces.
+# titles, in lower case, of a column with the numbers of vertices
 _VERTEX_NAMES = ("vertex", "vertex_index", "vertex_id", "vertexid", "point", "point_id", "node")
+# titles, in lower case, of a column with the numbers of faces
 _FACE_NAMES = ("face", "face_index", "polygon", "polygon_index", "triangle", "cell", "element")
-_INDEX_NAMES = ("index", "unnamed: 0", "id")  # names of columns that number points or polygons
-_DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}  # what a column with a name numbers
-_IN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,]\d{3})*(?:[.,]\d+)?", re.ASCII)  # such as 1,234,567.8
+_INDEX_NAMES = ("index", "unnamed: 0", "id")  # titles of a column with numbers of vertices or of faces
+_DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}  # what a column numbers, by its title
+# matches a number with separators of thousands, such as 1,234,567.8
+_IN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,]\d{3})*(?:[.,]\d+)?", re.ASCII)
 logger = logging.getLogger(__name__)
 
 
@@ -37,7 +39,7 @@ logger = logging.getLogger(__name__)
 class ValuesFormat:
     """Reader and writer of a format of values, and which attributes it keeps."""
 
-    # function of the bytes of a file, its name, and the surface of the values, if it is known
+    # function that reads the bytes of a file; it also takes its name and, if known, the surface of the values
     read: Callable[[bytes, str, Asset | None], tuple[Attribute, ...]]
     write: Callable[[Sequence[Attribute], Asset | None], bytes]
     keeps: Callable[[Attribute], bool] = lambda attribute: attribute.domain != "corner"
@@ -185,7 +187,7 @@ def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribut
     if index_column is None and table.width > 1 and table.titles[:1] == ("",):
         index_column = 0
     index = None if index_column is None else _index(table, index_column, n_rows)
-    # without an index column, empty lines are rows without a value
+    # Without a column of indices, an empty line is a row without a value.
     missing = Row(0, [], "")
     after = (table.rows + i * [missing] for i in range(table.n_empty_after + 1))
     choices = [*after, table.filled, [*dropwhile(lambda row: not row.cells, table.rows)]]
@@ -263,7 +265,7 @@ def _on_points(*kinds: Kind) -> Callable[[Attribute], bool]:
 
 
 _GIFTI = partial(ValuesFormat, gifti.read_attributes, gifti.write_attributes, has_names=True)
-_FREESURFER = partial(
+_FREESURFER = partial(  # the formats of FreeSurfer
     ValuesFormat, freesurfer.read_attributes, freesurfer.write_attributes, is_single=True, has_names=True
 )
 VALUES_FORMATS = {  # the format of files with a suffix

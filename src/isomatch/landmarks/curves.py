@@ -11,12 +11,12 @@ from isomatch._core.settings import generator
 from isomatch.geodesics import euclidean_farthest_points
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surface, vertex_normals
 
-MAX_STEP_EDGES = 0.5  # longest step of a curve on triangles, in mean edge lengths (chosen)
-# Longest step of a curve on points, in mean lengths of the edges, which join each point with the next 30.
+MAX_STEP_EDGES = 0.5  # mean edge lengths; longest step of a curve on triangles; chosen
+# mean edge lengths; longest step of a curve on points, whose edges join each point with the next 30; chosen
 MAX_STEP_EDGES_ON_POINTS = 1.5
-MAX_HALVINGS = 20  # largest number of times that the way between two points is halved
-MIN_SPACINGS = 0.4  # mean distances of neighbours; no point is spread nearer than this to a given one
-# Length of normals as further coordinates, in mean distances of neighbours: both sides of a wall get points.
+MAX_HALVINGS = 20  # largest number of times that the way between two points is halved; chosen
+MIN_SPACINGS = 0.4  # mean distances of neighbours; spread points are this far from given ones; chosen
+# mean distances of neighbours; length of normals beside positions: both sides of a wall get points; chosen
 NORMAL_LENGTH_SPACINGS = 0.25
 
 

@@ -25,16 +25,16 @@ from isomatch.surfaces import Mesh, PointCloud
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
 AXES = "x", "y", "z"  # titles of the columns of a table with positions
-# titles, the preferred ones first, of the column with names of points and of the column with their vertices
+# Titles of the columns with names of points, and with their vertices; the first one found counts.
 NAME_TITLES, VERTEX_TITLES = ("name", "label", "id", "landmark"), ("vertex", "index")
 CURVES = "Curve", "ClosedCurve"  # types of markups of 3D Slicer
-NO_PLACE = 9999.0  # Programs for morphometrics write ±9999 in all coordinates of a point without a position.
+NO_PLACE = 9999.0  # in programs for morphometrics, coordinates of a point without a position, up to sign
 
 logger = logging.getLogger(__name__)
 
-# √area; a point farther from the surface than the first is reported, than the second refused (chosen).
+# √area; a point farther from the surface than the first number is reported, than the second refused; chosen.
 MAX_SILENT_DISTANCE, MAX_DISTANCE = 0.02, 0.1
-# Points are in RAS if their mean distance from the surface is less than this fraction of the one in LPS.
+# Points are in RAS if their mean distance from the surface is below this fraction of that in LPS; chosen.
 MAX_RAS_DISTANCE_RATIO = 0.5
 
 
@@ -313,8 +313,7 @@ def _readings(
     positions: FloatArray, has_axes: bool, frame: Frame
 ) -> list[tuple[FloatArray, Axes | None, str]]:
     """Return what positions may mean, the most likely first: positions, axes, and the condition in words."""
-    # Positions of 3D Slicer, which says the axes, are in LPS here; it also writes meshes in LPS unless
-    # they say RAS.
+    # Positions of 3D Slicer with known axes are in LPS here; its meshes are in LPS, too, unless they say RAS.
     turned = TURN * positions
     if not has_axes:
         after_turn = "after half a turn, from RAS to LPS or back"

@@ -26,7 +26,8 @@ MARKUPS_SCHEMA = (  # address in every file of markups, by which 3D Slicer knows
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
     "markups-schema-v1.0.3.json#"
 )
-FIDUCIAL_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID"  # of .fcsv, in this order
+# titles of the columns of .fcsv, in this order
+FIDUCIAL_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID"
 
 
 def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
@@ -141,7 +142,7 @@ def _picked_points(landmarks: Landmarks, title: str) -> str:
 def _table(landmarks: Landmarks, title: str) -> str:
     columns = list(_columns(landmarks))
     text = table_text([[name for name, _ in columns], *zip(*(cells for _, cells in columns))])
-    return re.sub(r"(?m)^#[^,]*", r'"\g<0>"', text)  # without quotes, a name with # would begin a comment
+    return re.sub(r"(?m)^#[^,]*", r'"\g<0>"', text)  # in quotes, as a name with # would begin a comment
 
 
 def _columns(landmarks: Landmarks) -> Iterator[tuple[str, list[Any]]]:
@@ -166,7 +167,7 @@ def _description(landmarks: Landmarks, row: int) -> str:
 
 
 SUFFIXES_WITH_AXES = ".json", ".fcsv"  # suffixes of files that name the axes of their coordinates
-# writers by suffix, and the parts of landmarks that their files cannot hold
+# for each suffix: its writer, and the parts of landmarks that such files cannot hold
 WRITERS: dict[str, tuple[Callable[[Landmarks, str], str], tuple[str, ...]]] = {
     ".json": (_markups, ()),
     ".fcsv": (_fiducials, ("curves", "landmarks without a place")),
@@ -247,7 +248,8 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> lis
     return [name for name in specimens if is_tps and MISREAD_NAMES.search(name)]
 
 
-MISREAD_NAMES = re.compile(r"SCALE|(?i:LM3?=|COMMENT=)|ID=|^\s*$")  # geomorph takes them for lines of TPS
+# matches names that the R package geomorph takes for lines of TPS
+MISREAD_NAMES = re.compile(r"SCALE|(?i:LM3?=|COMMENT=)|ID=|^\s*$")
 
 
 def tps_text(specimens: Mapping[str, Landmarks]) -> str:

@@ -16,9 +16,9 @@ from isomatch._core.tables import NO_NUMBER, Row, Table, parse_table, read_table
 from isomatch._core.texts import read_text
 from isomatch.landmarks.landmark_files import NO_PLACE, MarkedPoint, marked_points
 
-SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")  # titles of the column with specimens
-LANDMARK_TITLES = ("landmark", "point", "label", "name")  # titles of the column with landmarks
-SUFFIXES_OF_MANY = ".tps", ".nts", ".dta", ".txt", ".csv", ".tsv"  # of files of one or more specimens
+SPECIMEN_TITLES = ("specimen", "individual", "subject", "shape")  # titles of the column that names specimens
+LANDMARK_TITLES = ("landmark", "point", "label", "name")  # titles of the column that names landmarks
+SUFFIXES_OF_MANY = ".tps", ".nts", ".dta", ".txt", ".csv", ".tsv"  # suffixes of files of specimens
 
 
 class Specimen(NamedTuple):
@@ -137,7 +137,7 @@ def _ntsys(text: str, path: Path) -> Iterator[Specimen]:
     rows, columns, dim, missing = int(head[1]), int(head[3]), int(head[7]), head[6] or "NA"
     n_labels = bool(head[2]) * rows, bool(head[4]) * columns
     cells = [cell for line in lines[1:] for cell in line.split()]
-    if len(cells) != sum(n_labels) + rows * columns and n_labels[0]:  # a label with blanks has a line
+    if len(cells) != sum(n_labels) + rows * columns and n_labels[0]:  # a label with blanks has its own line
         labels, rest = lines[1 : rows + 1], [cell for line in lines[rows + 1 :] for cell in line.split()]
         cells = [*labels, *rest]
     if len(cells) != sum(n_labels) + rows * columns or columns % dim:

@@ -21,12 +21,11 @@ from isomatch.landmarks.landmark_files import MarkedPoint
 from isomatch.landmarks.landmarks import Curve, Landmarks, landmarks_of
 from isomatch.landmarks.specimen_files import SUFFIXES_OF_MANY, Specimen, landmark_numbers, specimens_in
 
-# Points are at one place if they are no farther apart than this in all specimens, as a fraction of the
-# root mean square distance of the points of a specimen from their mean.
+# share of a specimen's size (root mean square distance from the mean); nearer points are at one place; chosen
 SAME_PLACE_RATIO = 1e-4
-SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # of files of one specimen
-SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"  # of tables, which may hold other things than landmarks
-FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # files that hold all specimens of a folder
+SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # suffixes of files with one specimen
+SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"  # suffixes of tables, which may hold other things than landmarks
+FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # names of files that hold all specimens of a folder
 INPUTS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
 
 
@@ -194,7 +193,7 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     for rows, curve in zip(on_curves, first.curves):
         inner.update(rows if curve.closed else rows[1:-1])
     order = sorted(rank)
-    ranks = [rank[row] for row in order if row in inner or row not in on_any]  # ends may have any rank
+    ranks = [rank[row] for row in order if row in inner or row not in on_any]  # curves' ends may be anywhere
     order = order if ranks == sorted(ranks) else sorted(rank, key=lambda row: (rank[row], row))
     place = np.full(m, -1)
     place[order] = np.arange(len(order))
@@ -208,7 +207,7 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     members = [np.flatnonzero(head == row) for row in order] if len(order) < m else [[row] for row in order]
     joined = {}
     for name, marks in specimens.items():
-        # of points at one place, the first that is known
+        # Of points at one place, the first that has a position counts.
         rows = [int(group[int(marks.placed[group].argmax())]) for group in members]
         values = marks.positions[rows], [marks.names[row] for row in order], pieces
         errors = marks.expected_error[rows], marks.spread[rows]

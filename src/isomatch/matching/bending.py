@@ -24,7 +24,7 @@ from isomatch.matching.problem import Problem
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
 
-MIN_EDGE = 1e-9  # √area; shorter edges are raised to this length, so that logarithms are finite
+MIN_EDGE = 1e-9  # √area; shorter edges count as this long, so that logarithms are finite; chosen
 
 HardLandmarks: TypeAlias = tuple[Int[IntArray, "l"], Float[FloatArray, "l 3"]]
 """Vertices of the bent shape, and the positions to which they are drawn."""
@@ -74,9 +74,9 @@ class BentShape:
     @property
     def turning(self) -> float:
         """Mean angle in radians between rotations of neighbours, each fitted to two rings."""
-        # This variation is an energy in Levi & Gotsman, Smooth rotation enhanced
-        # as-rigid-as-possible mesh animation, 2015. A wrong map may stretch as little as a right
-        # one, but turns joints the other way.
+        # How rotations vary from vertex to vertex is an energy in Levi & Gotsman, Smooth rotation enhanced
+        # as-rigid-as-possible mesh animation, 2015. A wrong map may stretch as little as a right one, but
+        # turns joints the other way.
         i, j = self.rest.edges.T
         before, after = (mesh.vertices[j] - mesh.vertices[i] for mesh in (self.rest, self.mesh))
         n, ends = self.rest.n_vertices, (np.concatenate([i, j]), np.concatenate([j, i]))
@@ -130,10 +130,9 @@ class Bending:
     # Let x_i be the vertices of the shape at rest, a_i their areas, and p_i the points of the
     # surface to which a map sends them. The bent shape y minimises
     #     Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − c_i R_i (x_i − x_j)|²,
-    # where R_i are rotations, and c_i = 1, or a scale in [1/c, c] if pieces may grow (as similar as
-    # possible instead of as rigid as possible). The second sum is from Sorkine & Alexa
-    # (As-rigid-as-possible surface modeling, SGP 2007). For fixed rotations, let x̂ minimise it.
-    # Then y satisfies
+    # where R_i are rotations, and c_i = 1, or a scale in [1/c, c] if pieces may grow (as similar as possible
+    # instead of as rigid as possible). The second sum is from Sorkine & Alexa (As-rigid-as-possible surface
+    # modeling, SGP 2007). For fixed rotations, let x̂ minimise it. Then y satisfies
     #     (1 + ℓ² Δ) (y − x̂) = p − x̂,
     # so y differs from x̂ only by a version of p − x̂ that is smooth on the scale ℓ, and errors of
     # the map on smaller scales have no effect. The lengths ℓ decrease from a third of √area, where
@@ -152,7 +151,7 @@ class Bending:
     def bend_coarsely(
         self,
         onto: Surroundings,
-        start: Float[FloatArray, "n_coarse 3"],  # where a map puts the vertices
+        start: Float[FloatArray, "n_coarse 3"],  # positions to which a map sends the vertices
         lengths: tuple[float, ...],  # ℓ, in √area of the surface
         landmarks: HardLandmarks,
         most_scaled: float = 1.0,  # c, the factor by which pieces may grow or shrink

@@ -34,9 +34,9 @@ from isomatch.matching.strategies import solve
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
 
-NO_PARTNERS = 1e6  # cost of components that cannot be partners
-MIN_DISTANCE = 1e-6  # in units of a shape; a shorter distance of samples is raised to this
-SIDES = "source", "target"
+NO_PARTNERS = 1e6  # cost of two components that cannot be partners; chosen above all other costs
+MIN_DISTANCE = 1e-6  # √area; shorter distances of samples count as this, so that ratios are finite; chosen
+SIDES = "source", "target"  # names of the two shapes
 
 
 def match_components(pair: Problem, user_priors: UserPriors, timer: StageTimer) -> Solution:
@@ -319,7 +319,7 @@ class ComponentPriors:
         joined = [self._inside(Problem(*sides, pair.config), self.joins) for sides in product(*self.sides)]
         self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
         if len(self.joins) and self.joined.max() < MIN_POINTS:
-            Priors.of(pair.source, pair.target, landmarks, initial_map)  # refuses wrong ones
+            Priors.of(pair.source, pair.target, landmarks, initial_map)  # only raises the error
 
     @property
     def sides(self) -> tuple[tuple[PreparedShape, ...], tuple[PreparedShape, ...]]:

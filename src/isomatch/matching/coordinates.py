@@ -68,9 +68,9 @@ class SmoothPair:
         return self.source.triangles is not None and self.target.triangles is not None
 
 
-# steps of the registration that ends the smooth refinement; lab/benchmarks.md, smoothness
-SMOOTH_REGISTRATION_STEPS = 8
+SMOOTH_REGISTRATION_STEPS = 8  # steps of the last registration of "smooth": lab/benchmarks.md, smoothness
 
+# rows of all vertices, where a function takes rows of some
 ALL_VERTICES = slice(None)
 S = TypeVar("S")
 M = TypeVar("M")
@@ -98,10 +98,9 @@ def refine_images(
 
     ``side`` is 1 for a map that preserves the orientation of the faces, and −1 for one that reverses it.
     """
-    # Without positions, images are samples of the target, and vertices in the last step. With them,
-    # images are points of its triangles, which follow the coordinates continuously, while nearest
-    # vertices jump: if coordinates are disturbed by 1e-9, fewer final images move
-    # (decisions.md, rounding).
+    # Without positions, images are samples of the target, and vertices in the last step. With them, images
+    # are points of its triangles, which follow the coordinates continuously, while nearest vertices jump: if
+    # coordinates are disturbed by 1e-9, fewer final images move (decisions.md, rounding).
     samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]
 

@@ -137,10 +137,9 @@ def _weights(
     """Weights with which vertices follow a landmark: 1 at it, 0 at others and far away."""
     # Shifts are interpolated by heat kernels of width w on the source,
     #     h(i, l) = Σ_j e^{−λ_j w² / 2} φ_j(i) φ_j(l),
-    # each column divided by its peak. With H the kernel between landmarks, W = h H⁺ is 1 at one
-    # landmark and 0 at the others. W ≥ 0 and Σ W ≤ 1 are enforced, so that no vertex moves farther
-    # than a landmark. The width grows with the gap, so that no face turns over, but is at most the
-    # distance between landmarks.
+    # each column divided by its peak. With H the kernel between landmarks, W = h H⁺ is 1 at one landmark and
+    # 0 at the others. W ≥ 0 and Σ W ≤ 1 are enforced, so that no vertex moves farther than a landmark. The
+    # width grows with the gap, so that no face turns over, but is at most the distance between landmarks.
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     points = PrecisePoints.at_vertices(landmarks)
     if shape.detail:

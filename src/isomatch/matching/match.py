@@ -212,7 +212,7 @@ def _note_stages(problem: Problem, refinement: Refinement | None) -> list[str]:
     return [f"stages handed in: {stages}"] if stages else []
 
 
-FIRST_DIRECTION_SHARE = 0.75  # share of the time that the preparation and the map from source to target take
+FIRST_DIRECTION_SHARE = 0.75  # share of the progress for the preparation and the first map; chosen
 
 
 class BothDirections(NamedTuple):

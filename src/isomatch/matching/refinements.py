@@ -119,12 +119,10 @@ REFINEMENTS: dict[RefinementName, Refinement] = {
 """The refinements that settings can name."""
 
 
-# Numbers of `check_refinement`
 N_VERTICES = 500  # vertices of the ball on which a refinement is tried; chosen: all laws take a second
-MAX_ERROR = 0.02  # √area; a refinement may move the true map by less on average; half an edge is 0.025
-# this share of the images may change when vertices are renumbered: two points may be equally near
-MAX_CHANGED_SHARE = 0.01
-MAX_ROUGH_ERROR = 0.1  # √area; images of a rough map are no farther from the true ones
+MAX_ERROR = 0.02  # √area; a refinement may move the true map by less, on average; half an edge is 0.025
+MAX_CHANGED_SHARE = 0.01  # share of the images that renumbering may change: points may tie; chosen
+MAX_ROUGH_ERROR = 0.1  # √area; images under a rough map are this near to the true ones; chosen
 
 
 def check_refinement(refinement: Refinement, seed: int = 0) -> None:

@@ -30,13 +30,14 @@ from isomatch.surfaces import Mesh
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+# kinds and shapes of the arrays of a map in a file
 MAP_ARRAYS = {
     "vertices": Stored("integer", ("n",)),
     "faces": Stored("integer", ("n", 3)),
     "barycentric": Stored("float", ("n", 3)),
 }
-HALF_CONFIDENCE_ERROR = 0.05  # √area; an image with this expected error has a confidence of ½
-FORMAT = ArrayFormat(
+HALF_CONFIDENCE_ERROR = 0.05  # √area; an image with this expected error has a confidence of ½; chosen
+FORMAT = ArrayFormat(  # contents of the file of a result
     what="a match result",
     writer="MatchResult.save",
     version=1,  # raise it if earlier versions of isomatch cannot read the files
@@ -146,6 +147,7 @@ def _give_map(map_: Correspondence) -> Correspondence:
     return map_
 
 
+# fields that a file holds as plain values
 _PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "way", "evidence", "symmetries")
 
 
@@ -449,6 +451,7 @@ class Outcome(Shown, Enum):
         return list(Outcome).index(self)
 
 
+# what each outcome means, and what to do
 _ADVICE = {
     Outcome.PRIORS_CONTRADICTED: (
         "The map does not agree with the landmarks or the initial map. Either may be wrong: check that landmarks are "

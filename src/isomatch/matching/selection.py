@@ -149,10 +149,9 @@ def weigh_costs(
     weight: float,
 ) -> list[float]:
     """Weigh costs of maps by descriptor distances where they differ from the best map."""
-    # Let two maps i, j differ in a region R, where their images are > MAP_DISTANCE.other_place
-    # apart. With m̄ the mean descriptor distance over R, they are compared by
-    #   c_i / c_j · exp(w (m̄_i − m̄_j)),
-    # so that comparing j with i gives the inverse. decisions.md, descriptor weight
+    # Let two maps i, j differ in a region R, where their images are > MAP_DISTANCE.other_place apart. With
+    # their costs c, and mean descriptor distances m̄ over R, they are compared by c_i / c_j · exp(w (m̄_i −
+    # m̄_j)), so that comparing j with i gives the inverse. decisions.md, descriptor weight
     n = len(costs)
     exponent = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
     for i in range(n):
@@ -215,9 +214,8 @@ class Ranking(Generic[M]):
     """The selected map, the others, and how clearly it leads."""
 
     best: M
-    others: tuple[M, ...]  # all others, best first
-    # score of the runner-up over the winner's; 1: tie, inf: no other map is close, nan: none was tried
-    runner_up: float
+    others: tuple[M, ...]  # all other maps, best first
+    runner_up: float  # score over the winner's; 1: tie, inf: no other map is close, nan: none was tried
     mirrored: float  # score of the best map of the other orientation over the winner's
     against: M | None = None  # the runner-up: the best map that differs from the winner
     priors_decided: bool = False  # whether the best fit ties, but agrees less with the priors
@@ -244,8 +242,7 @@ def select(
         factor = rules.tie if fits[i].side == fits[best].side else rules.mirror_tie
         return noisy[i] <= factor * noisy[best]
 
-    # winner = arg min of cost over {i : c_i ≤ tie · c_best} with the least prior errors: priors
-    # decide only ties
+    # winner = arg min of cost over {i : c_i ≤ tie · c_best} of least prior error: priors decide only ties
     tied = [i for i in may_win if ties(i)]
     nearest = nearest_to_priors([fits[i] for i in tied], rules.landmark_slack)
     winner = min((i for i in tied if fits[i] in nearest), key=lambda i: costs[i])
@@ -262,7 +259,8 @@ def select(
         return max(1.0, ratio) if runners_up[0] in may_win else ratio
 
     def is_runner_up(i: int) -> bool:
-        as_good = costs[i] <= rules.exchanged_ratio * costs[winner]  # costs below the noise differ, too
+        # Costs are compared as they are: raised to the noise, they would tie.
+        as_good = costs[i] <= rules.exchanged_ratio * costs[winner]
         exchanged = as_good and far_shares is not None and far_shares[i, winner] >= rules.exchanged_share
         distance = distances[i, winner]
         differs = exchanged or distance > rules.runner_up_distance

@@ -84,18 +84,17 @@ class Strategy:
     why: str  # when it is tried, in words
     # builds the model, perhaps of a variant of the shapes; None if there is no such variant
     model: Callable[[Attempts], MatchingModel[Any, Any] | None]
-    # whether the shapes and the settings suit it
+    # whether the shapes and the settings suit the strategy
     fits: Callable[[Problem], bool] = lambda problem: True
-    # whether the results so far call for it
+    # whether the results of other strategies call for this one
     applies: Callable[[Attempts], bool] = lambda tried: True
-    # whether its solution ends the search
+    # whether the solution of this strategy ends the search
     is_enough: Callable[[Attempts, Solution], bool] = lambda tried, solution: not solution.outcome.is_doubtful
-    # whether another strategy is tried although its solution is enough
+    # whether another strategy is tried although the solution of this one is enough
     continues: Callable[[Attempts], bool] = lambda tried: False
-    # models built, each after the match of the one before; the first one without a better map ends this
-    most_models: int = 1
-    is_guess: bool = False  # whether its map is never taken as sure
-    replaces: Strategy | None = None  # the strategy whose map it improves and replaces
+    most_models: int = 1  # models built one after the other; one without a better map ends this
+    is_guess: bool = False  # whether the map of this strategy is never taken as sure
+    replaces: Strategy | None = None  # the strategy whose map this one improves and replaces
 
 
 def part_of(problem: Problem) -> PartSide | Literal["both"] | None:
@@ -250,7 +249,8 @@ def _may_be_wrong_isometry(tried: Attempts) -> bool:
     return _may_be_searched_from_target(tried.problem) and _is_unsure_isometry(tried)
 
 
-# After the words, functions follow in the order of the fields: `model`, `fits`, `applies`, `is_enough`.
+# Each strategy has a name, a kind of overlap and a text, and then the functions `model`, `fits`, `applies`,
+# `is_enough` of `Strategy`, in this order.
 ISOMETRIC = Strategy(
     "isometry",
     "whole",
@@ -258,7 +258,7 @@ ISOMETRIC = Strategy(
     lambda tried: Isometry(tried.problem, tried.hypotheses),
     continues=_may_be_wrong_isometry,
 )
-BOTH_SIDES = Strategy(
+BOTH_SIDES = Strategy(  # improves an isometry by maps that are searched from the target
     "isometry from both sides",
     "whole",
     "if other isometries may be right, and nothing else is sure",
@@ -268,21 +268,21 @@ BOTH_SIDES = Strategy(
     replaces=ISOMETRIC,
 )
 
-CUT_EXTRA_HANDLES = Strategy(
+CUT_EXTRA_HANDLES = Strategy(  # an isometry once the handles are cut that one shape has more than the other
     "self-contacts cut",
     "whole",
     "if nothing before is sure, as one shape has more handles",
     lambda tried: _cut_self_contacts(tried, surplus_of(tried.problem)),
     lambda problem: max(surplus_of(problem)) > 0,
 )
-CUT_ALL_HANDLES = Strategy(
+CUT_ALL_HANDLES = Strategy(  # an isometry once all handles of both shapes are cut
     "all self-contacts cut",
     "whole",
     "if nothing before is sure, as both shapes have handles",
     lambda tried: _cut_self_contacts(tried, handles_of(tried.problem)),
     lambda problem: min(handles_of(problem)) > 0,
 )
-CUT_CREASES = Strategy(
+CUT_CREASES = Strategy(  # an isometry once the shape with more handles is cut along creases
     "creases cut",
     "whole",
     "if nothing is sure, as one shape has more handles",
@@ -291,7 +291,7 @@ CUT_CREASES = Strategy(
     lambda tried: tried.is_unsure,
     most_models=STRATEGY.max_crease_cuts,
 )
-OPEN_LIMBS = Strategy(
+OPEN_LIMBS = Strategy(  # the source, with its limbs parted where they touch, as a part of the target
     "limbs apart",
     "part",
     "if nothing is sure, as the source has more handles",
@@ -300,10 +300,10 @@ OPEN_LIMBS = Strategy(
     lambda tried: tried.is_unsure,
     is_guess=True,
 )
-ELASTIC = Strategy(
+ELASTIC = Strategy(  # a map that lets limbs stretch
     "elastic", "whole", "if no isometry fits", _stretch_limbs, attrgetter("allows_elastic"), _is_far
 )
-PART = Strategy(
+PART = Strategy(  # a map of a part to a whole
     "part",
     "part",
     "one shape is a part of the other: it has a long boundary, or the settings say so",
@@ -311,7 +311,7 @@ PART = Strategy(
     applies=lambda tried: tried.is_unsure,
     is_enough=_is_clear_part,
 )
-CAPPED = Strategy(
+CAPPED = Strategy(  # an isometry between shapes whose holes are closed by caps
     "holes closed",
     "whole",
     "a part with its holes capped, unless it is sure before",
@@ -319,7 +319,7 @@ CAPPED = Strategy(
     lambda problem: problem.config.parts.close_holes and not has_own_distances(problem),
     is_enough=lambda tried, solution: False,
 )
-PART_FROM_CLOSED = Strategy(
+PART_FROM_CLOSED = Strategy(  # a map of a part that starts from the map with the holes closed
     "part, from the holes closed",
     "part",
     "as a part, from the map with its holes capped",
@@ -328,7 +328,7 @@ PART_FROM_CLOSED = Strategy(
     lambda tried: CAPPED.name in tried.matches,
     lambda tried, solution: tried.is_called_right,
 )
-PART_FROM_BOTH_SIDES = Strategy(
+PART_FROM_BOTH_SIDES = Strategy(  # a map of a part that starts from a map searched from the other shape
     "part, from both sides",
     "part",
     "if nothing before is called right: with the holes capped, the map is searched from the other shape",
@@ -337,7 +337,7 @@ PART_FROM_BOTH_SIDES = Strategy(
     lambda tried: CAPPED.name in tried.matches and not tried.is_called_right,
     lambda tried, solution: not tried.is_unsure,
 )
-OVERLAPPING = Strategy(
+OVERLAPPING = Strategy(  # a map between two parts that overlap
     "two parts",
     "parts",
     "if no isometry is sure, as both shapes have long boundaries",
@@ -345,12 +345,13 @@ OVERLAPPING = Strategy(
 )
 VIA = Strategy("via", "parts", "wholes are given", lambda tried: None)  # `solve_via` finds its maps
 
-# Strategies in the order in which they are tried
+# Strategies in the order in which they are tried: for complete shapes; with holes closed; for a part that
+# lacks much, or little; for two parts.
 COMPLETE = ISOMETRIC, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, OPEN_LIMBS, ELASTIC, BOTH_SIDES
-FROM_CLOSED = PART_FROM_CLOSED, PART_FROM_BOTH_SIDES
-MUCH_MISSING = PART, CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED
-LITTLE_MISSING = CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED, PART
-TWO_PARTS = ISOMETRIC, BOTH_SIDES, OVERLAPPING
+FROM_CLOSED = PART_FROM_CLOSED, PART_FROM_BOTH_SIDES  # start from the map with the holes closed
+MUCH_MISSING = PART, CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED  # for a small part
+LITTLE_MISSING = CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED, PART  # large parts
+TWO_PARTS = ISOMETRIC, BOTH_SIDES, OVERLAPPING  # for two parts that overlap
 STRATEGIES = {strategy.name: strategy for strategy in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS, VIA)}
 """What each strategy claims, by its name, which `MatchResult.way` records."""
 

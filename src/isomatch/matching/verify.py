@@ -27,21 +27,21 @@ from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, label_components
 
-# Numbers without another source: decisions.md, one verification
-BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # √area; in each step, shapes resist stretching on this scale
-N_BENT_VERTICES = 1000  # vertices of a bent shape; with 500, costs are 1.1 to 1.5 times as high
-# weight and exponent in `Verification.cost`; from 3 to 10, and from 1 to 3, they choose the same maps
+# √area, one for each step; shapes resist stretching over this length; chosen: decisions.md, one verification
+BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)
+N_BENT_VERTICES = 1000  # vertices of a bent shape; chosen: with 500, costs are 1.1 to 1.5 times as high
+# Weight and exponent in `Verification.cost`; from 3 to 10, and from 1 to 3, the same maps are chosen.
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0
-# a turning of one unit, in radians, leaves the cost as it is, a larger one raises it; right maps turn
-# by one unit in the median, decisions.md, turning
+# Exponent of the turning in the cost, and the turning in radians that leaves the cost as it is; right maps
+# have it in the median: decisions.md, turning.
 TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
-COVERAGE_DISTANCE = 0.05  # √area; a target vertex farther from all images has no counterpart
-MIN_DISTANCE, MAX_DISTANCE = 0.08, 0.3  # √area of the source; only distances between these measure the unit
-N_SAMPLES, MIN_MEASURED = 300, 40  # these samples measure the unit; with fewer distances than this, it stays
-MAX_UNIT_RATIO = 1.3  # a measured unit that differs more from the unit before is limited to this factor
-MAX_LENGTH_RATIO = 4.0  # parts whose √area differ by a larger factor in the files count as equally large
-MIN_PIECE = 30  # vertices; a piece of a shape with fewer is not bent
-MIN_DIVISOR = 1e-9  # √area; shorter distances are raised to this, so that ratios are finite
+COVERAGE_DISTANCE = 0.05  # √area; a target vertex farther from all images has no counterpart; chosen
+MIN_DISTANCE, MAX_DISTANCE = 0.08, 0.3  # √area of the source; distances in between measure the unit; chosen
+N_SAMPLES, MIN_MEASURED = 300, 40  # samples that measure the unit, if they have this many distances; chosen
+MAX_UNIT_RATIO = 1.3  # ratio of a measured unit to the unit before, at most; it is limited to this; chosen
+MAX_LENGTH_RATIO = 4.0  # ratio of √area in the files' units, above which parts count as equally large; chosen
+MIN_PIECE = 30  # vertices; a smaller piece of a shape is not bent; chosen
+MIN_DIVISOR = 1e-9  # √area; shorter distances count as this, so that ratios are finite; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False)

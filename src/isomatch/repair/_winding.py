@@ -11,19 +11,19 @@ from isomatch._core.cached import cached_method
 from isomatch._core.compiled import compiled
 from isomatch.surfaces import Mesh, first_equal, label_components
 
-# Smallest volume of an open surface that has an inside, over area^(3/2): a cat has 0.03, a ball 0.09,
-# parts of these have more, a rough sheet has 0.002.
+# volume over area^(3/2), from which an open surface has an inside; chosen: a cat has 0.03, a ball 0.09, parts
+# of them more, a rough sheet 0.002
 MIN_VOLUME_RATIO = 0.01
-# Largest area of the openings of a nearly closed piece, as a share of its area; an opening counts as a
-# flat disc with the length of its boundary loop; chosen.
+# area of the openings of a nearly closed piece over the area of the piece, at most; an opening counts as a
+# flat disc as long around as its boundary; chosen
 MAX_OPENING_SHARE = 0.1
 
 
 def faces_to_rewind(mesh: Mesh) -> BoolArray:
     """Find the faces to rewind, (m,): pieces become consistent, and look outward if nearly closed."""
-    # A piece that cannot be oriented is left as it is. A void, or a piece that is not nearly closed,
-    # keeps the winding of most of its faces; any other piece gets a positive volume. A face is turned
-    # over if one of ``rewound``, relative to the first face, and ``reverse``, of the piece, is true.
+    # A piece that cannot be oriented is left as it is. A void, or a piece that is not nearly closed, keeps
+    # the winding of most of its faces; any other piece gets a positive volume. A face is turned over if one,
+    # and only one, is true: it is wound unlike the first face of its piece, or the piece is reversed.
     pieces = _pieces(mesh)
     volume = np.where(pieces.openings <= MAX_OPENING_SHARE, pieces.volume, 0.0)
     reverse = np.where(volume == 0, pieces.majority, volume) < 0

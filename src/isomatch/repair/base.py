@@ -11,11 +11,10 @@ from isomatch.repair.self_contacts import face_normals
 from isomatch.surfaces import Mesh, label_components
 
 N_PLANES_TRIED, N_VOTING_FACES = 200, 20_000  # faces whose planes are tried, faces counted in each; chosen
-# Largest distance, in √area, of a corner of a face that lies in a plane; faces up to this far above the
-# plane are cut off with it; chosen.
+# √area; distance of corners from the plane they are in; faces this far above are cut off, too; chosen
 PLANE_DISTANCE = 0.01
-MIN_NORMAL_COSINE = 0.9  # smallest cosine between the normals of a plane and of a face in it; chosen
-MIN_BASE_SHARE = 0.1  # least share of the area of a planar piece that `check` reports as a base; chosen
+MIN_NORMAL_COSINE = 0.9  # least cosine between the normals of a plane and of a face in it; chosen
+MIN_BASE_SHARE = 0.1  # share of the area from which `check` reports a planar piece as a base; chosen
 
 
 class Base(NamedTuple):
@@ -47,7 +46,7 @@ def base_of(mesh: Mesh) -> Base:
     voting = spread(N_VOTING_FACES)
     planes = [(normals[face], float(corners[face, 0] @ normals[face])) for face in spread(N_PLANES_TRIED)]
     normal, offset = max(planes, key=lambda plane: int(in_plane(plane[0], plane[1], voting).sum()))
-    for _ in range(2):  # fit the plane to the faces in it
+    for _ in range(2):  # twice, the plane is fitted to the faces in it
         inside = in_plane(normal, offset, slice(None))
         if not inside.any():
             return Base(0.0, nothing, nothing)

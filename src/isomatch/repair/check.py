@@ -59,7 +59,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL_THICKNESS) -> MeshReport:
     used = n_fans > 0
     finite = np.logical_and.reduce([np.isfinite(x) for x in mesh.vertices.T])
     points = mesh.vertices if used.all() else np.where(used[:, None], mesh.vertices, 0.0)
-    # Squares and products of coordinates divided by the largest one do not overflow.
+    # Coordinates are divided by the largest one, so that squares and products do not overflow.
     scale = float(max(points.max(initial=0.0), -points.min(initial=0.0))) or 1.0
     surface = whole.moved(points / scale)
     flatness = np.zeros(len(faces))
@@ -140,15 +140,14 @@ def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, fla
             flatness[f] = doubled[f] / longest
 
 
-# Smallest altitudes of a face over its longest edge: up to the first ratio the face has zero area, up to
-# the second it is a sliver; chosen.
+# The smallest altitude of a face over its longest edge: up to the first number, the face has no area; up to
+# the second, it is a sliver; chosen.
 ZERO_AREA_RATIO, SLIVER_RATIO = 1e-10, 1e-3
-# Largest diameter of an opening of a chamber, in √area: six mouse skulls have 0.08 to 0.1: decisions.md,
-# double walls.
+# √area; diameter up to which an opening leads into a chamber; six mouse skulls have 0.08 to 0.1:
+# decisions.md, double walls
 OPENING_DIAMETER = 0.1
-# Least share of the area with another sheet close behind it, of a surface that is called double-walled:
-# bodies, animals, organs and single bones have up to 0.23, mouse skulls and shells from 0.52:
-# decisions.md, double walls.
+# share of the area with another sheet close behind, from which a surface is double-walled; bodies, animals,
+# organs and bones have up to 0.23, mouse skulls and shells 0.52 and more: decisions.md, double walls
 DOUBLE_WALLED_SHARE = 0.35
 
 # What each field counts; after the colon, why it matters and what to do; in the order of the table.
@@ -186,8 +185,7 @@ _WARNINGS = {
     "inward_components": "closed components with faces oriented inward: left and right are exchanged; "
     "repair(mesh) orients them outward",
 }
-# The fields of `MeshReport` whose defects a repair removes.
-REPAIRED_DEFECTS = (
+REPAIRED_DEFECTS = (  # fields of `MeshReport` whose defects `repair` removes
     *("non_finite_vertices", "out_of_range_faces", "repeated_index_faces", "duplicate_faces"),
     *("unused_vertices", "coincident_vertices", "inconsistent_edges", "inward_components"),
     *("merged_vertices", "t_junctions", "outliers"),

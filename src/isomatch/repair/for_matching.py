@@ -26,11 +26,11 @@ from isomatch.repair.steps import (
 )
 from isomatch.surfaces import Mesh, in_spatial_order
 
-LARGE_MESH = 2**16  # vertices; arrays of a larger mesh do not fit into the cache, so it is sorted in space
+LARGE_MESH = 2**16  # vertices; a larger mesh is sorted in space, as it does not fit into a cache; chosen
 # Defects, by the names of `check`, of a mesh whose sheets may be merged, and whose sheets may be glued.
 SIGNS_OF_MERGES = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces")
-SIGNS_OF_SHEETS = (*SIGNS_OF_MERGES, "coincident_vertices")
-# Most coincident vertices that are compared along edges, which is then faster than separating sheets; chosen.
+SIGNS_OF_SHEETS = (*SIGNS_OF_MERGES, "coincident_vertices")  # sheets may be glued
+# coincident vertices up to which comparing them along edges is faster than separating sheets; chosen
 MAX_WELDED = 64
 KEEP_TOGETHER = "if they belong together, set preparation.sheet_distance = inf"  # the remedy in notes
 INSIDE_OUT = (  # a note
@@ -51,7 +51,7 @@ def prepare_for_matching(mesh: Mesh, sheet_distance: float) -> Draft:
     report = check(draft.mesh, wall=0.0)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
-    # an edge of a face with a repeated vertex may be none of the surface
+    # A face that repeats a vertex may have an edge that is none of the surface: no manifold.
     is_manifold = not has_any(report, (*SIGNS_OF_MERGES, "repeated_index_faces"))
     few = is_manifold and len(report.coincident_vertices) <= MAX_WELDED
     has_sheets = has_any(report, SIGNS_OF_SHEETS) and not (

@@ -12,10 +12,9 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.io import Asset, Polygons, Renumbering
 from isomatch.surfaces import label_components
 
-ON_SIDE_RATIO = 1e-3  # largest distance of a vertex from a side on which it lies, over its length; chosen
-SIDE_END_SHARE = 1e-2  # least distance of an inserted vertex from an end of a side, over its length; chosen
-# Least ratio of the shortest side to the distance of vertices that nearly coincide; chosen.
-MIN_GAP_RATIO = 3.0
+ON_SIDE_RATIO = 1e-3  # largest distance of a vertex on a side over the length of the side; chosen
+SIDE_END_SHARE = 1e-2  # least distance of an inserted vertex from an end over the side; chosen
+MIN_GAP_RATIO = 3.0  # least ratio of shortest side and distance of vertices that nearly coincide; chosen
 MAX_CLOSE_RATIO = 0.3  # largest distance of vertices that nearly coincide, over the median side; chosen
 # Smallest share and number of boundary vertices that nearly coincide; fewer may do so by chance; chosen.
 MIN_CLOSE_SHARE, MIN_CLOSE_VERTICES = 0.05, 4
@@ -25,7 +24,7 @@ SHORT_SIDE_QUANTILE, CLOSE_DISTANCE_QUANTILE = 0.02, 0.95
 # Most points near a piece of a side before the piece is halved, and the smallest share of the side that is
 # still halved; chosen for speed.
 MAX_POINTS_NEAR_PIECE, MIN_PIECE_SHARE = 16, 1 / 64
-POINTS_AT_ONCE = 2**22  # points that are compared with sides at once, which bounds the memory
+POINTS_AT_ONCE = 2**22  # points that are compared with sides at once, which bounds the memory; chosen
 N_NEIGHBOURS = 8  # vertices among which the nearest vertex without a common side is sought; chosen
 
 
@@ -36,7 +35,7 @@ class Sides(NamedTuple):
     ends: IntArray
 
 
-NO_SIDES = Sides(np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64))
+NO_SIDES = Sides(np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64))  # no sides of polygons
 
 
 class TJunctions(NamedTuple):
@@ -122,7 +121,8 @@ def _find_on_sides(
         counts = tree.query_ball_point(centres, radii, return_length=True)
         few = (counts <= MAX_POINTS_NEAR_PIECE) | (high - low <= MIN_PIECE_SHARE)
         held = np.flatnonzero(few & (counts > 0))
-        for rows in np.array_split(held, 1 + counts[held].sum() // POINTS_AT_ONCE):  # lists take much memory
+        # The sides are taken in blocks, as lists of points take much memory.
+        for rows in np.array_split(held, 1 + counts[held].sum() // POINTS_AT_ONCE):
             lists = tree.query_ball_point(centres[rows], radii[rows])
             near = np.concatenate([*lists, []]).astype(np.int64)
             owner = np.repeat(side[rows], counts[rows])

@@ -13,19 +13,17 @@ from isomatch.repair.self_contacts import bends_and_costs, copy_at_fans, face_no
 from isomatch.repair.sheets import SHEET_DISTANCE, Separation, crowded_vertices, far_copies, split_by
 from isomatch.surfaces import Mesh, find_root, first_equal, label_components
 
-# A merge leaves a ragged ring: edges of three and four faces, vertices with several fans, small holes
-# where triangles of both sheets vanished, and between them edges of two faces that bend sharply. All
-# these vertices are the contact. Without them the surface around the contact falls apart into the
-# sheets; around a fold or a pinch of one sheet it stays in one piece. Faces at the contact belong to
-# the sheet of their other corners. If the sheets are still joined, flatter edges, and then
-# neighbours, are added to the contact.
-# Each pass: the least angle, in degrees, by which concave edges of the contact bend, and how many rings of
-# neighbours are added; chosen.
+# A merge leaves a ragged ring: edges of three and four faces, vertices with several fans, small holes where
+# triangles of both sheets vanished, and between them edges of two faces that bend sharply. The contact
+# consists of all these vertices. Without them, the surface around it falls apart into the sheets, while the
+# surface around a fold or a pinch of one sheet stays in one piece. Faces at the contact belong to the sheet
+# of their other corners. If the sheets are still joined, the next pass adds flatter edges, and then
+# neighbours, to the contact. Each pass: the degrees by which concave edges of the contact bend at least, and
+# the number of rings of neighbours that are added; chosen.
 PASSES = ((120.0, 0), (90.0, 0), (60.0, 0), (40.0, 0), (60.0, 1))
-# Distance from the contact, in √area, within which sheets are looked for: less than half the shortest way
-# between the sheets; chosen.
+# √area; sheets are sought this near to the contact; chosen: less than half the way between sheets
 SEEN_DISTANCE = 0.08
-# Least reach of a sheet, over SEEN_DISTANCE; a smaller piece is a rag of the contact; chosen.
+# reach of a sheet over SEEN_DISTANCE, at least; a piece that reaches less far is a rag of the contact; chosen
 MIN_SHEET_REACH = 0.8
 # Vertices of edges with more than two faces, or with several fans, are marked. Of the vertices of a contact,
 # at least the first share is marked, and at least the second share plus half the mean cosine of the
@@ -33,7 +31,7 @@ MIN_SHEET_REACH = 0.8
 # MakeHuman, contacts had shares of 0.29 to 1 and cosines up to 0.3; folds and holes had shares up to
 # 0.2 and cosines from 0.
 MIN_MARKED_SHARE, MARKED_SHARE_AT_RIGHT_ANGLES = 0.25, 0.2
-# Least share of the area of a whole body, from which bodies are parted entirely; a leg has 0.17.
+# share of the area of a whole body from which a piece is a body and parted entirely; chosen: a leg has 0.17
 MIN_BODY_SHARE = 0.2
 COPY_OFFSET_EDGES = 0.25  # mean edges by which copies move inward, so that they are not welded again; chosen
 
@@ -61,7 +59,7 @@ def _part_component(mesh: Mesh, least_distance: float) -> Separation:
     index = np.arange(mesh.n_vertices)
     size = np.abs(mesh.vertices).max() or 1.0  # a unit in which squares do not overflow
     parted = mesh.moved(mesh.vertices / size)
-    inward = parted.volume < 0  # "concave" and "inward" assume an outward winding
+    inward = parted.volume < 0  # an inward winding: "concave" and "inward" assume an outward one
     parted = rewind_faces(parted) if inward else parted
     while True:  # repeated, as limbs that have moved may meet again
         further, origin = _part_once(parted, least_distance)
@@ -96,7 +94,7 @@ def _part_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
     points = parted.vertices.copy()
     points[moves] -= COPY_OFFSET_EDGES * mesh.edge_lengths.mean() * parted.vertex_normals[moves]
     together = np.flatnonzero(moves & (first_equal(points) != np.arange(len(points))))
-    if len(together):  # copies coincide again where normals of crumpled sheets agree
+    if len(together):  # copies coincide again where the normals of crumpled sheets agree
         start, end = np.concatenate([parted.edges, parted.edges[:, ::-1]]).T
         count = np.maximum(np.bincount(start, minlength=len(points)), 1)
         middle = np.column_stack([np.bincount(start, x[end], len(points)) / count for x in parted.vertices.T])
@@ -107,7 +105,8 @@ def _part_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
 def _bends(mesh: Mesh) -> FloatArray:
     """Find the sharpest concave edge at each vertex, (n,): its angle in degrees, negative if concave."""
     ends, beside = inner_edges(mesh)
-    agree = ~mesh.edge_table.clash[mesh.edge_table.n_faces == 2]  # elsewhere, the inside meets the outside
+    # at an edge whose two faces disagree, the inside meets the outside
+    agree = ~mesh.edge_table.clash[mesh.edge_table.n_faces == 2]
     least = np.zeros(mesh.n_vertices)
     np.minimum.at(least, ends[agree], bends_and_costs(mesh, ends, beside)[0][agree, None])
     return least
@@ -224,9 +223,8 @@ def _confirm_contacts(
     seams = [places[rows] for rows in split_by(_label_near(mesh, several))]
     least = [max(MIN_MARKED_SHARE, MARKED_SHARE_AT_RIGHT_ANGLES + facing[v].mean() / 2) for v in seams]
     merged = [v for v, share in zip(seams, least) if marked[v].mean() >= share]
-    # Bodies that share a corner, an edge or a wall stay one body. Merged bodies have lost triangles, so
-    # that at least half of a hole is at the contact. If a limb would be cut off, only marked vertices
-    # are parted.
+    # Bodies that share a corner, an edge or a wall stay one body. Merged bodies have lost triangles, so that
+    # at least half of a hole is at the contact. If a limb would be cut off, only marked vertices are parted.
     component, rim = separated.components, separated.edges[separated.edge_table.n_faces == 1]
     _, hole = label_components(len(vertex), tuple(rim.T))
     is_open = np.isin(np.arange(len(vertex)), rim)

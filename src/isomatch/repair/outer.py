@@ -19,11 +19,11 @@ from isomatch.repair.self_contacts import face_normals
 from isomatch.surfaces import Mesh, label_components, meetings
 
 T = TypeVar("T", FloatArray, IntArray, BoolArray)
-CELLS_PER_RADIUS = 4.0  # cells of the grid in a radius of the ball: openings are measured to an eighth of it
-MARGIN_CELLS = 1.5  # largest gap, in cells, between the ball and a surface that it touches; chosen
-# Steps, in cells, by which the distance from the surface falls while labels spread to narrow places; chosen.
+CELLS_PER_RADIUS = 4.0  # cells in a radius of the ball; chosen: openings are measured to an eighth of it
+MARGIN_CELLS = 1.5  # cells; largest gap between the ball and a surface that it touches; chosen
+# cells by which the distance from the surface falls while labels spread to narrow places; chosen
 NARROWING_CELLS = 0.25
-SPACING_CELLS = 0.5  # largest distance, in cells, between the points that represent a face; chosen
+SPACING_CELLS = 0.5  # cells; largest distance between the points that represent a face; chosen
 
 
 def inner_faces(mesh: Mesh, opening: float = OPENING_DIAMETER) -> BoolArray:
@@ -52,7 +52,7 @@ def inner_faces(mesh: Mesh, opening: float = OPENING_DIAMETER) -> BoolArray:
         _, _, nearest = dijkstra(graph, directed=False, **asked)
         seen = np.where(nearest >= 0, seen[np.maximum(nearest, 0)], seen)
     lost = seen == 0
-    if lost.any():  # in front of these components no ball fits
+    if lost.any():  # no ball fits in front of these components
         count, of_face = label_components(mesh.n_faces, tuple(links.T))
         reached = np.bincount(of_face, space.is_beside_outside(surface), count) > 0
         seen[lost] = np.where(reached[of_face[lost]], _OUTER, _INNER)
@@ -69,7 +69,7 @@ class _Space:
     lowest: FloatArray  # position of the corner of the grid with the lowest coordinates
     step: float  # width of a cell
     distance: FloatArray  # the distance of each cell (x, y, z) from the surface, in cells
-    kind: IntArray  # _OUTER, _INNER, or _SOLID where the surface faces away; 0 where no ball fits
+    kind: IntArray  # for each cell: _OUTER, _INNER, or _SOLID behind the surface; 0 where no ball fits
 
     @classmethod
     def around(cls, surface: Mesh, opening: float) -> _Space:

@@ -7,12 +7,12 @@ from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import BoolArray, FloatArray
 
-N_NEIGHBOURS = 8  # nearest points to which the mean distance is taken; chosen
-# A point is far if its mean distance to neighbours exceeds this multiple of the median over all points. A
-# far point is an outlier if it also exceeds this multiple of the median over its neighbours; chosen.
+N_NEIGHBOURS = 8  # nearest points of a point whose mean distance is compared; chosen
+# A point is far if its mean distance from its neighbours exceeds the median of all points by this factor, and
+# an outlier if it also exceeds its neighbours' median by it; chosen.
 FAR_RATIO = 4.0
-# A far point is an outlier, too, if its neighbours are scattered: their smallest variance exceeds this share
-# of the sum of all three, while it is smaller on a surface; chosen.
+# A far point is an outlier, too, if its neighbours are scattered: their least variance exceeds this share of
+# the sum of all three, while it is smaller on a surface; chosen.
 SCATTER_SHARE = 0.06
 
 

@@ -15,19 +15,19 @@ from isomatch._core.compiled import compiled
 from isomatch.repair.caps import boundary_loops, close_holes
 from isomatch.surfaces import Mesh, corner_links, join_trees, label_components, meetings
 
-# Cost per length of an edge at these angles of the surface, in degrees, negative where it is concave, with
-# linear interpolation. The cut path of a self-contact is sharp and concave, while the other loops around
-# the same handle run across convex limbs. Chosen, as all numbers below.
+# Degrees by which the surface bends at an edge, negative where it is concave; LENGTH_COSTS has the cost for
+# each, and costs in between are interpolated. The cut path of a self-contact is sharp and concave, while
+# other loops around its handle cross convex limbs; chosen.
 COST_ANGLES = (-60.0, -30.0, 0.0, 40.0)
-LENGTH_COSTS = (0.1, 0.5, 1.0, 2.0)
+LENGTH_COSTS = (0.1, 0.5, 1.0, 2.0)  # cost of an edge per length, for each of COST_ANGLES; chosen
 
 # The next constants say where cut paths are sought; ``preparation.self_contact_concavity`` decides which
 # loop is a cut path, and the numbers of handles of the shapes decide how many are cut.
-ROOT_ANGLE = -30.0  # degrees; ends of edges that are bent more sharply inward are roots of loops
-MAX_ROOTS = 100  # largest number of roots; one near each cut path is enough
-MAX_PATH_COST = 0.4  # √area; cost at which a path from a root ends, half the cost of the longest cut path
-LOOPS_PER_ROOT = 4  # number of the cheapest loops through a root that are tried
-# √area; a shorter cut path is judged as if it had this length, since it need not be concave at each point.
+ROOT_ANGLE = -30.0  # degrees; loops begin at ends of edges that bend more sharply inward; chosen
+MAX_ROOTS = 100  # largest number of ends at which loops begin; chosen: one near each cut path is enough
+MAX_PATH_COST = 0.4  # √area; cost at which paths from a root end; chosen: half the longest cut path's
+LOOPS_PER_ROOT = 4  # cheapest loops through a root that are tried; chosen
+# √area; a shorter cut path is judged as if it had this length, as it need not be concave everywhere; chosen
 MIN_CUT_PATH_LENGTH = 0.06
 
 
@@ -37,8 +37,7 @@ class Cut:
 
     mesh: Mesh  # vertices are the given ones, then copies of some, at the same positions
     vertex_index: IntArray  # the given vertex that each vertex comes from, (n_new,)
-    # vertices (s,) of the given mesh along each cut path, a closed loop, in order
-    cut_paths: tuple[IntArray, ...]
+    cut_paths: tuple[IntArray, ...]  # closed loops of vertices (s,) of the given mesh, in order
 
     def __repr__(self) -> str:
         return f"Cut({self.mesh!r}, {len(self.cut_paths)} cut paths)"
@@ -220,9 +219,9 @@ def _closing_edges(
 
 # Bounds of creases, chosen: a crease is only a hypothesis, which the map closes again where it is a fold.
 # With ``preparation.self_contact_concavity`` = 0 there are no creases.
-CREASE_ANGLE = -45.0  # degrees; edges that are bent more sharply inward form creases
-MAX_BRIDGE_COST = 0.03  # √area; largest cost of a path that joins two pieces of a crease
-MIN_CREASE_LENGTH = 0.12  # √area; least length of a crease
+CREASE_ANGLE = -45.0  # degrees; edges that bend more sharply inward form creases; chosen
+MAX_BRIDGE_COST = 0.03  # √area; largest cost of a path that joins two pieces of a crease; chosen
+MIN_CREASE_LENGTH = 0.12  # √area; least length of a crease; chosen
 
 
 def find_creases(mesh: Mesh) -> IntArray:

@@ -24,7 +24,8 @@ from isomatch.surfaces import (
     unsound_faces,
 )
 
-SHEET_DISTANCE = 0.1  # √area along the surface; the default of `PreparationSettings.sheet_distance`
+# √area along the surface; copies of a vertex farther apart are on two sheets: decisions.md, separated sheets
+SHEET_DISTANCE = 0.1
 PROBES_PER_SEAM = 8  # vertices of a seam at which the distance between the copies is measured; chosen
 
 
@@ -72,7 +73,7 @@ def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separ
     used = np.zeros((mesh.n_vertices, 1), dtype=bool)
     used[faces] = True
     points = np.where(used, mesh.vertices, 0.0)
-    points /= np.abs(points).max(initial=0.0) or 1.0  # so squares do not overflow
+    points /= np.abs(points).max(initial=0.0) or 1.0  # scaled, so that squares do not overflow
     partners = _Partners(points, faces)
     partners.heal()
     fan, vertex = partners.fans()
@@ -193,13 +194,13 @@ def _near_along_edges(mesh: Mesh, distance: float) -> Callable[[int], BoolArray]
     return lambda vertex: np.asarray(dijkstra(lengths, directed=False, indices=vertex, limit=limit) <= limit)
 
 
-# Largest loss of likeness, ((1 + cos) / 2)² of both pairs of faces, for which partners are exchanged; chosen:
-# an exchange between two flat sheets loses 2.
+# loss of likeness, ((1 + cos) / 2)² of two pairs of faces, up to which partners are exchanged; chosen: an
+# exchange between two flat sheets loses 2
 MAX_LIKENESS_LOSS = 1.95
 HEALING_ROUNDS = 3  # rounds in which wrong choices of partners are exchanged; chosen
-# Most faces of an edge that are paired, as the time is quadratic in their number; sheets that touch have 4 or 6.
+# faces of an edge that are paired, at most, as the time is quadratic; chosen: sheets that touch have 4 or 6
 MAX_PAIRED_FACES = 100
-# Most vertices with one fan, in a net of crowded edges, that are paired, as all pairs are compared.
+# vertices with one fan, in a net of crowded edges, that are paired, at most: all pairs are compared; chosen
 MAX_PAIRED_VERTICES = 1000
 
 

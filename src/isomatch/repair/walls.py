@@ -9,12 +9,12 @@ from isomatch._core.errors import SettingError
 from isomatch.surfaces import Mesh
 
 WALL_THICKNESS = 0.05  # √area; largest thickness of a wall: decisions.md, double walls
-N_PROBED = 1000  # vertices, spread evenly over the area, that are probed; the share is known to 1.5 %
-MAX_COMPARED_VERTICES = 50_000  # vertices among which the other sheet is sought; spacing 0.004 √area
-PROBED_DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # fractions of the thickness at which the other sheet is sought
+N_PROBED = 1000  # vertices, evenly spread, that are probed; chosen: the share is known to 1.5 %
+# vertices among which the other sheet of a wall is sought; chosen: their spacing is 0.004 √area
+MAX_COMPARED_VERTICES = 50_000
+PROBED_DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # depths of the search, over the thickness; chosen
 MAX_OPPOSITE_COSINE = -0.7  # largest cosine between the normals of the two sheets of a wall; chosen
-# Least depth of the other sheet, over its sideways offset from the normal; chosen.
-MIN_STEEPNESS = 2.0
+MIN_STEEPNESS = 2.0  # least depth of the other sheet along the normal, over its distance sideways; chosen
 
 
 def double_walled_share(surface: Mesh, wall: float = WALL_THICKNESS) -> float:

@@ -15,10 +15,10 @@ from isomatch._core.first_use import package
 from isomatch.server.guard import App, Guard
 from isomatch.server.session import Session
 
-HOST = "127.0.0.1"  # address of this machine alone: no other machine can reach the server
+HOST = "127.0.0.1"  # address that only programs on this machine can reach
 EXTRA, FEATURE = "open", "isomatch open"  # extra with the packages of the server, and what needs it
-REFUSED_STATUS = 400  # A request that fails has this HTTP status; its body gives the reason in words.
-VERTEX_LIMIT = 2**31  # A request names vertices below this number; all surfaces have fewer.
+REFUSED_STATUS = 400  # HTTP status of a request that fails; the answer gives the reason in words
+VERTEX_LIMIT = 2**31  # vertices that a request names are below this, the range of 32 bits; chosen
 
 
 def require_server() -> None:

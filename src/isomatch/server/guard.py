@@ -7,14 +7,13 @@ from hmac import compare_digest
 from typing import Any
 from urllib.parse import parse_qs
 
-# types of the standard interface of web applications, ASGI: a request, its parts, its answer, an application
-Scope = MutableMapping[str, Any]
+Scope = MutableMapping[str, Any]  # types of ASGI, Python's interface between web servers and programs
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 TOKEN_HEADER = b"x-isomatch-token"  # header in which the page's script sends the token
-MAX_BODY_BYTES = 2**20  # A request with a larger body is refused; about 70 000 pairs of landmarks fit.
+MAX_BODY_BYTES = 2**20  # bytes of a request's body, at most; chosen: about 70 000 pairs of landmarks fit
 PAGE = "/"  # path of the page, whose address has the token in its query
 HEADERS = (  # headers of all answers, by which a browser protects the page from others
     (b"cache-control", b"no-store"),
@@ -29,11 +28,10 @@ HEADERS = (  # headers of all answers, by which a browser protects the page from
 class Guard:
     """An ASGI application that admits only the page, with the token, on this machine."""
 
-    # The token must be in the query of the page's address, and in a header of all other requests.
-    # There are no cookies, which a browser would also send for requests of other pages. Host, and
-    # Origin of a POST, must name this machine and the port; this refuses foreign host names that
-    # resolve to this machine. The key "once" in the query redirects to the page's address a single
-    # time.
+    # The token must be in the query of the page's address, and in a header of all other requests. There are
+    # no cookies, which a browser would also send for requests of other pages. Host, and Origin of a POST,
+    # must name this machine and the port; this refuses foreign host names that resolve to this machine. The
+    # key "once" in the query redirects to the page's address a single time.
 
     def __init__(self, app: App, token: str, port: int, once: str = "") -> None:
         self._app, self._token, self._once = app, token.encode(), once.encode()

@@ -18,11 +18,12 @@ from isomatch.surfaces import Surface
 from isomatch.visualization import WorkPage
 
 Tell = Callable[[str, float], None]  # a function that is called with a stage and the share done
-POLL_SECONDS = 0.05  # seconds between two checks whether a job has ended
+POLL_SECONDS = 0.05  # seconds between two checks whether a job has ended; chosen
 logger = logging.getLogger(__name__)
 
 Pairs = Sequence[Sequence[int]]  # pairs (source vertex, target vertex)
-SHARE_BEFORE_DRAWING = 0.97  # share of the progress of a job at which the match ends and drawing begins
+# share of a job's time that the match takes; drawing takes the rest; chosen, only for the progress bar
+SHARE_BEFORE_DRAWING = 0.97
 
 
 class Job(Call):

@@ -8,12 +8,12 @@ from functools import partial
 from isomatch._core.errors import SettingError
 from isomatch._core.settings import Settings, setting
 
-# Reasons such as "6 err by 10 % more" compare mean errors with other values: docs/dev/lab/benchmarks.md, what each
-# part contributes, and sensitivity. Scores, energies and residuals are better if they are lower.
+# A reason such as "6 err by 10 % more" says how the mean error changes with another value: lab/benchmarks.md, what
+# each part contributes, and sensitivity. Lower scores, energies and residuals are better.
 
-# Largest distance along edges, in √area, of a covered target vertex from an image; the spacing of search vertices.
+# √area; a target vertex is covered up to this distance from an image; chosen: the spacing of search vertices.
 COVERAGE_RADIUS = 0.05
-# Lengths, in √area, below which a shape that is registered moves rigidly, one for each step; chosen.
+# √area, one length for each step of a registration; a shape moves rigidly over shorter lengths; chosen.
 BENDING_LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)
 
 
@@ -24,7 +24,7 @@ class SearchSettings(Settings):
     rank: int = setting(30, "50 are no better on 50 pairs", least=4)
     """Number of descriptor columns that are compared."""
     start_columns: int = setting(20, "10 and 30 gain nothing", least=4)
-    """Number of leading descriptor columns that a few points align."""
+    """Number of leading descriptor columns that are aligned by a few points, as landmarks or extremities."""
     near_rigid: float = setting(0.05, "bones of one kind have 0.034 to 0.043", least=0)
     """Mean distance of two shapes after a rigid motion, in √area, up to which nearest points are a first map."""
     off_diagonal: tuple[float, ...] = setting((0.01, 0.001, 0.0001), "error 4.3 → 2.6: lab/paper.md", least=0)
@@ -34,11 +34,11 @@ class SearchSettings(Settings):
     extremity_counts: tuple[int, ...] = setting((4, 5, 6), "one count errs by 1 % more", least=1)
     """Numbers of extremities of one shape that are assigned together."""
     n_candidate_extremities: int = setting(7, "6 err by 10 % more, 8 do as well", least=1)
-    """Number of extremities of the other shape among which their images are chosen."""
+    """Number of extremities of a shape among which the images of the other shape's are chosen."""
     assignments: int = setting(8, "8 contain the right map on 86 of 86 pairs", least=1)
-    """Number of best assignments that are kept for each count and direction."""
+    """Number of best assignments of extremities that are kept for each of ``extremity_counts`` and direction."""
     eccentricity_weight: float = setting(0.3, "0 and 1 do as well", least=0)
-    """Weight of differences of average distance in the cost, relative to differences of mutual distances."""
+    """Weight of differences of average distance in the cost of an assignment; mutual distances have 1."""
     start_steps: int = setting(12, "6 err by 6 % more, 24 do as well", least=1)
     """Iterations of closest points from a first map by extremities."""
     flip_steps: int = setting(4, "2 and 8 gain nothing", least=1)
@@ -46,10 +46,10 @@ class SearchSettings(Settings):
     unchanged: float = setting(0.99, "0.95 errs by 2 % more, 1 does as well", least=0, most=1)
     """Share of unchanged images from which an iteration of closest points has converged."""
     compare_every: int = setting(2, "1 and 4 do as well", least=1)
-    """Iterations between two comparisons of the maps, which drop repeated ones."""
-    same_start: float = setting(0.02, "half the spacing of 400 samples", least=0)
+    """Iterations of closest points between two comparisons of the maps, which drop repeated ones."""
+    same_start: float = setting(0.02, "chosen: half the spacing of 400 samples", least=0)
     """Mean distance of images, in √area, below which two starts are one."""
-    same_map: float = setting(0.05, "the spacing of 400 samples", least=0)
+    same_map: float = setting(0.05, "chosen: the spacing of 400 samples", least=0)
     """Mean distance of images, in √area, below which two converged maps are one."""
     n_hypotheses: int = setting(14, "12 contain the right map on 86 of 86 pairs", least=1)
     """Largest number of hypotheses, which are maps that compete."""
@@ -81,7 +81,7 @@ class SelectionSettings(Settings):
     """Number of functions through which a hypothesis is extended to further vertices."""
     spectral_residual_limit: float = setting(1.15, "1.05 and 1.3 do as well", least=1)
     """Spectral residual over the least one, above which a map is given up after a stage of the refinement."""
-    same_map: float = setting(0.02, "half of what one turned limb makes", least=0)
+    same_map: float = setting(0.02, "chosen: half of what one turned limb makes", least=0)
     """Mean distance of images, in √area, up to which two refined maps are the same."""
     energy_exponent: float = setting(0.25, "with 0, 3 of 124 pairs get worse maps, 1 a better one", least=0)
     """Exponent: the score of a refined map is spectral residual × energy ** energy_exponent."""
@@ -89,11 +89,11 @@ class SelectionSettings(Settings):
     """Mean distance of images, in √area, above which two maps are different, not variants of one."""
     descriptor_weight: float = setting(1.5, "decisions.md, descriptor weight", least=0)
     """Costs of two maps are compared after exp(weight × difference of their mean descriptor distances)."""
-    most_alternatives: int = setting(2, "as many as a report can show beside the map", least=0)
+    most_alternatives: int = setting(2, "chosen", least=0)
     """Largest number of alternatives in the result."""
 
 
-_sizes = partial(setting, least=4, empty=True)  # A stage without sizes is left out.
+_sizes = partial(setting, least=4, empty=True)  # sizes of the steps of a stage; an empty stage is left out
 
 
 @dataclass(frozen=True)
@@ -158,13 +158,13 @@ class PartSettings(Settings):
     little_missing: float = setting(0.85, "decisions.md, part first or second", least=0)
     """Share of the whole's area from which a part is first matched as complete, with its holes closed."""
     most_there: float = setting(0.6, "chosen", least=0)
-    """The same share if few distances are known, see ``little_trusted``."""
+    """The share of ``little_missing`` if few distances are known, see ``little_trusted``."""
     bending: tuple[float, ...] = setting(BENDING_LENGTHS, "chosen: coarse to fine", least=1e-3)
     """Lengths, in √area of the whole, below which the part moves rigidly when it is bent, see `RigidRegistration`."""
     boundary_tolerance: float = setting(0.04, "1.2 % of true images are farther", least=0)
     """Largest distance, in √area, of a vertex of the whole that is matched to the boundary of the bent part."""
     surface_tolerance: float = setting(0.1, "five views err by 4.3 % of √area, with 0.04 by 9.0", least=0)
-    """The same distance to other points of the bent part, and to all if hardly any distance is known."""
+    """Largest distance, in √area, to other points of the bent part, or to all if few distances are known."""
     n_bent_vertices: int = setting(1000, "2000 err by 3 % less in 1.2 × the time", least=50)
     """Number of vertices of the bent part while contenders are compared."""
     n_settled: int = setting(3, "lab/robustness.md, parts", least=0)
@@ -176,7 +176,7 @@ class PartSettings(Settings):
     clear_lead: float = setting(2.0, "1.10 to 1.39 beside wrong maps: lab/robustness.md", least=1)
     """Score of the best alternative over the map's own, from which a map is sure if few distances are known."""
     descriptor_weight: float = setting(6.0, "decisions.md, cost of a part", least=0)
-    """The same as `SelectionSettings.descriptor_weight`, for parts and for roughly refined maps."""
+    """`SelectionSettings.descriptor_weight` where parts, or roughly refined maps, are compared."""
     n_common: int = setting(8, "chosen", least=1)
     """Number of likeliest common regions of two overlapping parts that are refined."""
     sure_common: float = setting(0.5, "wrong maps have up to 0.44: decisions.md, two parts", least=0)
@@ -198,7 +198,7 @@ class ElasticSettings(Settings):
     distance_tolerance: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
     """Share by which a distance may change at a lower cost (``tolerance`` of `IntervalCost`)."""
     deviation_weight: float = setting(0.1, "best start 10 % of √area off, with 0.3 12 %", least=0)
-    """Weight of any change of a distance, relative to what exceeds this share (``inside`` of `IntervalCost`)."""
+    """Weight of a change of a distance, beside what exceeds ``distance_tolerance`` (``inside`` of `IntervalCost`)."""
     n_starts: int = setting(60, "decisions.md, elastic starts", least=1)
     """Number of best assignments of either shape's points that are tried."""
     bending: tuple[float, ...] = setting(BENDING_LENGTHS, "chosen: coarse to fine", least=1e-3)
@@ -213,14 +213,14 @@ class ElasticSettings(Settings):
 class OutcomeSettings(Settings):
     """Bounds of the measures that decide the outcome."""
 
-    coverage_radius: float = setting(COVERAGE_RADIUS, "the spacing of the search vertices", least=0)
+    coverage_radius: float = setting(COVERAGE_RADIUS, "chosen: the spacing of the search vertices", least=0)
     """Largest distance along edges, in √area, of a covered target vertex from an image."""
     tie: float = setting(1.25, "5 right maps of 63 are flagged: decisions.md, descriptor weight", least=1)
     """Score of an alternative over the map's own, below which the map is not sure."""
     elastic_tie: float = setting(1.15, "chosen: decisions.md, descriptor bounds", least=1)
-    """The same between shapes far from isometric, whose spectral residuals are nearly equal."""
+    """The bound ``tie`` between shapes far from isometric, whose spectral residuals are nearly equal."""
     mirror_tie: float = setting(1.5, "lab/benchmarks.md, confidence", least=1)
-    """The same for maps of either orientation if both are allowed, as poses alone may differ as much."""
+    """The bound ``tie`` for a map of the other orientation, if both are allowed: poses alone may differ as much."""
     mirror_image: float = setting(0.6, "lopsided creatures up to 0.52, bodies from 0.67", least=0, most=1)
     """Score of a map of the orientation not allowed, over the map's own, below which it fits clearly better."""
     max_counted_growth: float = setting(4.0, "chosen: torn faces must not outweigh all others", least=1)
@@ -241,7 +241,7 @@ class OutcomeSettings(Settings):
     """Bound: further strategies are tried unless the mean descriptor distance is well below this."""
     doubtful_descriptor_distance: float = setting(0.65, "right maps but one ≤ 0.54, wrong ≥ 0.78", least=0)
     """Mean descriptor distance around a vertex, above the map's median, from which its image is doubtful."""
-    doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)
+    doubtful_area: float = setting(0.02, "chosen: a forearm of a body", least=0, most=1)
     """Share of the surface above which a region of doubtful images lowers the outcome."""
     torn_growth: float = setting(0.1, "0.07 to 0.15 do as well: lab/benchmarks.md", least=0)
     """Growth of an edge, in √area, above which the map tears it."""
@@ -253,5 +253,5 @@ class OutcomeSettings(Settings):
     """Distance of images from where priors ask for them, in √area, above which they contradict the map."""
     out_of_pose: float = setting(0.25, "a turn by 40° makes 0.22, by 90° 0.29: docs/priors.md", least=0)
     """Mean distance of images from the nearest points in space, in √area, above which the pose misleads."""
-    large_component: float = setting(0.05, "a hand has 1 %, a head 8 % of a body", least=0, most=1)
+    large_component: float = setting(0.05, "chosen: a hand has 1 %, a head 8 % of a body", least=0, most=1)
     """Share of area or vertices above which a component without a partner makes a match partial."""

@@ -19,12 +19,12 @@ class PreparationSettings(Settings):
     """Distance, in √area, below which two extremities count as one: a hand, and not its fingers."""
     n_extremities: int = setting(8, "7 to 12 give the same errors: lab/benchmarks.md", least=0)
     """Largest number of extremities."""
-    signature_step: int = setting(5, "neighbouring energies overlap", least=1)
+    signature_step: int = setting(5, "chosen: neighbouring energies overlap", least=1)
     """Step from one used energy to the next, among the hundred of the wave kernel signature."""
     curvature_functions: tuple[int, ...] = setting((50, 100, 150), "chosen: coarse to fine", least=4)
     """Numbers of Laplace–Beltrami functions that smooth the surfaces whose mean curvatures are signatures."""
-    energy_curvature_functions: int = setting(100, "chosen: the middle one of these", least=4)
-    """The same number for the surface whose curvature the energy compares."""
+    energy_curvature_functions: int = setting(100, "chosen: the middle of curvature_functions", least=4)
+    """Number of Laplace–Beltrami functions that smooth the surface whose curvature the energy compares."""
     distance_unit: DistanceUnit = setting("average", "scale must not matter; errors are equal: lab/paper.md")
     """Unit in which distances of two shapes are compared: the average of each, or the units of the files."""
     block_diagonal: bool = setting(True, "mixing columns of different sign harms: lab/paper.md")
@@ -39,7 +39,7 @@ class PreparationSettings(Settings):
     """Largest number of components of a mesh that are matched separately, beside the largest component."""
 
 
-# The source of four sizes: mean errors in % of √area, and seconds of CPU, of eight pairs of 12,500 vertices.
+# Reason for the four sizes below: mean error in % of √area, and CPU time, of 8 pairs with 12,500 vertices.
 LEVEL_ERRORS = "SCAPE: all 1.58 % in 4.9 s, auto 1.54 % in 2.8 s, fast 1.54 % in 1.9 s"
 
 
@@ -50,11 +50,11 @@ class LevelSettings(Settings):
     matched: int = setting(5000, LEVEL_ERRORS, least=200)
     """Number of vertices on which shapes are matched."""
     polished: int = setting(16000, LEVEL_ERRORS, least=200)
-    """Number of vertices on which the map is then polished."""
+    """Number of vertices on which the map of a large mesh is polished after the match."""
     fast_matched: int = setting(2500, LEVEL_ERRORS, least=200)
     """Number of vertices on which shapes are matched with ``resolution="fast"``."""
     fast_polished: int = setting(5000, LEVEL_ERRORS, least=200)
-    """Number of vertices on which the map is then polished with ``resolution="fast"``."""
+    """Number of vertices on which the map is polished after the match with ``resolution="fast"``."""
     spared: float = setting(1.25, "chosen: to decimate by less hardly saves time", least=1)
     """Largest ratio of the vertices of a mesh to the vertices of a level at which it is not decimated."""
 

@@ -14,10 +14,10 @@ from isomatch.repair import LARGE_MESH, VertexTrace, find_outliers, prepare_for_
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-MIN_VERTICES = 50  # fewest vertices of a body, which needs 8 distance columns and 20 functions
-LEFT_UNMATCHED = "are left unmatched"  # in notes on parts that are not matched
-GRAPH_AVERAGE_DISTANCE = 0.75  # mean distance to which a graph, without area, is scaled, as in people
-MIN_COMPONENT_SHARE = 0.001  # least share of the area of a component that is matched, such as an eye
+MIN_VERTICES = 50  # vertices of a body, at least; chosen for 8 distance columns and 20 functions
+LEFT_UNMATCHED = "are left unmatched"  # end of notes on parts of a shape that are not matched
+GRAPH_AVERAGE_DISTANCE = 0.75  # mean distance to which a graph, without area, is scaled; as in people
+MIN_COMPONENT_SHARE = 0.001  # share of the area; smaller components, as an eye, are not matched; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,8 @@ class Body:
     user_vertex: IntArray
     left_out: float  # share of the shape that lies in other components, see `body_of`
     notes: tuple[str, ...]  # parts left out, and repairs
-    share: float = 1.0  # area of the body over the area of the shape
-    # further components of a mesh that can be matched separately, largest first
-    others: tuple[Body, ...] = ()
+    share: float = 1.0  # area of the body over the area of the whole shape
+    others: tuple[Body, ...] = ()  # other components of a mesh to match, largest first
 
 
 def body_of(shape: Surface, settings: PreparationSettings) -> Body:
@@ -151,7 +150,7 @@ class Level:
     body_vertex: IntArray  # (n,) vertex of this level for each vertex of the shape; −1 if left out
     user_vertex: IntArray  # (n_level,) vertex of the shape, the nearest one, for each vertex of this level
     detail: Detail | None = None  # the body in full, if this level is coarser
-    refining: Prolongation | None = None  # from the finer level, or the body in full, to this level
+    refining: Prolongation | None = None  # from the finer level, or the body in full, to this one
 
 
 @dataclass(frozen=True, eq=False)

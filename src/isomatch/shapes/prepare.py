@@ -81,7 +81,7 @@ def prepare(
         timer = StageTimer(progress, PREPARATION_SHARES)
         timer.start("body")
         shape = surface_from(surface)
-        generator(seed)  # raises the error about a bad seed
+        generator(seed)  # only to raise the error about a wrong seed before work begins
         settings = config.preparation
         if distances is not None:  # given distances hold for the whole, unchanged surface
             settings = replace(settings, sheet_distance=np.inf, most_components=0)

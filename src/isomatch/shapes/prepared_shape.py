@@ -356,17 +356,17 @@ class PreparedShape(SmoothShape, Shown):
         return orientation_of(self, basis, self, vertices[image_row], k)
 
 
-FORMAT = ArrayFormat(
+FORMAT = ArrayFormat(  # contents of the file of a prepared shape
     what="a prepared shape",
     writer="PreparedShape.save",
     version=3,  # raise it whenever shapes are prepared in another way: files of other versions are refused
     arrays={"about": Stored("text"), "digest": Stored("text")},
 )
-_ARRAY = re.compile(r"array_[0-9]{1,9}")  # names of arrays in a file
+_ARRAY = re.compile(r"array_[0-9]{1,9}")  # matches the names of the arrays in a file
 # Classes of the objects that a file may hold; KINDS makes an object from the name of its class.
 _SURFACES, _BASES = (Mesh, PointCloud), (DistanceBasis, LaplaceBasis, Sampling)
-_STORED = *_SURFACES, *_BASES, Body, Detail, Level, Decimated, Prolongation
-KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}
+_STORED = *_SURFACES, *_BASES, Body, Detail, Level, Decimated, Prolongation  # all but graphs
+KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}  # classes by their name
 KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # parameters have other names than fields
 
 # Fields that hold numbers of vertices: the lowest number allowed, and the number of vertices.

@@ -28,26 +28,25 @@ from isomatch.correspondence import (
 )
 from isomatch.settings import SymmetrySettings
 
-# Numbers without a reason were chosen, see lab/benchmarks.md, symmetry. Distances are in √area.
-N_SAMPLES = 200  # samples of the search; chosen: their spacing of 0.08 is below SAME_SYMMETRY
-N_ANCHORS = 5  # samples far from each other: three determine an isometry, two more show if it is right
+N_SAMPLES = 200  # samples of the search; chosen: their spacing of 0.08 √area is below SAME_SYMMETRY
+N_ANCHORS = 5  # samples that are assigned; chosen: three determine an isometry, two more test it
 BEAM_WIDTH = 60  # partial assignments of the anchors that are kept; 200 find no more symmetries
-N_ROUNDS, STEPS_PER_ROUND = 3, 4  # rounds of closest points from each assignment, and steps of a round
-SAME_START = 0.04  # mean distance below which maps become one between rounds; half the spacing
+N_ROUNDS, STEPS_PER_ROUND = 3, 4  # rounds of closest points from an assignment, and steps of each; chosen
+SAME_START = 0.04  # √area, mean; nearer maps become one between rounds; chosen: half the spacing
 N_GENERATORS = 6  # best symmetries whose products, of any two, are tried; chosen
-MIN_ORIENTATION = 0.7  # least mean cosine, of either sign, between normals; mirror images of bodies have more
-MIN_MOVED = 0.15  # mean movement below which a map is the identity; as selection.runner_up_distance
-SAME_SYMMETRY = 0.1  # mean distance below which two maps are one; about the spacing of the samples
+MIN_ORIENTATION = 0.7  # least mean cosine, up to its sign, between normals; mirror images of bodies have more
+MIN_MOVED = 0.15  # √area, mean; a map that moves less is the identity; selection.runner_up_distance
+SAME_SYMMETRY = 0.1  # √area, mean; nearer maps are one symmetry; chosen: about the spacing of the samples
 # Largest residuals, over the largest residual of a symmetry: of maps that are multiplied, and of maps whose
 # orientation need not be clear, as on one-sided surfaces; chosen.
 GENERATOR_RESIDUAL_RATIO, EXACT_RESIDUAL_RATIO = 1.5, 0.75
-# Largest residual among the samples of the search over the residual among all samples. Near the bound, six
-# bodies of FAUST have 1.03 to 1.08.
+# Largest residual among the samples of the search over the residual among all samples. Bodies whose residual
+# is near the bound have 1.03 to 1.08, in six of FAUST.
 SEARCH_RESIDUAL_RATIO = 1.2
 # Largest residual of a near-symmetry over the largest residual of a symmetry, and the number of assignments
 # over the number for symmetries. Half turns of ants have 1.3, and are missed with as few assignments.
 NEAR_RESIDUAL_RATIO, NEAR_ASSIGNMENTS_RATIO = 2.0, 2.5
-EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)  # a cost of any difference of two distances
+EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)  # a cost in which any difference of two distances counts
 
 Orientation = Callable[[IntArray], float]
 """Orientation, from −1 to 1, of a map of samples (r,) to samples."""
@@ -58,7 +57,7 @@ class Symmetry:
     """A map of a shape onto itself that nearly keeps distances."""
 
     image_row: IntArray  # (r,) image of each sample
-    residual: float  # of the distance descriptors, in √(average distance); 0.1 for exact symmetries
+    residual: float  # mean descriptor difference, in √(average distance); 0.1 for exact symmetries
     orientation: float  # near 1 for a rotation, −1 for a mirror image; 0 if the shape has no triangles
     moved: float  # mean distance between a sample and its image, in √area
 
@@ -71,13 +70,12 @@ class SymmetrySearch:
     # few anchors a_i, far from each other, are assigned to samples b_i by a beam of partial
     # assignments that differ. They minimise
     #     Σ_{i<j} |d(b_i, b_j) − d(a_i, a_j)|, each term bounded and relative to the distance, see `IntervalCost`.
-    # The image of any other sample has the same distances from the b_i as the sample from the a_i.
-    # In the distance basis D = P S Pᵀ, S = diag(±1), rows p(x) of P are the descriptors, and d(x,
-    # y) = p(x) S p(y)ᵀ; if σ keeps d, then p(σ x) = p(x) R with R S Rᵀ = S (Shamai & Kimmel,
-    # Geodesic distance descriptors, CVPR 2017). So each first map is improved by iterative closest
-    # points of the descriptors with themselves. The identity is such a map, too; maps that move
-    # samples little are left out. O(beam · samples · log) for the assignments, O(starts · samples²
-    # · rank) for the rest.
+    # The image of any other sample has the same distances from the b_i as the sample from the a_i. In the
+    # distance basis D = P S Pᵀ, S = diag(±1), rows p(x) of P are the descriptors, and d(x, y) = p(x) S p(y)ᵀ;
+    # if σ keeps d, then p(σ x) = p(x) R with R S Rᵀ = S (Shamai & Kimmel, Geodesic distance descriptors, CVPR
+    # 2017). So each first map is improved by iterative closest points of the descriptors with themselves. The
+    # identity is such a map, too; maps that move samples little are left out. O(beam · samples · log) for the
+    # assignments, O(starts · samples² · rank) for the rest.
 
     points: SignedPoints  # descriptors of r samples, evenly spread, as is every prefix
     distances: FloatArray  # (r, r) geodesic distances between the samples, in √area
@@ -164,9 +162,8 @@ class SymmetrySearch:
             if residual > largest_tried:
                 return
             side = orientation(image_row)
-            # σ either preserves the orientation everywhere or reverses it. A map that does both is
-            # no symmetry, although the distances of a limb that is turned in its place hardly show
-            # it.
+            # σ either preserves the orientation everywhere or reverses it. A map that does both is no
+            # symmetry, although the distances of a limb that is turned in its place hardly show it.
             if side == 0 or abs(side) >= MIN_ORIENTATION or residual <= EXACT_RESIDUAL_RATIO * largest:
                 self_maps.append((Symmetry(image_row, residual, side, float(moved)), rotation, sample_map))
 
@@ -176,7 +173,8 @@ class SymmetrySearch:
         # Symmetries are a group: the product σ τ is a symmetry, too, which the beam may have missed. Two
         # mirror images make a rotation.
         generators = [rotation for _, rotation, _ in self_maps[:n_generators]]
-        tried[1:] = [sample_map for *_, sample_map in self_maps]  # so that products may mend rejected maps
+        # included, so that products may mend maps that were rejected
+        tried[1:] = [sample_map for *_, sample_map in self_maps]
         for first, second in product(generators, repeat=2):
             add(second @ first)
         symmetries = [symmetry for symmetry, *_ in self_maps if symmetry.residual <= most]

@@ -26,12 +26,13 @@ def _names(*properties: Any) -> tuple[str, ...]:
     return tuple(cached.func.__name__ for cached in properties)
 
 
-# Names of cached properties that a variant takes over from the shape from which it is made, by what both
-# have in common. A property that is not listed is computed anew, which is correct, but slower.
+# Names of cached properties that a variant takes over from its original. Those that are not listed are
+# computed anew, which is correct, but slower. First: where both have the same body.
 OF_BODY = _names(
     PreparedShape.functions, PreparedShape.index, PreparedShape.signatures, PreparedShape.curvature
 )
-OF_DISTANCES = _names(PreparedShape.symmetries, PreparedShape.symmetry_search)
+OF_DISTANCES = _names(PreparedShape.symmetries, PreparedShape.symmetry_search)  # for equal distances
+# for shapes whose faces are wound the other way
 OF_EITHER_WINDING = _names(PreparedShape.functions, PreparedShape.points, PreparedShape.handles)
 
 

@@ -36,7 +36,7 @@ from isomatch.spectral.low_rank import (
 )
 from isomatch.surfaces import Mesh, PointCloud
 
-MAX_COLUMNS = 800  # most columns of a basis that is to reach a tolerance; beyond, an error is raised; chosen
+MAX_COLUMNS = 800  # columns, at most, to reach a tolerance; then an error is raised; chosen
 
 
 def distance_basis(

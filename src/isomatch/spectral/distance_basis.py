@@ -19,7 +19,7 @@ from isomatch.geodesics import Sampling, points_of
 from isomatch.spectral.basis import PlottedBasis, fix_signs
 from isomatch.surfaces import PrecisePoints
 
-FORMAT = ArrayFormat(
+FORMAT = ArrayFormat(  # contents of the file of a distance basis
     what="a distance basis",
     writer="DistanceBasis.save",
     version=1,  # raise it when earlier versions of isomatch could not read the files
@@ -36,8 +36,8 @@ FORMAT = ArrayFormat(
     },
     filled=("n", "k"),
 )
-MIN_EIGENVALUE_RATIO = 1e-12  # least eigenvalue, over the largest; smaller ones are rounding and left out
-MIN_PAIRS_FOR_THREADS = 50_000  # pairs of points; for fewer, threads cost more time than they save
+MIN_EIGENVALUE_RATIO = 1e-12  # eigenvalues below this share of the largest are rounding and left out; chosen
+MIN_PAIRS_FOR_THREADS = 50_000  # pairs of points; with fewer, threads cost more time than they save; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -255,8 +255,7 @@ def orthonormalise(
     # Shamai & Kimmel 2017, section "Computing the basis": with the QR decomposition A^½ S = P R,
     # PᵀP = I, and the eigenpairs R T Rᵀ = V Λ Vᵀ of a q × q matrix,
     #   D ≈ S T Sᵀ = A^(−½) P (R T Rᵀ) Pᵀ A^(−½) = Q Λ Qᵀ,  Q = A^(−½) P V,
-    # and QᵀAQ = Vᵀ PᵀP V = I. So Λ holds the eigenvalues of the operator f ↦ D A f of the
-    # approximation.
+    # and QᵀAQ = Vᵀ PᵀP V = I. So Λ holds the eigenvalues of the operator f ↦ D A f of the approximation.
     root = np.sqrt(weights)[:, None]
     q, r = qr(root * outer, mode="economic", check_finite=True)
     inner = r @ middle @ r.T

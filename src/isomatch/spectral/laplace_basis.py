@@ -22,22 +22,21 @@ from isomatch.surfaces import Mesh, Surface
 
 Precision = Literal["double", "single"]
 
-# Vectors that are solved for at once in double precision. Larger blocks need more vectors to converge,
-# smaller blocks need more time to solve; chosen.
+# vectors that are solved for at once in double precision; chosen: larger blocks need more vectors to
+# converge, smaller ones more time to solve
 BLOCK_VECTORS = 8
-# Largest relative residual of a converged eigenpair, see `smallest_eigenpairs`: decisions.md, refinement
-# cost.
+# largest relative residual of a converged eigenpair, by precision: decisions.md, refinement cost
 MAX_RESIDUAL: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
 # Vectors per function before the first test of convergence. With 2.4, the finest signature of a shape and
 # of its relabelled copy differ by up to 0.6 standard deviations, with 2.6 by 0.07.
 MIN_VECTORS_PER_FUNCTION = 2.6
-VECTORS_PER_TEST = 48  # vectors between two tests of convergence; a multiple of the widths of blocks
-MAX_DENSE_VERTICES = 1000  # most vertices for a dense solver; beyond, a Krylov space is faster
-# Shift of the operator of the refined basis, over the last eigenvalue of the coarse basis: so large that
-# inverse iteration favours no single function; chosen.
+VECTORS_PER_TEST = 48  # vectors between two tests of convergence; chosen: a multiple of blocks' widths
+MAX_DENSE_VERTICES = 1000  # vertices up to which a dense solver is faster than a Krylov space
+# Number added to the operator of the refined basis, over the last eigenvalue of the coarse basis; chosen so
+# large that inverse iteration favours no single function.
 SHIFT_RATIO = 0.1
-# Shifts, in 1 / area, that are added to all eigenvalues. The first makes the singular Laplacian definite.
-# The second, for single precision, is near the second eigenvalue: with a smaller shift, rounding of the
+# 1 / area; numbers that are added to all eigenvalues, in double and in single precision. The first makes the
+# singular Laplacian definite. The second is near the second eigenvalue: with a smaller one, rounding of the
 # largest part of the inverse hides the other parts.
 SHIFT, SINGLE_SHIFT = 1e-2, 10.0
 
@@ -221,12 +220,11 @@ def smallest_eigenpairs(
     # 1994): the smallest eigenvalues λ of H are the largest 1 / (λ + σ) of B, far from the others,
     # so that they converge first. With the space Q = [Q_1 … Q_j], orthonormal,
     #   B Q_j = Σ_i Q_i T_ij + Q_{j+1} R_{j+1},  T = Qᵀ B Q,
-    # each new block Q_{j+1} R_{j+1} is the remainder of B Q_j, made orthonormal. In exact
-    # arithmetic, where T is block tridiagonal, it need be orthogonal only to the two blocks before
-    # it; then once to all, because rounding brings converged directions back. ``tolerance`` bounds
-    # the residual of an eigenpair of B relative to its eigenvalue; the relative error of the
-    # eigenvalue is at most of the order of its square. ``dtype`` is the type of the space and the
-    # vectors.
+    # each new block Q_{j+1} R_{j+1} is the remainder of B Q_j, made orthonormal. In exact arithmetic, where T
+    # is block tridiagonal, it need be orthogonal only to the two blocks before it; then once to all, because
+    # rounding brings converged directions back. ``tolerance`` bounds the residual of an eigenpair of B
+    # relative to its eigenvalue; the relative error of the eigenvalue is at most of the order of its square.
+    # ``dtype`` is the type of the space and the vectors.
     n = operator.shape[0]
     if n <= max(MAX_DENSE_VERTICES, k + 20 * BLOCK_VECTORS):
         values, vectors = np.linalg.eigh(operator.toarray())
@@ -241,13 +239,13 @@ def smallest_eigenpairs(
     what = f"the Krylov space of {k} functions on {n} vertices"
     require_memory(float(dtype.itemsize) * n * limit, what, "ask for fewer functions")
     space = np.zeros((limit, n), dtype)
-    projected = np.zeros((limit, limit))  # T, the rows of space being the columns of Q
+    projected = np.zeros((limit, limit))  # the matrix T; the vectors of Q are the rows of ``space``
     space[:width] = _orthonormal_columns(generator(seed).standard_normal((n, width)))[0].T
     size = width
     while True:
         last = slice(size - width, size)
         image = np.ascontiguousarray(solve(space[last].T).T)
-        for first in (max(0, size - 2 * width), 0):  # against the last two blocks, then all
+        for first in (max(0, size - 2 * width), 0):  # orthogonal to the last two blocks, then to all
             part = space[first:size]
             overlap = part @ image.T
             image -= overlap.T @ part
@@ -255,9 +253,8 @@ def smallest_eigenpairs(
         block, coupling = _orthonormal_columns(image.T.astype(np.float64))
         full = size + width > limit
         if full or (size >= MIN_VECTORS_PER_FUNCTION * k and size % VECTORS_PER_TEST == 0):
-            # Ritz pairs T s = θ s give (θ, Q s). As B Q − Q T is Q_{j+1} R_{j+1} in the last block
-            # alone, the residual ‖B Q s − θ Q s‖ is ‖R_{j+1} s_last‖, without another product with
-            # B. λ = 1 / θ − σ.
+            # Ritz pairs T s = θ s give (θ, Q s). As B Q − Q T is Q_{j+1} R_{j+1} in the last block alone, the
+            # residual ‖B Q s − θ Q s‖ is ‖R_{j+1} s_last‖, without another product with B. λ = 1 / θ − σ.
             values, mix = np.linalg.eigh(projected[:size, :size], UPLO="U")
             values, mix = values[: -k - 1 : -1], mix[:, : -k - 1 : -1]
             residual = np.linalg.norm(coupling @ mix[last], axis=0) / values

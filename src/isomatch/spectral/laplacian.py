@@ -17,7 +17,7 @@ from isomatch.geodesics import MetricSpace
 from isomatch.spectral.basis import require_areas
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-WIDTH = 16  # right-hand sides that are solved for at once: a row has 64 bytes in single precision
+WIDTH = 16  # right-hand sides solved for at once; chosen: 64 bytes a row in single precision
 
 
 def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:
@@ -41,7 +41,8 @@ def _graph_laplacian(graph: Graph) -> csc_array:
     # length, times a constant: on a square grid, where the masses are h², 4 / degree √(m_i m_j) /
     # h² = 1 makes L the five-point Laplacian.
     i, j = graph.edges.T
-    lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())  # so no length is 0
+    # raised to a millionth of the mean length, so that none is 0
+    lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())
     degree = 2 * len(i) / graph.n_vertices  # average number of neighbours, 4 on a square grid
     conductance = 4 / degree * np.sqrt(graph.vertex_areas[i] * graph.vertex_areas[j]) / lengths**2
     adjacency = coo_array((conductance, (i, j)), shape=(graph.n_vertices,) * 2)
@@ -62,7 +63,7 @@ def factorise_for_threads(
     Several threads may keep and use the result. SuperLU's own factors would leak if another thread
     than the one that made them released them.
     """
-    factors = _factors(stiffness, diagonal)  # H + diag(d) = Pᵀ L D Lᵀ P
+    factors = _factors(stiffness, diagonal)  # factors of H + diag(d) = Pᵀ L D Lᵀ P
     rows = csr_array(tril(factors.L, -1))
     columns = csc_array(rows)
     by_row, by_column = (

@@ -23,13 +23,13 @@ from isomatch.spectral.laplacian import factorise, stiffness_and_masses
 from isomatch.surfaces import Mesh, PointCloud, Surface
 
 RIDGE_RATIO = 1e-9  # ridge of kriging over the mean variance, for samples that nearly coincide; chosen
-NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %
-MIN_NODES = 300  # least number of predicted columns of a basis of few vectors; chosen
-MIN_AREA_RATIO = 1e-3  # least area of a vertex over the mean, as tiny areas attract samples; chosen
-BLOCK_ROWS = 4096  # rows of predicted columns that a thread computes at once
-# Weights μ of the values at the samples, at unit area, in the biharmonic interpolant, and in its spectral
-# form. Above 1e4 the interpolant is practically exact at the samples. The spectral weight is lower, because
-# p functions that follow p values closely oscillate between the samples.
+NODES_PER_VECTOR = 12  # predicted columns per vector; twice as many lower the error by less than 1 %
+MIN_NODES = 300  # least number of predicted columns, for a basis of few vectors; chosen
+MIN_AREA_RATIO = 1e-3  # areas are raised to this share of the mean, as tiny ones attract samples; chosen
+BLOCK_ROWS = 4096  # rows of predicted columns that a thread computes at once; chosen
+# Weights μ, at unit area, of fitting the values at the samples, in the biharmonic interpolant and in its
+# spectral form. Above 1e4, the interpolant is practically exact at the samples. The spectral weight is lower,
+# because p functions that follow p values closely oscillate between the samples.
 FIDELITY, SPECTRAL_FIDELITY = 1e6, 1e4
 
 
@@ -61,18 +61,17 @@ def nystrom_factors(columns: FloatArray, samples: IntArray, rank: int) -> tuple[
 
 def interpolated_factors(interpolant: FloatArray, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Factors S (n, 2 p) and T (2 p, 2 p) of D ≈ ½ (M F + Fᵀ Mᵀ) = S T Sᵀ, from M (n, p) and F (p, n)."""
-    # S = [M, Fᵀ] and T = ½ [[0, I], [I, 0]]
+    # The product M F, made symmetric, is S T Sᵀ with S = [M, Fᵀ] and T = ½ [[0, I], [I, 0]].
     p = len(columns)
     return np.hstack([interpolant, columns.T]), np.roll(np.eye(2 * p), p, axis=0) / 2
 
 
 def exact_basis(engine: DistanceEngine, weights: FloatArray, rank: int) -> DistanceBasis:
     """Build the optimal basis of k vectors from all n distance columns; its ``samples`` are empty."""
-    # Let A = diag(weights). In the norm ‖X‖²_A = ‖A^½ X A^½‖²_F, which weights d_ij by a_i a_j, the
-    # theorem of Eckart & Young for the symmetric matrix A^½ D A^½ = V Λ Vᵀ gives the best
-    # approximation of rank k of D from the k eigenvalues of largest magnitude: D ≈ Q Λ Qᵀ with Q =
-    # A^(−½) V, QᵀAQ = VᵀV = I. O(n² log n) time for the distances and O(n² k) for the eigenpairs;
-    # 16 n² bytes.
+    # Let A = diag(weights). In the norm ‖X‖²_A = ‖A^½ X A^½‖²_F, which weights d_ij by a_i a_j, the theorem
+    # of Eckart & Young for the symmetric matrix A^½ D A^½ = V Λ Vᵀ gives the best approximation of rank k of
+    # D from the k eigenvalues of largest magnitude: D ≈ Q Λ Qᵀ with Q = A^(−½) V, QᵀAQ = VᵀV = I. O(n² log n)
+    # time for the distances and O(n² k) for the eigenpairs; 16 n² bytes.
     n = engine.n_points
     distances = all_distances(engine, 16.0, "the exact distance basis")
     root = np.sqrt(weights)
@@ -114,12 +113,11 @@ class ColumnPredictor:
     # the expectation of another row is the combination M = K_·S K_SS⁻¹ of the rows at S (kriging),
     # and likewise for columns. Interpolated in both arguments,
     #   Ê = M E_S + E_Sᵀ Mᵀ − M E_SS Mᵀ,
-    # the blending of Gordon and Coons: with P = M (·)_S, it is (P ⊗ 1 + 1 ⊗ P − P ⊗ P) E = E − (1 −
-    # P) ⊗ (1 − P) E. The interpolation error acts twice, once in each argument. K is the mean of
-    # the products of the measured columns plus the covariance (L + A)⁻¹ A (L + A)⁻¹ of smooth
-    # functions, with the Laplacian L at unit area. The power 3/2 smooths the cone at distance 0,
-    # which cannot be interpolated, without sharpening the ridges at the cut locus, as the square
-    # would.
+    # the blending of Gordon and Coons: with P = M (·)_S, it is (P ⊗ 1 + 1 ⊗ P − P ⊗ P) E = E − (1 − P) ⊗ (1 −
+    # P) E. The interpolation error acts twice, once in each argument. K is the mean of the products of the
+    # measured columns plus the covariance (L + A)⁻¹ A (L + A)⁻¹ of smooth functions, with the Laplacian L at
+    # unit area. The power 3/2 smooths the cone at distance 0, which cannot be interpolated, without
+    # sharpening the ridges at the cut locus, as the square would.
     interpolant: FloatArray  # (n, p) M
     half: FloatArray  # (n, p) H = E_Sᵀ − ½ M E_SS, so that Ê = M Hᵀ + H Mᵀ
     unit: float  # mean distance of the columns, by which D is divided
@@ -133,8 +131,7 @@ class ColumnPredictor:
         stiffness, masses = stiffness_and_masses(surface)
         masses /= masses.sum()
         solve = factorise(stiffness, masses)
-        # K_·S: the mean of products of measured columns, plus the covariance of smooth functions,
-        # column by column
+        # K_·S: mean of products of measured columns, plus covariance of smooth functions, column by column
         covariance = powers.T @ (powers[:, samples] / p)  # (n, p) (p, p) -> (n, p)
         for a, sample in enumerate(samples):
             source = np.zeros(len(masses))
@@ -239,8 +236,8 @@ def interpolated_basis(
     if method == "fmds":
         interpolant = biharmonic_interpolant(surface, sampling.vertices)
     else:
-        # after Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic
-        # energy instead of theirs
+        # A variant of Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic
+        # energy instead of theirs.
         laplace = laplace_basis(surface, len(sampling.vertices), weld=False)
         interpolant = laplace.vectors @ spectral_interpolant(laplace, sampling.vertices)
     factors = interpolated_factors(interpolant, sampling.columns)
@@ -249,10 +246,9 @@ def interpolated_basis(
 
 def biharmonic_interpolant(surface: Surface, samples: IntArray, fidelity: float = FIDELITY) -> FloatArray:
     """Compute the matrix M (n, p) that maps values at p samples to the smoothest function near them."""
-    # Shamai, Zibulevsky & Kimmel, *Accelerating the computation of canonical forms for 3D nonrigid
-    # objects using multidimensional scaling*, 3DOR 2015 (FMDS): the function u that minimises the
-    # biharmonic energy plus μ times the squared difference to the values f at the samples, which
-    # the matrix B (p, n) selects,
+    # Shamai, Zibulevsky & Kimmel, *Accelerating the computation of canonical forms for 3D nonrigid objects
+    # using multidimensional scaling*, 3DOR 2015 (FMDS): the function u that minimises the biharmonic energy
+    # plus μ times the squared difference to the values f at the samples, which the matrix B (p, n) selects,
     #   ‖A^(−½) L u‖² + μ ‖B u − f‖²,
     # has the gradient (L A⁻¹ L + μ BᵀB) u − μ Bᵀ f = 0, so that M = μ (L A⁻¹ L + μ BᵀB)⁻¹ Bᵀ. The
     # area is scaled to 1, so that μ has no unit.
@@ -270,9 +266,8 @@ def spectral_interpolant(
     basis: LaplaceBasis, samples: IntArray, fidelity: float = SPECTRAL_FIDELITY
 ) -> FloatArray:
     """Compute the matrix (min(p, k), p) from p sampled values to coefficients of the smoothest function."""
-    # The ``biharmonic_interpolant`` in the span of the first p of k eigenfunctions Φ at unit area:
-    # for u = Φ c the biharmonic energy is ‖Λ c‖² and B u = Φ_S c, so that c = μ (Λ² + μ Φ_Sᵀ Φ_S)⁻¹
-    # Φ_Sᵀ f.
+    # The ``biharmonic_interpolant`` in the span of the first p of k eigenfunctions Φ at unit area: for u = Φ
+    # c the biharmonic energy is ‖Λ c‖² and B u = Φ_S c, so that c = μ (Λ² + μ Φ_Sᵀ Φ_S)⁻¹ Φ_Sᵀ f.
     p, area = len(samples), basis.weights.sum()
     pull = fidelity * area * basis.vectors[samples, :p].T
     normal = np.diag((area * basis.values[:p]) ** 2) + pull @ basis.vectors[samples, :p]

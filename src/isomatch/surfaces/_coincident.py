@@ -25,7 +25,7 @@ def first_equal(points: AnyArray) -> IntArray:
     group = np.cumsum(is_new) - 1
     first[order] = np.minimum.reduceat(order, np.flatnonzero(is_new))[group]
     differs = (points != points[first]).any(axis=1)
-    if differs.any():  # rows differ but have one hash, or contain NaN
+    if differs.any():  # different rows have one hash, or a row has nan, which equals nothing
         rows = np.sort(order[np.isin(group, group[differs[order]])])
         first[rows] = rows[_first_equal_by_order(points[rows])]
     return first

@@ -10,7 +10,7 @@ from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, rea
 from isomatch._core.compiled import compiled
 from isomatch._core.errors import MeshError, some
 
-OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)  # defects of a face; 0 is a sound face
+OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)  # numbers of defects; a sound face has 0
 NO_CROSS, NO_AREAS = np.zeros((0, 3)), np.zeros(0)  # outputs that `_measure` leaves out
 
 
@@ -89,7 +89,7 @@ def sort_lists(start: IntArray, keys: IntArray, numbers: AnyArray) -> None:
         gap = 1
         while gap < (last - first) // 3:
             gap = 3 * gap + 1
-        while gap > 0:  # Shell's sort, which is insertion sort for short lists
+        while gap > 0:  # Shell's sort; for short lists it is insertion sort
             for row in range(first + gap, last):
                 key, number, place = keys[row], numbers[row], row
                 while place - gap >= first and (

@@ -36,8 +36,8 @@ class Hashed(Protocol):
         """Hash of its arrays."""
 
 
-_IN_USE: WeakSet[Hashed] = WeakSet()  # surfaces whose hash is known, while they exist
-_LOCK = Lock()  # held while the set is listed, as it must not grow then
+_IN_USE: WeakSet[Hashed] = WeakSet()  # surfaces whose hash is known, as long as they exist
+_LOCK = Lock()  # held while the set is listed, since it must not grow meanwhile
 
 
 def hash_of(surface: Hashed, *arrays: AnyArray) -> str:

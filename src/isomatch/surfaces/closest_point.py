@@ -13,7 +13,7 @@ from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 
 QUERIES_PER_CHUNK = 1000  # positions that one thread treats at once; chosen
-MIN_TRIANGLES_PER_BOX = 4  # triangles in a smallest box, at most 8; chosen
+MIN_TRIANGLES_PER_BOX = 4  # least number of triangles in a smallest box; it has at most 8; chosen
 
 
 def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> PrecisePoints:
@@ -47,7 +47,7 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     distances, nearest = cKDTree(surface.vertices[used]).query(positions)
     points = PrecisePoints.at_vertices(used[nearest])
     centres = surface.vertices[surface.sound_faces].mean(axis=1)
-    faces = surface.sound_faces[cKDTree(centres).indices]  # in this order, neighbours follow one another
+    faces = surface.sound_faces[cKDTree(centres).indices]  # in an order in which neighbours follow each other
     boxes, starts = _hierarchy(surface.vertices[faces])
     vertices, queries = map(read_only, (surface.vertices, positions))
 

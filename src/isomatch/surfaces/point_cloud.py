@@ -16,8 +16,9 @@ from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces._edges import label_components, lengths
 from isomatch.surfaces._shared import Plotted, hash_of
 
-MIN_POINTS = 4  # fewer points have no local triangulation
-MAX_COINCIDENT_POINTS = 1000  # points at one place; neighbours are found in 0.1 s, among 60 000 in 45 s
+MIN_POINTS = 4  # least number of points, as fewer have no local triangulation
+# points at one place; more are refused: neighbours take 0.1 s to find among these, 45 s among 60 000
+MAX_COINCIDENT_POINTS = 1000
 
 
 @dataclass(frozen=True, eq=False, repr=False)

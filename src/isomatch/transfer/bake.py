@@ -30,14 +30,13 @@ from isomatch.surfaces import Mesh, PrecisePoints, label_components, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
 
-TEXELS_PER_CHUNK = 2**18  # texels whose colours are computed at once, which bounds the memory
-UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey, for unmatched places and unreadable pictures
-SIZE_LIMITS = (8, 16384)  # smallest and largest width of a picture, in texels
-FIRST_UDIM_TILE = 1001  # number of the tile of texture coordinates in 0…1
-MAX_TILES = 16  # A picture repeats if the coordinates are in more UDIM tiles than this.
-# Share of the surface; if parts that lie under others in the picture are smaller, no note tells; chosen.
-MIN_HIDDEN_SHARE = 5e-4
-SAME_PLACE_DISTANCE = 0.01  # √area; points of one texel that are farther apart are different places (chosen)
+TEXELS_PER_CHUNK = 2**18  # texels whose colours are computed at once, which bounds the memory; chosen
+UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey for unmatched places and for pictures that cannot be read
+SIZE_LIMITS = (8, 16384)  # texels; least and largest width of a picture; chosen
+FIRST_UDIM_TILE = 1001  # number of the UDIM tile of texture coordinates from 0 to 1, by convention
+MAX_TILES = 16  # largest number of UDIM tiles; with more, the picture repeats instead; chosen
+MIN_HIDDEN_SHARE = 5e-4  # share of the surface; a note tells of larger parts hidden under others; chosen
+SAME_PLACE_DISTANCE = 0.01  # √area; points of one texel farther apart are at different places; chosen
 
 
 @dataclass(frozen=True, eq=False)

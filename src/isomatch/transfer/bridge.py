@@ -17,17 +17,16 @@ from isomatch.io import Asset, Attribute
 from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-# Share of the surface's extent; a search for the image of a corner that ends farther off met a texture seam.
+# share of the surface's extent; a search for the image of a corner that ends farther away met a seam; chosen
 ACROSS_SEAM_DISTANCE = 1e-6
-# Shapes whose sizes differ by a smaller factor count as equal: bending and errors of the map explain it.
+# ratio of sizes below which shapes count as equally large: bending and errors of the map explain it; chosen
 SAME_SIZE_RATIO = 1.1
-# √area; the length over which the rotations of shape keys are averaged. It was measured on bodies and
-# heads of different people with keys that move by one vector: the directions differ by at most 4°
-# (median), 6° with half the length.
+# √area; length over which the rotations of shape keys are averaged. On bodies and heads of different people,
+# with keys that move by one vector, directions differ by at most 4° (median), with half the length by 6°.
 SMOOTHING_LENGTH = 0.1
-# Number of vertices of the mesh on which rotations are averaged, with edges of a sixth of `SMOOTHING_LENGTH`.
+# vertices of the mesh on which rotations are averaged; chosen: its edges are a sixth of `SMOOTHING_LENGTH`
 N_COARSE_VERTICES = 4000
-LAPLACIAN_SHIFT = 1e-9  # 1 / area; number that is added to a singular Laplacian to make it definite
+LAPLACIAN_SHIFT = 1e-9  # 1 / area; added to a singular Laplacian to make it definite; chosen
 
 
 @dataclass(frozen=True, eq=False)

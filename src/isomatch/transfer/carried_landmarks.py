@@ -18,7 +18,7 @@ from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surfac
 from isomatch.transfer.bridge import Bridge
 from isomatch.transfer.choices import Side
 
-MAX_PREIMAGE_DISTANCE = 0.05  # √area of the target; a target point farther from all images has no preimage
+MAX_PREIMAGE_DISTANCE = 0.05  # √area of the target; points farther from all images have no preimage; chosen
 
 
 def carry_landmarks(

@@ -35,7 +35,7 @@ _SYNONYMS: dict[str, Kind] = {  # kinds of attributes by other words for them
     "weight": "weights",
     **dict.fromkeys(("shape key", "morph target", "blend shape"), "key"),
 }
-UNMATCHED_COLOUR = 0.5  # the grey of unmatched vertices, as a fraction of white
+UNMATCHED_COLOUR = 0.5  # grey of unmatched vertices, as a fraction of white; chosen
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,15 +12,15 @@ from isomatch.correspondence import Correspondence, nearest_rotation
 from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
 
-# degrees of the viewer around the shape from its broad side, and above the horizon: for a shape that stands,
-# and for a sheet, which faces the viewer with its broad side
+# Degrees of the viewer around the shape, from its broad side, and above the horizon: for a shape that stands,
+# and for a sheet, whose broad side faces the viewer; chosen.
 STANDING_VIEW, SHEET_VIEW = (32.0, 14.0), (0.0, 0.0)
-SHEET_RATIO = 0.1  # A shape is a sheet if its thickness is below this share of its width (chosen).
-UPRIGHT_RATIO = 1.6  # A shape longer than deep by a larger factor, as a person, stands on its end if it can.
-GROUND_SHARE = 0.06  # share of the height; vertices up to this far above the lowest one support the shape
-MAX_OVERHANG = 0.02  # share of the height; a shape falls if its centroid is farther outside its support
-# Radians: a source that is turned by less than the first angle stays as it is, as its pose may explain the
-# turn; a rotation that differs from a quarter turn by less than the second angle is replaced by it.
+SHEET_RATIO = 0.1  # thickness over width, below which a shape is a sheet; chosen
+UPRIGHT_RATIO = 1.6  # length over depth, above which a shape, as a person, stands on its end; chosen
+GROUND_SHARE = 0.06  # share of the height; vertices up to this above the lowest support the shape; chosen
+MAX_OVERHANG = 0.02  # share of the height; a shape with its centroid farther off its support falls; chosen
+# Radians: a source turned by less than the first angle stays as it is, as its pose may explain the turn; a
+# rotation nearer to a quarter turn than the second angle is replaced by it; chosen.
 MAX_KEPT_TURN, MAX_SNAP_ANGLE = np.radians(65.0), np.radians(35.0)
 
 
@@ -59,7 +59,7 @@ def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] 
         up = np.eye(3)[_up_axis(mesh) if up_axis is None else up_axis]
         _, level_axes = principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
         front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
-        narrow = level_axes[:, 1]  # Column 0 is the up axis, along which the points have no extent.
+        narrow = level_axes[:, 1]  # column 0 is the up axis, along which the points have no extent here
         narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
         broad = np.cross(up, narrow)
     azimuth, elevation = np.radians(view or (SHEET_VIEW if is_sheet else STANDING_VIEW))
@@ -152,4 +152,4 @@ def turn_to_target(
     return _QUARTER_TURNS[nearest] if cosines[nearest] > np.cos(MAX_SNAP_ANGLE) else best
 
 
-_QUARTER_TURNS = np.rint(Rotation.create_group("O").as_matrix()) + 0.0  # the 24 rotations that keep a cube
+_QUARTER_TURNS = np.rint(Rotation.create_group("O").as_matrix()) + 0.0  # rotations of a cube onto itself

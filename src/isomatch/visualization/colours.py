@@ -8,12 +8,12 @@ from isomatch._core.arrays import FloatArray
 from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import principal_axes
 
-VIVID_CHROMA = 0.17  # Chromas in Oklab are moved towards this one, which screens show in most hues.
-# With 0, chroma is linear in the position, and the middle is grey; with 1, all colours are equally vivid.
+VIVID_CHROMA = 0.17  # chroma, in Oklab, towards which colours are moved; chosen: screens show it in most hues
+# 0: chroma grows with the distance from the middle, which is grey; 1: all colours are equally vivid; chosen
 CHROMA_EVENNESS = 0.3
-UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # red, green and blue in linear light
+UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # linear light (red, green, blue) of unmatched vertices
 
-# matrices of Ottosson 2020: from Oklab to cube roots of cone responses, and from responses to linear sRGB
+# Matrices of Ottosson 2020: from Oklab to cube roots of cone responses.
 _OKLAB_TO_LMS = np.array(
     [
         [1.0, 0.3963377774, 0.2158037573],
@@ -21,6 +21,7 @@ _OKLAB_TO_LMS = np.array(
         [1.0, -0.0894841775, -1.2914855480],
     ]
 )
+# matrix from cone responses to linear sRGB (Ottosson 2020)
 _LMS_TO_RGB = np.array(
     [
         [4.0767416621, -3.3077115913, 0.2309699292],

@@ -121,7 +121,7 @@ _BOUNDS = {  # side of the bound of a measure, and the setting with its value
     "landmark_error": ("most", "outcome.contradiction"),
     "initial_map_error": ("most", "outcome.contradiction"),
 }
-_BOUNDS_OF_PART = {  # the same for the map of a part
+_BOUNDS_OF_PART = {  # side of the bound of a measure for the map of a part, and its setting
     "runner_up": ("least", "parts.tie"),
     "doubt": ("most", "parts.poor_doubt"),
     "initial_map_error": ("most", "outcome.contradiction"),

@@ -34,7 +34,7 @@ from isomatch.visualization.summary import HEADLINES, outcome_colour, summary_of
 from isomatch.visualization.viewer import html_table, template, text_of
 
 logger = logging.getLogger(__name__)
-PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page across a picture of two shapes, and of one
+PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page across two shapes, and across one; chosen
 _LINE = "1px solid rgba(128,128,128,.35)"  # line below a row of a table, visible on light and dark pages
 _CELL = f"text-align:left;vertical-align:top;padding:.2em 1.2em .2em 0;border:0;border-bottom:{_LINE};white-space:normal"
 
@@ -245,11 +245,12 @@ SANDBOX = "allow-scripts allow-downloads"  # what the frame of the page may do; 
 HOW_TO_USE_CLICKS = (  # what to do with clicked landmarks, and how to match again with them
     "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
 )
-HOW_TO_SAVE_CLICKS = (  # the same if anywidget is not installed
+HOW_TO_SAVE_CLICKS = (  # how to save clicked landmarks where anywidget is not installed
     f"To have clicked pairs in Python: <code>{install_command('notebook')}</code>, and show the result again. "
     "Until then, save the list and read it:"
 )
 MATCH_AGAIN = "match(source, target, landmarks=view.landmarks)"
+# how to use a saved list
 MATCH_SAVED = 'match(source, target, landmarks=read_landmarks("landmarks.txt", source, target))'
 EXTRA, FEATURE = "notebook", "bringing clicked landmarks to Python"  # extra of anywidget, and what needs it
 

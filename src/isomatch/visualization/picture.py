@@ -26,19 +26,15 @@ from isomatch._core.cached import cached_property
 from isomatch._core.errors import DescriptorError, SettingError
 from isomatch.visualization.surface_image import SurfaceView
 
-DPI = 200  # dots per inch; a letter of 9 points is 25 pixels high
-SHARPNESS = 2  # pixels of a picture for each pixel of a page, for sharp screens
-MAX_HEIGHT_RATIO = 1.15  # largest height of a panel over its width
-MIN_WIDTH = 200  # smallest width of a picture in pixels
-MARGIN, TITLE_HEIGHT = 30, 70  # pixels between panels, and pixels of height that a title takes
-MIN_BAR_ROOM = 175  # smallest width in pixels of a colour bar with its label
-BAR_WIDTH, BAR_HEIGHT = (
-    24,
-    0.7,
-)  # width of a colour bar in pixels, and its height as a share of the panel's; chosen
-# Panels beside a bar have at least this height in pixels, for two numbers and a word of its label.
-MIN_HEIGHT_BESIDE_BAR = 120
-TEXT_POINTS = 9  # size of letters in points
+DPI = 200  # dots per inch; chosen: a letter of 9 points is 25 pixels high
+SHARPNESS = 2  # pixels of a picture for each pixel of a page, as sharp screens have
+MAX_HEIGHT_RATIO = 1.15  # largest height of a panel over its width; chosen
+MIN_WIDTH = 200  # pixels; smallest width of a picture; chosen
+MARGIN, TITLE_HEIGHT = 30, 70  # pixels between panels, and height of a title in pixels; chosen
+MIN_BAR_ROOM = 175  # pixels; smallest width of a colour bar with its label; chosen
+BAR_WIDTH, BAR_HEIGHT = 24, 0.7  # pixels across a colour bar, and its height over the panel's; chosen
+MIN_HEIGHT_BESIDE_BAR = 120  # pixels; panels beside a bar are this high, for numbers and a word; chosen
+TEXT_POINTS = 9  # size of letters in points; chosen
 
 
 class Picture(Figure):
@@ -173,10 +169,10 @@ def vertex_values(values: ArrayLike, n: int, name: str) -> FloatArray:
     return np.where(np.isfinite(rows), rows, np.nan)
 
 
-OUTLIER_SHARE = 0.01  # share of the values beyond each end of the colour bar
-# Values get a two-sided colour map if they reach this share of the largest magnitude on both sides of 0.
+OUTLIER_SHARE = 0.01  # share of the values, at either end, that is beyond the colour bar; chosen
+# share of the largest magnitude that values on both sides of 0 must reach for a two-sided colour map; chosen
 BOTH_SIGNS_RATIO = 0.2
-ZERO_START_RATIO = 0.5  # share of the highest value; a bar of positive values with a lower end begins at 0
+ZERO_START_RATIO = 0.5  # lowest over highest value, below which a bar of positive values begins at 0; chosen
 # colour maps for values of one sign, and of both signs; the colour-blind can read them
 ONE_SIGN_MAP, BOTH_SIGNS_MAP = "cividis", "PuOr_r"
 

@@ -23,8 +23,8 @@ from isomatch.visualization.colours import position_colours
 from isomatch.visualization.picture import TEXT_POINTS, Picture, ValuePanel, compose_picture
 from isomatch.visualization.surface_image import SurfaceView
 
-WIDTH = 1800  # pixels across a picture of a map or a basis
-MIN_AREA = 1e-100  # A mesh of a smaller area after scaling is not drawn, as the squares of its areas vanish.
+WIDTH = 1800  # pixels across a picture of a map or a basis; chosen
+MIN_AREA = 1e-100  # a mesh with a smaller area after scaling is not drawn, as squares of areas vanish
 # description of a picture of a map, with the names of both shapes
 MAP_TEXT = "{} on the left, {} on the right; points of the same colour correspond."
 
@@ -113,10 +113,10 @@ def paint_values(
 
 
 CLAY_COLOUR = linear_of(np.array([200, 200, 196]) / 255)  # linear light of a surface without values
-ALONE_WIDTH = 1000  # pixels across a picture of one surface
-N_SHOWN_VECTORS = 4  # largest number of vectors of a basis that are drawn on a surface
-NULL_RATIO = 1e-9  # Eigenvalues below this share of the largest are rounding errors, and shown as 0.
-CHART_HEIGHT_RATIO = 0.36  # height of a chart over its width
+ALONE_WIDTH = 1000  # pixels across a picture of one surface; chosen
+N_SHOWN_VECTORS = 4  # vectors of a basis that are drawn on a surface, at most; chosen
+NULL_RATIO = 1e-9  # eigenvalues below this share of the largest are rounding, and shown as 0; chosen
+CHART_HEIGHT_RATIO = 0.36  # height of a chart over its width; chosen
 # colours of positive and negative eigenvalues, which the colour-blind can tell apart (Okabe & Ito)
 POSITIVE, NEGATIVE = "#0072b2", "#d55e00"
 
@@ -261,8 +261,8 @@ def _label_axes(axes: Axes, x: str, y: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-N_NEIGHBOURS = 8  # number of neighbours of a point of a cloud between which triangles are drawn
-MAX_GAP_ANGLE = 2.6  # radians, about 150°; a wider angle between two neighbours is a hole or a border
+N_NEIGHBOURS = 8  # neighbours of a point of a cloud between which triangles are drawn; chosen
+MAX_GAP_ANGLE = 2.6  # radians, about 150°; a wider angle between two neighbours is a hole or a border; chosen
 
 
 def drawable(surface: Surface) -> Mesh:

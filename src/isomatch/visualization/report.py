@@ -33,8 +33,9 @@ from isomatch.visualization.summary import (
     summary_of,
 )
 
-MATCH_COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"  # command that a page offers
-SIDES = ("source", "target")  # names of shapes without other names
+# command that a page offers to match with landmarks
+MATCH_COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
+SIDES = ("source", "target")  # names of shapes that have no other name
 GIVEN = "the map that was given"  # name of the map that a match started from, or that was judged
 DIFFERENCE = "distance from the given map"  # name of a layer of colours
 OUTCOME_OF_VERDICT = {  # outcomes in whose colours verdicts are shown
@@ -161,7 +162,7 @@ def write_judgement(
         message = "the map was judged by a reference; judge it without, for a page of isomatch's own map"
         raise MapError(message)
     notes = str(judgement), *judgement.result.notes
-    # the page shows isomatch's own map, so the map that was given is the other one
+    # The page shows isomatch's own map; the map that was given is the other map of each region.
     regions = tuple(
         replace(region, runner_up=judgement.map.vertices[region.vertices]) for region in judgement.regions
     )
@@ -224,8 +225,8 @@ def _list(command: str, *, shown: bool) -> str:
     return viewer.template("landmarks.html").substitute(unpicked=unpicked, command=escape(command))
 
 
-MOST_ALTERNATIVES = 4  # largest number of alternatives that a page shows
-MIN_TURN_DEGREES = 0.1  # smallest turn of the source, in degrees, that a page mentions
+MOST_ALTERNATIVES = 4  # alternatives that a page shows, at most; chosen
+MIN_TURN_DEGREES = 0.1  # degrees; smallest turn of the source that a page mentions; chosen
 
 
 class ShownMap(NamedTuple):
@@ -280,7 +281,7 @@ def page_of_result(
     return page_of(shapes, names, scene, pairs, **parts)
 
 
-# parts of the template that a page may lack; only a served page has a kind and a policy
+# Parts of the page's template that may be missing; only a served page has a kind and a policy.
 _OPTIONAL_PARTS = ("sureness", "policy", "kind", "work", "picture", "plain", "maps", "details", "run")
 
 
@@ -354,12 +355,12 @@ def title_of(side: str, name: str) -> str:
     return side if name == side else f"{side}: {name}"
 
 
-STILL_WIDTH = 640  # pixels across the picture of an alternative
+STILL_WIDTH = 640  # pixels across the picture of an alternative; chosen
 _HOW_TO_CHOOSE = (  # advice below alternatives
     "Where DIR is the folder that <code>isomatch match</code> wrote, <code>isomatch choose DIR 1</code> refines "
     "alternative 1, measures it and makes it the map."
 )
-LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")  # whose versions a page shows
+LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")  # versions shown on a page
 
 
 def _section(title: str, content: str) -> str:

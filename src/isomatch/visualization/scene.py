@@ -20,7 +20,7 @@ from isomatch.visualization.colours import UNMATCHED_GREY, position_colours
 from isomatch.visualization.picture import vertex_values
 from isomatch.visualization.viewer import MAX_SHOWN, DrawnSurface, encoded, encoded_colours, encoded_normals
 
-Side = Literal["source", "target"]  # one of the two shapes
+Side = Literal["source", "target"]  # one of the two shapes of a match
 
 
 def scene_of(
@@ -111,13 +111,13 @@ class DrawnPair:
         return self._camera @ turn.T @ self._camera.T
 
 
-# names of the layers of colours that a report itself has; every map has the first two
+# Names of the layers of colours that every report has; every map has the first two.
 BUILT_IN_LAYERS = ("position", "stretch", "expected error", "descriptor distance", "doubt")
-N_RAMP_COLOURS = 9  # number of colours of a scale that are sent; the browser interpolates between them
-MAX_LEVEL, NO_VALUE_LEVEL = 254, 255  # values are sent as 0 to the first; nan as the second
-MIN_ERROR_RANGE = 0.05  # √area; the scale of expected errors ends here or above, where the confidence is ½
-DESCRIPTOR_RANGE = 1.0  # standard deviations; end of the scale; of random points, the distance is about 0.8
-OUTLIER_SHARE = 0.02  # largest share of the values beyond each end of a scale
+N_RAMP_COLOURS = 9  # colours of a scale that are sent; chosen: the browser interpolates between them
+MAX_LEVEL, NO_VALUE_LEVEL = 254, 255  # values are sent as 0 to the first, no value as the second
+MIN_ERROR_RANGE = 0.05  # √area; least end of the scale of expected errors, where the confidence is ½
+DESCRIPTOR_RANGE = 1.0  # standard deviations; end of the scale of distances; random points have about 0.8
+OUTLIER_SHARE = 0.02  # largest share of the values beyond either end of a scale; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,7 @@ class Layer:
     low: float  # value at the lower end of the ramp
     high: float  # value at the upper end
     meaning: str = ""  # what the legend says
-    ratio: bool = False  # whether the ramp is logarithmic, with a neutral middle
+    ratio: bool = False  # whether the ramp is logarithmic, with a neutral colour in the middle
 
     def packed(self, index: IntArray) -> dict[str, Any]:
         """Plain values for JSON; ``levels`` are uint8 at the vertices of ``index``, 255 where there is no value."""

@@ -14,9 +14,9 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import of_ordinary_size
 from isomatch.visualization.measures import config_of, is_of_whole, quality_measures
 
-LOW_CONFIDENCE_LIMIT = 0.5  # confidence of an image with an expected error of 0.05 √area; lower ones are low
-MIN_SHARE_TOLD = 0.005  # smallest share of the vertices that a summary mentions
-UNCERTAIN_SHARE = 0.1  # A map is uncertain if a larger share of the vertices has low confidence.
+LOW_CONFIDENCE_LIMIT = 0.5  # confidence of an image with an expected error of 0.05 √area; lower is low
+MIN_SHARE_TOLD = 0.005  # smallest share of the vertices that a summary mentions; chosen
+UNCERTAIN_SHARE = 0.1  # share of the vertices with low confidence, above which a map is uncertain; chosen
 
 # headline and advice for each outcome; `Outcome.advice` says more
 _HEADLINES_AND_ADVICE = {
@@ -109,8 +109,7 @@ def summary_of(result: MatchResult) -> Summary:
         elif not result.regions:
             parts.append("No single place stands out: it may be wrong altogether.")
     if result.outcome.is_called_right:
-        # The error is estimated for maps that are right as a whole.
-        parts.append(_expected_error(result, far_off))
+        parts.append(_expected_error(result, far_off))  # estimated for maps that are right as a whole
     return Summary(headline, " ".join(filter(None, parts)), _HEADLINES_AND_ADVICE[result.outcome][1])
 
 
@@ -156,7 +155,7 @@ def _per_cent(share: float) -> str:
     return f"{share:.1%}" if 0 < share < 0.1 else f"{share:.0%}"
 
 
-SAME_PLACE_DISTANCE = 0.05  # √area; images of a vertex that are nearer to each other are at the same place
+SAME_PLACE_DISTANCE = 0.05  # √area; images of a vertex nearer to each other are at one place; chosen
 
 
 def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Correspondence) -> float:

@@ -16,7 +16,7 @@ from isomatch.surfaces import Mesh, Raster, rasterise
 from isomatch.visualization.camera import camera_of, of_ordinary_size, seen_from, used_vertices
 from isomatch.visualization.colours import UNMATCHED_GREY, to_screen
 
-OVERSAMPLING = 2  # number of samples along each axis whose mean is a pixel
+OVERSAMPLING = 2  # samples along each axis whose mean is a pixel; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class SurfaceView:
         diffuse, gloss = compute_light(raster, raster.interpolated(normals @ self.camera.T, faces))
         rows, columns = np.nonzero(raster.covered)
         pixel = rows // OVERSAMPLING * width + columns // OVERSAMPLING
-        # Each sample adds its light to its pixel, and its share to the opacity.
+        # A sample adds its light and its share of opacity to its pixel.
         colour *= diffuse[:, None]
         colour += gloss[:, None]
         channels = *colour.T, None
@@ -98,11 +98,10 @@ def surface_image(
     return view.pixels(width, height, resolution)
 
 
-MAX_FACES = 50_000  # largest number of faces that rounding, which cuts each into four, makes of a coarse mesh
+MAX_FACES = 50_000  # faces to which rounding, which cuts each into four, refines a mesh at most; chosen
 PHONG_ROUNDING = 0.75  # strength of rounding, from 0 to 1: ¾ in Boubekeur & Alexa, Phong Tessellation, 2008
-MIN_LENGTH = 1e-300  # smallest length by which a normal is divided, so that none is divided by zero
-# An edge stays sharp if the cosine of the angle between the normals at its ends is below this. With
-# 0.5, thin limbs get lumps.
+MIN_LENGTH = 1e-300  # lengths by which normals are divided are raised to this, so that none is 0
+# cosine of the normals at the ends of an edge, below which it stays sharp; with 0.5, limbs get lumps
 MIN_EDGE_COSINE = 0.0
 
 
@@ -136,16 +135,15 @@ def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Me
     return Mesh(vertices, faces), np.concatenate([columns, (columns[i] + columns[j]) / 2])
 
 
-# directions towards the lights and the viewer, with the coordinates right, up, towards the viewer
+# Directions towards two lights; the coordinates point right, up and towards the viewer; chosen.
 KEY_LIGHT, FILL_LIGHT = np.array([-0.45, 0.65, 0.62]), np.array([0.75, 0.05, 0.45])
-TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])
-AMBIENT, KEY, FILL = 0.30, 0.62, 0.16  # largest share of the surface's colour that each light adds (chosen)
+TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])  # direction towards the viewer, in the same coordinates
+AMBIENT, KEY, FILL = 0.30, 0.62, 0.16  # share of the surface's colour that each light adds at most; chosen
 GLOSS, GLOSS_EXPONENT = 0.10, 30.0  # white that a highlight adds, and the exponent that narrows it; chosen
-CREVICE_RADIUS = 0.025  # share of the image height; depths are compared with their mean over this distance
-# Share of the image height; a crevice this deep below its surroundings is darkest; chosen.
-CREVICE_DEPTH = 0.06
-CREVICE_DARKNESS = 0.55  # share of its diffuse light that the darkest crevice loses
-CREVICE_STEP = 6  # pixels between those at which the depth of the surroundings is computed
+CREVICE_RADIUS = 0.025  # share of the image height; depths are compared with their mean this far; chosen
+CREVICE_DEPTH = 0.06  # share of the image height; a crevice this far below its surroundings is darkest
+CREVICE_DARKNESS = 0.55  # share of its diffuse light that the darkest crevice loses; chosen
+CREVICE_STEP = 6  # pixels between the points at which the depth of the surroundings is computed; chosen
 
 
 def compute_light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -16,7 +16,7 @@ from isomatch_lab.baselines.functional_maps import orientations, products
 WAVE_KERNELS = 20  # number of wave kernels, the first columns of the signatures; the others are curvatures
 
 MAX_MATCHED = 14  # largest number of functions whose combinations of signs can all be tried
-MAX_EXCHANGE_DISTANCE = 2  # largest difference of the numbers of two eigenfunctions that are exchanged
+MAX_EXCHANGE_DISTANCE = 2  # difference of the numbers of exchanged eigenfunctions, at most; chosen
 
 # sign of the orientation that a map shall have, 0 for any
 ORIENTATION_SIGN: dict[Orientation, float] = {"preserve": 1.0, "reverse": -1.0, "any": 0.0}

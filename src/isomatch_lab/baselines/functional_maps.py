@@ -22,9 +22,9 @@ from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh, Surface
 from isomatch_lab.baselines.task import Task
 
-KERNEL_FUNCTIONS = 100  # number of eigenfunctions in wave and heat kernels
-KERNEL_STEP = 5  # every fifth of the energies or times is taken, as neighbours overlap
-ICP_STEPS = 10  # number of refinements by iterative closest points in the spectral domain
+KERNEL_FUNCTIONS = 100  # number of eigenfunctions in wave and heat kernels; chosen
+KERNEL_STEP = 5  # every fifth of the energies or times is taken, as neighbours overlap; chosen
+ICP_STEPS = 10  # number of refinements by iterative closest points in the spectral domain; chosen
 SIGNATURES: dict[str, Callable[..., FloatArray]] = {  # functions of signatures by name
     "wave": wave_kernel_signature,
     "heat": heat_kernel_signature,
@@ -169,7 +169,8 @@ def _comparable(of_source: FloatArray, of_target: FloatArray) -> tuple[FloatArra
     return of_source / size, of_target / size
 
 
-RIDGE = 1e-9  # share of the mean diagonal entry that is added to the diagonal, for directions of no energy
+# share of the mean diagonal entry added to the diagonal, as some directions have no energy; chosen
+RIDGE = 1e-9
 
 
 class FunctionalEnergy:

@@ -132,7 +132,7 @@ def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
     return np.column_stack([samples, image]), origin
 
 
-MIN_STRESS_DECREASE = 1e-4  # share of the stress; the descent ends when a sweep lowers it by less
+MIN_STRESS_DECREASE = 1e-4  # share of the stress; the descent ends when a sweep lowers it by less; chosen
 
 
 @dataclass(frozen=True, eq=False)

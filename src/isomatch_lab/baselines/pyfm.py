@@ -8,10 +8,10 @@ from isomatch._core.first_use import package
 from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
 
-INITIAL_FUNCTIONS = 50  # number of eigenfunctions in the first functional map
-FINAL_FUNCTIONS = 200  # number of eigenfunctions in the last functional map
-UPSAMPLING_STEP = 5  # number of eigenfunctions that each step of ZoomOut adds
-ORIENTATION_WEIGHT = 1.0  # weight of the orientation term over the other terms together
+INITIAL_FUNCTIONS = 50  # number of eigenfunctions in the first functional map; chosen
+FINAL_FUNCTIONS = 200  # number of eigenfunctions in the last functional map; chosen
+UPSAMPLING_STEP = 5  # number of eigenfunctions that each step of ZoomOut adds; chosen
+ORIENTATION_WEIGHT = 1.0  # weight of the orientation term over the other terms together; chosen
 
 
 def pyfm_zoomout(source: Mesh, target: Mesh) -> Correspondence:

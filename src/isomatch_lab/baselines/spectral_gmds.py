@@ -21,7 +21,7 @@ from isomatch.surfaces import Surface
 from isomatch_lab.baselines.functional_maps import FunctionalEnergy
 from isomatch_lab.baselines.task import Task
 
-HEAT_TIMES = 6  # number of times, from local to global, at which heat from a landmark is compared
+HEAT_TIMES = 6  # number of times, from local to global, at which heat from a landmark is compared; chosen
 WAVE_KERNELS = 20  # number of wave kernels, the first columns of the signatures; the others are curvatures
 
 

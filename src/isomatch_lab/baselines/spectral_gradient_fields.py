@@ -22,7 +22,7 @@ from isomatch_lab.baselines.eigenfunction_matching import MAX_MATCHED, ORIENTATI
 from isomatch_lab.baselines.laplace_nearest_neighbours import first_functional_map
 from isomatch_lab.baselines.task import Task
 
-N_FROM_PRIORS = 20  # number of eigenfunctions in the first functional map, which a few priors determine
+N_FROM_PRIORS = 20  # eigenfunctions in the first functional map, which a few priors determine; chosen
 
 
 @dataclass(frozen=True)

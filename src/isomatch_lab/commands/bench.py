@@ -13,7 +13,7 @@ from isomatch._core.errors import MapError
 from isomatch.cli import TALK, Talk, part, say, say_notes
 from isomatch_lab import evaluation
 
-MAX_NOTES = 5  # largest number of notes that are shown
+MAX_NOTES = 5  # largest number of notes that are shown; chosen
 
 
 def bench(

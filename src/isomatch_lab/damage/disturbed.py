@@ -17,10 +17,10 @@ from isomatch.surfaces import Mesh
 from isomatch_lab.damage.damaged import SHARE_RANGE, Damaged, require_usable, with_faces
 
 MIN_LIMB_DISTANCE = 0.5  # √area along the surface; more than half a torso's girth, so other limbs are glued
-GAP_RANGE = (0.0, MIN_LIMB_DISTANCE)  # allowed gaps, in √area
-MIN_FOLD_DISTANCE = 0.2  # √area along the surface; facing vertices that are nearer lie in one fold
-N_PATCHES = 60  # number of patches of the surface, each of them a start to search far parts
-DISTANCE_RANGE = (0.0, 10.0)  # allowed distances, in mean edge lengths
+GAP_RANGE = (0.0, MIN_LIMB_DISTANCE)  # allowed gaps, in √area; chosen
+MIN_FOLD_DISTANCE = 0.2  # √area along the surface; facing vertices that are nearer lie in one fold; chosen
+N_PATCHES = 60  # number of patches of the surface, each of them a start to search far parts; chosen
+DISTANCE_RANGE = (0.0, 10.0)  # allowed distances, in mean edge lengths; chosen
 
 
 def noise(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
@@ -210,7 +210,7 @@ def _merge_pairs(mesh: Mesh, pairs: IntArray) -> Damaged:
     return Damaged(mesh, Mesh(vertices[original], renumber[mesh.faces]), original, twin[original])
 
 
-DENSITY_RATIO_RANGE = (1.0, 1000.0)  # allowed ratios of densities
+DENSITY_RATIO_RANGE = (1.0, 1000.0)  # allowed ratios of densities; chosen
 
 
 def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:

@@ -13,9 +13,9 @@ from isomatch_lab.damage.damaged import SHARE_RANGE, Damaged, require_usable, wi
 
 N_TIPS = 5  # number of extremities among which a limb is drawn: the ends of four limbs and a head
 VIEW_COUNT_RANGE = (0, 7)  # allowed numbers of views; at most one from each direction of three axes
-FINE_EDGE_QUANTILE = 0.05  # quantile of the edge lengths that the depth buffer resolves
-PIXELS_PER_EDGE = 8  # pixels of the depth buffer along an edge of this quantile
-MAX_PIXELS = 3000  # pixels along each side of the depth buffer
+FINE_EDGE_QUANTILE = 0.05  # quantile of the edge lengths that the depth buffer resolves; chosen
+PIXELS_PER_EDGE = 8  # pixels of the depth buffer along an edge of this quantile; chosen
+MAX_PIXELS = 3000  # pixels along each side of the depth buffer; chosen
 
 
 def cut(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:

@@ -13,7 +13,7 @@ from isomatch.correspondence import Correspondence
 from isomatch.geodesics import DistanceEngine, distance_engine
 from isomatch.surfaces import Mesh
 
-BLOCK_COLUMNS = 64  # number of distance columns in memory at a time
+BLOCK_COLUMNS = 64  # number of distance columns in memory at a time; chosen
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from isomatch._core.files import write_text
 from isomatch_lab.evaluation.curves import CurvePanel
 from isomatch_lab.evaluation.ledger import set_label
 
-MAX_PAIRS = 20  # largest number of pairs that are shown, the worst ones
+MAX_PAIRS = 20  # largest number of pairs that are shown, the worst ones; chosen
 # columns of words, and of sentences; all others hold numbers
 TEXT_COLUMNS = ("set", "damage", "group", "pair", "method", "outcome", "judged_at", "version")
 SENTENCE_COLUMNS = ("notes", "problem")

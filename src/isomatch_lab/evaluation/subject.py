@@ -35,8 +35,8 @@ from isomatch_lab.evaluation.methods import MatchInput, Method
 from isomatch_lab.evaluation.smoothness import dirichlet_energy
 from isomatch_lab.evaluation.true_landmarks import true_landmarks
 
-DISTORTION_ROWS = 100  # number of points whose distances to 1000 others are compared for each pair
-TABLE_DIVISOR = 4  # points for each row of the table; the distances of a row are slow on large meshes
+DISTORTION_ROWS = 100  # number of points whose distances to 1000 others are compared for each pair; chosen
+TABLE_DIVISOR = 4  # points for each row of the table; the distances of a row are slow on large meshes; chosen
 
 
 @dataclass(frozen=True)

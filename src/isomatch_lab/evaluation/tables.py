@@ -14,7 +14,7 @@ from isomatch_lab.evaluation.curves import PublishedCurve, curve_panels, draw_cu
 from isomatch_lab.evaluation.ledger import Row, identity_of, read_rows
 from isomatch_lab.evaluation.page import write_page
 
-FAILURE_ERROR = 10.0  # 100 × mean error; a pair with a larger one counts as failed
+FAILURE_ERROR = 10.0  # 100 × mean error; a pair with a larger one counts as failed; chosen
 COLUMNS = (
     "set", "damage", "group", "pair", "method", "points", "seed", "judged_at", "version", "settings", "data", "n_source",
     "n_target", "error", "median", "p95", "direct", "mirrored", "either", "unmatched", "error_matched", "precision",

@@ -11,8 +11,8 @@ from isomatch.geodesics import DistanceEngine, distance_engine
 from isomatch_lab.sets import BenchmarkPair
 
 N_LANDMARKS = 5  # number of true landmarks that a method is given, as in the paper
-N_REFERENCES = 30  # number of true pairs with which all others are compared
-RELIABLE_SHARE = 0.95  # share of the truth, the pairs whose distances agree best, that may be landmarks
+N_REFERENCES = 30  # number of true pairs with which all others are compared; chosen
+RELIABLE_SHARE = 0.95  # share of the truth (distances agree best) that may be landmarks; chosen
 
 
 def true_landmarks(

@@ -9,9 +9,9 @@ from isomatch import Mesh, distance_basis, geodesic_distances, laplace_basis
 from isomatch._core.arrays import FloatArray
 from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 
-RANKS = tuple(range(5, 51, 5))  # ranks of bases that are compared
-FIRST_ZOOMED_RANK = 20  # lowest rank in the enlarged part of the figure
-CLOSE_RATIO = 1.4  # largest error over the optimum at which an approximation is called close
+RANKS = tuple(range(5, 51, 5))  # ranks of bases that are compared; chosen
+FIRST_ZOOMED_RANK = 20  # lowest rank in the enlarged part of the figure; chosen
+CLOSE_RATIO = 1.4  # largest error over the optimum at which an approximation is called close; chosen
 COLUMNS = {  # CSV column: label, style
     "laplace": ("Laplace–Beltrami basis", {"color": "#0072B2", "marker": "s", "linestyle": ":"}),
     "nystrom": (

@@ -10,9 +10,9 @@ from isomatch import DistanceBasis, distance_basis, laplace_basis
 from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
 from isomatch_lab.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdict
 
-N_VECTORS = 10  # number of basis vectors that are drawn
-N_SMOOTH = 50  # number of Laplace–Beltrami eigenfunctions whose span counts as smooth
-MAX_SHOWN_VALUE = 2.5  # ends of the colour scale, ±, of functions with mean square 1
+N_VECTORS = 10  # number of basis vectors that are drawn; chosen
+N_SMOOTH = 50  # number of Laplace–Beltrami eigenfunctions whose span counts as smooth; chosen
+MAX_SHOWN_VALUE = 2.5  # ends of the colour scale, ±, of functions with mean square 1; chosen
 COLOUR_MAP = "PuOr"  # colour map for values of both signs
 # largest error of vectors that give "most of the distances", and smallest share of "smooth" ones in the span
 MAX_ERROR, MIN_SMOOTH_SHARE = 0.05, 0.95

@@ -13,9 +13,9 @@ from isomatch import Mesh, distance_basis, geodesic_distance_descriptor, geodesi
 from isomatch._core.arrays import FloatArray
 from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 
-RANK = 50  # number of descriptors and of eigenfunctions
+RANK = 50  # number of descriptors and of eigenfunctions; chosen
 N_POINTS, QUICK_POINTS = 1000, 300  # number of drawn points, and of points in a quick run
-BINS = 40  # number of intervals of the geodesic distance
+BINS = 40  # number of intervals of the geodesic distance; chosen
 CLEAR_DIFFERENCE = 0.1  # smallest difference of two rank correlations that counts as clear (chosen)
 LABELS = {"gdd": "geodesic distance descriptors", "lbo": "Laplace–Beltrami eigenfunctions"}
 

@@ -15,12 +15,12 @@ from isomatch.visualization import arranged_panels, camera_of, colour_scale, sur
 from isomatch_lab.paper.descriptor_distance import CLEAR_DIFFERENCE, embeddings
 from isomatch_lab.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdict
 
-BANDS = 20  # number of colours, whose borders are level lines
+BANDS = 20  # number of colours, whose borders are level lines; chosen
 COLOUR_MAP = "viridis"
-N_ENDS = 8  # number of extremities that are compared
-DOT_RADIUS = 0.03  # radius of the dot at the vertex, in √area
+N_ENDS = 8  # number of extremities that are compared; chosen
+DOT_RADIUS = 0.03  # radius of the dot at the vertex, in √area; chosen
 DOT_COLOUR = (0.84, 0.15, 0.0)
-N_LISTED = 500  # number of vertices in the CSV file
+N_LISTED = 500  # number of vertices in the CSV file; chosen
 
 
 def make(setting: Setting) -> Reproduction:

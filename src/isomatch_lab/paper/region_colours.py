@@ -13,7 +13,7 @@ PALETTE = (  # colours of regions
     "#5b1046", "#9c3480", "#cc79a7", "#efc4dc", "#8c8c8c",
     "#00442f", "#009e73", "#7fd0b5", "#d55e00", "#f4f4f4",
 )  # fmt: skip
-TRIALS = 4000  # number of random assignments of colours to regions; the best one is kept
+TRIALS = 4000  # number of random assignments of colours to regions; the best one is kept; chosen
 DEUTERANOPIA = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]])
 """Perceived linear light without green cones: Machado, Oliveira & Fernandes 2009."""
 

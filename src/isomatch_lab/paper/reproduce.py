@@ -36,7 +36,7 @@ ITEMS: dict[str, Item] = {
     "curves-initialised": curves_initialised.ITEM,
 }
 SUFFIXES = ("png", "svg", "csv", "json")  # of the files of an item
-DPI = 150  # dots per inch of figures
+DPI = 150  # dots per inch of figures; chosen
 STYLE: dict[Any, Any] = {"svg.hashsalt": "isomatch", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3}
 
 

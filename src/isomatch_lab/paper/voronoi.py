@@ -17,11 +17,11 @@ from isomatch_lab.sets import BenchmarkPair, BenchmarkSet, benchmark_set, tosca
 
 CLASS = "cat"  # class of TOSCA whose poses are shown
 N_REGIONS, N_POSES = 20, 4  # number of regions, and of poses
-BORDER_HALF_WIDTH = 0.006  # half the width of a border, in √area
-DOT_RADIUS = 0.018  # radius of a centre, in √area
-BORDER_GREY = 0.12  # red, green and blue, from 0 to 1, of borders and centres
-MIN_RIGHT_SHARE = 0.9  # a pose is right if at least this share of its area lies in its true region
-RESOLUTION = 330  # pixels per √area
+BORDER_HALF_WIDTH = 0.006  # half the width of a border, in √area; chosen
+DOT_RADIUS = 0.018  # radius of a centre, in √area; chosen
+BORDER_GREY = 0.12  # red, green and blue, from 0 to 1, of borders and centres; chosen
+MIN_RIGHT_SHARE = 0.9  # a pose is right if at least this share of its area lies in its true region; chosen
+RESOLUTION = 330  # pixels per √area; chosen
 
 
 def make(setting: Setting) -> Reproduction:

@@ -12,9 +12,9 @@ from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_map
 from isomatch_lab.procedural.anatomy import Limb
 
-CHUNK = 2048  # number of points that a thread handles at a time
-BLEND = 0.022  # width of the fillet between limbs, in body units
-TRANSITION_WIDTH = 0.05  # width of the transition between a limb and its parent when posed, in body units
+CHUNK = 2048  # number of points that a thread handles at a time; chosen
+BLEND = 0.022  # width of the fillet between limbs, in body units; chosen
+TRANSITION_WIDTH = 0.05  # width, in body units, of the transition from a posed limb to its parent; chosen
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from isomatch_lab.procedural.anatomy import Joint, Limb
 from isomatch_lab.procedural.implicit import Skin
 
 Pose = Mapping[str, ArrayLike]
-BEND_WIDTH = 2.3  # half-length of the bend at a joint, in radii of the limb there
+BEND_WIDTH = 2.3  # half-length of the bend at a joint, in radii of the limb there; chosen
 
 
 def natural_pose(limbs: tuple[Limb, ...], seed: int) -> dict[str, FloatArray]:

@@ -16,8 +16,8 @@ from isomatch._core.settings import generator
 from isomatch.surfaces import Mesh
 from isomatch_lab.procedural.implicit import Skin
 
-MAX_GRID_VERTICES = 60_000  # a larger mesh is subdivided from one with at most this number of vertices
-MIN_CROSSING = 0.4  # grid steps from a grid point to a crossing; marching cubes then cut off no tiny corners
+MAX_GRID_VERTICES = 60_000  # vertices, at most, of a mesh that is subdivided to a larger one; chosen
+MIN_CROSSING = 0.4  # grid steps from a grid point to a crossing, so that no corner is tiny; chosen
 logger = logging.getLogger(__name__)
 
 

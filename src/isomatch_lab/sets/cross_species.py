@@ -13,7 +13,7 @@ from isomatch_lab.sets.published import scape, tosca
 from isomatch_lab.sets.shape_files import arrays, stored_indices
 from isomatch_lab.sets.shape_set import BenchmarkPair, ShapeSet
 
-POSES_PER_DIRECTION = 2  # number of poses of each species of a pair
+POSES_PER_DIRECTION = 2  # number of poses of each species of a pair; chosen
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from isomatch._core.errors import FormatError, MissingFileError
 from isomatch._core.texts import text_lines
 
 FILES = ("pairs.txt", "test_pairs.txt")  # files that list pairs; the first that exists is read
-_MAX_NAMED = 8  # largest number of shapes that a message names
+_MAX_NAMED = 8  # largest number of shapes that a message names; chosen
 
 
 @dataclass(frozen=True)

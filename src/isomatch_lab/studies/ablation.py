@@ -27,8 +27,8 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-FAILURE_ERROR = 10.0  # 100 × mean error / √area; a pair with a larger one has failed
-NOTICEABLE_CHANGE = 0.3  # 100 × error / √area; smallest difference that counts as worse or better
+FAILURE_ERROR = 10.0  # 100 × mean error / √area; a pair with a larger one has failed; chosen
+NOTICEABLE_CHANGE = 0.3  # 100 × error / √area; smallest difference that counts as worse or better; chosen
 EVERYTHING = "everything"  # name of the variant that leaves nothing out
 STEPS = RefinementSettings()
 LATE_POSITIONS = RefinementSettings(  # positions and normals count in the last step only

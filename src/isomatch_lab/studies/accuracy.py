@@ -19,7 +19,7 @@ from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark, writ
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import parse_arguments, write_table
 
-POINTS = 700  # number of points of the truth that are measured for each pair
+POINTS = 700  # number of points of the truth that are measured for each pair; chosen
 SETS = ("faust_r", "tosca_iso_r", "scape", "tosca", "creatures")  # sets that are measured by default
 SETS_WITH_LANDMARKS = {"organs": ("isomatch", "isomatch_5pt"), "cross": ("isomatch", "isomatch_5pt")}
 """Sets that are measured only if they are named, with their methods."""

@@ -34,7 +34,7 @@ KINDS = {  # set and two shapes of each kind of pair
     "holes": ("shrec16_holes", "holes_cat_shape_1", "null_cat"),
     "two parts": ("shrec16_parts", "cuts_cat_shape_1", "cuts_cat_shape_2"),
 }
-SHOWN_STAGES = 1  # number of the slowest stages that the table shows for each pair
+SHOWN_STAGES = 1  # number of the slowest stages that the table shows for each pair; chosen
 # bytes that a front reads when it settles a vertex: about six edges of 12 and six updates of 16
 UPDATE_BYTES = 6 * (12 + 16)
 ENTRY_BYTES = 12  # bytes of an entry of a sparse factor: a number of 8 and an index of 4

@@ -31,7 +31,7 @@ from isomatch_lab.studies.shared import (
 )
 
 MAX_RIGHT_ERROR, MIN_WRONG_ERROR = 3.0, 10.0  # 100 × mean error / √area of right, and of wrong maps
-SEED = 2026  # of drawn pairs and of damage
+SEED = 2026  # seed of drawn pairs and of damage; chosen
 KINDS = {  # how the maps of each kind are provoked
     "plain": "pairs of the benchmark sets",
     "damaged": "one of the shapes damaged: noise, welded limbs, small holes, uneven sampling, decimation",

@@ -24,9 +24,9 @@ from isomatch.evaluation import THRESHOLDS
 from isomatch_lab.evaluation import benchmark
 from isomatch_lab.studies.shared import UNFLAGGED_OUTCOMES, parse_arguments, write_rows, write_table
 
-POINTS = 1000  # largest number of points of the truth that are measured for each pair
-WRONG_ERROR = 10.0  # 100 × mean error / √area; a pair with a larger one is wrong
-NO_MAP_ERROR = 100.0  # 100 × error / √area of a pair without a map
+POINTS = 1000  # largest number of points of the truth that are measured for each pair; chosen
+WRONG_ERROR = 10.0  # 100 × mean error / √area; a pair with a larger one is wrong; chosen
+NO_MAP_ERROR = 100.0  # 100 × error / √area of a pair without a map; chosen
 COLUMNS = ("contest", "pair", "group", "error", "error_matched", "iou", "outcome", "seconds")
 DECIMATED = "decimate:0.5"  # damage that halves the vertices
 

@@ -25,9 +25,9 @@ from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
 # weights, method, rank k, number of columns p, relative error, processor seconds or "" without them
 Row: TypeAlias = tuple[str, str, int, int, float, Any]
-RANKS = (5, 10, 20, 30, 40, 50, 75, 100)  # ranks that are measured
-TABLE_RANKS = (5, 10, 20, 30, 50, 100)  # ranks that the table shows
-COLUMNS = (60, 80, 100, 140, 200, 300, 400)  # numbers of distance columns at rank 50
+RANKS = (5, 10, 20, 30, 40, 50, 75, 100)  # ranks that are measured; chosen
+TABLE_RANKS = (5, 10, 20, 30, 50, 100)  # ranks that the table shows; chosen
+COLUMNS = (60, 80, 100, 140, 200, 300, 400)  # numbers of distance columns at rank 50; chosen
 METHODS: dict[BasisMethod, str] = {"predicted": "C3", "nystrom": "C0", "fmds": "C2", "smds": "C4"}  # colours
 COMPARED_BASES: tuple[tuple[BasisMethod, int], ...] = (  # methods and numbers of columns in the table
     ("predicted", 100),

@@ -21,8 +21,8 @@ from isomatch_lab.procedural import creature
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
-SOURCES = 10  # number of vertices from which distances are timed
-REPEATS = 10  # number of runs; the fastest counts, and exact distances are timed once
+SOURCES = 10  # number of vertices from which distances are timed; chosen
+REPEATS = 10  # number of runs; the fastest counts, and exact distances are timed once; chosen
 REAL = (  # sets and shapes that are measured
     ("faust_r", "tr_reg_000"),
     ("faust_r", "tr_reg_033"),

@@ -23,7 +23,7 @@ from isomatch_lab.evaluation import CachingEngine, metric_distortion, true_landm
 from isomatch_lab.sets import BenchmarkPair, benchmark_set
 from isomatch_lab.studies.shared import parse_arguments, write_rows, write_table
 
-SEED = 0  # of drawn pairs
+SEED = 0  # seed of drawn pairs; chosen
 AT_ONCE_STEPS = 12  # number of refinements with all functions at once; more change little
 PAIRS = {"tosca_iso_r": ("cat", "centaur"), "tosca": ("wolf",)}  # classes of each set, with one pair each
 

@@ -18,7 +18,7 @@ from isomatch_lab.paper.curves_5pt import METHODS
 from isomatch_lab.paper.princeton_curves import sets_of
 from isomatch_lab.studies.shared import parse_arguments, write_table
 
-POINTS = 500  # number of points of the truth that are measured for each pair
+POINTS = 500  # number of points of the truth that are measured for each pair; chosen
 
 
 def print_stage(stage: str) -> None:

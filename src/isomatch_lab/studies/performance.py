@@ -32,14 +32,14 @@ from isomatch_lab.sets import benchmark_set
 from isomatch_lab.sets.shape_set import BenchmarkPair
 from isomatch_lab.studies.shared import write_rows, write_table
 
-SIZES = (5000, 28000, 52000, 112000, 200000, 450000, 1000000)  # vertices of creatures
+SIZES = (5000, 28000, 52000, 112000, 200000, 450000, 1000000)  # vertices of creatures; chosen
 REAL = {  # set and two shapes of real pairs
     "faust_r": ("faust_r", "tr_reg_002", "tr_reg_012"),
     "cat": ("tosca", "cat0", "cat2"),
     "david": ("tosca", "david0", "david1"),
 }
-REPEATS = 5  # number of times that a quick match is timed
-QUICK_SECONDS = 6.0  # a match that takes longer is timed three times
+REPEATS = 5  # number of times that a quick match is timed; chosen
+QUICK_SECONDS = 6.0  # a match that takes longer is timed three times; chosen
 STAGES = ("body", "levels", "distances", "functions", "samples")
 LATER_STAGES = ("search", "selection", "refinement", "quality", "polish", "carry")
 """Stages of the preparation of one shape, and of the match."""

@@ -25,9 +25,9 @@ LEVELS = {  # levels of damage; pairs take them in turn, once for the target and
     "view": (1,),
     "two views": (2,),
 }
-BOTH = {"cut": 0.25, "holes": 0.2, "view": 1}  # level of each damage to both shapes
-REAL = {"faust_r": 6, "tosca_iso_r": 6, "scape": 3}  # number of pairs that are drawn from each real set
-CREATURES = 5  # number of pairs of creatures
+BOTH = {"cut": 0.25, "holes": 0.2, "view": 1}  # level of each damage to both shapes; chosen
+REAL = {"faust_r": 6, "tosca_iso_r": 6, "scape": 3}  # pairs that are drawn from each real set; chosen
+CREATURES = 5  # number of pairs of creatures; chosen
 COLUMNS = [
     "kind",
     "damage",

@@ -31,7 +31,7 @@ from isomatch_lab.studies.public_calls import CALLS, Attempt, Folders
 
 REAL_DATA = Path(__file__).parents[4] / "shared" / "data"  # folder of the sets, by default
 SKIPPED = ("timings", "document")  # fields that differ at every run, or hold a format's own data
-MAX_SHOWN = 20  # largest number of differences that are printed for each call
+MAX_SHOWN = 20  # largest number of differences that are printed for each call; chosen
 Arrays = Mapping[str, np.ndarray]
 
 

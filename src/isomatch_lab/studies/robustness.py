@@ -25,7 +25,7 @@ from isomatch_lab.studies.shared import (
 )
 
 METHODS = ("isomatch", "pyfm")  # methods that are measured
-POINTS = 400  # number of points of the truth that are measured for each pair
+POINTS = 400  # number of points of the truth that are measured for each pair; chosen
 PAIRS = (  # sets and two shapes
     ("creatures", "quadruped_asymmetric_0_1_3000", "quadruped_asymmetric_0_2_3000"),
     ("faust_r", "tr_reg_000", "tr_reg_011"),

@@ -25,9 +25,9 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-FAILURE_ERROR = 10.0  # 100 × mean error / √area; a pair with a larger one has failed
-NOTICEABLE_CHANGE = 0.2  # 100 × error / √area; smallest change of the mean error that is reported
-HARD_PAIRS_STEP = 16  # every sixteenth hard pair is taken
+FAILURE_ERROR = 10.0  # 100 × mean error / √area; a pair with a larger one has failed; chosen
+NOTICEABLE_CHANGE = 0.2  # 100 × error / √area; smallest change of the mean error that is reported; chosen
+HARD_PAIRS_STEP = 16  # every sixteenth hard pair is taken; chosen
 DEFAULTS = Config()
 VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # settings by stage; "" for the everyday settings
     "": {"n_search": (300, 600), "n_refine": (500, 2000)},

@@ -50,7 +50,7 @@ UNFLAGGED_OUTCOMES = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
 Job = tuple[str, str, tuple[str, str]]  # folder of the sets, set, names of the pair
 HARD_PAIRS = Path(__file__).with_name("hard_pairs.txt")  # list of pairs on which methods fail often
 DAMAGES = ("noise", "decimation", "stretch")  # damage to hard creatures
-HARD_CREATURES = 10  # number of pairs of creatures for each kind of damage
+HARD_CREATURES = 10  # number of pairs of creatures for each kind of damage; chosen
 
 
 def hard_jobs(data: str) -> list[Job]:

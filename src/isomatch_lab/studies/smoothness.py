@@ -27,8 +27,8 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-SEED = 8  # of drawn pairs
-PAIRS = {"faust_r": 5, "tosca_iso_r": 8, "scape": 3}  # number of pairs that are drawn from each set
+SEED = 8  # seed of drawn pairs; chosen
+PAIRS = {"faust_r": 5, "tosca_iso_r": 8, "scape": 3}  # number of pairs that are drawn from each set; chosen
 VARIANTS = {  # settings that are compared
     "without registration": Config(refining=RefinementSettings(registration_steps=0)),
     "default": Config(),

@@ -32,8 +32,8 @@ PAIRS = {  # number of pairs that are drawn from each set
     "shrec16_cuts": 1,
     "shrec16_holes": 1,
 }
-N_DISTURBED = 30  # number of matches of each pair with disturbed coordinates
-MAX_MOVE_RATIO = 1e-9  # largest move of a coordinate over the extent of the shape
+N_DISTURBED = 30  # number of matches of each pair with disturbed coordinates; chosen
+MAX_MOVE_RATIO = 1e-9  # largest move of a coordinate over the extent of the shape; chosen
 
 
 def disturb(mesh: Mesh, seed: int) -> Mesh:

@@ -31,16 +31,16 @@ from isomatch_lab.studies.shared import (
     write_table,
 )
 
-SEED = 5  # of drawn pairs
+SEED = 5  # seed of drawn pairs; chosen
 N_PAIRS = {"faust_r": 8, "creatures": 8, "tosca_iso_r": 8, "scape": 6, "tosca": 6, "cross": 24, "smal": 8}
 # bones and two subjects, of ``knees/BONE.npz`` with an array of vertices for each subject and ``faces``
 BONES = (("femur", "S081", "S085"), ("tibia", "S082", "S095"), ("patella", "S084", "S099"))
-KEPT_SHARE = 0.7  # share of its vertices that a target bone keeps
+KEPT_SHARE = 0.7  # share of its vertices that a target bone keeps; chosen
 DAMAGES = ("noise", "stretch", "cut", "holes")  # damage to creatures, with four pairs each
-N_POINTS = 500  # number of points of the truth that are measured for each pair
-WORST_SHARE = 0.1  # share of the vertices, those with the largest errors, that count as worst
-SMOOTHING_RADIUS = 0.1  # √area: the radius over which the plain ingredients are averaged
-BINS = 5  # number of groups of vertices, by expected error
+N_POINTS = 500  # number of points of the truth that are measured for each pair; chosen
+WORST_SHARE = 0.1  # share of the vertices, those with the largest errors, that count as worst; chosen
+SMOOTHING_RADIUS = 0.1  # √area: the radius over which the plain ingredients are averaged; chosen
+BINS = 5  # number of groups of vertices, by expected error; chosen
 
 Job = tuple[str, str, tuple[str, str]]
 

@@ -28,9 +28,9 @@ from isomatch.matching import MatchResult, Outcome, match
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, reflected
 
-MIN_VARIANCE = 1e-12  # a principal component with a smaller share of the largest variance is rounding
-MIN_SIDE_DISTANCE = 0.02  # √area; points nearer to the plane of symmetry may be on either side of it (chosen)
-MAX_TRIED_SHAPES = 5  # number of shapes whose left–right map is tried; if none is sure, others hardly are
+MIN_VARIANCE = 1e-12  # share of the largest variance; a component with a smaller one is rounding; chosen
+MIN_SIDE_DISTANCE = 0.02  # √area; points nearer to the plane of symmetry may be on either side of it; chosen
+MAX_TRIED_SHAPES = 5  # shapes whose left–right map is tried; chosen: if none is sure, others hardly are
 VARIATION_SOURCES = ("individuals", "sides", "individuals × sides", "error")  # rows of `Asymmetry.anova`
 
 
@@ -42,7 +42,7 @@ class SumOfSquares(NamedTuple):
     share: float
     degrees: int
     mean_square: float
-    f: float  # ratio of the mean square to the mean square of the error term; nan without an error term
+    f: float  # mean square over the mean square of the error term; nan without an error term
     p_value: float  # probability by permutations; nan if there is no test
 
 
@@ -72,7 +72,7 @@ class IndividualScores(NamedTuple):
     name: str
     asymmetry: float  # root mean square of its asymmetric component
     fluctuating: float  # root mean square of its difference from the mean component
-    directional: float  # its asymmetry in the direction of the mean component
+    directional: float  # part of its asymmetry in the direction of the mean component
     symmetric_scores: tuple[float, ...]  # scores along the principal components of symmetric variation
     asymmetric_scores: tuple[float, ...]  # scores along the components of fluctuating asymmetry
 
@@ -139,8 +139,8 @@ def asymmetry(
     def squares(part: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("i,...ij,...ij->...", share, part, part))
 
-    # For k groups of rᵢ shapes with means x̄ᵢ, m shapes in all, for s and for a:
-    #     Σ |x|² = m |x̄|² + Σ rᵢ |x̄ᵢ − x̄|² + Σ |x − x̄ᵢ|²
+    # For k groups of rᵢ shapes x, m in all, with their means x̄ᵢ and the mean x̄ of all, Σ |x|² = m |x̄|² + Σ
+    # rᵢ |x̄ᵢ − x̄|² + Σ |x − x̄ᵢ|²; so for the symmetric parts, and for the asymmetric ones.
     means = [np.array([part[of == i].mean(axis=0) for i in range(k)]) for part in parts]
     middles = [part.mean(axis=0) for part in parts]
     among = [2 * float(repeats @ squares(mean - middle)) for mean, middle in zip(means, middles)]
@@ -151,8 +151,8 @@ def asymmetry(
     with np.errstate(divide="ignore", invalid="ignore"):
         mean_squares = values / degrees
         ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # ratios to the error terms
-    # A mirrored individual has the component −āᵢ, so that the share is
-    # |Σ ± rᵢ āᵢ|² / (m Σ |a|²) = ±ᵀ P ± / (m Σ |a|²)
+    # A mirrored individual has the component −āᵢ. With signs ±, and P the scalar products of the rᵢ āᵢ, the
+    # directional share is ±ᵀ P ± / (m Σ |a|²).
     products = scalar_products(repeats[:, None, None] * means[1], share)
     total = m * float(squares(parts[1]).sum())
     share_of_mean, p_value, drawn = float(products.sum()) / total if total > 0 else 0.0, np.nan, 0
@@ -216,7 +216,7 @@ def symmetry_dimensions(
         return of_shape, of_shape
     middle = int((left_right.vertices == np.arange(n)).sum())
     pairs = (n - middle) // 2
-    # in space, two shifts and one turn, about the plane's normal, keep symmetry; the other three do not
+    # In space, two shifts and the turn about its normal keep a plane of symmetry; the other three do not.
     moves = (3, 3) if dim == 3 else (1, 2)
     return pairs * dim + middle * (dim - 1) - moves[0] - sized, pairs * dim + middle - moves[1]
 
@@ -341,7 +341,7 @@ def left_right_map(
     config = config or Config()
     config = replace(config, outcome=replace(config.outcome, mirror_image=0.0))
     result = match(mesh, reflected(mesh), pairs, config=config, seed=seed, progress=progress)
-    # a vertex and its counterpart lie on two sides, except where a component is matched to itself
+    # A vertex and its counterpart are on two sides, unless a component is matched to itself.
     normal, offset = symmetry_plane(mesh.vertices, result.map, mesh.vertex_areas)
     side = mesh.vertices @ normal - offset
     opposite = result.map.pull_back(side)

@@ -26,16 +26,17 @@ PictureFormat = Literal["png", "pdf", "svg"]  # suffixes of pictures
 Groups = Sequence[str] | None  # the group of each shape
 
 BLUE, GREY = "#3f90da", "#717581"  # colours that colour-blind readers can tell apart (Petroff 2021)
-COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")  # of groups
-DPI = 300  # dots per inch, as for print
-CHART_SIZE = (5.6, 4.5)  # width and height of a scatter plot in inches; all charts have this width
-MAX_TICKS = 6  # largest number of ticks along x, so that their numbers do not overlap
-NAME_SIZE = 8  # font size, in points, of the names of shapes
-SURFACES_WIDTH = 6.5  # width in inches of a picture of surfaces or landmarks
-FILLED_SHARE = 0.9  # share of the width of a panel that the widest surface takes
-TEXT_SIZE = 9.0  # font size, in points, of titles and numbers
-BAR_HEIGHT = 0.7  # height in inches of a colour bar with its numbers and label
-MIN_KNOWN = 0.5  # a pixel is coloured if vertices with a value make up at least this share of it
+# colours of groups, in order, that colour-blind readers can tell apart
+COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
+DPI = 300  # dots per inch; chosen, as for print
+CHART_SIZE = (5.6, 4.5)  # inches; width and height of a scatter plot; all charts have this width; chosen
+MAX_TICKS = 6  # ticks along x, at most; chosen: their numbers do not overlap
+NAME_SIZE = 8  # points; size of the letters in the names of shapes; chosen
+SURFACES_WIDTH = 6.5  # inches; width of a picture of surfaces or landmarks; chosen
+FILLED_SHARE = 0.9  # share of the width of a panel that the widest surface takes; chosen
+TEXT_SIZE = 9.0  # points; size of the letters in titles and numbers; chosen
+BAR_HEIGHT = 0.7  # inches; height of a colour bar with its numbers and label; chosen
+MIN_KNOWN = 0.5  # share of a pixel that vertices with a value must have for it to be coloured; chosen
 SIGNED_MAP, RISING_MAP = "RdBu_r", "viridis"  # colour maps for values of both signs, and for values from 0
 
 
@@ -216,7 +217,7 @@ def _draw_hulls(axes: Axes, points: FloatArray, groups: Groups) -> None:
             continue
         try:
             hull = ConvexHull(points[chosen])
-        except QhullError:  # they are on a line
+        except QhullError:  # the points are on a line
             continue
         corners = points[chosen][hull.vertices].T
         axes.fill(*corners, facecolor=colour, edgecolor=colour, alpha=0.15, linewidth=0, zorder=0)

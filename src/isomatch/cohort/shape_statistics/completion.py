@@ -28,15 +28,15 @@ from isomatch.settings import Config
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface
 
 Pose = Literal["fitted", "given"]  # whether the points may be moved to the model, or lie where it is
-MIN_NOISE = 1e-6  # share of the mean's size; smaller noise is raised to this, as double precision needs it
-TOLERANCE = 1e-9  # share of the shape's size; a fit ends once a step moves the shape by less
-MAX_STEPS = 200  # a fit fails if the shape still moves after this number of steps
-MAX_ROUNDS = 30  # nearest points are renewed at most this number of times; about 10 suffice
-MAX_MOVEMENT = 1e-3  # share of the shape's size; nearest points are final once a round moves it by less
-MAX_WIDTH = 1e-3  # width over length; narrower points are on a line, around which any turn is possible
-PATCH_LENGTH = 0.2  # √area; vertices within this distance have about the same error, see docs/statistics.md
-ALONG_WEIGHT = 0.1  # weight of offsets along the surface over the weight of offsets across it (chosen)
-MIN_COSINE = 0.5  # a nearest point counts if its normal is at most 60° from the normal of the point (chosen)
+MIN_NOISE = 1e-6  # share of the mean's size; smaller noise counts as this for double precision; chosen
+TOLERANCE = 1e-9  # share of the shape's size; a fit ends once a step moves the shape by less; chosen
+MAX_STEPS = 200  # steps after which a fit fails if the shape still moves; chosen
+MAX_ROUNDS = 30  # times that nearest points are renewed, at most; chosen: about 10 are enough
+MAX_MOVEMENT = 1e-3  # share of the shape's size; nearest points are final once a round moves it less; chosen
+MAX_WIDTH = 1e-3  # width over length; narrower points are on a line, and may turn around it; chosen
+PATCH_LENGTH = 0.2  # √area; vertices this near have about the same error: docs/statistics.md
+ALONG_WEIGHT = 0.1  # weight of offsets along the surface, where offsets across it have 1; chosen
+MIN_COSINE = 0.5  # a nearest point counts if the cosine of the normals is at least this, 60°; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,7 +129,7 @@ class _Fit:
 
     scores: FloatArray  # (k,) scores in standard deviations
     motion: _Motion
-    # root of the covariance of scores and small motions about the centre, in units of the size
+    # root of the covariance of the scores and of small motions about the centre, in units of the size
     root: FloatArray
     centre: FloatArray  # (3,) centroid of the points on the shape, in the coordinates of the model
     size: float  # root mean square distance of the model's mean from its centroid
@@ -156,7 +156,7 @@ class _Fit:
             centre = shape.mean(axis=0) if len(shape) else np.zeros(3)
             if is_free:
                 columns = np.concatenate([spread, _motions(shape, centre, size, model.size is not None)])
-            # the noise of each coordinate is the noise of the distance divided by √3
+            # The noise of each coordinate is the noise of the distance over √3.
             noise = np.maximum(observations.noise / motion.scale, MIN_NOISE * size)[:, None] / np.sqrt(3)
             offsets = motion.undo(observations.positions) - mean
             seen = observations.weigh(np.concatenate([columns, offsets[None]]), motion.rotation) / noise
@@ -176,7 +176,7 @@ class _Fit:
 class _Motion:
     """From the model to the points: x ↦ scale · rotation @ x + translation."""
 
-    scale: float = 1.0
+    scale: float = 1.0  # factor of the motion x ↦ scale · rotation @ x + translation
     rotation: FloatArray = field(default_factory=lambda: np.eye(3))
     translation: FloatArray = field(default_factory=lambda: np.zeros(3))
 

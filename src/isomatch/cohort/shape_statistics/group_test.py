@@ -15,8 +15,8 @@ from isomatch._core.settings import generator, require_one_of
 from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.linear_model import N_PERMUTATIONS
 
-TestMethod = Literal["permutation", "parametric"]  # where p-values come from
-MAX_NUMBERS = 2**22  # floating-point numbers, 32 MiB, in a block of permutations (chosen)
+TestMethod = Literal["permutation", "parametric"]  # method that gives the p-values of a test
+MAX_NUMBERS = 2**22  # numbers, 32 MiB, in a block of permutations; chosen
 
 
 @dataclass(frozen=True, eq=False)

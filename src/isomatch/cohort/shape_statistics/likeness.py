@@ -18,20 +18,20 @@ from isomatch.cohort.shape_statistics.procrustes import generalised_procrustes, 
 from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 
-# Agreement of two shapes, from −1 (mirror images) to 1. In seven sets of animals and people in many
-# poses, with up to half of the shapes mirrored, these bounds find 202 of 208 mirror images, none in
-# TOSCA victoria, whose poses differ most, and no wrong ones.
-MIN_SAMPLE_AGREEMENT = 0.35  # median agreement of all pairs, below which poses differ too much to find any
-MIN_SHAPE_AGREEMENT = 0.15  # median agreement of a shape with the others, below which its side is unclear
-# With fewer than `MIN_SHAPES`, a shape is mirrored if its mirror image is nearer to another by this factor.
+# Agreement of shapes, from −1 (mirror images) to 1: its median over all pairs, below which poses differ too
+# much to find mirror images. With both bounds, 202 of 208 in seven sets are found, none wrong.
+MIN_SAMPLE_AGREEMENT = 0.35
+# median agreement of a shape with the others, below which its side is unclear; as above
+MIN_SHAPE_AGREEMENT = 0.15
+# ratio of distances; of fewer than `MIN_SHAPES`, a shape nearer by this in the mirror is mirrored; chosen
 MIRROR_RATIO = 0.7
-MIN_THICKNESS = 0.01  # share of a shape's size; a thinner shape is taken as equal to its mirror image
-SAME_SHAPE = 1e-5  # share of the size; two shapes with a smaller Procrustes distance are equal
-FAR_SIZES = 10.0  # a shape is far if its centroid is more than this number of sizes from the middle of all
-UNLIKE_RATIO = 2.0  # a shape is unlike the others if its distance from them is above the usual by this factor
-MIN_SHAPES = 4  # of fewer shapes, none is called far or unlike, as it is not known what is usual
-DoubtKind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]  # see `doubtful_shapes`
-N_SAMPLES = 100  # number of vertices between which geodesic distances are compared
+MIN_THICKNESS = 0.01  # share of a shape's size; a thinner shape counts as equal to its mirror image; chosen
+SAME_SHAPE = 1e-5  # share of the size; shapes with a smaller Procrustes distance are equal; chosen
+FAR_SIZES = 10.0  # sizes from the middle of all shapes, beyond which a centroid is far; chosen
+UNLIKE_RATIO = 2.0  # distance from the others over the usual one, above which a shape is unlike; chosen
+MIN_SHAPES = 4  # shapes, at least, to know what is usual: of fewer, none is called far or unlike; chosen
+DoubtKind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]  # kinds of doubt about a shape
+N_SAMPLES = 100  # vertices between which geodesic distances are compared; chosen
 
 
 class Doubt(NamedTuple):
@@ -102,10 +102,10 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
 
 def _find_mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
     """Tell which shapes, (m,), are mirror images of most."""
-    # Two shapes agree by 1 if their thinnest directions do, and by −1 if these are opposite, so
-    # that the mirror image is nearer. The leading eigenvector of the agreements has one sign for
-    # each side. reflected² − distance² = ±4 σ₃, with the least singular value σ₃ of XᵀWY; of a
-    # shape and itself, 4 σ₃ is the square of its thickness.
+    # The agreement of two shapes is 1 if their thinnest directions are the same, and −1 if they are opposite,
+    # so that the mirror image is nearer. The leading eigenvector of the agreements has one sign for each
+    # side. With the least singular value σ₃ of XᵀWY, reflected² − distance² = ±4 σ₃; of a shape and itself, 4
+    # σ₃ is the square of its thickness.
     m = len(distances)
     thickness = np.diag(reflected)
     scale = thickness[:, None] * thickness
@@ -145,13 +145,13 @@ def _unlike(distances: FloatArray) -> dict[int, str]:
     return {i: f"{start} {typical[i]:.3g} {ending}" for i in np.flatnonzero(typical > limit).tolist()}
 
 
-METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}  # metres in each unit of length
 """Units of length, in metres."""
-MIN_SIZE_RATIO = 2.0  # units may explain a size that differs from the median by this factor or more (chosen)
-MIN_SIZE_GAP = 5.0  # sizes, in order, are in two units if one is larger than the size before by this factor
-MAX_DEVIATIONS = 6.0  # standard deviations; a value farther from the median is an outlier (chosen)
+MIN_SIZE_RATIO = 2.0  # ratio to the median size from which units may explain a size; chosen
+MIN_SIZE_GAP = 5.0  # ratio of one size to the next smaller one, above which sizes are in two units; chosen
+MAX_DEVIATIONS = 6.0  # standard deviations from the median, beyond which a value is an outlier; chosen
 MAD_TO_SD = 1.4826  # ratio of standard deviation and median absolute deviation in a normal distribution
-# pairs of units, of a shape and of the others, that are tried before all others, in this order
+# pairs of units, of a shape and of the others, that are tried first, in this order
 USUAL_UNITS = ("mm", "m"), ("mm", "cm"), ("cm", "m"), ("mm", "in")
 
 

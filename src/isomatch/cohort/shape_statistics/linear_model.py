@@ -24,12 +24,12 @@ from isomatch._core.texts import natural_order
 from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.procrustes import scalar_products, shares_of
 
-N_PERMUTATIONS = 4999  # number of random permutations of a test, so that no p-value is below 1 / 5000
-MAX_NUMBERS = 2**21  # floating-point numbers, 16 MiB, in a block of permutations (chosen)
-MIN_SHAPES = 3  # a regression needs this number of shapes, as a line fits two shapes exactly
-BOX_COX_RANGE = (-5.0, 5.0)  # least and largest power of a Box–Cox transformation (chosen)
-MIN_SINGULAR = 1e-9  # share of the largest singular value; variables with a smaller one depend on others
-CLASSIFIED_VARIANCE = 0.95  # share of the variance in the modes that classify shapes (chosen)
+N_PERMUTATIONS = 4999  # random permutations of a test; chosen: p-values then have steps of 1 / 5000
+MAX_NUMBERS = 2**21  # numbers, 16 MiB, in a block of permutations; chosen
+MIN_SHAPES = 3  # shapes that a regression needs, as a line fits two shapes exactly
+BOX_COX_RANGE = (-5.0, 5.0)  # least and largest power of a Box–Cox transformation; chosen
+MIN_SINGULAR = 1e-9  # share of the largest singular value; variables below depend on others; chosen
+CLASSIFIED_VARIANCE = 0.95  # share of the variance that is in the modes that classify shapes; chosen
 
 Terms = tuple[tuple[str, ...], ...]  # the variables of each term
 
@@ -262,7 +262,7 @@ def _test_terms(products: FloatArray, design: ShapeDesign, n_permutations: int, 
     none = np.nan, np.nan, np.nan
     rows.append(TermTest("residuals", free, residual, residual / free, residual / (total or 1.0), *none))
     rows.append(TermTest("total", m - 1, total, np.nan, 1.0, *none))
-    # groups are compared for terms with one factor: alone by means, with one number by slopes
+    # Groups are compared for terms with one factor: for the factor alone by means, with one number by slopes.
     of_one = [term for term in design.terms if len(term) < 3 and len(design.levels.keys() & {*term}) == 1]
     pairs = [pair for term in of_one for pair in _pairs(design, blocks, products, orders, term)]
     return ShapeAnova(tuple(rows), tuple(pairs), n_permutations, seed)
@@ -307,7 +307,7 @@ def _compare_first(values: FloatArray) -> tuple[float, float]:
         return np.nan, p_value
     positive = values if values.min() > 0 else values - values.min() + 1e-4
     positive = np.clip(positive / np.exp(np.log(positive[1:]).mean()), 1e-30, 1e30)
-    # for values with the geometric mean 1, the likeliest power is the one with the least variance
+    # Of values with the geometric mean 1, the likeliest power is the one with the least variance.
     power = minimize_scalar(lambda x: boxcox(positive[1:], x).var(), bounds=BOX_COX_RANGE, method="bounded").x
     like_normal = boxcox(positive, power)
     deviation = float(like_normal.std())

@@ -13,7 +13,7 @@ from isomatch._core.texts import natural_order
 from isomatch._core.threads import parallel_map
 from isomatch.surfaces import Mesh
 
-# A ray meets a face if no barycentric coordinate is less: rounding below 0 lets no ray pass through an edge.
+# least barycentric coordinate of a point in a face; below 0, so that no ray passes an edge; chosen
 MIN_CORNER_WEIGHT = -1e-9
 
 

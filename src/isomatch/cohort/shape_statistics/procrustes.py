@@ -16,8 +16,8 @@ from isomatch.correspondence import nearest_rotation
 
 Scale = Literal["keep", "remove"]  # whether shapes keep their sizes, or are brought to one size
 
-TOLERANCE = 1e-11  # share of the mean's size; shapes are aligned once an iteration moves none by more
-MAX_ITERATIONS = 1000  # an analysis fails if shapes still move after this number of iterations
+TOLERANCE = 1e-11  # share of the mean's size; shapes are aligned once an iteration moves none by more; chosen
+MAX_ITERATIONS = 1000  # iterations after which an analysis fails if shapes still move; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,8 @@ def generalised_procrustes(
     centred = centred * scales[:, None, None]
     products = _products(centred, share)
     rotations, n_iterations = _rotate_onto_mean(products, most_iterations)
-    rotations = _nearest_rotations(rotations.sum(axis=0)) @ rotations  # a common turn, to the identity
+    # All shapes are turned alike, so that their mean rotation is the identity.
+    rotations = _nearest_rotations(rotations.sum(axis=0)) @ rotations
     translations = centroids.mean(axis=0) - scales[:, None] * np.einsum("sij,sj->si", rotations, centroids)
     aligned = centred @ rotations.transpose(0, 2, 1)
     if tangent:
@@ -97,7 +98,8 @@ def generalised_procrustes(
         mean = aligned.mean(axis=0)
         mean *= size / np.sqrt(np.einsum("i,ij,ij->", share, mean, mean))
         along = np.einsum("i,ij,sij->s", share, mean, aligned) / size**2
-        aligned += (1 - along)[:, None, None] * mean  # the part along the mean becomes the mean
+        # In each shape, the mean of all replaces the component along the mean.
+        aligned += (1 - along)[:, None, None] * mean
     aligned += centroids.mean(axis=0)
     return ProcrustesAlignment(aligned, rotations, translations, scales, size, n_iterations)
 
@@ -215,7 +217,7 @@ def _rotate_onto_mean(products: FloatArray, most: int) -> tuple[FloatArray, int]
         turned = _nearest_rotations(to_mean)
         change = turned - rotations
         rotations = turned
-        # |Xₛ ΔRᵀ|² = tr(ΔR Xₛᵀ W Xₛ ΔRᵀ)
+        # The squared movement of a shape, |Xₛ ΔRᵀ|², is tr(ΔR Xₛᵀ W Xₛ ΔRᵀ).
         moved = np.sqrt(np.maximum(np.einsum("sij,sjk,sik->s", change, moments, change), 0.0))
         if moved.max() <= TOLERANCE * size:
             return rotations, iteration + 1

@@ -32,9 +32,9 @@ from isomatch.io import write_mesh
 from isomatch.surfaces import Mesh
 
 Weighting = Literal["area", "uniform"]  # whether a vertex counts by its area, or all count alike
-MIN_DEVIATION = 1e-10  # share of the mean's size; a mode with a smaller standard deviation is rounding
-MAX_LEFT_OUT = 100  # largest number of shapes, drawn at random, that are left out, one at a time
-N_RANDOM_SHAPES = 1000  # draws of `specificity`: 10 000 in Styner et al. 2003; 1000 give it to about 1 %
+MIN_DEVIATION = 1e-10  # share of the mean's size; a mode with less standard deviation is rounding; chosen
+MAX_LEFT_OUT = 100  # shapes, drawn at random, that are left out one at a time, at most; chosen
+N_RANDOM_SHAPES = 1000  # draws of `specificity`: 10 000 in Styner et al. 2003; chosen: known to about 1 %
 FORMAT = ArrayFormat(  # contents of the file of a model
     what="a shape model",
     writer="ShapeModel.save",
@@ -159,13 +159,13 @@ class ShapeModel:
         mean = superimposed.mean
         about_mean, about_centre = superimposed.aligned - mean, mean - share @ mean
         with serial_blas():
-            # X √W = U S Vᵀ of displacements X (m, 3 n): the modes are S⁻¹ Uᵀ X, the scores U S
+            # With the SVD X √W = U S Vᵀ of displacements X, (m, 3 n), modes are S⁻¹ Uᵀ X and scores U S.
             weighted = (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1)
             u, values, _ = np.linalg.svd(weighted, full_matrices=False)
             least = MIN_DEVIATION * np.sqrt(len(shapes) * (share @ about_centre**2).max())
             kept = int((values[: len(shapes) - 1] > least).sum())
             u, values = u[:, :kept], values[:kept]
-            # modes are made of displacements without weights, so that vertices of weight 0 move too
+            # Modes are sums of displacements without weights, so that vertices of weight 0 move, too.
             modes = np.tensordot(u.T / values[:, None], about_mean, 1)
         outward = share[:, None] * (about_centre**2).sum(axis=1, keepdims=True) * about_centre
         signs = np.where(np.einsum("kij,ij->k", modes, outward) < 0, -1.0, 1.0)
@@ -408,7 +408,7 @@ def specificity(model: ShapeModel, *, n_samples: int = N_RANDOM_SHAPES, seed: in
     squares = np.broadcast_to((model.scores**2).sum(axis=1), (n_samples, len(model.names))).copy()
     rows = [np.sqrt(squares.min(axis=1))]
     for drawn, scores in zip(draws.T, model.scores.T):
-        squares += drawn[:, None] * (drawn[:, None] - 2 * scores)  # adds (z − b)² − b²
+        squares += drawn[:, None] * (drawn[:, None] - 2 * scores)  # adds (z − b)² − b² for this mode
         rows.append(np.sqrt(np.maximum(squares.min(axis=1), 0.0)))
     return ModelCurve.of_rows(np.array(rows).T)
 

@@ -35,12 +35,12 @@ from isomatch.surfaces import Mesh
 MIRRORED = "_mirrored"  # ending of the names of shapes that are mirror images
 
 T = TypeVar("T")
-MEASURED = "measured"  # attribute of points: 1 where a surface was measured, 0 where it was interpolated
-MIN_MEASURED = 0.5  # a shape is left out if a smaller share of its vertices was measured (chosen)
+MEASURED = "measured"  # attribute of points: 1 where a surface was measured, 0 where it is interpolated
+MIN_MEASURED = 0.5  # share of its vertices that must be measured for a shape not to be left out; chosen
 CORRESPONDED = "corresponded"  # folder, inside the folder of a collection, of its shapes in one topology
 STRUCTURES = "structures.csv"  # name of the table of the number of vertices of each structure of subjects
-TOLERANCE = 1e-6  # share of the mean's size; missing vertices are in place once a round moves none by more
-MAX_ROUNDS = 500  # largest number of rounds that place missing vertices; enough for 97 % missing
+TOLERANCE = 1e-6  # share of the mean's size; missing vertices are in place once none moves by more; chosen
+MAX_ROUNDS = 500  # rounds that place missing vertices, at most; chosen: enough for 97 % missing
 
 
 def slices_of(structures: Mapping[str, int]) -> dict[str, slice]:
@@ -66,7 +66,7 @@ class CorrespondedShapes:
     CorrespondedShapes(2 shapes of 3 vertices)
     """
 
-    names: tuple[str, ...]  #: one for each of the m shapes; no two are the same
+    names: tuple[str, ...]  #: names of the m shapes, all different
     #: (m, n, 3) positions of their vertices, in one unit, all finite; landmarks also (m, n, 2)
     vertices: FloatArray
     #: (f, 3) 0-based vertex indices of the triangles that they share; landmarks have none

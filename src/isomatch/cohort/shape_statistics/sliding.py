@@ -22,15 +22,15 @@ from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes, filled
 from isomatch.landmarks import Curve
 from isomatch.surfaces import Mesh, nearest_on_surface, vertex_normals
 
-MAX_ROUNDS = 4  # largest number of times that the mean is taken and points slide towards it
-MIN_GAIN = 0.02  # another round follows if the last one reduced the energy by at least this share
-MAX_ITERATIONS = 30  # largest number of iterations of conjugate gradients for a step
-MAX_RESIDUAL = 0.01  # share of the first residual at which conjugate gradients end
-STEP_SHARES = 1.0, 0.5, 0.25  # shares of a step; the first after which the normal turns by under 90° is taken
-N_NEIGHBOURS = 5  # number of points, including the point itself, to which a tangent plane is fitted
-# weight of affine functions in the kernel, over m times its mean; 1 takes twice the iterations
+MAX_ROUNDS = 4  # times, at most, that the mean is taken and points slide towards it; chosen
+MIN_GAIN = 0.02  # share of the energy that a round must save for another one to follow; chosen
+MAX_ITERATIONS = 30  # iterations of conjugate gradients for a step, at most; chosen
+MAX_RESIDUAL = 0.01  # residual over the first one at which conjugate gradients end; chosen
+STEP_SHARES = 1.0, 0.5, 0.25  # shares of a step; the first that turns no normal by 90° is taken; chosen
+N_NEIGHBOURS = 5  # points, with the point itself, to which a tangent plane is fitted; chosen
+# weight of affine functions in the kernel, over m × its mean; chosen: 1 needs 2 × the iterations
 AFFINE_WEIGHT = 0.01
-RIDGE = 1e-10  # share of the kernel's mean that is added to its diagonal, so that two points may coincide
+RIDGE = 1e-10  # share of the kernel's mean that is added to its diagonal, as points may coincide; chosen
 
 
 class Slid(NamedTuple):
@@ -46,7 +46,7 @@ class Slid(NamedTuple):
 class SlidSemilandmarks(NamedTuple):
     """Landmarks of s specimens, after semilandmarks have slid."""
 
-    positions: FloatArray  # (s, m, d); nan where there was no place
+    positions: FloatArray  # positions (s, m, d) of m points on s specimens; nan without a place
     energy_before: FloatArray  # (s,) bending energy from the mean at centroid size 1, without 8π
     energy_after: FloatArray
 
@@ -123,7 +123,7 @@ def slid_semilandmarks(
         raise LandmarkError(f"{len(positions)} specimens have no mean shape to slide to; give 2 or more")
     placed: BoolArray = np.asarray(np.isfinite(positions).all(axis=2))
     known = np.where(placed[:, :, None], positions, np.nanmean(positions, axis=1, keepdims=True))
-    # points without a place begin on the mean
+    # Points without a place start on the mean.
     names = tuple(map(str, range(len(known))))
     now = filled(CorrespondedShapes(names, known, measured=placed), scale="remove").vertices
     sizes, energies = centroid_sizes(now)[:, None, None], list[FloatArray]()
@@ -135,7 +135,7 @@ def slid_semilandmarks(
         for _ in range(most_rounds):
             onto_mean = generalised_procrustes(now, scale="remove")
             mean, bending = onto_mean.mean, BendingEnergy(onto_mean.mean)
-            # the mean at the common size is the goal; y on it goes to x = (y − t) R / s on each specimen
+            # The goal is the mean at the common size. On each specimen, its point y is at x = (y − t) R / s.
             about = mean - mean.mean(axis=0)
             whole = mean + about * (onto_mean.size / np.sqrt((about**2).sum(axis=1).mean()) - 1)
             goal = (whole - onto_mean.translations[:, None]) @ onto_mean.rotations
@@ -247,7 +247,7 @@ class _Specimen:
     def _normals_of(self, points: FloatArray) -> FloatArray:
         """Fit the normals of the patch: of the plane nearest to each point and its neighbours."""
         if points.shape[1] == 2 or not len(self._patch):
-            return np.zeros((len(self._patch), points.shape[1]))  # in the plane, points may move anywhere
+            return np.zeros((len(self._patch), points.shape[1]))  # in the plane, points move in any direction
         near = points[cKDTree(points).query(points[self._patch], min(N_NEIGHBOURS, len(points)))[1]]
         return np.asarray(np.linalg.svd(near - near.mean(axis=1, keepdims=True))[2][:, -1])
 
@@ -275,7 +275,7 @@ class _Specimen:
             rows = self._patch[left]
             near = nearest_on_surface(self._surface, self.positions[rows] + share * steps[rows])
             turned = near.interpolated(self._vertex_normals)
-            # normals differ by more than 90° beyond a sharp edge, or behind a thin wall
+            # Beyond a sharp edge, or behind a thin wall, normals differ by more than 90°.
             is_near = (turned * normals[left]).sum(axis=1) > 0
             after[rows[is_near]] = near.interpolated(vertices)[is_near]
             normals[left[is_near]], left = turned[is_near], left[~is_near]

@@ -25,29 +25,34 @@ from isomatch.io.formats._reading import Room, unexpected
 from isomatch.io.materials import picture_in
 from isomatch.io.polygons import triangles_of_strips
 
-_MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"  # marks of a GLB file and of its chunks
-_COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by glTF code
-_CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}  # code of a numpy type
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}  # numbers in an entry
-_TYPES = {width: name for name, width in _WIDTHS.items()}  # name of entries of a width
-VERTICES, INDICES = 34962, 34963  # codes of buffer views for vertices and for indices
-_COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}  # extensions that cannot be read
-_MAX_GLB_BYTES = 2**32 - 64  # most bytes of JSON and data together, as GLB stores sizes in 32 bits
-_ENTRY_BYTES = 24  # bytes of memory for an entry of an array while parts are joined; measured
-_JSON_BYTES = {b"{": 200, b"[": 88, b",": 32}  # bytes in Python of an object, a list, an item; measured
-_COPY_BYTES = 16  # bytes of memory for each letter of JSON that is copied; measured
-_FREE_ENTRIES: dict[str, Any] = {  # placeholders that replace unused entries
+_MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"  # bytes with which a GLB file and its two chunks begin
+# numpy types of the components of an array, by their code in glTF
+_COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}  # codes of glTF by numpy type
+# how many numbers an entry of an array has, by its type in glTF
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_TYPES = {width: name for name, width in _WIDTHS.items()}  # types of glTF by the numbers in an entry
+VERTICES, INDICES = 34962, 34963  # codes of glTF for data of vertices and data of indices
+# extensions of glTF that compress data, which cannot be read
+_COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
+_MAX_GLB_BYTES = 2**32 - 64  # bytes of JSON and data in a GLB file, at most: sizes have 32 bits
+_ENTRY_BYTES = 24  # bytes of memory for a number of an array while parts are joined; measured
+# bytes of memory in Python of an object, a list and an item of JSON, by the letter that begins it; measured
+_JSON_BYTES = {b"{": 200, b"[": 88, b",": 32}
+_COPY_BYTES = 16  # bytes of memory for a letter of JSON that is copied; measured
+# what replaces an unused entry of a list, so that other entries keep their numbers
+_FREE_ENTRIES: dict[str, Any] = {
     "accessors": {"componentType": 5121, "count": 1, "type": "SCALAR"},
     "bufferViews": {"buffer": 0, "byteLength": 1},
 }
-_REFERENCES = {  # keys below which all integers are numbers of accessors or of buffer views
+_REFERENCES = {  # for two lists: keys in whose values all integers are numbers of entries of that list
     "accessors": ("indices", "input", "output", "inverseBindMatrices", "attributes", "targets", "extensions"),
     "bufferViews": ("bufferView", "extensions"),
 }
 _CUT_SHORT = "it is cut short, copy or export it again"  # the end of messages
 Matrix = tuple[tuple[float, ...], ...]
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6  # modes of primitives
-_POSE_TOLERANCE = 1e-3  # difference of entries of alike matrices over the largest entry; chosen
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6  # codes of glTF for kinds of primitives: triangles, strips, fans
+_POSE_TOLERANCE = 1e-3  # difference of entries of alike matrices, over the largest entry; chosen
 
 
 @dataclass
@@ -56,7 +61,7 @@ class GltfData:
 
     json: dict[str, Any]
     blob: bytearray
-    # the memory left for arrays and pictures, as a small file may refer to the same bytes many times
+    # Memory that is left for arrays and pictures: a small file may refer to the same bytes many times.
     room: Room = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -108,7 +113,8 @@ class GltfData:
         rows = np.ascontiguousarray(values.reshape(len(values), width), kind)
         octets = rows.view(np.uint8).reshape(len(rows), width * kind.itemsize)
         view: dict[str, object] = {} if target is None else {"target": target}
-        if octets.shape[1] % 4 and target == VERTICES:  # indices are packed
+        # indices follow one another without gaps, other rows begin at multiples of 4 bytes
+        if octets.shape[1] % 4 and target == VERTICES:
             octets = np.pad(octets, ((0, 0), (0, -octets.shape[1] % 4)))
             view["byteStride"] = octets.shape[1]
         accessor = {"bufferView": self.add_bytes(octets.tobytes(), **view), "componentType": _CODES[kind]}
@@ -267,7 +273,7 @@ def unpack(data: bytes, name: str) -> GltfData:
             with open_file(path) as file:
                 room.size += 0 if path in files else min(n, path.stat().st_size)
                 files.add(path)
-                room.take(2 * n, "a buffer")  # the bytes are held twice: as read, and in the common buffer
+                room.take(2 * n, "a buffer")  # bytes are held twice: as read, and in the common buffer
                 content = file.read(n)
         elif uri is None:
             content = binary if i == 0 else b""  # only the first buffer may be in the file

@@ -48,7 +48,7 @@ class Room:
 
     size: int
     """Bytes of the file."""
-    taken: int = 0
+    taken: int = 0  # bytes that are taken
 
     def take(self, n_bytes: int, what: str) -> None:
         """Raise `FormatError` if less memory is left."""
@@ -74,9 +74,9 @@ def content_beside(
 ) -> bytes | None:
     """Read a file in the folder or below it, as no other may be copied; None if there is none."""
     plain = name.replace("\\", "/")
-    # a path may belong to the machine of the author; then only its last name is sought
+    # A path may be the author's; then only a file with its last name, in this folder, is sought.
     for candidate in (plain, PurePosixPath(plain).name):
-        with suppress(FormatError, OSError, ValueError):  # the name is too long, or has a zero byte
+        with suppress(FormatError, OSError, ValueError):  # the name may be too long, or have a zero byte
             path = (folder / candidate).resolve()
             if candidate and path.is_relative_to(folder.resolve()) and path.is_file():
                 return read(path)

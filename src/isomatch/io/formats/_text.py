@@ -20,11 +20,12 @@ from isomatch.io.polygons import spans
 
 EXPORT_AGAIN = "correct the line or export the file again"  # the remedy in messages
 
-SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."  # codes of letters
-_EXAMINED_BYTES = 2**16  # number of first bytes in which comments may name the space; chosen
+SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."  # codes of some letters in ASCII
+_EXAMINED_BYTES = 2**16  # number of first bytes in whose comments the space may be named; chosen
 _BLANKS_TO_SPACES = bytes.maketrans(b"\t\v\f", b"   ")  # turns tabs and form feeds into spaces
-_WORD = re.compile(rb"[^ \n]+")  # bytes between spaces or line ends
-# At most 16,384 bytes (chosen), and the rest of a word or line, are split at once, as Python objects take memory.
+_WORD = re.compile(rb"[^ \n]+")  # matches what is between blanks or ends of lines
+# Bytes that are split into words at once: at most 16,384 (chosen, as Python objects take memory), and then
+# the rest of a word, or of a line.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
 _PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
 
@@ -36,7 +37,7 @@ class TextLines:
     name: str
     data: AnyArray  # bytes of the lines, each with a newline at its end, and other blanks as spaces
     numbers: IntArray  # (rows,) the number of each line in the file, from 1
-    before: int = 0  # number of the line of the file before the first line
+    before: int = 0  # number of lines of the file before the first line here
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -200,9 +201,9 @@ def read_lines(
     name: str, data: bytes, before: int = 0, continued: bool = False, named: tuple[str, ...] = ()
 ) -> TextLines:
     """Split the bytes of a file, after ``before`` lines, into lines, without ``#`` comments and blank lines."""
-    # A comment begins at the start of a line or after a blank. If ``continued``, a line with a final backslash
-    # continues in the next line. After a keyword in ``named``, the rest of the line is a name, which may
-    # contain #.
+    # A comment begins at the start of a line or after a blank. With ``continued``, a backslash at the end of
+    # a line continues it in the next one. After a keyword in ``named``, the rest of the line is a name, in
+    # which # is a letter.
     if data.startswith(tuple(BYTE_ORDER_MARKS)) or wide_encoding(data):
         data = decode_text(data).encode()
     text = data.translate(_BLANKS_TO_SPACES).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
@@ -282,9 +283,9 @@ def _plain_numbers(text: bytes, n_words: int) -> FloatArray | None:
     """Parse words with numpy; None if one of them is no number."""
     if b"(" in text:  # numpy reads nan(1) as a number
         return None
-    # integers are much faster to parse, but have no -0
+    # Integers are much faster to read, but have no −0.
     for kind in (np.float64,) if b"." in text or b"-0" in text else (np.int64, np.float64):
-        # a further word shows whether numpy read all words, as old versions only warn of bad words
+        # A word is added at the end, to see whether numpy read all words: old versions only warn of bad ones.
         with suppress(ValueError), warnings.catch_warnings(action="ignore"):
             numbers = np.fromstring(text + b" 0", kind, sep=" ")[:-1]
             if len(numbers) == n_words and (kind is np.float64 or (np.abs(numbers) < 2**53).all()):

@@ -18,12 +18,12 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from isomatch._core.arrays import AnyArray, IntArray
 
-_READERS: dict[str, Any] = {  # reader of files with a suffix
+_READERS: dict[str, Any] = {  # reader of VTK for each suffix
     ".vtk": vtkIOLegacy.vtkGenericDataObjectReader,
     ".vtp": vtkIOXML.vtkXMLPolyDataReader,
     ".vtu": vtkIOXML.vtkXMLUnstructuredGridReader,
 }
-_VERTEX, _LINE, _TRIANGLE, _STRIP, _POLYGON, _QUAD = 1, 3, 5, 6, 7, 9  # codes of types of cells
+_VERTEX, _LINE, _TRIANGLE, _STRIP, _POLYGON, _QUAD = 1, 3, 5, 6, 7, 9  # codes of VTK for types of cells
 
 
 def _main(path: Path, room: int) -> None:
@@ -57,7 +57,8 @@ def _arrays(path: Path) -> dict[str, object]:
     if len(sizes) != len(types) or (sizes < 0).any() or sizes.sum() != len(corners):
         raise ValueError("its cells do not fit their declared number")
     is_polygon = np.isin(types, (_TRIANGLE, _POLYGON, _QUAD))
-    is_strip = (types == _STRIP) & isinstance(data, vtkCommonDataModel.vtkPolyData)  # the last cells
+    # strips are the last cells of vtkPolyData
+    is_strip = (types == _STRIP) & isinstance(data, vtkCommonDataModel.vtkPolyData)
     others, counts = np.unique(types[~is_polygon & ~is_strip], return_counts=True)
     names = [vtkCommonDataModel.vtkCellTypes.GetClassNameFromTypeId(int(kind)) for kind in others]
     points, held = data.GetPoints(), data.GetFieldData()
@@ -103,7 +104,7 @@ def _values(array: Any) -> AnyArray:
     if array.IsA("vtkStringArray"):
         texts = np.array([array.GetValue(i) for i in range(array.GetNumberOfValues())], dtype=str)
         return texts if array.GetNumberOfComponents() == 1 else texts.reshape(array.GetNumberOfTuples(), -1)
-    if not array.IsA("vtkDataArray"):  # an array of variants, which is left out
+    if not array.IsA("vtkDataArray"):  # such as an array of variants, which is left out
         return np.zeros((array.GetNumberOfTuples(), 0))
     return np.asarray(vtk_to_numpy(array))
 

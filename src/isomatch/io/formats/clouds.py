@@ -18,21 +18,23 @@ from isomatch.io.formats._reading import Room, damaged, reading, unexpected
 from isomatch.io.formats._text import are_bytes, frame_in_comments, read_lines
 from isomatch.io.polygons import Polygons
 
-_NORMAL_TOLERANCE = 0.05  # largest difference from 1 of the length of a normal; chosen
+_NORMAL_TOLERANCE = 0.05  # difference from 1 of the length of a normal; chosen
 _POSITIONS = ("x", "y", "z")  # columns of positions
-_EXAMINED_LETTERS = 2**16  # number of first letters that tell the columns and the separator; chosen
+_EXAMINED_LETTERS = 2**16  # number of first letters by which the columns and the separator are told; chosen
+# matches the number of points in the first line that is no comment
 _ROW_COUNT = re.compile(r"(?:[ \t]*(?:(?://|#).*)?\n)*[ \t]*(\d{1,18})[ \t]*\n")
 """A line with the number of rows, before them and perhaps after comments."""
-_NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {  # name and kind of the attribute of columns
+# name and kind of the attribute that columns with these names hold
+_NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {
     ("r", "g", "b"): ("color", "colour"),
     ("red", "green", "blue"): ("color", "colour"),
     ("nx", "ny", "nz"): ("normal", "normal"),
     ("normal_x", "normal_y", "normal_z"): ("normal", "normal"),
 }
 _POINT_COUNT = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")  # the line of PCD with the number of points
-_MAX_HEADER_BYTES = 2**16  # number of first bytes in which a PCD file tells its number of points; chosen
-_NORMAL_COLUMNS = ("normal_x", "normal_y", "normal_z")  # columns of normals in PCD
-_NO_POLYGONS = Polygons([], [])
+_MAX_HEADER_BYTES = 2**16  # number of first bytes in which a PCD file must give its number of points; chosen
+_NORMAL_COLUMNS = ("normal_x", "normal_y", "normal_z")  # names of the columns of PCD that hold normals
+_NO_POLYGONS = Polygons([], [])  # the polygons of a cloud: none
 
 
 def read_xyz(data: bytes, name: str) -> Asset:
@@ -41,8 +43,7 @@ def read_xyz(data: bytes, name: str) -> Asset:
     counted = _ROW_COUNT.match(text)
     if counted and int(counted[1]) == text[counted.end() :].rstrip().count("\n") + 1:
         text = text[: counted.start(1)] + text[counted.end(1) :]
-    # the first lines suffice to tell the names of columns and the separator
-    end = text.find("\n", _EXAMINED_LETTERS)
+    end = text.find("\n", _EXAMINED_LETTERS)  # enough to tell the columns and the separator
     head = parse_table(text if end < 0 else text[:end], name)
     table = head.titled(_POSITIONS)
     width = len(table.filled[0].cells) if table.filled else 0
@@ -137,7 +138,8 @@ def read_pcd(data: bytes, name: str) -> Asset:
     if len(fields) != n:
         raise damaged(name, what, f"{len(fields)} points, {n} declared")
     attributes = list[Attribute]()
-    for packed in [name for name in ("rgba", "rgb") if name in columns][:1]:  # a colour in 32 bits
+    # One column may hold a colour in 32 bits.
+    for packed in [name for name in ("rgba", "rgb") if name in columns][:1]:
         octets = columns.pop(packed).view("u1").reshape(n, -1)[:, 2::-1]
         attributes.append(Attribute("color", "point", "colour", octets))
     if columns.keys() >= {*_NORMAL_COLUMNS}:

@@ -22,6 +22,7 @@ SURFACES = (
 """Ends of the names of surfaces, such as ``lh.pial``."""
 VALUES = (".curv", ".sulc", ".thickness", ".area", ".volume", ".avg_curv")
 """Ends of the names of files with numbers at points."""
+# For surfaces in coordinates of voxels and of the scanner, how the footer begins.
 _VOXEL_FOOTER, _SCANNER_FOOTER = (  # starts of footers, by the coordinates of the surface
     np.array([2, real, 20], dtype=">i4").tobytes() + b"valid" for real in (0, 1)
 )
@@ -83,7 +84,7 @@ def write_attributes(attributes: Sequence[Attribute], surface: Asset | None = No
         for row, key in enumerate(keys):
             *color, opacity = coded.colors.get(key, (*(share / 255 for share in _distinct_colour(row)), 1.0))
             octets, other = tuple(round(255 * share) for share in color), row
-            # a colour identifies a label, so no two labels have the same colour; black is no label
+            # A label is identified by its colour, so no two have the same one. Black means no label.
             while octets in taken or (key in used and not any(octets)):
                 octets = _distinct_colour(other)
                 other += len(keys)

@@ -22,17 +22,18 @@ from isomatch.io.formats._reading import Room, reading, unexpected
 from isomatch.io.polygons import Polygons
 
 _PIECE_BYTES = 2**20  # bytes of an array that are unpacked at once; chosen
-# Codes of NIfTI that tell what an array holds.
+# codes of NIfTI that tell what an array holds
 _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
 _NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
-# Meta data that name the part of the brain.
+# keys of the meta data that name the part of the brain
 _STRUCTURE_KEYS = ("AnatomicalStructurePrimary", "AnatomicalStructureSecondary")
-_SURFACE_SUFFIX = ".surf.gii"  # of a file with a surface
+_SURFACE_SUFFIX = ".surf.gii"  # end of the name of a file with a surface
 VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
 """Second suffixes, before ``.gii``, of files without a surface."""
-# Spaces of coordinates, in the order of their codes in NIfTI.
+# spaces of coordinates, in the order of their codes in NIfTI
 _SPACES = ("unknown", "scanner_anat", "aligned_anat", "talairach", "mni_152", "template_other")
-_AXIS_LETTERS = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}  # axis of a key of `_VOLUME_KEYS`
+# for keys of FreeSurfer's data on a volume, the letter of the axis in GIFTI's keys
+_AXIS_LETTERS = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
 _VOLUME_KEYS = {
     "volume": ("Width", "Height", "Depth"),
     "voxelsize": ("Xsize", "Ysize", "Zsize"),
@@ -135,7 +136,8 @@ def _write_arrays(attributes: Sequence[Attribute], arrays: list[Any], document: 
     for attribute in one_table:
         for key, word in attribute.names.items() if attribute.kind == "label" else ():
             label = gifti.GiftiLabel(key, *attribute.colors.get(key, (None,) * 4))
-            label.label = word.encode(errors="backslashreplace").decode()  # XML has no surrogates
+            # surrogates, which XML does not allow, become escapes
+            label.label = word.encode(errors="backslashreplace").decode()
             labels.setdefault(key, label)
     image.labeltable.labels.extend(labels.values())
     return bytes(image.to_xml())
@@ -159,7 +161,7 @@ def _require_room(data: bytes) -> None:
             continue
         if element.tag == "Data" and "GZip" in encoding:
             stream, rest = zlib.decompressobj(), base64.b64decode(element.text or "")
-            with suppress(zlib.error):  # the data is not compressed, or nibabel will refuse it
+            with suppress(zlib.error):  # the data are not compressed, or nibabel refuses them later
                 while part := stream.decompress(rest, _PIECE_BYTES):
                     room.take(len(part), "an array")
                     rest = stream.unconsumed_tail

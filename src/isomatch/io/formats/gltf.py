@@ -29,19 +29,19 @@ from isomatch.io.formats._gltf_data import GltfData, Matrix, extras_of, joint_na
 from isomatch.io.formats._reading import reading
 from isomatch.io.polygons import Polygons, Renumbering, split_at_seams
 
-_PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024  # memory of a part, or a primitive, beside its arrays; measured
-_KINDS: dict[str, tuple[str, Kind]] = {  # name and kind of the attribute of a key, without its number
+_PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024  # bytes of a part and of a primitive, beside arrays; measured
+# name and kind of the attribute of each key of glTF, without its number
+_KINDS: dict[str, tuple[str, Kind]] = {
     "NORMAL": ("normal", "normal"),
     "TEXCOORD": ("uv", "uv"),
     "COLOR": ("color", "colour"),
     "TANGENT": ("tangent", "vector"),
 }
-_BYTE_TOLERANCE = 0.03  # largest distance of a colour, × 255, from an integer if it was made of bytes; chosen
-_UNIT_TOLERANCE = 1e-3  # normals whose lengths differ from 1 by more, which rounding does not, are scaled
-# Values of points in parts that lack an attribute, by its kind; colours are white there, other kinds 0.
+_BYTE_TOLERANCE = 0.03  # largest distance from an integer of a colour × 255 that was a byte; chosen
+_UNIT_TOLERANCE = 1e-3  # normals whose length differs from 1 by more are scaled; chosen above rounding
+# For each kind of attribute, its value at points that lack it; other kinds have 0, colours are white.
 _MISSING_VALUES = {"uv": np.nan, "scalar": np.nan, "label": -1}
-# The rows of the points of each part of a mesh, and its primitives.
-Written = list[tuple[slice, list[dict[str, Any]]]]
+Written = list[tuple[slice, list[dict[str, Any]]]]  # for each part of a mesh: rows of points, primitives
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class GltfDocument:
     place_of_triangle: IntArray
     polygons: Polygons
     uv_names: Mapping[int, str] = field(default_factory=dict)  # names by the numbers in materials
-    former: object = None  # the document of another format, from which this one was made
-    coloured: frozenset[tuple[int, str]] = frozenset()  # mesh and key of all colours, white ones too
+    former: object = None  # the document of another format from which this document was made
+    coloured: frozenset[tuple[int, str]] = frozenset()  # mesh and key of all colours, also white
 
     @property
     def data(self) -> GltfData:
@@ -209,7 +209,7 @@ def _join_parts(of_parts: Sequence[Attribute | None], parts: Sequence[Part]) -> 
         return first
     is_colour = first.kind == "colour"
     is_mixed = len({attribute.values.dtype for attribute in present}) > 1
-    full = 1.0 if is_mixed else _full(first.values)  # colours of different types become fractions
+    full = 1.0 if is_mixed else _full(first.values)  # colours of different types all become fractions of 1
     widths = [max(sizes) for sizes in zip(*(attribute.values.shape[1:] for attribute in present))]
     columns, joints = [], []
     for attribute, part in zip(of_parts, parts):
@@ -459,7 +459,7 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
     nodes += [{"name": name, **matrix} for name in names]
     for scene in gltf.json.get("scenes", [])[:1]:
         scene.setdefault("nodes", []).extend(joints)
-    # some readers need the matrices, although identities are the default
+    # Identities are the default, but some readers need the matrices.
     inverse = gltf.add_matrices(np.tile(np.eye(4), (len(joints), 1, 1)))
     number = gltf.append("skins", {"joints": joints, "inverseBindMatrices": inverse})
     for node in users:

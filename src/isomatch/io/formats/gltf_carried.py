@@ -30,14 +30,15 @@ from isomatch.io.materials import (
     unreadable_pictures,
 )
 
-_MATERIAL_LISTS = ("images", "samplers", "textures", "materials")  # lists of the JSON that materials need
-_WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}  # by code
-_WRAP_CODES = {wrap: code for code, wrap in _WRAPS.items()}  # code of what happens beyond the picture
-_NEAREST = 9728  # code of the filter that takes the nearest pixel
+_MATERIAL_LISTS = ("images", "samplers", "textures", "materials")  # lists that materials need
+# what happens beyond the border of a picture, by the code of glTF
+_WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+_WRAP_CODES = {wrap: code for code, wrap in _WRAPS.items()}  # code of glTF for what is beyond a picture
+_NEAREST = 9728  # code of glTF for the filter that takes the nearest pixel
 # Names of extensions of materials.
 _TRANSFORM, _VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
 _GLOSSINESS, _EMISSIVE_STRENGTH = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_emissive_strength"
-_NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys of nodes that joints do not keep
+_NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys that joints do not keep
 
 
 def materials_of(document: GltfDocument) -> Looks | None:
@@ -133,7 +134,7 @@ def _layer(
     number, index = transform.get("texCoord", info.get("texCoord", 0)), info.get("index", -1)
     sampler = _entry(gltf, "samplers", _entry(gltf, "textures", index).get("sampler", -1))
     wraps: list[Wrap] = [_WRAPS.get(sampler.get(key, 0), "repeat") for key in ("wrapS", "wrapT")]
-    # texture coordinates are scaled, turned anticlockwise in the picture, whose v points down, then shifted
+    # Texture coordinates are scaled, turned anticlockwise in the picture (v points down), and shifted.
     (sx, sy), (x, y) = transform.get("scale", (1, 1)), transform.get("offset", (0, 0))
     c, s = cos(transform.get("rotation", 0)), sin(transform.get("rotation", 0))
     matrix = (c * sx, s * sy, x), (-s * sx, c * sy, y)

@@ -34,10 +34,10 @@ _NUMBER_OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 """Options of a picture, with the largest number of numbers after each."""
 _WORD_OPTIONS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
 """Options of a picture with one word after each."""
-_UDIM = re.compile("<udim>", re.IGNORECASE)  # stands for the number of a tile in the name of a picture
+_UDIM = re.compile("<udim>", re.IGNORECASE)  # what stands for the number of a tile in the name of a picture
 TILES = range(1001, 1101)
 """Numbers of the tiles of texture coordinates: 1001 + u + 10 v."""
-_PICTURE_KEYWORDS = ("map_", "bump", "disp", "decal", "norm", "refl")  # begin statements with pictures
+_PICTURE_KEYWORDS = ("map_", "bump", "disp", "decal", "norm", "refl")  # first letters of keywords
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def write(asset: Asset) -> bytes:
     names = [name for a in asset.attributes if a.name in _STATEMENTS for name in a.coded.names.values()]
     try:
         "".join([*document.libraries, *names]).encode(encoding)
-    except UnicodeEncodeError:  # the encoding lacks letters of a name
+    except UnicodeEncodeError:  # the encoding of the file lacks letters of a name
         encoding = "utf-8"
     libraries = "".join(f"mtllib {library}\n" for library in document.libraries)
     head = _text.frame_comments(asset.frame) + libraries
@@ -190,7 +190,7 @@ def _faces(asset: Asset, indices: list[IntArray], encoding: str) -> bytes:
 def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines, which: int) -> FloatArray:
     """Read the rows that a field of the corners refers to, (c, width), with nan for none."""
     numbers = table_lines.parse()
-    least = 1 if keyword == "vt" else width  # one texture coordinate suffices, further ones are 0
+    least = 1 if keyword == "vt" else width  # a texture coordinate may lack its last numbers, which are 0
     numbers.require(numbers.counts >= least, f"at least {least} numbers after {keyword}")
     table = np.full((len(table_lines) + 1, width), np.nan)
     table[:-1] = numbers.columns(0, width)
@@ -212,7 +212,7 @@ def _label_statements(attribute: Attribute) -> tuple[IntArray, AnyArray]:
     new = np.ones(len(codes), dtype=bool)
     new[1:] = codes[1:] != codes[:-1]
     texts = [f"{keyword} {coded.names.get(code, str(code))}\n" for code in codes[new].tolist()]
-    if texts and texts[0] == f"{keyword} \n":  # no statement precedes the first face
+    if texts and texts[0] == f"{keyword} \n":  # the first faces have an empty name, which needs no statement
         texts, new[0] = texts[1:], False
     return new.astype(np.int64), np.array(texts, dtype=object)
 
@@ -261,7 +261,7 @@ def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tu
     else:
         blocks = _COLOUR_BLOCK.finditer(data.replace(b"\r", b"\n")) if b"#MRGB" in data else ()
         digits = b"".join(block[1] for block in blocks).decode()
-        octets = np.frombuffer(bytes.fromhex(digits), np.uint8).reshape(-1, 4)  # mask, red, green and blue
+        octets = np.frombuffer(bytes.fromhex(digits), np.uint8).reshape(-1, 4)  # mask, red, green, blue
         if not len(octets):
             return [], tuple(notes)
         if len(octets) > n:
@@ -345,7 +345,7 @@ def _encode(text: str, encoding: str) -> bytes:
 
 def _look(name: str, statements: Mapping[str, str], files: Mapping[str, bytes]) -> Look:
     kd = _numbers(statements.get("kd", ""), 3) or [1.0, 1.0, 1.0]
-    if "map_kd" in statements and max(kd) == 0:  # some programs write black beside every picture
+    if "map_kd" in statements and max(kd) == 0:  # black beside a picture, as some programs write
         kd = [1.0, 1.0, 1.0]
     clear = _numbers(statements.get("tr", ""), 1)
     opacity = _numbers(statements.get("d", ""), 1) or [1 - x for x in clear] or [1.0]
@@ -360,7 +360,7 @@ def _layer(text: str, tint: tuple[float, ...], files: Mapping[str, bytes]) -> La
     options, name = _options(text)
     sx, sy = [*_numbers(" ".join(options.get("-s", [])), 1, 2), 1.0, 1.0][:2]
     x, y = [*_numbers(" ".join(options.get("-o", [])), 1, 2), 0.0, 0.0][:2]
-    matrix = (sx, 0.0, x), (0.0, sy, 1 - sy - y)  # in OBJ, v points up
+    matrix = (sx, 0.0, x), (0.0, sy, 1 - sy - y)  # v points up in OBJ, and down here
     wrap: Wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
     return Layer(tint, Picture.among(files, name), matrix=matrix, wrap=(wrap, wrap))
 

@@ -15,14 +15,15 @@ from isomatch.io.formats._text import NumberRows, TextLines
 from isomatch.io.polygons import Polygons, spans
 from isomatch.surfaces import Mesh
 
+# matches the first line of a file
 _HEADER = re.compile(r"(?P<letters>(?:ST|[CN4])*)OFF(?![A-Z])\s*(?P<rest>[^#]*)(?:#.*)?", re.IGNORECASE)
-_MAP_INDICES = "indices into a colour map"  # what is refused, in messages
+_MAP_INDICES = "indices into a colour map"  # kind of colours that are refused, in messages
 
 
 class _Tables(NamedTuple):
     """The contents of a file."""
 
-    letters: str  # the letters before OFF
+    letters: str  # letters before OFF in the first line, which tell what vertices have
     vertices: NumberRows
     points: FloatArray  # (n, 3) positions of the vertices
     faces: NumberRows
@@ -117,7 +118,7 @@ def _colours(attribute: Attribute) -> tuple[FloatArray, str]:
     """Return colours as integers up to 255 or fractions, and their template."""
     fractions = attribute.fractions[:, :3]
     octets = np.rint(255 * fractions)
-    # bytes of at most 1 would be read as fractions, so such colours are written as fractions
+    # Bytes of at most 1 would be read as fractions, so that such colours are written as fractions.
     whole = attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1
     return (octets, "%d") if whole else (fractions, "%r")
 

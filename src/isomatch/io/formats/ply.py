@@ -31,15 +31,17 @@ _TYPES = {
     "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
     "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
-_COUNT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4")  # types of the length of a list
+_COUNT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4")  # numpy types that the length of a list may have
 _LETTERS = {kind: letters for letters, kind in reversed(_TYPES.items())}  # the first name of each type
-_BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}  # by the encoding
-_MAX_HEADER_BYTES = 2**18  # longest header that is read; chosen
-_MAX_DECLARED = 1000  # most elements and properties in a header; real headers have fewer than 100
-_MAX_ROW_BYTES = 2**31 - 1  # longest row of an element, by the types of numpy
-_INDEX_LISTS = ("vertex_indices", "vertex_index")  # properties with the vertices of a face
+# numpy's sign of the order of bytes, by the name of the encoding
+_BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_MAX_HEADER_BYTES = 2**18  # largest number of bytes of a header; chosen
+_MAX_DECLARED = 1000  # elements and properties in a header, at most; chosen: real headers have fewer than 100
+_MAX_ROW_BYTES = 2**31 - 1  # largest number of bytes in a row of an element, which numpy's types can hold
+_INDEX_LISTS = ("vertex_indices", "vertex_index")  # names of the property with the vertices of a face
 _POINT_PROPERTIES = ("vertex1", "vertex2", *_INDEX_LISTS)  # properties that hold numbers of points
-_GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (  # attributes of several properties
+# name, kind and properties of each attribute that several properties make up
+_GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("normal", "normal", ("nx", "ny", "nz")),
     ("color", "colour", ("red", "green", "blue", "alpha")),
     ("color", "colour", ("red", "green", "blue")),
@@ -51,10 +53,10 @@ _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (  # attributes of seve
 )
 _NO_BYTE = re.compile("[\ud800-\udc7f\udd00-\udfff]")
 """Surrogates that stand for no byte; the others stand for bytes that are not UTF-8."""
-_CORNER_UV = "texcoord"  # the property of faces with texture coordinates of their corners
+_CORNER_UV = "texcoord"  # property of faces with the texture coordinates of their corners
 TEXTURE_NUMBER = "texnumber"
 """The property of faces with the number of their picture."""
-_TEXTURE = "comment TextureFile {}"  # the comment that names a picture
+_TEXTURE = "comment TextureFile {}"  # line of the header that names a picture
 _JOINT = re.compile(r"joint (\S+) (\S+) ?(.*)")
 """Text of a comment that names an attribute of weights, one of its properties, and the joint that it is of."""
 
@@ -296,8 +298,8 @@ def _joints_of(comments: tuple[str, ...]) -> dict[str, dict[str, str]]:
 
 def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[str, ...], str]:
     """Read all elements, the byte order (empty for text), comments, and the encoding of names."""
-    # Names are in UTF-8 or another encoding. Only ASCII blanks separate words, and the last word is the
-    # rest of the line, because names of groups of Blender have blanks.
+    # The header is in UTF-8 or another encoding. Only ASCII blanks separate words. The last word is the rest
+    # of the line, as names of Blender's groups have blanks.
     lines, n_bytes = _header_lines(data, name)
     named = [text for text in lines.texts if not text.startswith((b"comment", b"obj_info"))]
     encoding = encoding_of(b"\n".join(named))
@@ -428,7 +430,7 @@ def _read_mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> 
         return [], too_far
     orders = ["big" if kind.byteorder == ">" else "little" for kind in types]
     plan = list(zip([kind.itemsize for kind in types], orders, [kind.kind == "i" for kind in types], sizes))
-    counts_read: list[int] = []  # numbers of values of each property, row by row
+    counts_read: list[int] = []  # length of each list, row by row
     for _ in range(n_rows):
         for n_bytes, order, is_signed, size in plan:
             count = 1
@@ -628,7 +630,7 @@ def _rows(element: Element, byte_order: str) -> bytes:
     """Write the rows of an element in a byte order, or as text if that is empty."""
     n_rows = element.n_rows
     once = np.ones(n_rows, dtype=np.int64)
-    fields: list[tuple[IntArray, AnyArray, str]] = []  # numbers per row, all values, their type
+    fields: list[tuple[IntArray, AnyArray, str]] = []  # for each property: counts, numbers, type
     for column in element.columns:
         if column.counts is not None and column.count_type is not None:
             fields.append((once, column.counts, column.count_type.str[1:]))

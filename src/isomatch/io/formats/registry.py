@@ -32,9 +32,11 @@ class MeshFormat:
     has_parts: bool = False  # whether files keep parts with transforms
     keeps_names: Callable[[Attribute], bool] = lambda attribute: False  # whether files keep names of labels
     has_opacity: bool = True  # whether files keep the opacity of colours
-    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # all keep comments
+    # whether files keep a frame of coordinates; all files keep comments
+    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space
     axes: Axes | None = None  # the axes of all files of the format
-    middles: Callable[[Asset], FloatArray] | None = None  # subtracted before rounding
+    # what is subtracted from points before they are rounded to single precision
+    middles: Callable[[Asset], FloatArray] | None = None
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """List the properties that the format does not keep of an attribute."""
@@ -66,15 +68,16 @@ def _fits_title(frame: Frame) -> bool:
     return not frame.has_space and frame.title(stl.TITLE_BYTES) == "; ".join(frame.lines)
 
 
-# Fields of `MeshFormat` that several formats have in common.
+# Values of fields of `MeshFormat` that several formats share. Here: options of formats with a binary variant.
 _BINARY = frozenset({"binary"})
+# at most one colour, normal and texture coordinate, and no opacity
 _FEW_KINDS: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
-_ROUNDED: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
-_NAMED: dict[str, Any] = {"keeps_names": lambda attribute: True}
+_ROUNDED: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}  # rounds points to single precision
+_NAMED: dict[str, Any] = {"keeps_names": lambda attribute: True}  # all names are kept
 _GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "middles": gltf.middles, **_NAMED}
-# GIFTI keeps all names and coordinate systems ("frames"), and stores points in single precision.
+# all names and frames of coordinates are kept; points are rounded to single precision
 _GIFTI = {"keeps": gifti.keeps, "keeps_frame": lambda frame: True, **_NAMED, **_ROUNDED}
-_VTK: dict[str, Any] = {
+_VTK: dict[str, Any] = {  # attributes of corners, and names other than texts, are not kept
     "keeps": lambda attribute: attribute.domain != "corner",
     "keeps_names": lambda attribute: attribute.values.dtype.kind == "U",
     "options": _BINARY,

@@ -12,8 +12,10 @@ from isomatch.io.formats._text import TextLines, format_rows, read_lines
 from isomatch.io.polygons import Polygons
 from isomatch.surfaces import Mesh, weld_points
 
-TITLE_BYTES, _HEADER_BYTES = 80, 84  # bytes of the title, and with the number of triangles behind it
-_UNKNOWN_COUNTS = (0, 2**32 - 1)  # numbers of triangles from programs that did not know the number yet
+TITLE_BYTES, _HEADER_BYTES = 80, 84  # bytes of the title, and of title and number of triangles
+# numbers of triangles in files of programs that did not know the number when they began to write
+_UNKNOWN_COUNTS = (0, 2**32 - 1)
+# numpy type of a triangle in a binary file
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -25,7 +27,7 @@ def read_asset(data: bytes, name: str) -> Asset:
         (corners, notes), attributes = _read_text(read_lines(name, data.lower())), list[Attribute]()
     else:
         triangles, notes = _triangles(data, name)
-        with np.errstate(invalid="ignore"):  # a signalling nan would warn
+        with np.errstate(invalid="ignore"):  # a signalling nan, as files may have, would warn
             corners = triangles["corners"].astype(np.float64)
         attributes, left = _colours(data[:80], triangles["attribute"])
         notes += left
@@ -84,7 +86,7 @@ def _colours(header: bytes, words: AnyArray) -> tuple[list[Attribute], list[str]
     mark = header.find(b"COLOR=")
     if mark >= 0 and len(header) >= mark + 10:
         if not marked.all() or (words == words[:1]).all():  # MeshLab marks all triangles as coloured
-            octets[marked] = list(header[mark + 6 : mark + 9])  # the default colour of the file
+            octets[marked] = list(header[mark + 6 : mark + 9])  # unmarked ones have the header's colour
         return [Attribute("color", "face", "colour", octets.astype(np.uint8))], []
     if not marked.any():
         return [], ["the two bytes after each triangle are left out"] if words.any() else []
@@ -102,7 +104,7 @@ def _read_text(lines: TextLines) -> tuple[FloatArray, list[str]]:
         notes.append(f"{after} lines after the last endsolid are left out")
     corners = lines.starting_with("vertex")
     loop_ends = lines.starting_with("endloop").numbers
-    # after triangle t, counted from 0, 3 (t + 1) corners have been read
+    # After triangle t, counted from 0, 3 (t + 1) corners must have been read.
     read = np.searchsorted(corners.numbers, loop_ends)
     wrong = np.flatnonzero(read != 3 * np.arange(1, len(loop_ends) + 1))
     if len(wrong):

@@ -23,14 +23,14 @@ from isomatch.io.attribute import number_equal_names
 from isomatch.io.formats._reading import damaged, on_disk, reading
 from isomatch.io.libraries import ArrayDocument, is_attribute, named_attributes, polygons_of, to_pyvista
 
-# Longest time of reading: a constant, and the bytes per further second. A triangle takes 0.5 s, 20 MB 1.9 s.
+# Seconds that a reader may take, and bytes for a further second; chosen: a triangle takes 0.5 s, 20 MB 1.9 s.
 MAX_SECONDS, BYTES_PER_SECOND = 60.0, 1e6
-_END_MARK = "isomatch_end"  # name of a field that tells that a file was read to its end
-TITLE_BYTES = 255  # longest title in the second line of a legacy file, by the format
-# Text that is added to a legacy file: if an array is too short, VTK reads into this, and misses the mark.
+_END_MARK = "isomatch_end"  # name of a field at the end of a file, which shows that VTK read all of it
+TITLE_BYTES = 255  # bytes of the longest second line of a legacy file, its title, by the format
+# Text that is added to a legacy file. If an array is too short, VTK reads into it, and misses the mark.
 _END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _END_MARK.encode()
 _ENDED_EARLY = "the reader came to an end over it, as where more is declared than the file holds"
-_POLYGON_COUNT = {  # finds the numbers of polygons that a file declares
+_POLYGON_COUNT = {  # matches where a file declares its number of polygons
     ".vtk": re.compile(rb"(?im)^POLYGONS\s+(-?\d+)"),
     ".vtp": re.compile(rb"""\sNumberOfPolys\s*=\s*["'](\d+)"""),
 }
@@ -46,7 +46,7 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
     n_other_cells = dict(zip(stored["others"].tolist(), stored["counts"].tolist()))
     if suffix != ".vtu" and stored["is_polygons"]:
         declared = sum(map(int, _POLYGON_COUNT[suffix].findall(data.partition(b"<AppendedData")[0])))
-        n_more = declared - len(stored["sizes"])  # version 5 of legacy files declares one polygon more
+        n_more = declared - len(stored["sizes"])  # version 5 of legacy files declares one too many
         if n_more not in ((0, 1) if suffix == ".vtk" else (0,)):
             raise damaged(name, what, f"{len(stored['sizes'])} polygons, {declared} declared")
     if suffix == ".vtk" and _END_MARK not in (
@@ -106,7 +106,7 @@ def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
     if suffix == ".vtu" and not len(asset.points):  # VTK would end the process
         raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
     mesh = to_pyvista(asset)
-    if suffix == ".vtk":  # the title keeps the frame
+    if suffix == ".vtk":  # the title holds the frame of coordinates
         for name in (asset.frame or Frame()).named:
             mesh.field_data.pop(name, None)
     with on_disk(b"", suffix) as path:

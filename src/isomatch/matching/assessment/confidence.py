@@ -20,7 +20,7 @@ from isomatch.matching.problem import Problem
 from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import connected_regions
 
-MIN_LENGTH = 1e-12  # smaller lengths and squared slopes are raised to this before a division
+MIN_LENGTH = 1e-12  # lengths in √area, and squared slopes, are raised to this before they divide; chosen
 
 
 def expected_errors(
@@ -32,13 +32,12 @@ def expected_errors(
     is worth in √area of the target, 1 except for parts. If a map is wrong as a whole, for example exchanges left and
     right, the estimate covers only what does not fit.
     """
-    # Φ_t ∘ f maps the source into the space of the K functions; its smooth part is the fit Φ_s F.
-    # For an isometry both are equal, and F is orthogonal. If an image is displaced by δ, the
+    # Let Φ_s, Φ_t be K Laplace–Beltrami functions of both shapes, and f the map. The smooth part of Φ_t ∘ f is
+    # the fit Φ_s F. For an isometry both are equal, and F is orthogonal. If an image is displaced by δ, the
     # residual r = Φ_t(f(i)) − Φ_s(i) F has to first order the size |∇(Φ_s F)| · δ. So
     #   δ(i) = ‖r‖ / |∇(Φ_s F)|                  is a length,
     #   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)        is a strain, 0 if F is orthogonal,
-    # and the expected error is scale · √(δ |ε|), smoothed by the heat kernel.
-    # lab/benchmarks.md, confidence
+    # and the expected error is scale · √(δ |ε|), smoothed by the heat kernel. lab/benchmarks.md, confidence
     source = pair.source
     k = pair.n_functions
     functions = source.functions[:, :k]
@@ -100,8 +99,9 @@ def diffuse(shape: SmoothShape, values: Float[FloatArray, "n"], radius: float) -
     return np.asarray(np.maximum(laplace.vectors @ coefficients, 0.5 * values.min()))
 
 
+# reasons, as notes say them, why a region is doubtful
 ANOTHER_MAP = "another map that fits nearly as well sends it elsewhere"
-UNLIKE_ITS_IMAGE = "it looks unlike its image"
+UNLIKE_ITS_IMAGE = "it looks unlike its image"  # the second of two reasons for doubt
 
 
 @dataclass(frozen=True, eq=False)

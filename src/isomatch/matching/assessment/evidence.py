@@ -25,7 +25,7 @@ from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries
 
-MIN_LEAD = 1e-9  # a smaller lead is raised to this, so that the doubt of a tie is finite
+MIN_LEAD = 1e-9  # leads below this count as this, so that the doubt of a tie is finite; chosen
 
 # the outcome of each flag of evidence, the least sure first
 OUTCOME_OF_FLAG = {
@@ -42,10 +42,10 @@ class Evidence:
     """Flags that speak against a map being right and complete."""
 
     contradicted: bool = False  # the map contradicts priors
-    mirrored: bool = False  # the mirror image of a shape fits clearly better
-    poor: bool = False  # it fits badly
+    mirrored: bool = False  # a map to the mirror image of a shape fits clearly better
+    poor: bool = False  # the map fits badly
     ambiguous: bool = False  # another map fits as well
-    partial: bool = False  # something has no counterpart
+    partial: bool = False  # a part of a shape has no counterpart
 
     @classmethod
     def of(cls, outcome: Outcome) -> Self:
@@ -195,8 +195,7 @@ class CommonDoubt:
     """How sure the map of a region is that two parts have in common."""
 
     net_evidence: float  # area that looks alike, less what is left out: `CommonRegions`
-    # cost of this map over the cost of the best different map, both negative; inf if there is none
-    runner_up: float
+    runner_up: float  # cost over the cost of the best different map, both negative; inf if there is none
     landmarks_hold: bool  # whether landmarks were given and all hold, which is enough to be sure
     settings: PartSettings
 
@@ -249,8 +248,7 @@ class Solution:
     config: MatchSettings | None = None  # settings of the method, if it is not `match`
     descriptor_distance: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
-    # whether regions that look unlike their images are evidence; two species always have some
-    descriptors_count: bool = True
+    descriptors_count: bool = True  # whether regions unlike their images are evidence; species have some
     doubt: PartDoubt | CommonDoubt | None = None  # how sure the map of a part is
     way: str = ""  # the strategy that found it, see `isomatch.matching.strategies`
 

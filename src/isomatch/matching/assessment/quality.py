@@ -117,8 +117,8 @@ def edge_stretch(
     matched: Bool[BoolArray, "n_s"] | None = None,
 ) -> float:
     """Dirichlet energy of a map: squared lengths of edges' images over their own, or nan."""
-    # Σ_e min(|f(e)|², torn |e|²) / Σ_e |e|² over edges e between matched vertices, where lengths of
-    # the source are multiplied by the unit
+    # The stretch is Σ_e min(|f(e)|², torn |e|²) / Σ_e |e|² over the edges e between matched vertices, where
+    # lengths of the source are multiplied by the unit.
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = (source.edges if matched is None else source.edges[matched[source.edges].all(axis=1)]).T

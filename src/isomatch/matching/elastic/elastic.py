@@ -39,14 +39,16 @@ from isomatch.matching.proposals.starts import starts_from_priors
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import Ranking, Rules, distances_between, keep_distinct, select
 
-LAST_STEP = Step(200, 0.0005, 2, False)  # the fit by all functions, before shapes are bent in full
-MIN_SCORE = 1e-12  # a lower score is raised to this, so that ratios of scores are finite
+# the fit before shapes are bent in full: functions, squared length of smoothing (of area 1), iterations,
+# whether mirror images are respected: decisions.md, elastic steps
+LAST_STEP = Step(200, 0.0005, 2, False)
+MIN_SCORE = 1e-12  # lower scores count as this, so that ratios of scores are finite; chosen
 
-FAR_NOTE = (
+FAR_NOTE = (  # note on a map of shapes that are far from isometric
     "the shapes are far from isometric, so a map was sought that lets limbs stretch; it may be wrong in places: look at "
     "the picture, and give five landmarks at extremities if it is"
 )
-FAR_KEPT_NOTE = (
+FAR_KEPT_NOTE = (  # note on shapes far from isometric that keep an isometric map
     "the shapes are far from isometric, but no map that lets limbs stretch scores better; the map may be wrong in "
     "places: look at the picture, and give five landmarks at extremities if it is"
 )
@@ -60,8 +62,8 @@ class StretchedFit(Fit):
     images: Images | None = None  # images of the samples of the coarse fit, both ways
     # the source bent onto the target, and the target bent onto the source; empty before they are bent
     bent: tuple[BentShape, ...] = ()
-    is_isometric: bool = False  # whether it is the map found under the isometric model
-    is_initial_map: bool = False  # whether it is the user's initial map, which holds large pieces
+    is_isometric: bool = False  # whether this is the map found under the isometric model
+    is_initial_map: bool = False  # whether this is the user's initial map, which holds large pieces
 
     @property
     def stretch(self) -> float:
@@ -106,7 +108,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         super().__init__(problem)
         self.found = found
         self.isometric_map: Fit | None = None  # the map of ``found``
-        self.isometric_map_fits = False  # whether it fits as well as between isometric shapes
+        self.isometric_map_fits = False  # whether this map fits as well as maps between isometric shapes
         self._other_starts: list[tuple[BodyVertices, str]] = []  # candidates of ``found``, with origins
         self._rivals: list[Fit] = []  # other refined maps of ``found``
         if found:

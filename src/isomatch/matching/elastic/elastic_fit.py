@@ -30,7 +30,7 @@ from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.surfaces import vertex_normals
 
-RIDGE = 1e-9  # added to the diagonal of normal equations, so that they can be solved
+RIDGE = 1e-9  # added to the diagonal of normal equations, so that they can be solved; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +127,8 @@ class Samples:
 class Coefficients(NamedTuple):
     """Smooth maps in both directions, as coefficients of the first functions of each shape."""
 
-    source: Float[FloatArray, "k_s values_t"]  # A: values of the target on the source
-    target: Float[FloatArray, "k_t values_s"]  # B: values of the source on the target
+    source: Float[FloatArray, "k_s values_t"]  # A: coefficients, on the source, of values of the target
+    target: Float[FloatArray, "k_t values_s"]  # B: coefficients, on the target, of values of the source
 
 
 class Step(NamedTuple):
@@ -140,8 +140,9 @@ class Step(NamedTuple):
     symmetric: bool
 
 
-# Steps of the coarse fit; after each, only the best maps are kept. Their functions represent limbs but
-# no details, and the smoothness was chosen with them; decisions.md, elastic choice
+# Steps of the coarse fit: functions, squared length of smoothing (of area 1), iterations, whether mirror
+# images are respected. After each step, only the best maps are kept. The functions represent limbs but no
+# details, and the smoothness was chosen with them; decisions.md, elastic choice
 COARSE_STEPS = Step(20, 0.01, 2, True), Step(20, 0.01, 2, True), Step(30, 0.007, 4, True)
 
 
@@ -181,7 +182,7 @@ class ElasticFit:
     # are fitted only to compute normals.
     source: Samples
     target: Samples
-    signatures: Embedding  # of all vertices of both shapes
+    signatures: Embedding  # signatures of all vertices of both shapes
     landmarks: Int[BodyVertices, "l 2"]  # vertices of source and target that correspond
     side: float = 1.0  # 1 for maps that preserve the orientation of the faces, −1 for those that reverse it
     normal_weight: float = ELASTIC_SEARCH.normal_weight  # weight of normals beside canonical coordinates

@@ -51,6 +51,7 @@ from isomatch.matching.selection import (
     select_survivors,
 )
 
+# note on a symmetry that the shapes themselves have
 AMBIGUITY_NOTE = (
     "a shape has a symmetry about as near to exact as the shapes are alike, and the map composed with it fits about as "
     "well: look at the first of the alternatives, and give three to five landmarks if it is right"
@@ -248,7 +249,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _reconsider_dropped(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
         """If the winner is not sure, refine dropped candidates, and add maps that differ."""
-        # half turns of ants are dropped at 1.15 times the least spectral residual, but their scores tie
+        # A dropped map may tie: half turns of ants have 1.15 × the least spectral residual, yet tie by score.
         first, config = ranking.best, self.pair.config
         if not self.pair.is_sided or first.candidate is None or is_sure(self, ranking):
             return ranking
@@ -285,7 +286,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
             return [first]
         fits = (first, *ranking.others)
         tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
-        # with start = "pose", the prior error is the distance in space
+        # With start = "pose", the prior error of a map is the mean distance of its images in space.
         return nearest_to_priors(tied, TIES.landmark_slack)
 
     def image(self, best: Fit) -> Int[BodyVertices, "n_s"]:

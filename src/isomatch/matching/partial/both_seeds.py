@@ -21,8 +21,8 @@ from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.selection import keep_distinct
 from isomatch.shapes import PreparedShape
 
-AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # lengths; areas of balls of these radii are compared
-# cost of a distance outside its interval; chosen together with the numbers of `SEEDS`
+AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # √area of the body; radii of compared balls; chosen
+# cost of a distance outside its interval; chosen on pairs of parts of SHREC'16, with the numbers of `SEEDS`
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
 
 
@@ -31,7 +31,7 @@ class BothSide:
     """One of two parts, with ``s`` samples; source and target have ``s_s`` and ``s_t`` samples."""
 
     shape: PreparedShape
-    unit: float  # √area of the part in the unit of both
+    unit: float  # √area of the part, in the unit of both parts (√area of the body)
     landmarks: Int[BodyVertices, "l"]
 
     @cached_property
@@ -55,7 +55,7 @@ class BothSide:
     @cached_property
     def intervals(self) -> Intervals:
         """Bounds of distances on the body between the samples."""
-        # For the bounds see `PartPair.of`. As both shapes are parts, both have intervals, and
+        # `PartPair.of` explains the bounds. Both shapes are parts, so both have intervals of distances, and
         # images of two samples are possible if their intervals overlap.
         vertices = self.vertices
         along = np.maximum(self.shape.distances.between(vertices, vertices), 0.0)

@@ -155,7 +155,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         rough = [] if only_given else self._rough_fits(first_maps)
         kept = self._keep_distinct(rough, PART_FIT.n_contenders)
         hopeful = [fit for fit in kept if fit.rough_cost <= settings.hopeless * kept[0].rough_cost]
-        hopeful = kept[: max(len(hopeful), 2)]  # at least the best and a runner-up
+        hopeful = kept[: max(len(hopeful), 2)]  # the best map and a runner-up are kept in any case
         contenders = [*((fit.pair, fit.image, fit.origin) for fit in hopeful), *first_maps]
         if not contenders:
             raise NotConvergedError(

@@ -31,7 +31,7 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
 
 ALL_FUNCTIONS = 10**6  # more functions than any basis has, so that all are used
-MIN_COST = 1e-12  # a lower cost, as of a part mapped onto itself, is raised to this: ratios stay finite
+MIN_COST = 1e-12  # a lower cost, as of a part mapped onto itself, counts as this: ratios stay finite; chosen
 
 
 class WholeCoordinates:
@@ -175,7 +175,7 @@ class PartRefinement:
 class BentPart(BentShape):
     """A part bent until it lies on the surface of a whole."""
 
-    pair: PartPair  # in the unit of the map
+    pair: PartPair  # part and whole in the unit of the map
 
     def onto_part(self) -> tuple[PrecisePoints, Bool[BoolArray, "n_whole"]]:
         """Map vertices of the whole to nearest points of the part, and find the covered ones."""
@@ -221,7 +221,7 @@ def _hard_landmarks(pair: PartPair) -> HardLandmarks:
 class PartFit(Fit):
     """A map of a part, in a unit; ``score`` stays nan, see ``cost``."""
 
-    pair: PartPair  # in the unit of the map
+    pair: PartPair  # part and whole in the unit of the map
     refinement: PartRefinement  # refines the images of the same vertices
     bending: PartBending
     stress: float = np.nan  # mean cost of the images of the anchors, see `PartPair.stress`
@@ -253,8 +253,8 @@ class PartFit(Fit):
     @property
     def cost_with_bending(self) -> float:
         """Cost of the map by itself, if no other is close: the cost × the cost of bending."""
-        # r σ^¼ × (stretch × gap). No map was selected by the last factor, so it is independent
-        # evidence about the best one.
+        # With the spectral residual r and the stress σ: r σ^¼ × (stretch × gap). No map was selected by the
+        # last factor, so it is independent evidence about the best one.
         return max(self.cost * self.bent.bending_cost, MIN_COST)
 
     @property

@@ -119,7 +119,7 @@ class PartStarts:
             for image_row in self._self_maps
         ]
         more = parallel_map(lambda start: self._complete_start(*start, 2), mirrored)
-        # starts on the wrong side are as likely as right ones; later steps separate them
+        # starts that exchange sides are as likely as right ones; later steps tell them apart
         both = sorted([*kept, *more], key=attrgetter("cost"))
         return [*self._keep_distinct(both, PART_SEARCH.n_starts_with_composed), *self._grow_starts()]
 

@@ -17,7 +17,7 @@ def extremity_assignments(
     source: PreparedShape, target: PreparedShape, settings: SearchSettings
 ) -> list[Int[BodyVertices, "q 2"]]:
     """Assign extremal points of both shapes so that distances agree, best first."""
-    # for each number of points and both directions, without repetitions
+    # For each number of points, in both directions; a dict keeps the order, and has no repetitions.
     assignments: dict[tuple[tuple[int, int], ...], None] = {}
     for count in settings.extremity_counts:
         for forward in (True, False):

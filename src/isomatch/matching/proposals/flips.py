@@ -18,7 +18,7 @@ from isomatch.shapes import Symmetry
 
 T = TypeVar("T")
 M = TypeVar("M", Alignment, Candidate)
-GROUP_SIZE = 4  # maps that a thread handles together; fixed, so that threads do not change results
+GROUP_SIZE = 4  # maps that a thread handles; chosen and fixed: the number of threads changes no result
 
 
 def find_flips(pair: Problem, hypothesis: Candidate, others: list[Candidate]) -> list[Candidate]:
