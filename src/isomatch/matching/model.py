@@ -129,7 +129,9 @@ class MatchingModel(ABC, Generic[M, C]):
     def sum_up(self, match: Match[M, C], measured: Measured, timer: StageTimer) -> Solution:
         """Sum up a measured map, with the evidence for it, expected errors and alternatives."""
 
-    def complete(self, match: Match[M, C], solution: Solution, timer: StageTimer) -> Solution:
+    def complete(
+        self, match: Match[M, C], measured: Measured, solution: Solution, timer: StageTimer
+    ) -> Solution:
         """Do for the returned map what ``sum_up`` omits while strategies are tried."""
         return solution
 

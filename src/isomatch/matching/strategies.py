@@ -429,7 +429,7 @@ def try_strategies(tried: Attempts) -> Solution:
     solution = tried.solutions[0] if len(tried.solutions) == 1 else _select_verified(tried)
     if solution.way in tried.incomplete:
         match = tried.matches[solution.way]
-        solution = match.model.complete(match, solution, timer)
+        solution = match.model.complete(match, match.measured, solution, timer)
     return replace(solution, notes=(*solution.notes, *tried.failures))
 
 
@@ -447,7 +447,7 @@ def _attempt(strategy: Strategy, tried: Attempts) -> Solution | None:
     if match is None:
         return None
     partial = strategy.overlap == "whole" and part_of(tried.problem) in ("source", "target")
-    is_last = not strategy.continues(tried)
+    is_last = not (strategy.continues(tried) or tried.solutions)  # else the map that is selected is completed
     if not is_last:
         tried.incomplete.append(strategy.name)
     solution = finish(match, tried.timer, is_last)

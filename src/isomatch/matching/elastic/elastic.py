@@ -388,6 +388,16 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         solution = measured.solution(pair, errors, far, [measured.note], regions=regions)
         return replace(solution, descriptors_count=False)
 
+    def complete(
+        self,
+        match: Match[StretchedFit, Embedding],
+        measured: Measured,
+        solution: Solution,
+        timer: StageTimer,
+    ) -> Solution:
+        """Complete a map as the isometric match would."""
+        return self.found.model.complete(self.found, measured, solution, timer) if self.found else solution
+
 
 def _score(bent: tuple[BentShape, ...]) -> float:
     # √(s g · s′ g′), see `BentShape`. Both directions count: the source bends well onto a target

@@ -394,15 +394,17 @@ class Isometry(RefiningModel[Fit, Embedding]):
             return replace(solution, alternatives=self._alternatives(match, []))
         return self._with_rivals(match, map_, solution)
 
-    def complete(self, match: IsometricMatch, solution: Solution, timer: StageTimer) -> Solution:
+    def complete(
+        self, match: IsometricMatch, measured: Measured, solution: Solution, timer: StageTimer
+    ) -> Solution:
         """Polish a map, and look for symmetric maps that fit as well."""
-        level, points, notes = self._polish_points(match.measured, timer)
+        level, points, notes = self._polish_points(measured, timer)
         if level is not self.pair:
             timer.start("carry")
             found = level.source.correspondence(level.target, points)
             solution = replace(solution, map=found, notes=(*solution.notes, *notes))
         timer.start("quality")
-        return self._with_rivals(match, match.measured, solution)
+        return self._with_rivals(match, measured, solution)
 
     def _with_rivals(self, match: IsometricMatch, map_: Measured, solution: Solution) -> Solution:
         """Add alternatives; a map is ambiguous if its composition with a near-symmetry fits."""
