@@ -15,7 +15,8 @@ GROUPS = {name: value for name, value in vars(parameters).items() if name.isuppe
 UNITS = (
     r"√area|average distances?|share|ratio|fraction|times|weight|cost|over (the|its|that|parts)|cosine|exponent|power|"
     r"factor|(squared )?distance|residuals?|sign|scores?|doubt|gap|stress|energy|logarithms?|mean .log|singular value|"
-    r"radians|standard deviations|radii|areas|lengths|steps|vertices|samples|points|columns|functions|maps|regions|landmarks|candidates"
+    r"radians|standard deviations|radii|areas|lengths|steps|vertices|samples|points|columns|functions|maps|"
+    r"regions|landmarks|candidates"
 )
 
 

@@ -15,8 +15,15 @@ from isomatch.matching import (
     outcome_of,
     prepare_pair,
     select_strategies,
+    strategies,
 )
-from isomatch.matching.strategies import PART, Attempts, part_of
+from isomatch.matching.strategies import (
+    BOTH_SIDES,
+    BOTH_SIDES_LAST,
+    PART,
+    Attempts,
+    part_of,
+)
 from isomatch_lab.damage import cut
 from shapes import box
 
@@ -65,7 +72,28 @@ def test_a_part_is_searched_only_if_no_map_before_is_sure(problem):
 
 
 def test_two_parts_are_tried_as_such(part):
-    assert names(prepare_pair(part, part)) == ["isometry", "isometry from both sides", "two parts"]
+    both_sides = "isometry from both sides"
+    assert names(prepare_pair(part, part)) == ["isometry", both_sides, "two parts", both_sides]
+
+
+def test_a_poor_isometry_of_two_parts_is_searched_from_both_sides_last_if_it_may_win(
+    problem, part, monkeypatch
+):
+    monkeypatch.setattr(strategies, "is_sure", lambda model, ranking: False)
+    matches = {"isometry": SimpleNamespace(model=None, ranking=None)}
+    two_parts = SimpleNamespace(way="two parts", flags=(), outcome=Outcome.LOW_CONFIDENCE)
+
+    def tries_both_sides(problem, *flags, cost=1.0):
+        found = SimpleNamespace(way="isometry", flags=flags, outcome=Outcome.LOW_CONFIDENCE)
+        costs = {"isometry": cost, "two parts": 1.0}
+        tried = Attempts(problem, StageTimer(), solutions=[found, two_parts], matches=matches, costs=costs)
+        return [strategy.applies(tried) for strategy in (BOTH_SIDES, BOTH_SIDES_LAST)]
+
+    parts = prepare_pair(part, part)
+    assert tries_both_sides(problem, "poor", "ambiguous") == [True, False]
+    assert tries_both_sides(parts, "ambiguous") == [True, False]
+    assert tries_both_sides(parts, "poor", "ambiguous") == [False, True]
+    assert tries_both_sides(parts, "poor", cost=3.0) == [False, False]
 
 
 def test_what_was_handed_in_is_all_that_is_tried(problem):

@@ -59,6 +59,14 @@ class Attempts:
     failures: list[str] = field(default_factory=list)  # why strategies found no map
     # names of strategies whose maps are completed only if they are returned
     incomplete: list[str] = field(default_factory=list)
+    costs: dict[str, float] = field(default_factory=dict)  # by `verify`, by the name of the strategy
+
+    def cost(self, solution: Solution) -> float:
+        """Cost of a map by `verify`, computed once."""
+        if solution.way not in self.costs:
+            image = on_bodies(self.problem, UserVertices(solution.map.vertices))
+            self.costs[solution.way] = verifier_of(self.problem)(image).cost
+        return self.costs[solution.way]
 
     @property
     def is_unsure(self) -> bool:
@@ -230,6 +238,19 @@ def _is_unsure_isometry(tried: Attempts) -> bool:
     return nothing_else_is_sure and not is_sure(cast(Isometry, match.model), match.ranking)
 
 
+def _is_poor_of_two_parts(tried: Attempts) -> bool:
+    """Whether an isometry of two parts of one body is poor, so that their common region comes first."""
+    found = (solution for solution in tried.solutions if solution.way == ISOMETRIC.name)
+    return part_of(tried.problem) == "both" and any("poor" in solution.flags for solution in found)
+
+
+def _may_win(tried: Attempts, name: str) -> bool:
+    """Whether the map of a strategy, once improved, may verify better than the maps of others."""
+    costs = {solution.way: tried.cost(solution) for solution in tried.solutions}
+    cost = costs.pop(name, None)
+    return cost is not None and not cost > STRATEGY.hopeless_cost_ratio * min(costs.values(), default=np.inf)
+
+
 def _is_clear_part(tried: Attempts, solution: Solution) -> bool:
     """Whether a map of a part is good enough to be final."""
     bound = STRATEGY.final_doubt_fraction * tried.problem.config.parts.poor_doubt
@@ -264,8 +285,15 @@ BOTH_SIDES = Strategy(  # improves an isometry by maps that are searched from th
     "if other isometries may be right, and nothing else is sure",
     lambda tried: BothSides(tried.matches[ISOMETRIC.name]),
     _may_be_searched_from_target,
-    _is_unsure_isometry,
+    lambda tried: _is_unsure_isometry(tried) and not _is_poor_of_two_parts(tried),
     replaces=ISOMETRIC,
+)
+BOTH_SIDES_LAST = replace(
+    BOTH_SIDES,
+    why="the same for a poor isometry, unless the two parts cost far less",
+    applies=lambda tried: (
+        _is_unsure_isometry(tried) and _is_poor_of_two_parts(tried) and _may_win(tried, ISOMETRIC.name)
+    ),
 )
 
 CUT_EXTRA_HANDLES = Strategy(  # an isometry once the handles are cut that one shape has more than the other
@@ -351,7 +379,7 @@ COMPLETE = ISOMETRIC, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, OPEN_LIMB
 FROM_CLOSED = PART_FROM_CLOSED, PART_FROM_BOTH_SIDES  # start from the map with the holes closed
 MUCH_MISSING = PART, CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED  # for a small part
 LITTLE_MISSING = CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED, PART  # large parts
-TWO_PARTS = ISOMETRIC, BOTH_SIDES, OVERLAPPING  # for two parts that overlap
+TWO_PARTS = ISOMETRIC, BOTH_SIDES, OVERLAPPING, BOTH_SIDES_LAST  # for two parts that overlap
 STRATEGIES = {strategy.name: strategy for strategy in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS, VIA)}
 """What each strategy claims, by its name, which `MatchResult.way` records."""
 
@@ -470,7 +498,7 @@ def _select_verified(tried: Attempts) -> Solution:
     tried.timer.start("quality")
     problem, solutions, target = tried.problem, tried.solutions, tried.problem.target
     images = [on_bodies(problem, UserVertices(solution.map.vertices)) for solution in solutions]
-    costs = [verifier_of(problem)(image).cost for image in images]
+    costs = [tried.cost(solution) for solution in solutions]
     tied = [i for i, cost in enumerate(costs) if cost <= problem.config.outcome.tie * min(costs)]
 
     def rank(i: int) -> tuple[float, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 
 import numpy as np
 
@@ -140,12 +141,19 @@ def _sum_over_radii(
 class CommonRegion:
     """A region of the source with its images."""
 
+    regions: CommonRegions
     images: Int[BodyVertices, "s"]  # vertex of the target for each sample
     accepted: Bool[BoolArray, "s"]  # which samples are in the region
     # see `CommonRegions.net_evidence`; only the evidence while the region is extended
     net_evidence: float
-    orientation: float  # mean sign of its small triangles
     origin: str
+
+    @cached_property
+    def keeps_orientation(self) -> bool:
+        """Whether enough of its small triangles keep their winding."""
+        rows, regions = SampleRows(np.flatnonzero(self.accepted)), self.regions
+        sign = signed_triangles(regions.source, rows, regions.target, BodyVertices(self.images[rows]))
+        return sign > SEEDS.min_orientation
 
 
 class CommonRegions:
@@ -310,9 +318,8 @@ class CommonRegions:
         inside_images = BodyVertices(images[inside])
         is_complete = len(accepted) == len(self.source.vertices)
         evidence = (self.net_evidence if is_complete else self.evidence)(inside, inside_images)
-        orientation = signed_triangles(self.source, inside, self.target, inside_images)
         origin = "landmarks" if len(self.source.landmarks) else "anchors"
-        return CommonRegion(images, accepted, evidence, orientation, origin)
+        return CommonRegion(self, images, accepted, evidence, origin)
 
     def find_best(self, count: int) -> list[CommonRegion]:
         """Find the regions with most evidence, extending the best step by step to all samples."""
@@ -322,15 +329,14 @@ class CommonRegions:
         if len(marks):
             starts.insert(0, (marks, marks))
         regions: list[CommonRegion] = []
-        for n, rounds, most in (*SEEDS.extensions, (len(self.source.vertices), 2, count)):
+        for n, rounds, most in (*SEEDS.extensions, (len(self.source.vertices), 2, None)):
             extend = partial(self._extend_from, n=n, rounds=rounds)
-            ranked = [
-                (region, start)
-                for region, start in zip(parallel_map(extend, starts), starts)
-                if region is not None and region.orientation > SEEDS.min_orientation
-            ]
-            ranked.sort(key=lambda pair: -pair[0].net_evidence)
-            starts = [start for _, start in ranked[:most]]
+            found = zip(parallel_map(extend, starts), starts)
+            extended = [(region, start) for region, start in found if region is not None]
+            extended.sort(key=lambda pair: -pair[0].net_evidence)
+            # the orientation takes longer than the evidence, and is asked of the best only
+            ranked = list(islice((pair for pair in extended if pair[0].keeps_orientation), most))
+            starts = [start for _, start in ranked]
             regions = [region for region, _ in ranked]
         large = [region for region in regions if region.accepted.sum() >= SEEDS.min_samples]
         if len(marks) and not large:  # no region was found: use the map by trilateration from landmarks
