@@ -42,7 +42,7 @@ FORMAT = ArrayFormat(  # contents of the file of a map
 )
 
 SIDES = ("there", "back")  # prefixes of the arrays of both maps of a pair: from source to target, and back
-# the two prefixes with the name of the number of vertices from which each map leads
+# each prefix, with the name of the number of vertices of the shape from which its map leads
 _ENDS = tuple(zip(SIDES, ("n_source", "n_target")))
 PAIR_FORMAT = ArrayFormat(  # contents of the file of the maps of a pair, both ways
     what="the maps of a pair",
