@@ -23,10 +23,11 @@ from isomatch.decimation.placed import (
 )
 from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
 
-# Least cosine between the normals of a vertex and of a face that suits it (60°). Below, the squared distance of
-# the face grows by NORMAL_WEIGHT × area of the coarse vertex × missing cosine; chosen.
+# Least cosine between the normals of a fine vertex and of a coarse face that suits it (60°). If the cosine is
+# less, the squared distance of the face grows by NORMAL_WEIGHT × area of the coarse vertex × missing cosine;
+# chosen.
 MIN_FACING_COSINE, NORMAL_WEIGHT = 0.5, 0.2
-MAX_ROUNDING = 1e-6  # added to radii of faces; chosen above the rounding of positions in [−1, 1], 6e-8
+MAX_ROUNDING = 1e-6  # added to radii of faces' balls; chosen above the rounding of positions in [−1, 1], 6e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
