@@ -13,7 +13,7 @@ from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_rows
 
 Terms: TypeAlias = tuple[Any, ...]  # numbers and arrays of a cost in compiled loops, see `IntervalCost.terms`
-FORBIDDEN_COST = 50.0  # cost that rules out an assignment; chosen far above usual sums of costs
+FORBIDDEN_COST = 50.0  # cost of the wrong candidates of a pinned point; chosen far above usual sums of costs
 NO_GAIN = np.float32(-1e9)  # gain that marks an empty place among variants; chosen far below all true gains
 # fast-math flags of numba for loops in which no number is nan and the last bits of results do not matter
 FAST_MATH = {"nnan", "nsz", "reassoc", "contract", "arcp"}
@@ -162,7 +162,7 @@ def assign_points(
         _costs_of(terms, np.full(len(images), point), images, candidates, added)
         added += total[:, None] + unary[point]
         costs = added.ravel()  # (h c,): the child of a parent with a candidate is at c · parent + candidate
-        n_children = min(len(costs), 12 * width)  # chosen: most children differ too little from cheaper ones
+        n_children = min(len(costs), 12 * width)  # chosen: most differ too little from cheaper ones
         best = np.sort(np.argpartition(costs, n_children - 1)[:n_children])
         best = best[np.argsort(costs[best], kind="stable")]  # cheapest first, then in the order of children
         parent, last = np.divmod(best, c)
@@ -222,7 +222,7 @@ def _fill_kept(
                 break
         else:
             kept[n], latest[parent] = i, n
-            for k in range(n + 1):  # the sums from the other end, as rounding makes distances asymmetric
+            for k in range(n + 1):  # the sums in the other direction, as rounding makes distances asymmetric
                 next_sums[k, n] = sums[parents[kept[k]], parent] + distances[last[kept[k]], candidate]
             n += 1
             if n == len(kept):

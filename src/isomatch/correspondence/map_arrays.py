@@ -18,7 +18,7 @@ from isomatch.surfaces import Mesh, PrecisePoints, Surface
 UNMATCHED = -1  # index that a map has in place of the image of a vertex without an image
 # For each kind of numpy type (`dtype.kind`), the value that a pulled back array has at unmatched vertices.
 _FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}
-# growth of an edge under a map, over the median growth, above which the edge is torn; chosen
+# An edge is torn if a map lengthens it by more than this many times the median factor; chosen.
 MAX_STRETCH_RATIO = 4.0
 
 
@@ -141,9 +141,9 @@ def _fill_rows(labels: AnyArray, unmatched: BoolArray, fill: object) -> AnyArray
 
 
 def compose_arrays(
-    vertices: IntArray,  # middle vertex (n,) of each source vertex
+    vertices: IntArray,  # vertex (n,) of the middle surface that is the image of each source vertex
     points: PrecisePoints,  # precise images of the source vertices on the middle surface
-    image: IntArray,  # target vertex (m,) of each middle vertex
+    image: IntArray,  # vertex (m,) of the target that is the image of each middle vertex
     images: PrecisePoints,  # precise images of the middle vertices on the target
     middle: Mesh | None,
     target: Mesh | None,

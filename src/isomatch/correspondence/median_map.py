@@ -15,9 +15,9 @@ from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import PrecisePoints
 
 MAX_STEPS = 1000  # largest number of steps of the search for a geometric median; chosen
-# The search for geometric medians ends once no coordinate of a median moves by more than this share of the
-# largest coordinate of the points from their mean. EXACT_STEP is for points; PRECISE_STEP is for maps, whose
-# errors are far larger; chosen.
+# The search for medians ends once no coordinate moves by more than this share of the spread: the largest
+# difference in a coordinate between a point and the mean of the points joined with it. EXACT_STEP is for
+# points, PRECISE_STEP for maps, whose errors are far larger; chosen.
 EXACT_STEP, PRECISE_STEP = 1e-12, 1e-6
 
 

@@ -36,9 +36,9 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
     >>> nearest_rows(candidates, np.array([[1.0, 0.0], [3.0, 1.0]]))
     array([0, 1])
     """
-    # |y − x|² = |y|² − 2 (y · x − ½ |x|²): the nearest candidate has the largest score y · x − ½
-    # |x|², one matrix product for all. Candidates whose scores equal the best up to rounding are
-    # ranked by their distance in double precision.
+    # For a query y and a candidate x, |y − x|² = |y|² − 2 (y · x − ½ |x|²): the nearest candidate has the
+    # largest score y · x − ½ |x|². One matrix product gives all scores. Candidates whose scores equal the
+    # best score up to rounding are ranked by their distance in double precision.
     centre = candidates.mean(axis=0)
     x, y = np.ascontiguousarray(candidates - centre), np.ascontiguousarray(queries - centre)
     norms = np.einsum("ij,ij->i", x, x)

@@ -33,7 +33,7 @@ MIN_FACING_COSINE = 0.3  # least cosine of the normals of a vertex and of the po
 BOUNDARY_DISTANCE = 0.025
 # weight with which a point of the boundary attracts a vertex, where other points have 1; chosen
 BOUNDARY_PULL = 4.0
-REST_PULL = 0.02  # weight with which its present place attracts a vertex, where its point has 1; chosen
+REST_PULL = 0.02  # weight with which a vertex's present place attracts it, where its new point has 1; chosen
 RELEASED_RINGS = 2  # number of rings of vertices around inverted faces that no point attracts; chosen
 # largest number of rounds of `repair_inverted`, and number of rounds between two fits of rotations; chosen
 MAX_ROUNDS, ROUNDS_PER_FIT = 60, 10
