@@ -22,7 +22,7 @@ from isomatch.surfaces import PrecisePoints
 FORMAT = ArrayFormat(  # contents of the file of a distance basis
     what="a distance basis",
     writer="DistanceBasis.save",
-    version=1,  # raise it when earlier versions of isomatch could not read the files
+    version=1,  # raise it with a change after which earlier versions of isomatch cannot read the file
     arrays={
         "vectors": Stored("float", ("n", "k")),
         "values": Stored("float", ("k",)),

@@ -23,8 +23,7 @@ from isomatch.spectral.laplacian import factorise, stiffness_and_masses
 from isomatch.surfaces import Mesh, PointCloud, Surface
 
 RIDGE_RATIO = 1e-9  # ridge of kriging over the mean variance, as samples might nearly coincide; chosen
-# number of predicted columns for each basis vector; twice as many lower the error of the basis by less than 1
-# %
+# number of predicted columns per basis vector; twice as many lower the error of the basis by less than 1 %
 NODES_PER_VECTOR = 12
 MIN_NODES = 300  # least number of predicted columns, for a basis of few vectors; chosen
 # areas of vertices are raised to this share of their mean, as tiny ones attract samples; chosen
