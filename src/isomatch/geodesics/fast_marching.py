@@ -19,7 +19,7 @@ MAX_FOCUS = 0.3
 # A path to a vertex replaces another if it is shorter by more than this share of its last segment; chosen.
 TIE_STEPS = 1e-6
 MAX_UNFOLDED_FACES = 40  # largest number of faces crossed to find a vertex that splits an angle; chosen
-RIGHT_ANGLE_COSINE = 1e-6  # an angle with a smaller |cosine| is right, and not split; chosen
+RIGHT_ANGLE_COSINE = 1e-6  # angles whose |cosine| is smaller are taken as right, and not split; chosen
 # Empty arrays: for a front without bounds on distances, and for a front that goes to all vertices.
 NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)
 

@@ -22,7 +22,7 @@ MAX_MISS_EDGES = 1e-9
 MIN_BEND_RATIO = 1e-12
 MIN_WIDTH_EDGES = 1e-15  # windows narrower than this share of their edge are rounding and dropped; chosen
 MIN_HEIGHT_EDGES = 1e-13  # heights of unfolded faces are raised to this share of their sides; chosen
-BYTES_PER_WINDOW = 270  # bytes of memory of a window while lists grow, which bounds their number; measured
+BYTES_PER_WINDOW = 270  # bytes of a window while lists grow; they bound the number of windows; measured
 
 
 class UnfoldedFaces(NamedTuple):
