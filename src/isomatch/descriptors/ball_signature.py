@@ -28,7 +28,7 @@ RADII = (0.04, 0.06, 0.09)
 # Weights of a ball's offset and three extents, greatest first, when two balls are compared. The greatest
 # extent tells little: see decisions.md, ball signature.
 WEIGHTS = (1.0, 0.0, 0.5, 1.0)
-# least radius of balls that are compared, in mean edges; chosen: with 5000 vertices, radius 0.04 has 2.5
+# least radius of compared balls, in mean edge lengths; chosen: with 5000 vertices, radius 0.04 has 2.5
 MIN_RADIUS_EDGES = 2.0
 # largest length by which a compared ball crosses a boundary, in the unit of the radii; chosen
 MAX_OVERHANG = 0.02
