@@ -20,7 +20,7 @@ class EdgeTable:
     n_faces: AnyArray  # (e,) how many faces meet at the edge
     sides: AnyArray  # (3 m,) all sides, sorted by edge, then by number
     opposite: AnyArray  # (3 m,) the other side at the edge of each side, −1 where not exactly two faces meet
-    # (e,) whether two faces meet at the edge whose sides have one direction: wound inconsistently
+    # (e,) whether exactly two faces meet at the edge, with sides of one direction: wound inconsistently
     clash: BoolArray
 
 
