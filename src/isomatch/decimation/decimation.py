@@ -23,7 +23,7 @@ from isomatch.decimation._collapse import (
 )
 from isomatch.surfaces import Mesh, in_spatial_order
 
-# larger numbers of vertices are decimated block by block, so that a block is in the processor's cache; chosen
+# meshes of more vertices are decimated block by block, so that a block is in the processor's cache; chosen
 MAX_CACHED_VERTICES = 2**16
 BLOCK_VERTICES = 2048  # vertices in a block; chosen: at about 250 bytes each, half of a cache of 1 MB
 MAX_BLOCK_SHARE = 0.5  # largest share of the vertices of a block that one round merges; chosen

@@ -215,7 +215,7 @@ def _nearest_on_coarse(
             facing = (
                 frames[f, 3] * normals[i, 0] + frames[f, 4] * normals[i, 1] + frames[f, 5] * normals[i, 2]
             )
-            if not facing <= MIN_FACING_COSINE:  # false for nan, the cosine of a face without area
+            if not facing <= MIN_FACING_COSINE:  # ``<=`` is false for nan, the cosine of a face without area
                 facing = MIN_FACING_COSINE if facing > MIN_FACING_COSINE else 0.0
             cost += tolerance[owner] * (MIN_FACING_COSINE - facing)
             if cost < best:
