@@ -17,9 +17,9 @@ from isomatch.io import Asset, Attribute
 from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-# a search for a corner's image that ends farther away, in half extents of the giver, met a seam; chosen
+# a search for a corner's image that ends farther from it, in half extents of the giver, met a seam; chosen
 ACROSS_SEAM_DISTANCE = 1e-6
-# ratio of sizes below which shapes are taken as equal: bending and errors of the map explain it; chosen
+# ratio below which sizes are taken as equal: bending and errors of the map explain it; chosen
 SAME_SIZE_RATIO = 1.1
 # Length in √area of the receiver over which the rotations of shape keys are averaged. On bodies and heads of
 # different people, for keys whose displacements have one direction, the median angle between the

@@ -18,7 +18,7 @@ from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surfac
 from isomatch.transfer.bridge import Bridge
 from isomatch.transfer.choices import Side
 
-# largest distance from the images, in √area of the target, with a preimage; chosen
+# points of the target farther than this from all images, in √area of the target, have no preimage; chosen
 MAX_PREIMAGE_DISTANCE = 0.05
 
 
