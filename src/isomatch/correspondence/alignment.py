@@ -9,7 +9,8 @@ import numpy as np
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest import nearest_of_few, nearest_rows
 
-# least singular value over the largest; a smaller one is rounding and leaves the rotation undetermined
+# Singular values of TᵀS (see `signed_procrustes`) up to this share of the largest one are rounding: the
+# points do not determine a rotation in their directions, which are dropped; chosen.
 MIN_SINGULAR_RATIO = 1e-9
 
 
@@ -53,11 +54,12 @@ def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
     array([[ 1.,  0.],
            [ 0., -1.]])
     """
-    # Schönemann, *A generalized solution of the orthogonal Procrustes problem*, Psychometrika 1966,
-    # once for each sign. For orthogonal C, ‖T C − S‖² = ‖T‖² + ‖S‖² − 2 tr(Cᵀ Tᵀ S). With the SVD
-    # Tᵀ S = U Σ Vᵀ the trace is tr((Uᵀ C V)ᵀ Σ) ≤ tr Σ, which C = U Vᵀ attains. This C keeps the
-    # inner products of each sign, and so all, (T C) diag(s) (T C)ᵀ = T diag(s) Tᵀ. Directions
-    # without a singular value are in no cloud; any C would do, and they are dropped.
+    # Schönemann, *A generalized solution of the orthogonal Procrustes problem*, Psychometrika 1966, applied
+    # to the columns of each sign. T and S are the coordinates of target and source. For orthogonal C, ‖T
+    # C − S‖² = ‖T‖² + ‖S‖² − 2 tr(Cᵀ Tᵀ S). With the SVD Tᵀ S = U Σ Vᵀ the trace is tr((Uᵀ C V)ᵀ Σ) ≤ tr
+    # Σ, and C = U Vᵀ attains this bound. C keeps the inner products within each sign, and so the signed ones:
+    # (T C) diag(signs) (T C)ᵀ = T diag(signs) Tᵀ. Where a singular value is 0, any rotation would do, and C
+    # drops the direction.
     cross = target.coordinates.swapaxes(-1, -2) @ source.coordinates  # (..., k_t, m) @ (..., m, k_s)
     rotation = np.zeros_like(cross)
     for sign in (1.0, -1.0):
@@ -132,9 +134,10 @@ def closest_point_images(
     >>> closest_point_images(corners, corners, np.array([[0, 1, 2, 2]]), max_iterations=10)
     array([[0, 1, 2, 3]])
     """
-    # min ‖P X₁ C − X₂‖ over maps P and orthogonal C (Shamai & Kimmel 2017; Besl & McKay, PAMI 1992,
-    # for rigid motions): given P, C is `signed_procrustes`; given C, the image of each point is the
-    # nearest one; each step lowers the sum.
+    # min ‖P X_t C − X_s‖ over maps P and orthogonal C, with the coordinates X_t of the target and X_s of the
+    # source (Shamai & Kimmel 2017; Besl & McKay, PAMI 1992, for rigid motions). Given P, `signed_procrustes`
+    # finds C; given C, the best image of a source point is the nearest target point. Each step lowers the
+    # norm.
     images, active = starts.copy(), np.arange(len(starts))
     for _ in range(max_iterations):
         previous = images[active]
@@ -169,12 +172,13 @@ def alignments_from_points(
     array([[ 1.,  0.],
            [ 0., -1.]])
     """
-    # Shamai & Kimmel 2017, initialisation from feature points: C with target[:, :k] C ≈ source[:,
-    # :k]. With Y and X the rows of the points, each column c_j of C solves by itself
+    # Shamai & Kimmel 2017, initialisation from feature points. Y and X hold the first k coordinates of the
+    # target's and of the source's points, one row for each of the m points, and Y C ≈ X. Each column c_j of C
+    # solves by itself
     #   min ‖Y c_j − x_j‖² + Σ_i (q s (i − j)² + r s) c_ij²,  (YᵀY + diag_i(q s (i − j)² + r s)) c_j = Yᵀ x_j,
-    # with the penalties q and r and the mean squared norm s of the target's rows. Near-isometric
-    # shapes have nearly equal spectra, so that distant columns mix little. Columns of unequal sign
-    # do not mix: their rows are left out. O(h k⁴).
+    # with the penalties q (``off_diagonal``) and r (``ridge``) and the mean squared norm s of all rows of the
+    # target. Near-isometric shapes have nearly equal spectra, so that distant columns mix little. Columns i
+    # and j of unequal sign do not mix: c_ij = 0. O(h k⁴).
     k = min(n_columns, len(target.signs), len(source.signs))
     leading = target.coordinates[:, :k]
     s = float((leading**2).sum(axis=1).mean())
@@ -183,7 +187,8 @@ def alignments_from_points(
     offset = np.subtract.outer(np.arange(k), np.arange(k))
     penalty = s * (off_diagonal * offset**2 + ridge)  # (i, j)
     gram, right = y.swapaxes(1, 2) @ y, y.swapaxes(1, 2) @ x  # (h, k, k)
-    # The system of column j has the Gram matrix in its allowed rows i, and is diagonal in all others.
+    # Row i of the system of column j has only its diagonal entry if the signs of i and j differ, so that
+    # c_ij = 0.
     mask = allowed.T[:, :, None] & allowed.T[:, None, :]  # (j, i, i')
     systems = np.where(mask, gram[:, None], 0.0) + np.eye(k) * penalty.T[:, None, :]
     columns = np.linalg.solve(systems, (right * allowed).swapaxes(1, 2)[..., None])[..., 0]  # (h, j, i)
@@ -216,10 +221,11 @@ def alignment_from_functions(
     array([[ 1.,  0.],
            [ 0., -1.]])
     """
-    # Shamai & Kimmel 2017, initialisation from descriptors. Columns of X = Q W, W = |Λ|^½, are
-    # orthogonal in the areas, so that Xᵀ A f = W (Qᵀ A f) holds W times the coefficients of f. For
-    # an isometry C relates the coefficients of both shapes as it relates points: (F_tᵀ A_t X_t) C ≈
-    # F_sᵀ A_s X_s, the same problem with one row for each function.
+    # Shamai & Kimmel 2017, initialisation from descriptors. The coordinates are X = Q W, with W = |Λ|^½ and Q
+    # orthonormal in the vertex areas A, so that Xᵀ A f = W (Qᵀ A f) is W times the coefficients of a function
+    # f. For an isometry, C relates these products of both shapes as it relates their points: (F_tᵀ A_t X_t)
+    # C ≈ F_sᵀ A_s X_s, with one column of F for each function. This is the problem of
+    # `alignments_from_points`, with one row for each function.
     on_source = (source.coordinates.T @ (source_weights[:, None] * source_functions)).T
     on_target = (target.coordinates.T @ (target_weights[:, None] * target_functions)).T
     points = SignedPoints(on_source, source.signs), SignedPoints(on_target, target.signs)

@@ -393,7 +393,8 @@ class Correspondence(Shown):
         points: tuple[ArrayLike | None, ArrayLike | None] = None, None
         if source is None and target is None:
             image = np.full(self.n_target, UNMATCHED, dtype=np.int64)
-            rows = np.flatnonzero(self.matched)[::-1]  # the first of equal images is written last
+            # the first vertex of each image is written last, and stays
+            rows = np.flatnonzero(self.matched)[::-1]
             image[self.vertices[rows]] = rows
         elif source is None or target is None:
             raise MapError("to reverse a map precisely, both surfaces are needed; give source and target")

@@ -143,9 +143,10 @@ class SampledBasis:
 
     def fit(self, values: FloatArray, k: int) -> FloatArray:
         """Least-squares coefficients (k, q) of values (m, q) in the first k functions."""
-        # With the QR decomposition of the functions, values v have the coefficients c = R⁻¹ Qᵀ v. It serves
-        # every k: its leading columns decompose the leading functions, and the leading block of R⁻¹ inverts
-        # the leading block of the triangular R.
+        # The QR decomposition Φ = Q R of the functions at the samples gives values v the coefficients c = R⁻¹
+        # Qᵀ v. One decomposition serves every k: the leading columns of Q and the leading block of R
+        # decompose the leading functions, and the leading block of R⁻¹ inverts the leading block of the
+        # triangular R.
         q, inverse = self._factors
         return np.asarray(inverse[:k, :k] @ (q[:, :k].T @ values))
 
@@ -185,11 +186,12 @@ class SpectralPair:
 
     def upsample(self, functional_map: FloatArray, sizes: Iterable[int]) -> FloatArray:
         """Alternate images and the functional map that fits them best, while its size grows."""
-        # ZoomOut, Melzi, Ren, Rodolà, Sharma, Wonka & Ovsjanikov, SIGGRAPH Asia 2019: F of size k gives the
-        # map P, each image the nearest row in k functions, and P gives F = Φ_source⁺ P Φ_target of a larger
-        # size. Section 4.2 derives both steps from the minimum of Σ_k ‖F_kᵀ F_k − I‖² / k for the leading
-        # blocks F_k of size k: the pull back by an isometry commutes with the Laplacian, so that all leading
-        # blocks are orthogonal. As in their accelerated version, only sampled vertices have images.
+        # ZoomOut, Melzi, Ren, Rodolà, Sharma, Wonka & Ovsjanikov, SIGGRAPH Asia 2019: F of size k gives a
+        # vertex map P, in which the image of a vertex is the target vertex nearest in k functions, and P
+        # gives F = Φ_source⁺ P Φ_target of a larger size. Section 4.2 derives both steps from the minimum of
+        # Σ_k ‖F_kᵀ F_k − I‖² / k, where F_k is the leading block of size k: the pull-back by an isometry
+        # commutes with the Laplacian, so that all leading blocks are orthogonal. As in their accelerated
+        # version, only sampled vertices have images.
         for k in sizes:
             functional_map = self.functional_map(self.image(functional_map), k)
         return functional_map
@@ -203,8 +205,8 @@ class SpectralPair:
     ) -> FloatArray:
         """Alternate images and the orthogonal functional map of k functions that fits them best."""
         # Ovsjanikov et al. 2012, section 6.2: the matrix of an isometry is orthogonal in orthonormal bases.
-        # The orthogonal matrix nearest to a fit F = U Σ Vᵀ is its polar factor U Vᵀ. Maps and matrices
-        # alternate on the sampled vertices until nothing changes, and then once on all n_s vertices, with
+        # The orthogonal matrix nearest to a fit F = U Σ Vᵀ is its polar factor U Vᵀ. Images and matrices
+        # alternate on the sampled vertices until no image changes, and then once on all n_s vertices, with
         # their areas (n_s,) as weights, F = Φ_sᵀ A P Φ_t.
         image = np.zeros(0, dtype=np.int64)
         for _ in range(steps):

@@ -13,19 +13,19 @@ from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_rows
 
 Terms: TypeAlias = tuple[Any, ...]  # numbers and arrays of a cost in compiled loops, see `IntervalCost.terms`
-FORBIDDEN_COST = 50.0  # cost that rules out an assignment; chosen far above all sums of allowed costs
-NO_GAIN = np.float32(-1e9)  # gain of a free place in the list of variants; chosen far below all true gains
-# flags of numba for loops in which no number is nan and the last bits of results do not matter
+FORBIDDEN_COST = 50.0  # cost of the wrong candidates of a pinned point; chosen far above usual sums of costs
+NO_GAIN = np.float32(-1e9)  # gain that marks an empty place among variants; chosen far below all true gains
+# fast-math flags of numba for loops in which no number is nan and the last bits of results do not matter
 FAST_MATH = {"nnan", "nsz", "reassoc", "contract", "arcp"}
 
-# If a part of a surface is missing, the distance of two points on the whole lies in an interval [l, u]: u is
-# the distance along the part, and l allows paths through the missing region (`MissingRegion`; Bracha, Dagès &
-# Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024). Under a map f of a near-isometric pair,
-# the interval of two points should meet the interval of their images, a single number if f leads to a whole.
-# Violations c are summed as in a quadratic assignment problem, Σ_ab w_ab c_ab(f(a), f(b)) + Σ_a unary(a,
-# f(a)), which is solved approximately by assigning one point after the other: `assign_points` keeps many
-# assignments of all points, `grow_regions` leaves out points if no candidate agrees, `trilaterate` places
-# each point by itself.
+# If a part of a surface is missing, the distance of two points on the whole surface lies in an interval [l,
+# u]: u is their distance along the part, and l allows paths through the missing region (`MissingRegion`;
+# Bracha, Dagès & Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024). Under a map f of a
+# near-isometric pair, the interval of two points should meet the interval of their images, which is a single
+# number if the target is whole. Violations c of pairs of points a, b, with weights w, are summed as in a
+# quadratic assignment problem, Σ_ab w_ab c_ab(f(a), f(b)) + Σ_a unary(a, f(a)). It is solved approximately by
+# assigning one point after the other: `assign_points` keeps several assignments of all points, `grow_regions`
+# leaves out each point for which no candidate agrees, `trilaterate` places each point by itself.
 
 
 class Intervals(NamedTuple):
@@ -74,9 +74,10 @@ class IntervalCost:
     """
 
     tolerance: float = 0.05  # share of l and u by which d may leave [l, u] at no cost; chosen
-    inside: float = 0.1  # weight of |d − u|, beside the violation of [l, u]; chosen
-    most: float = 0.5  # largest numerator, in the unit of distances: one wrong image costs little; chosen
-    soft: float = 0.15  # added to u in the denominator, so that short distances do not count most; chosen
+    inside: float = 0.1  # weight of |d − u|, which is added to the violation of [l, u]; chosen
+    most: float = 0.5  # largest sum of both, in the unit of distances: one wrong image costs little; chosen
+    # in the unit of distances; added to u in the denominator, so that short distances do not dominate; chosen
+    soft: float = 0.15
 
     def __call__(self, distances: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
         """Costs of arrays of equal shape."""
@@ -96,9 +97,10 @@ class IntervalCost:
 @compiled(inline="always")
 def _costs(terms: Terms, point: int, assigned: IntArray, candidates: Intervals, total: AnyArray) -> Any:
     """Set the summed costs (c,) of the candidates of a point, and return the sum of the weights."""
-    # Σ_a w_a c(d(x_a, k)) for the points a that have a candidate x_a. If the distance of two candidates is an
-    # interval too, it violates [l, u] by the gap between the two intervals. The outer loop runs through the
-    # points, the inner one through the candidates, so that rows are read in order.
+    # Candidate k costs Σ_a w_a c(d(x_a, k)), over the points a that have a candidate x_a already
+    # (``assigned``). If the distance of two candidates is an interval too, its violation of [l, u] is the gap
+    # between the two intervals. The outer loop runs through the points, the inner one through the candidates,
+    # so that memory is read in order.
     lower, higher, upper, weight, scaled, inside, most = terms
     least, greatest = candidates
     zero = total.dtype.type(0)
@@ -143,11 +145,13 @@ def assign_points(
     >>> assigned[0], float(cost[0])
     (array([2, 3, 1]), 0.0)
     """
-    # The cost of an assignment x of the first p points is a sum over pairs, so that one more point adds
-    #   E(x_0 … x_p) = E(x_0 … x_{p−1}) + unary(p, x_p) + Σ_{a<p} c(d(x_a, x_p)),
-    # and the cheapest of the h c children that differ are kept. Two assignments differ if Σ_a
-    # d(x_a, y_a) ≥ p min_distance: this sum, too, is the sum of the parents plus one distance. The
-    # h assignments have candidates (h, m), costs (h,), and sums (h, h).
+    # The cost E of an assignment x of the first p points is a sum over pairs of points, so that one more
+    # point gives
+    #   E(x_0 … x_p) = E(x_0 … x_{p−1}) + unary(p, x_p) + Σ_{a<p} c(d(x_a, x_p)).
+    # Each of the h assignments kept has c children, one for each candidate of that point. The cheapest of the
+    # h c children that differ are kept. Two assignments x and y differ if Σ_a d(x_a, y_a) ≥ p min_distance;
+    # this sum of two children is the sum of their parents plus one distance. The h assignments have
+    # candidates (h, m), costs (h,), and sums (h, h).
     m, c = unary.shape
     terms = cost.terms(points.map_bounds(np.ascontiguousarray), np.ones_like(points.upper))
     candidates = candidates.map_bounds(np.ascontiguousarray)
@@ -158,9 +162,9 @@ def assign_points(
         _costs_of(terms, np.full(len(images), point), images, candidates, added)
         added += total[:, None] + unary[point]
         costs = added.ravel()  # (h c,): the child of a parent with a candidate is at c · parent + candidate
-        n_children = min(len(costs), 12 * width)  # chosen: far more than are kept, as most are variants
+        n_children = min(len(costs), 12 * width)  # chosen: most differ too little from cheaper ones
         best = np.sort(np.argpartition(costs, n_children - 1)[:n_children])
-        best = best[np.argsort(costs[best], kind="stable")]  # cheapest first, equal costs by their row
+        best = best[np.argsort(costs[best], kind="stable")]  # cheapest first, then in the order of children
         parent, last = np.divmod(best, c)
         kept = _keep_differing(candidates.upper, (parent, last), min_distance * (point + 1), sums, next_sums)
         sums, next_sums = next_sums, sums
@@ -173,7 +177,7 @@ def assign_points(
 def _costs_of(
     terms: Terms, points: IntArray, rows: IntArray, candidates: Intervals, totals: AnyArray
 ) -> None:
-    """Set summed costs (h, c) of candidates for h points, given the candidates (h, m) of others."""
+    """Set the summed costs (h, c) of candidates for h points, given the candidates (h, m) of all points."""
     for i in range(len(points)):
         _costs(terms, points[i], rows[i], candidates, totals[i])
 
@@ -185,7 +189,7 @@ def _keep_differing(
     sums: FloatArray,
     next_sums: FloatArray,
 ) -> IntArray:
-    """Keep the first children, at most width, whose summed distances are at least ``min_distance``."""
+    """Keep the first children, at most ``width``, that are at least ``min_distance`` from each other."""
     kept, latest = np.zeros(len(sums), dtype=np.int64), np.full(len(sums), -1)
     return kept[: _fill_kept(distances, *children, min_distance, sums, next_sums, kept, latest)]
 
@@ -202,10 +206,10 @@ def _fill_kept(
     latest: IntArray,
 ) -> int:
     """Set the numbers of the children that are kept, and count them."""
-    # Each child has a parent and one more candidate, the last. sums (width, width) holds the summed
-    # distances between parents; the sums between the children kept are written to next_sums. Most
-    # children are too near to the latest sibling kept, so they are compared with it first.
-    # latest[parent] is the place of that sibling in ``kept``, −1 if there is none.
+    # Each child has a parent and one more candidate, the last. ``sums`` (width, width) holds the summed
+    # distances between parents; the sums between the children kept are written to ``next_sums``. Most
+    # children are too near to the child of the same parent that was kept last, so they are compared with it
+    # first: ``latest[parent]`` is its place in ``kept``, −1 if there is none.
     n = 0
     for i in range(len(last)):
         parent, candidate = parents[i], last[i]
@@ -218,7 +222,7 @@ def _fill_kept(
                 break
         else:
             kept[n], latest[parent] = i, n
-            for k in range(n + 1):  # sums are read by columns k, as rounding makes distances asymmetric
+            for k in range(n + 1):  # the sums in the other direction, as rounding makes distances asymmetric
                 next_sums[k, n] = sums[parents[kept[k]], parent] + distances[last[kept[k]], candidate]
             n += 1
             if n == len(kept):
@@ -274,11 +278,12 @@ def grow_regions(
     """
     regions, gains = np.full((len(seeds), len(unary)), -1), np.zeros(len(seeds))
     regions[np.arange(len(seeds)), seeds[:, 0]] = seeds[:, 1]
-    # Points join in the order of their distance from the seed; the seed itself is first.
+    # Points join a region in the order of their distance from its seed, which is first.
     order = np.argsort(np.where(np.eye(len(unary)), -1.0, points.upper), axis=1, kind="stable")[seeds[:, 0]]
     points, candidates = points.single, candidates.single
     single_unary = np.ascontiguousarray(unary, np.float32)
-    # Near points have more weight: their distances are known better, and locate a point better.
+    # The nearer two points, the greater the weight of their distance: it is known better, and locates a point
+    # better.
     terms = cost.terms(points, 1 / (np.float32(near) + points.upper))
     bounds = *map(np.float32, (dearest, refused, min_distance)), width
 
@@ -294,13 +299,13 @@ def _grow_region(
     terms: Terms, candidates: Intervals, unary: Float32Array, order: IntArray, bounds: Terms, region: IntArray
 ) -> float:
     """Fill in the candidates (m,) of points in their order; the first has one already. Return the gain."""
-    # Points join in order of their distance from the seed. In each variant, "no partner" gains 0,
-    # and a candidate k of mean cost c̄(k), given the earlier assignments, gains
+    # Points join in order of their distance from the seed. In each variant of the region, a point without a
+    # partner gains 0, and a point with candidate k, of mean cost c̄(k) given the earlier assignments, gains
     #   g(k) = 1 − c̄(k) / dearest − unary(k):
-    # one point more for a perfect agreement, nothing at the dearest cost. So a region ends where no
-    # candidate fits, and the sum of the gains counts the points by how well they fit. Variants are
-    # sorted by their gain. A candidate nearer than ``min_distance`` to another one of the same
-    # variant replaces it if it gains more, so that variants differ.
+    # 1 for perfect agreement, 0 if the mean cost is ``dearest`` (both without a unary cost). So a region ends
+    # where no candidate fits, and the sum of its gains counts its points by how well they fit. Variants are
+    # sorted by their gain. Of the candidates for a point in one variant that are nearer to each other than
+    # ``min_distance``, only the one that gains most extends it, so that variants differ.
     dearest, refused, min_distance, width = bounds
     one, total = np.float32(1), np.zeros(unary.shape[1], np.float32)
     variants, gains = np.full((width, len(region)), -1), np.full(width, NO_GAIN)

@@ -18,7 +18,8 @@ from isomatch.surfaces import Mesh, PrecisePoints, Surface
 UNMATCHED = -1  # index that a map has in place of the image of a vertex without an image
 # For each kind of numpy type (`dtype.kind`), the value that a pulled back array has at unmatched vertices.
 _FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}
-MAX_STRETCH_RATIO = 4.0  # stretch over the median stretch, above which a map tears an edge; chosen
+# An edge is torn if a map lengthens it by more than this many times the median factor; chosen.
+MAX_STRETCH_RATIO = 4.0
 
 
 def check_map(
@@ -113,7 +114,7 @@ def push_forward_rows(
         pushed: FloatArray = (transposed @ np.where(matched[:, None], weighted, 0.0)) / total[:, None]
     if target_areas is not None:
         has_no_image = transposed @ np.ones(n_source) == 0
-        pushed[has_no_image] = 0.0  # no vertex is mapped to these; others may have area 0
+        pushed[has_no_image] = 0.0  # target vertices to which no vertex is mapped, whatever their area
     return pushed.reshape(n_target, *rows.shape[1:])
 
 
@@ -140,10 +141,10 @@ def _fill_rows(labels: AnyArray, unmatched: BoolArray, fill: object) -> AnyArray
 
 
 def compose_arrays(
-    vertices: IntArray,  # middle vertex (n,) of each source vertex
-    points: PrecisePoints,  # the middle points of the source vertices, as precise points
-    image: IntArray,  # target vertex (m,) of each middle vertex
-    images: PrecisePoints,  # images of the middle vertices, as precise points
+    vertices: IntArray,  # vertex (n,) of the middle surface that is the image of each source vertex
+    points: PrecisePoints,  # precise images of the source vertices on the middle surface
+    image: IntArray,  # vertex (m,) of the target that is the image of each middle vertex
+    images: PrecisePoints,  # precise images of the middle vertices on the target
     middle: Mesh | None,
     target: Mesh | None,
 ) -> tuple[IntArray, PrecisePoints]:
@@ -190,8 +191,8 @@ def _compose_on_surface(
     points: PrecisePoints, images: PrecisePoints, middle: Mesh, target: Mesh
 ) -> tuple[PrecisePoints, BoolArray]:
     """Interpolate images of corners of m points in space, and take the nearest points of the target."""
-    # Corners that the map tears from the first corner of their triangle are left out. The second result tells
-    # which of the m points have more than one corner left.
+    # Corners whose image the map tears from the image of the first corner of their triangle are left out. The
+    # second result tells which of the m points have more than one corner left.
     positions = normalised(target.vertices)[0]
     places = images.interpolated(positions)
     corners, surfaces = points.corners, (normalised(middle.vertices)[0], places)
@@ -213,7 +214,8 @@ def invert_arrays(
     image: IntArray, images: PrecisePoints, source: Surface, target: Surface, within: float
 ) -> tuple[PrecisePoints, BoolArray]:
     """Find the source point whose image is nearest to each target vertex; tell which have one (n,)."""
-    # The search starts from source vertices whose image is the nearest one along edges.
+    # The search for each target vertex starts from the source vertices whose image is nearest to it along
+    # edges.
     matched = image >= 0
     n = target.n_vertices
     if not matched.any():

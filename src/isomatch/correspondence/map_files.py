@@ -29,7 +29,7 @@ DIRECTION = "source -> target"  # text in each file: its map leads from the sour
 FORMAT = ArrayFormat(  # contents of the file of a map
     what="a map",
     writer="Correspondence.save",
-    version=1,  # raise it when earlier versions of isomatch could not read the files
+    version=1,  # raise it with a change after which earlier versions of isomatch cannot read the file
     arrays={
         "direction": Stored("text", group="direction"),
         "n_target": Stored("integer", group="n_target"),
@@ -42,7 +42,7 @@ FORMAT = ArrayFormat(  # contents of the file of a map
 )
 
 SIDES = ("there", "back")  # prefixes of the arrays of both maps of a pair: from source to target, and back
-# the two prefixes with the name of the number of vertices from which each map leads
+# each prefix, with the name of the number of vertices of the shape from which its map leads
 _ENDS = tuple(zip(SIDES, ("n_source", "n_target")))
 PAIR_FORMAT = ArrayFormat(  # contents of the file of the maps of a pair, both ways
     what="the maps of a pair",

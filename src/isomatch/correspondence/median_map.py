@@ -14,9 +14,10 @@ from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import PrecisePoints
 
-MAX_STEPS = 1000  # largest number of steps of the iteration; chosen
-# An iteration ends once no point moves by more than this, over the extent of all points: the first for
-# points, the second for maps, whose errors are far larger; chosen.
+MAX_STEPS = 1000  # largest number of steps of the search for a geometric median; chosen
+# The search for medians ends once no coordinate moves by more than this share of the spread: the largest
+# difference in a coordinate between a point and the mean of the points joined with it. EXACT_STEP is for
+# points, PRECISE_STEP for maps, whose errors are far larger; chosen.
 EXACT_STEP, PRECISE_STEP = 1e-12, 1e-6
 
 
@@ -55,7 +56,7 @@ def median_map(
     rows = np.flatnonzero(2 * (starts >= 0).sum(axis=1) >= len(maps))
     median = geometric_median(images[:, rows], PRECISE_STEP)
     if len(maps) == 2 and errors is not None and np.min(errors) > 0:
-        weight = 1 / (1 + (errors[0] / errors[1]) ** 2)  # weight of the first map, by both expected errors
+        weight = 1 / (1 + (errors[0] / errors[1]) ** 2)  # weight of the first map, if weights are 1 / error²
         mean = weight * images[0, rows] + (1 - weight) * images[1, rows]
         median = np.where(np.isnan(mean), median, mean)
     groups = VertexGroups.of(np.arange(mesh.n_vertices), mesh.n_vertices)
@@ -76,9 +77,10 @@ def geometric_median(points: FloatArray, tolerance: float = EXACT_STEP) -> Float
     array([[1., 0., 0.]])
     """
     # Weiszfeld 1937: Σ_k |p_k − x| has the gradient Σ_k (x − p_k) / |p_k − x|, which vanishes at the mean of
-    # the p_k with the weights 1 / |p_k − x|: x moves to this mean until no point moves by more than the
-    # tolerance, relative to the extent of the points. If a median is one of the points, its weight is
-    # singular; so all points are compared with the result. Any point between two is a median.
+    # the p_k with the weights 1 / |p_k − x|: x moves to this mean until no point x moves by more than the
+    # tolerance, relative to the extent of the points. If a median is one of the p_k, its weight is singular;
+    # so each p_k is compared with the result. Of two points, any point between them is a median, and their
+    # mean is taken.
     known = np.asarray(np.isfinite(points).all(axis=2))[:, :, None]
     points = np.where(known, points, 0.0)
     count = known.sum(axis=0)

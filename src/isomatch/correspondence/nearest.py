@@ -13,12 +13,16 @@ from isomatch._core.compiled import compiled
 from isomatch._core.threads import parallel_map
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
-MIN_SQUARED_DISTANCE = np.float32(1e-30)  # least squared distance in a denominator, so that none is 0; chosen
+MIN_SQUARED_DISTANCE = np.float32(1e-30)  # squared distances in denominators are raised to this; chosen
 QUERIES_PER_PRODUCT = 1024  # queries whose distances one matrix product of `nearest_of_few` gives; chosen
-# Queries, and points, of a parallel task; chosen and fixed: the number of threads changes no result.
+# Number of queries of a parallel task of `nearest_rows` and `nearest_in_cells`, and number of points of one
+# of `nearest_points`; chosen, and the same for any number of threads, so that results do not depend on it.
 QUERIES_PER_TASK, POINTS_PER_TASK = 512, 2048
-ROUNDING_RATIO = 1e-5  # rounding of a sum of products in single precision, over the squared norms, at most
-TIE_RATIO = 1e-6  # scores this near, over the largest squared norm, are compared in double precision; chosen
+# bound on the rounding error of a squared distance in single precision, over the squared norms of both points
+ROUNDING_RATIO = 1e-5
+# In `nearest_rows`, candidates whose score is this near to the best, as a share of the largest squared norm,
+# are compared in double precision; chosen.
+TIE_RATIO = 1e-6
 
 
 def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
@@ -32,9 +36,9 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
     >>> nearest_rows(candidates, np.array([[1.0, 0.0], [3.0, 1.0]]))
     array([0, 1])
     """
-    # |y − x|² = |y|² − 2 (y · x − ½ |x|²): the nearest candidate has the largest score y · x − ½
-    # |x|², one matrix product for all. Candidates whose scores equal the best up to rounding are
-    # ranked by their distance in double precision.
+    # For a query y and a candidate x, |y − x|² = |y|² − 2 (y · x − ½ |x|²): the nearest candidate has the
+    # largest score y · x − ½ |x|². One matrix product gives all scores. Candidates whose scores equal the
+    # best score up to rounding are ranked by their distance in double precision.
     centre = candidates.mean(axis=0)
     x, y = np.ascontiguousarray(candidates - centre), np.ascontiguousarray(queries - centre)
     norms = np.einsum("ij,ij->i", x, x)
@@ -94,11 +98,11 @@ class VertexCells:
 
 def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexCells) -> IntArray:
     """Find nearest rows as `nearest_rows`, in single precision, by cells; compact cells are fast."""
-    # By the triangle inequality |y − x| ≥ |y − z| − r for every vertex x of a cell with the centre
-    # z and the radius r in these coordinates, and |y − x| ≥ ||y − z| − |x − z||. Cells and vertices
-    # whose bound exceeds the nearest distance so far are passed over. A surface is two-dimensional
-    # in any d, so a handful of cells is opened for each query: 2 m c d operations for the centres,
-    # about m d n / c for each cell opened.
+    # For a query y and a vertex x of a cell with centre z and radius r in these coordinates, the triangle
+    # inequality gives |y − x| ≥ |y − z| − r and |y − x| ≥ ||y − z| − |x − z||. Cells and vertices whose bound
+    # exceeds the nearest distance so far are passed over. A surface is two-dimensional in any d, so that a
+    # handful of cells is opened for each query. With m queries, n vertices and c cells, centres take 2 m c d
+    # operations, and each cell that a query opens takes about d n / c.
     middle = candidates.mean(axis=0)
     x = _single(candidates, middle)
     x, centres = x[cells.members], x[cells.centres]
@@ -108,7 +112,7 @@ def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexC
 
     def block(first: int) -> IntArray:
         y = _single(queries[first : first + QUERIES_PER_TASK], middle)
-        squared = y @ (-2 * centres.T)  # distances of queries from centres
+        squared = y @ (-2 * centres.T)  # with the norms below: squared distances of queries from centres
         query_norms = np.einsum("ij,ij->i", y, y)
         squared += norms
         squared += query_norms[:, None]
@@ -262,13 +266,13 @@ def _nearest(
 ) -> None:
     for i in range(len(points)):
         a = corners[i, 0]
-        best = 0.0  # squared distance minus the squared distance of the vertex
+        best = 0.0  # least squared distance found, minus the squared distance of the vertex
         for e in range(start[a], start[a + 1]):
             face, corner = order[e] // 3, order[e] % 3
             b, c = faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]
-            # The nearest point a + s u + t v of a triangle minimises |p − s u − t v|², with u = b −
-            # a, v = c − a, p = point − a. That only needs inner products, in any dimension; without
-            # constraints it solves [uu uv; uv vv] (s, t) = (up, vp).
+            # The nearest point a + s u + t v of a triangle minimises |p − s u − t v|², with u = b − a,
+            # v = c − a, p = point − a. That needs only inner products, in any dimension; if it lies inside
+            # the triangle, it solves [uu uv; uv vv] (s, t) = (up, vp).
             uu = uv = vv = up = vp = 0.0
             for d in range(x.shape[1]):
                 u, v, p = x[b, d] - x[a, d], x[c, d] - x[a, d], points[i, d] - x[a, d]

@@ -13,14 +13,16 @@ from scipy.spatial.distance import cdist
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.threads import parallel_map
 
-MATRICES_PER_TASK = 10_000  # matrices that one thread decomposes at once; chosen
-MAX_REFINED_POSES = 4  # nearest poses that are refined; chosen: a solid can lie on its axes in four ways
+MATRICES_PER_TASK = 10_000  # number of matrices that one thread decomposes at once; chosen
+# number of nearest poses that are refined; chosen: a solid lies on its axes in four ways
+MAX_REFINED_POSES = 4
 MAX_REFINEMENT_STEPS = 30  # largest number of steps of closest points that refine a pose; chosen
-# Exponent of 1 / distance in the weight of a surface point in `carry_along`; chosen above 2: only then the
-# sum of the weights over a plane is finite.
+# Exponent of 1 / distance in the weight of a surface point in `carry_along`; chosen above 2, because only
+# then the weights over a plane have a finite sum.
 FALLOFF_EXPONENT = 4.0
-MIN_DISTANCE_RATIO = 1e-6  # distances are raised to this share of the largest, for finite weights; chosen
-# mean distance after a step over the least one before; above this ratio, a pose has converged; chosen
+# `carry_along` raises distances to this share of the largest one, so that weights are finite; chosen
+MIN_DISTANCE_RATIO = 1e-6
+# A pose has converged once a step leaves more than this share of the least mean distance before it; chosen.
 MIN_PROGRESS_RATIO = 0.999
 
 
@@ -36,11 +38,11 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
     array([[ 0.02,  1.  ],
            [-1.  ,  0.02]])
     """
-    # Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta
-    # Crystallographica A 32, 1976. With M = U Σ Vᵀ, ‖R − M‖² is least where tr(Rᵀ M) = tr((Uᵀ R V)ᵀ
-    # Σ) is greatest: at R = U Vᵀ among orthogonal matrices, and at R = U diag(1, …, 1, ±1) Vᵀ for a
-    # given determinant, which costs the least singular value twice. For M = XᵀY, tr(Rᵀ M) is the
-    # sum of the products of X R and Y, so that R also minimises ‖X R − Y‖.
+    # Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Crystallographica A 32,
+    # 1976. With M = U Σ Vᵀ, ‖R − M‖² is least where tr(Rᵀ M) = tr((Uᵀ R V)ᵀ Σ) is greatest: at R = U Vᵀ among
+    # orthogonal matrices, and at R = U diag(1, …, 1, ±1) Vᵀ for a given determinant; the sign −1 lowers the
+    # trace by twice the least singular value. For M = XᵀY, tr(Rᵀ M) is the sum of the products of X R and Y,
+    # so that R also minimises ‖X R − Y‖.
     if matrices.ndim == 3 and len(matrices) > MATRICES_PER_TASK:
         blocks = np.array_split(matrices, -(-len(matrices) // MATRICES_PER_TASK))
         return np.concatenate(parallel_map(lambda block: nearest_rotation(block, mirrored), blocks))
@@ -66,8 +68,9 @@ def carry_along(
     >>> carry_along(np.array([[2, 0, 0.0]]), corners, corners @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]).round(9) + 0
     array([[0., 2., 0.]])
     """
-    # With the weighted means x̄ and ȳ, the rotation R minimises Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|²;
-    # it is the one nearest to Σ_j w_j x_j y_jᵀ − x̄ ȳᵀ.
+    # Surface points x_j move to y_j. With the weights w_j of a point of space and the weighted means x̄ and
+    # ȳ, its rotation R minimises Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|²: it is the rotation nearest to Σ_j w_j
+    # x_j y_jᵀ − x̄ ȳᵀ.
     distances = cdist(points, before)
     weights = np.maximum(distances, MIN_DISTANCE_RATIO * distances.max()) ** -FALLOFF_EXPONENT
     weights /= weights.sum(axis=1, keepdims=True)
@@ -109,10 +112,10 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
     >>> bool(np.allclose(pose.rotation, np.eye(3))), round(pose.scale, 6), pose.shift.round(6).tolist()
     (True, 2.0, [5.0, 5.0, 5.0])
     """
-    # The principal axes of the source are laid on the axes of the target in all 24 ways, because
-    # two of them may have nearly equal lengths. From the nearest poses, closest points and the best
-    # similarity alternate (Besl & McKay, *A method for registration of 3-D shapes*, PAMI 1992).
-    # 0.05 s for 400 points each.
+    # The principal axes of the source are laid on the axes of the target in all 24 ways, because two axes of
+    # nearly equal length might be exchanged. From the nearest poses, closest points and the best similarity
+    # alternate (Besl & McKay, *A method for registration of 3-D shapes*, PAMI 1992). Surfaces of 400 points
+    # take 0.05 s.
     tree = cKDTree(target)
     similarities = _align_axes(source[:, :3], target[:, :3], mirrored)
     starts = parallel_map(lambda similarity: tree.query(_move(source, *similarity)), similarities)
@@ -144,7 +147,7 @@ Similarity: TypeAlias = tuple[FloatArray, float, FloatArray]
 
 
 def _align_axes(source: FloatArray, target: FloatArray, mirrored: bool) -> list[Similarity]:
-    """Lay the principal axes of some points on the axes of others, in all 24 ways."""
+    """Lay the principal axes of the source's points on the axes of the target's, in all 24 ways."""
     (squares, axes), (target_squares, target_axes) = (np.linalg.eigh(np.cov(x.T)) for x in (source, target))
     size, target_size = (float(np.sqrt(variances.sum())) for variances in (squares, target_squares))
     centre, target_centre = source.mean(axis=0), target.mean(axis=0)
@@ -158,9 +161,9 @@ def _align_axes(source: FloatArray, target: FloatArray, mirrored: bool) -> list[
 
 def _best_similarity(source: FloatArray, target: FloatArray, mirrored: bool) -> Similarity:
     """Least-squares similarity from points and normals to others, row by row (Umeyama, PAMI 1991)."""
-    # The minimum of Σ ‖s x_i R + t − y_i‖² has t = ȳ − s x̄ R, so that both may be centred. Then R
-    # is Kabsch's rotation for XᵀY, for any s; normals add their own products. The derivative by s
-    # vanishes at s = Σ (x_i R) · y_i / Σ ‖x_i‖².
+    # The minimum of Σ ‖s x_i R + t − y_i‖² has t = ȳ − s x̄ R, so that x and y can be centred. Then R is
+    # Kabsch's rotation for XᵀY, for any s; products of normals are added to XᵀY. The derivative by s vanishes
+    # at s = Σ (x_i R) · y_i / Σ ‖x_i‖².
     centre, target_centre = source[:, :3].mean(axis=0), target[:, :3].mean(axis=0)
     x, y = source[:, :3] - centre, target[:, :3] - target_centre
     turn = nearest_rotation(x.T @ y + source[:, 3:].T @ target[:, 3:], mirrored)

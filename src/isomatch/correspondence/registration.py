@@ -17,9 +17,10 @@ from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints
 
-NORMAL_UNIT = 0.1  # √area; length of a normal as three further coordinates beside a position; chosen
-ROTATION_FITS = 2  # fits of rotations and positions between two searches for nearest points; chosen
-RIDGE_PER_EQUATION = 1e-6  # ridge of normal equations per equation; chosen above single precision's rounding
+NORMAL_UNIT = 0.1  # length of a normal appended to a position as coordinates, at surface area 1; chosen
+ROTATION_FITS = 2  # fits of rotations, then positions, between two searches for nearest points; chosen
+# ridge in `register_nonrigid`, over the number of equations; chosen above the rounding of single precision
+RIDGE_PER_EQUATION = 1e-6
 
 
 class RigidRegistration:
@@ -52,9 +53,10 @@ class RigidRegistration:
     def _new_solver(
         self, length: float, scale: float, held: tuple[int, ...]
     ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-        """Strength (n,) that attracts vertices to their points, and the function that solves for positions."""
-        # The energy E of the step has ∇E = 0, divided by ℓ², where (L + a / ℓ²) y = a p / ℓ² + Σ_j w_ij ½
-        # (R_i + R_j) (x_i − x_j), with a = scale² areas. Held vertices have π ℓ², a disc of that radius.
+        """Return the strengths (n,) of attraction to points, and the function that solves for positions."""
+        # ∇E = 0 for the energy E of `__call__`, divided by ℓ², is (L + a / ℓ²) y = a p / ℓ² + Σ_j w_ij ½
+        # (R_i + R_j) (x_i − x_j), with a = scale² areas. A held vertex has a = π ℓ², the area of a disc of
+        # radius ℓ.
         pull = self._energy.areas * (scale / length) ** 2
         pull[list(held)] = np.pi
         return pull, factorise_for_threads(self._energy.stiffness, pull)
@@ -85,12 +87,12 @@ class RigidRegistration:
         more makes the registration as similar as possible, for shapes whose limbs differ in size.
         `SettingError` if a length is not above 0, or ``most_scaled`` is below 1.
         """
-        # With points x_i, areas a_i, weights w of the tufted intrinsic Delaunay triangulation and
-        # rotations R_i, each step lowers
+        # With vertices x_i that move to y_i, areas a_i, points p_i on the target, weights w of the tufted
+        # intrinsic Delaunay triangulation and rotations R_i, each step of length ℓ lowers
         #   Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²,
         # alternately in R and in y. The second sum is the energy of Sorkine & Alexa 2007 (`RigidEnergy`).
         # Between two steps p_i moves to the target's point nearest to y_i. A pull on one vertex decays within
-        # the length ℓ, because (A + ℓ² L) y = A p is a screened Poisson equation. 25 ms a step for 5000
+        # the length ℓ, because (A + ℓ² L) y = A p is a screened Poisson equation. A step takes 25 ms for 5000
         # vertices: a factorisation, and n nearest points in six dimensions.
         lengths = tuple(lengths)
         if not most_scaled >= 1.0:
@@ -187,8 +189,8 @@ def register_nonrigid(
     for _ in range(steps):
         searches = (target, fixed, moved[source_vertices]), (source, moved, fixed[target_vertices])
         forth, back = parallel_map(lambda search: search[0].points(*search[1:]), searches)
-        # At samples s of the source, u(s) is the nearest point minus s; at the points of the source
-        # nearest to samples t of the target, u is t minus that point.
+        # At a sample s of the source, u(s) is the nearest target point minus s; at the source point nearest
+        # to a sample t of the target, u is t minus that source point.
         design = np.vstack([at_samples, back.interpolated(functions)])
         from_source = forth.interpolated(fixed) - embedding.source[source_vertices]
         to_target = fixed[target_vertices] - back.interpolated(embedding.source)

@@ -13,12 +13,12 @@ from isomatch.correspondence.poses import nearest_rotation
 from isomatch.spectral import stiffness_and_masses
 from isomatch.surfaces import Mesh
 
-MAX_TURNS = 20  # largest number of corrections of one rotation; chosen
+MAX_TURNS = 20  # largest number of corrections of one rotation in `improve_rotations`; chosen
 MIN_TURN_ANGLE = 1e-4  # radians; a correction of a rotation by a smaller angle is the last one; chosen
 MIN_DENOMINATOR = 1e-30  # areas and lengths in a denominator are raised to this, so that none is 0; chosen
-EDGE_FACTOR = 2 / 3  # factor of the weight of an edge; 2/3 gives equilateral triangles cotangent weights
-MAX_EDGE_WEIGHT = 20.0  # largest weight of an edge, as short edges of slivers would have huge ones; chosen
-# residual over the first one at which conjugate gradients end; chosen: the next step starts from the result
+EDGE_FACTOR = 2 / 3  # factor in the weight of an edge; 2/3 gives equilateral triangles cotangent weights
+MAX_EDGE_WEIGHT = 20.0  # larger edge weights, as of short edges of slivers, are lowered to this; chosen
+# Conjugate gradients end at this share of the first residual; chosen: the next step starts from the result.
 MAX_RESIDUAL_RATIO = 1e-2
 MAX_ITERATIONS = 100  # largest number of iterations of conjugate gradients; chosen
 
@@ -49,9 +49,9 @@ class RigidEnergy:
     @classmethod
     def of_edges(cls, mesh: Mesh) -> RigidEnergy:
         """Weight each edge of the mesh by its area over its squared length: even slivers keep their shape."""
-        # w_ij = ⅔ √(a_i a_j) / |x_i − x_j|², at most MAX_EDGE_WEIGHT. In a grid of equilateral
-        # triangles of side h a vertex has a third of six faces of area √3 h² / 4, which is √3 h² /
-        # 2: w = 1 / √3 = ½ (cot 60° + cot 60°), the cotangent weight.
+        # w_ij = ⅔ √(a_i a_j) / |x_i − x_j|², at most MAX_EDGE_WEIGHT. In a grid of equilateral triangles with
+        # edges of length h, a vertex has a third of six triangles of area √3 h² / 4, which is √3 h² / 2:
+        # w = 1 / √3 = ½ (cot 60° + cot 60°), the cotangent weight.
         areas = np.maximum(mesh.vertex_areas, MIN_DENOMINATOR)
         i, j = mesh.edges.T
         lengths = np.maximum(mesh.edge_lengths, MIN_DENOMINATOR)
@@ -73,7 +73,7 @@ class RigidEnergy:
         self, before: FloatArray, moved: FloatArray, turn: FloatArray | None, most_scaled: float = 1.0
     ) -> tuple[FloatArray, FloatArray]:
         """Compute the pulls (n, 3), and the best rotations (n, 3, 3), sought near ``turn`` if given."""
-        # The edges around a vertex may grow or shrink by the factor most_scaled at no cost.
+        # The edges around a vertex are allowed to grow or shrink by the factor ``most_scaled`` at no cost.
         covariances, pulls = np.zeros((len(self.areas), 3, 3)), np.zeros(before.shape)
         _covariances(before, moved, self.start, self.neighbours, self.weights, covariances)
         if turn is None:
@@ -81,8 +81,8 @@ class RigidEnergy:
         else:
             rotations = scaled = improve_rotations(turn, covariances)
         if most_scaled > 1.0:
-            # As similar as possible: R_i becomes s_i R_i, where Σ_j w_ij |e'_ij − s R_i e_ij|² is least at
-            # s_i = tr(R_i Σ_i) / Σ_j w_ij |e_ij|², between 1 / most_scaled and most_scaled.
+            # As similar as possible: R_i becomes s_i R_i. Σ_j w_ij |e'_ij − s R_i e_ij|² is least at
+            # s_i = tr(R_i Σ_i) / Σ_j w_ij |e_ij|², which is clipped to 1 / most_scaled … most_scaled.
             owner = np.repeat(np.arange(len(before)), np.diff(self.start))
             squares = self.weights * ((before[owner] - before[self.neighbours]) ** 2).sum(axis=1)
             squares = np.maximum(np.bincount(owner, squares, len(before)), MIN_DENOMINATOR)
@@ -93,16 +93,18 @@ class RigidEnergy:
 
     def solve(self, diagonal: FloatArray, right: FloatArray, start: FloatArray) -> FloatArray:
         """Solve (L + diag(d)) y = b (n, 3), d > 0, approximately from a guess, by conjugate gradients."""
-        # Iterations end when the residual is a hundredth of the first one: enough if the next step starts from
-        # the result. Each takes time linear in the edges. Bending over long lengths, with small d, takes more.
+        # Iterations end when the residual is a hundredth of the first one: enough if the next step starts
+        # from the result. An iteration takes time linear in the number of edges. Small d, as for bending over
+        # long lengths, needs more iterations.
         y = start.copy()
         _conjugate_gradients(self.start, self.neighbours, self.weights, diagonal, right, y)
         return y
 
     def scale(self, before: FloatArray, moved: FloatArray, pulls: FloatArray) -> float:
-        """Compute the best factor to enlarge the surface at rest, given the `pulls`: y·p / x·L x."""
-        # Σ_i Σ_j w_ij |e'_ij − s R_i e_ij|² is least at s = Σ w e' · R e / Σ w |e|². Summed from both ends of
-        # each edge, with e_ji = −e_ij, the numerator is 2 Σ_i y_i · p_i and the denominator 2 x · L x.
+        """Compute the best factor to enlarge the surface at rest, given the `pulls`: (y · p) / (x · L x)."""
+        # Σ_i Σ_j w_ij |e'_ij − s R_i e_ij|² is least at s = Σ w e' · R e / Σ w |e|², sums over all i and j.
+        # As each edge counts from both ends, with e_ji = −e_ij, the numerator is 2 Σ_i y_i · p_i, and the
+        # denominator 2 x · L x.
         return float((moved * pulls).sum() / max((before * (self.stiffness @ before)).sum(), MIN_DENOMINATOR))
 
 
@@ -116,9 +118,10 @@ def _conjugate_gradients(
     y: FloatArray,
 ) -> None:
     """Improve y for three right-hand sides at once, preconditioned by the diagonal of the matrix."""
-    # Hestenes & Stiefel 1952 with the preconditioner M = diag(A): with r = b − A y and z = M⁻¹ r,
-    # directions s ← z + (r·z / r'·z') s, steps y ← y + (r·z / s·A s) s, until r·z of each column is
-    # below MAX_RESIDUAL_RATIO² of the first one.
+    # Hestenes & Stiefel 1952 for A y = b with A = L + diag(d) and the preconditioner M = diag(A). With
+    # r = b − A y and z = M⁻¹ r, and r' and z' of the step before, directions are
+    # s ← z + ((r · z) / (r' · z')) s and steps y ← y + ((r · z) / (s · A s)) s, until r · z of each column is
+    # at most MAX_RESIDUAL_RATIO² of the first one.
     n = len(y)
     total, residual, step, product = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     first, before, now, along, share = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
@@ -170,7 +173,7 @@ def _multiply_columns(
     x: FloatArray,
     product: FloatArray,
 ) -> None:
-    """Set the products of the matrix, given its diagonal, and three columns."""
+    """Set the product of L + diag(d), given its diagonal ``total``, and the three columns of x."""
     for i in range(len(x)):
         a, b, c = total[i] * x[i, 0], total[i] * x[i, 1], total[i] * x[i, 2]
         for e in range(start[i], start[i + 1]):
@@ -190,7 +193,7 @@ def _covariances(
     weights: FloatArray,
     covariances: FloatArray,
 ) -> None:
-    """Set the covariances (n, 3, 3) of the edges around each vertex before and after."""
+    """Set the covariances (n, 3, 3) of the edges around each vertex before and after a deformation."""
     covariances[:] = 0.0
     for i in range(len(before)):
         for e in range(start[i], start[i + 1]):
@@ -210,7 +213,7 @@ def _sum_pulls(
     weights: FloatArray,
     pulls: FloatArray,
 ) -> None:
-    """Set the sums (n, 3) of the edges around each vertex, rotated by the mean rotation of their ends."""
+    """Set the sums (n, 3) of w_ij times the edges around each vertex, rotated by the mean of R_i and R_j."""
     pulls[:] = 0.0
     for i in range(len(before)):
         for e in range(start[i], start[i + 1]):
@@ -223,7 +226,7 @@ def _sum_pulls(
 
 @compiled()
 def improve_rotations(turn: FloatArray, covariances: FloatArray) -> FloatArray:
-    """Turn rotations (n, 3, 3) that nearly maximise the trace of R Σ until they do."""
+    """Turn rotations (n, 3, 3) that nearly maximise the trace of R Σ until they maximise it."""
     # Müller, Bender, Chentanez & Macklin, *A Robust Method to Extract the Rotational Part of
     # Deformations*, MIG 2016. A small turn by the vector ω changes tr(R Σ) by tr([ω]× m) = ω · a, m
     # = R Σ, with a the axial vector of the skew part of m: the trace grows fastest around a, and is
@@ -241,7 +244,7 @@ def improve_rotations(turn: FloatArray, covariances: FloatArray) -> FloatArray:
             angle = size / (abs(m[0, 0] + m[1, 1] + m[2, 2]) + MIN_DENOMINATOR)
             if angle < MIN_TURN_ANGLE:
                 break
-            # Rodrigues: cos I + sin [axis]× + (1 − cos) axis axisᵀ
+            # Rodrigues' formula for the turn: cos(angle) I + sin(angle) [axis]× + (1 − cos(angle)) axis axisᵀ
             x, y, z, sine, rest = x / size, y / size, z / size, np.sin(angle), 1 - np.cos(angle)
             step[0, 0], step[1, 1], step[2, 2] = rest * x * x, rest * y * y, rest * z * z
             for k in range(3):

@@ -17,24 +17,28 @@ from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.decimation import Prolongation, decimate
 from isomatch.surfaces import Mesh, PrecisePoints
 
-N_COARSE = 3000  # vertices of the coarse template, which the images of the map attract first; chosen
-# √area of the target; lengths below which the coarse template moves rigidly, one for each step; chosen
+N_COARSE = 3000  # number of vertices of the coarse template, which images under the map attract first; chosen
+# lengths below which the coarse template moves almost rigidly, by step, in √area of the target; chosen
 MAP_LENGTHS = (0.1, 0.07, 0.05, 0.035)
-# √area of the target; the same for the full template, which nearest points attract; chosen
+# The same for the steps of the full template, in which nearest points of the target attract it; chosen.
 NEAREST_LENGTHS = (0.025, 0.017, 0.012)
-MIN_LENGTH_EDGES = 1.5  # median edges; raises shorter lengths, as stiffer pieces do not follow noise; chosen
-# √area of the target; length of normals beside positions; from 0.1 on, sides of walls are confused
+# shorter lengths are raised to this many median edges, so that the template does not follow noise; chosen
+MIN_LENGTH_EDGES = 1.5
+# length of a normal appended to a position, in √area of the target; from 0.1 on, sides of walls are confused
 NORMAL_UNIT = 0.03
 MIN_FACING_COSINE = 0.3  # least cosine of the normals of a vertex and of the point that attracts it; chosen
-# √area of the target; the target's boundary attracts boundary vertices of the template this near to it, and a
-# vertex over an opening farther from its nearest point has no counterpart; chosen
+# Distance in √area of the target: the target's boundary attracts boundary vertices of the template that are
+# nearer to it, and any other vertex whose nearest point lies on the target's boundary and is farther away has
+# no counterpart; chosen.
 BOUNDARY_DISTANCE = 0.025
-BOUNDARY_PULL = 4.0  # attraction of a vertex by a point of the boundary, where other points have 1; chosen
-REST_PULL = 0.02  # attraction of a vertex by its present place, where its point has 1; chosen
-RELEASED_RINGS = 2  # rings of vertices around inverted faces that no point attracts; chosen
-# largest number of rounds that repair inverted faces, and rounds between two fits of rotations; chosen
+# weight with which a point of the boundary attracts a vertex, where other points have 1; chosen
+BOUNDARY_PULL = 4.0
+REST_PULL = 0.02  # weight with which a vertex's present place attracts it, where its new point has 1; chosen
+RELEASED_RINGS = 2  # number of rings of vertices around inverted faces that no point attracts; chosen
+# largest number of rounds of `repair_inverted`, and number of rounds between two fits of rotations; chosen
 MAX_ROUNDS, ROUNDS_PER_FIT = 60, 10
-INVERTED_WEIGHT = 30.0  # weight of the place that an inverted face wants for a corner; others 1; chosen
+# weight of the corner positions that an inverted face wants, where other faces have 1; chosen
+INVERTED_WEIGHT = 30.0
 MAX_WEIGHT_ON_EDGE = 1e-6  # barycentric coordinate below which a point is on an edge; chosen above rounding
 
 
@@ -54,17 +58,18 @@ def bend_template(
     matched: BoolArray,  # whether nearest points attract each vertex (n,) afterwards
 ) -> BentTemplate:
     """Bend a template onto a target as rigidly as possible, starting from the images of its vertices."""
-    # In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step lowers
+    # Lengths are in √area of the target. With the points p_i that attract vertices y_i, areas a_i, weights
+    # w_ij and rotations R_i, each step lowers
     #   Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
-    # alternately in R and y, see `RigidEnergy`. First the template is decimated. The mean images of the
-    # vertices merged into a coarse vertex attract it, as the length ℓ decreases; the scale of x is fitted
-    # too. Then the vertices of the template follow the coarse ones rigidly, and the nearest points, by
-    # position and normal, attract them. These are sought along the surface from the previous ones, so that no
-    # step leads to another sheet. The boundary of the target attracts vertices of the boundary if it is near.
-    # No point attracts a vertex without an image, a vertex whose point faces elsewhere or lies on a boundary,
-    # or a vertex at inverted faces: there the template is completed as rigidly as possible. The faces that
-    # remain inverted in the end are slivers, see `repair_inverted`. Time and memory are linear in the
-    # vertices of both, apart from a search tree of the target: 50 µs a vertex.
+    # alternately in R and y, see `RigidEnergy`. First a coarse template is bent: each of its vertices is
+    # attracted by the mean image of the vertices merged into it, as the length ℓ decreases; the scale of x is
+    # fitted too. Then the vertices of the template follow the coarse ones rigidly, and the nearest points of
+    # the target, by position and normal, attract them. Nearest points are sought along the target from the
+    # previous ones, so that no step leads to another sheet. The target's boundary attracts boundary vertices
+    # near it. No point attracts a vertex without an image, a vertex whose point faces elsewhere or lies on a
+    # boundary, or a vertex at inverted faces: there the template is completed as rigidly as possible. The
+    # faces that remain inverted in the end are slivers, see `repair_inverted`. Time and memory are linear in
+    # the vertices of both meshes, apart from a search tree of the target: 50 µs a vertex.
     centre, unit = target.vertices.mean(axis=0), np.sqrt(target.area)
     onto = _Target(target.moved((target.vertices - centre) / unit))
     images = (images - centre) / unit
@@ -103,7 +108,7 @@ class _Bending:
         scales: bool = False,
     ) -> FloatArray:
         """Move vertices to a lower energy; points (n, 3) attract them with a strength (n,), 0 for none."""
-        # ∇E = 0, divided by ℓ², see `RigidRegistration`, with κ = REST_PULL, which keeps the matrix definite:
+        # ∇E = 0, divided by ℓ², see `RigidRegistration`; κ = REST_PULL makes the matrix positive definite:
         #   (L + diag(d)) y = (a / ℓ²) (strength p + κ y_before) + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j),
         #   d = (a / ℓ²) (strength + κ)
         # With ``scales``, x is enlarged by the factor that lowers the energy most.
@@ -158,8 +163,9 @@ class _CoarseTemplate:
         for length in MAP_LENGTHS:
             strength = self.trusted & ~bending.released(self.moved)
             self.moved = bending.step(self.moved, images, strength, length, scales=True)
-        # The rotations at the corners of its coarse triangle c carry a vertex x to Σ_k b_k (y_k +
-        # R_k (x − c_k)), as in linear blend skinning.
+        # Vertex x of the template, with the weights b_k in its coarse triangle, is carried to Σ_k b_k
+        # (y_k + R_k (x − c_k)) by the rotations at the corners c_k of that triangle, as in linear blend
+        # skinning.
         turn, places = bending.turn, self._places
         moved = np.zeros_like(self.rest.vertices)
         for corner, weight in zip(places.corners.T, places.barycentric.T):
@@ -169,7 +175,7 @@ class _CoarseTemplate:
         return _Bending(self.rest, moved, bending.scale, turn[places.corners[:, 0]]), moved
 
     def nearest(self, onto: _Target, bent: Mesh) -> IntArray:
-        """(n,) target vertices near the bent template: the best candidates near coarse vertices."""
+        """Target vertex (n,) near each bent vertex: the nearest of those nearest to its coarse corners."""
         near = onto.nearest(self.mesh.moved(self.moved))[self._places.corners]  # (n, 3)
         offsets = onto.coordinates[near] - onto.queries(bent)[:, None]
         best = np.einsum("nkd,nkd->nk", offsets, offsets).argmin(axis=1)
@@ -192,7 +198,7 @@ class _Target:
         return with_normals(bent, self._side * NORMAL_UNIT)
 
     def nearest(self, bent: Mesh) -> IntArray:
-        """(n,) nearest vertices of all, after deciding whether the faces of both are wound alike."""
+        """Nearest target vertices (n,), by the normals or the reversed normals, whichever come nearer."""
         tree, searches = cKDTree(self.coordinates), []
         for side in (1.0, -1.0):
             self._side = side
@@ -230,7 +236,7 @@ class _Target:
 def _descend(
     coordinates: FloatArray, queries: FloatArray, start: IntArray, neighbours: IntArray, near: IntArray
 ) -> None:
-    """Go from each vertex to the neighbour that is nearest to its query, as long as one is nearer."""
+    """Go from each vertex to its neighbour nearest to the query, until no neighbour is nearer."""
     for i in range(len(queries)):
         nearest = near[i]
         least = squared_distance(coordinates, nearest, queries, i)
@@ -246,9 +252,9 @@ def _descend(
 
 def turned_faces(mesh: Mesh, moved: FloatArray, rotations: FloatArray | None = None) -> BoolArray:
     """Find the faces (m,) inverted relative to the rotations (n, 3, 3) of the surface around them."""
-    # At a thin wall, the nearest point of another surface may belong to either side. So a face is
-    # not compared with that surface, but with its own neighbourhood: its normal at rest, rotated as
-    # its first corner, with its present normal.
+    # At a thin wall, the point of the target nearest to a face might belong to either side. So the face is
+    # not compared with the target, but with its own neighbourhood: its normal at rest, rotated as its first
+    # corner, with its present normal.
     if rotations is None:
         rotations = _rotations(mesh, moved, _two_rings(mesh))
     return _are_inverted(mesh, mesh.faces, moved, rotations)
@@ -256,20 +262,21 @@ def turned_faces(mesh: Mesh, moved: FloatArray, rotations: FloatArray | None = N
 
 def is_mirrored(mesh: Mesh, moved: FloatArray) -> bool:
     """Whether a deformation is more like a mirror image than like a rotation around most vertices."""
-    # With the singular values s₁ ≥ s₂ ≥ s₃ of the covariance of a neighbourhood, the best rotation
-    # attains s₁ + s₂ ± s₃, with the sign of its determinant, and the best mirror image the other
-    # sign (Kabsch). The sum of ± s₃ decides; flat neighbourhoods do not count.
+    # With the singular values s₁ ≥ s₂ ≥ s₃ of the covariance of a neighbourhood, the best rotation attains
+    # the trace s₁ + s₂ ± s₃, with the sign of the covariance's determinant, and the best mirror image the
+    # trace with the other sign (Kabsch). The sum of ± s₃ over all vertices decides; flat neighbourhoods have
+    # s₃ = 0.
     covariances = _covariances(mesh, moved, _two_rings(mesh))
     least = np.linalg.svd(covariances, compute_uv=False)[:, 2]
     return bool((np.sign(np.linalg.det(covariances)) * least).sum() < 0)
 
 
 def repair_inverted(mesh: Mesh, moved: FloatArray, scale: float) -> tuple[FloatArray, BoolArray]:
-    """Move the corners of inverted faces by about an edge until few are left, the second result (m,)."""
+    """Move the corners of inverted faces by about an edge until few are inverted; return which (m,) are."""
     # Each face wants its shape at rest, ``scale`` times as large, rotated as its neighbourhood, around its
-    # centre. Corners move to the mean of the places that their faces want, where inverted faces count thirty
-    # times: the global step of Bouaziz et al., *Projective Dynamics*, SIGGRAPH 2014, by Jacobi iteration, for
-    # few vertices. Most inverted faces are slivers, which any noise inverts.
+    # centre. A corner moves to the mean of the positions that its faces want, in which inverted faces weigh
+    # INVERTED_WEIGHT times as much: the global step of Bouaziz et al., *Projective Dynamics*, SIGGRAPH 2014,
+    # by Jacobi iteration, as few vertices move. Most inverted faces are slivers, which any noise inverts.
     moved, around = moved.copy(), _two_rings(mesh)
     rotations = _rotations(mesh, moved, around)
     moving = np.zeros(mesh.n_vertices, dtype=bool)
@@ -304,7 +311,7 @@ def _are_inverted(mesh: Mesh, faces: IntArray, moved: FloatArray, rotations: Flo
 
 
 def _two_rings(mesh: Mesh) -> csr_array:
-    """(n, n) ones where vertices are at most two edges apart."""
+    """Matrix (n, n) with ones where vertices are at most two edges apart."""
     ends = mesh.edges
     links = np.ones(2 * len(ends)), (ends.ravel(), ends[:, ::-1].ravel())
     ring = csr_array(links, shape=(mesh.n_vertices,) * 2) + eye_array(mesh.n_vertices)

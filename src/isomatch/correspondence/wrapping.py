@@ -21,8 +21,9 @@ from isomatch.decimation import normalised
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-N_GUIDES = 30  # matched vertices nearest to a component without images, which moves with them; chosen
-STRETCH_QUANTILE = 0.99  # quantile, over edges, of growth or shrinking, which is reported; chosen
+N_GUIDES = 30  # number of placed vertices, nearest to a component without images, with which it moves; chosen
+# quantile over the edges of their growth or shrinking, reported as ``stretch``; chosen
+STRETCH_QUANTILE = 0.99
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,8 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     whole, onto = whole.moved(normalised(whole.vertices)[0]), onto.moved(places)
     images = PrecisePoints(np.maximum(welded.faces, 0), np.array(welded.barycentric))
     matched = welded.matched
-    # Points nearest to an opening lie on its rim, and tell nothing about the missing surface.
+    # An inner vertex whose image is on the target's boundary belongs to surface that is missing at an
+    # opening: its image is only the nearest point of the rim.
     inside = matched & ~(Boundary(onto).holds(images) & ~Boundary.vertices_of(whole))
     trusted = inside if inside.any() else matched
     positions = _extend(whole, images.interpolated(onto.vertices), trusted)
@@ -163,7 +165,7 @@ def _distance(positions: FloatArray, target: Mesh) -> float:
 
 
 def _weld(mesh: Mesh) -> tuple[Mesh, IntArray]:
-    """Join boundary vertices at one position, drop collapsed faces; also return each one's vertex (n,)."""
+    """Join boundary vertices at one position, drop collapsed faces; also return new vertices (n,)."""
     first, boundary = np.arange(mesh.n_vertices), np.unique(mesh.boundary_edges)
     first[boundary] = boundary[first_equal(mesh.vertices[boundary])]
     kept, vertex = np.unique(first, return_inverse=True)
@@ -173,12 +175,13 @@ def _weld(mesh: Mesh) -> tuple[Mesh, IntArray]:
 
 
 def _extend(mesh: Mesh, positions: FloatArray, placed: BoolArray) -> FloatArray:
-    """Place others: by a similarity and harmonic offsets if linked to placed ones, else with the nearest."""
-    # At an opening, positions follow the similarity that fits the whole, which gives the curvature.
+    """Place the vertices not placed yet: by similarity and harmonic offsets, or with the nearest ones."""
+    # At an opening, positions follow the similarity that fits all placed vertices; it gives the curvature.
     similarity = _fit_similarities(mesh.vertices[placed][None], positions[placed][None])
     similar = similarity(mesh.vertices, np.zeros(len(placed), int))
-    # The difference u between the positions and the similarity is extended harmonically along the surface: L
-    # u = 0 at the unknown vertices, L_uu u_u = −L_uk u_k, with edges of weight 1 / length.
+    # The offsets u of the positions from the similarity are extended harmonically along the surface to the
+    # vertices linked to placed ones: L u = 0 there, so that L_uu u_u = −L_uk u_k with the unknown and known
+    # vertices u and k, and edges of weight 1 / length.
     positions = positions.copy()
     linked = np.isin(mesh.components, mesh.components[placed])
     ends = mesh.edges
@@ -204,8 +207,8 @@ def _extend(mesh: Mesh, positions: FloatArray, placed: BoolArray) -> FloatArray:
 
 def _fit_similarities(x: FloatArray, y: FloatArray) -> Callable[[FloatArray, IntArray], FloatArray]:
     """Fit similarities to groups of points (g, q, 3); they move points (m, 3), each as its group (m,)."""
-    # Kabsch's rotation of centred points, and the ratio of their root mean squares as the scale.
-    # Unlike the least-squares scale it does not shrink if the points do not fit.
+    # Kabsch's rotation of centred points, and the ratio of their root mean squares as the scale. Unlike the
+    # least-squares scale, this one does not shrink the points if they fit badly.
     x_mean, y_mean = x.mean(axis=1), y.mean(axis=1)
     x, y = x - x_mean[:, None], y - y_mean[:, None]
     rotations = nearest_rotation(x.transpose(0, 2, 1) @ y)

@@ -21,10 +21,11 @@ Index: TypeAlias = int | np.int64
 
 FIRST, KIND, VERSION, MARK, PARENT = range(5)  # columns of ``marks``, the integers of a vertex
 INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices; a vertex of a higher kind is less free to move
-# weight of the plane through a boundary edge, where a face as large as the square on the edge has 1; chosen
+# weight of the plane through a boundary edge, over the squared edge; the plane of a face has its area; chosen
 BOUNDARY_WEIGHT = 1.0
-MIN_TURN_COSINE = 0.2  # least cosine of the angle by which a collapse may turn a face's normal; chosen
-# A collapse may not halve the quality of a face, 4 √3 area / sum of squared edges, to less; chosen.
+MIN_TURN_COSINE = 0.2  # least cosine of the angle by which a collapse turns the normal of a face; chosen
+# A collapse does not more than halve the quality of a face, 4 √3 area / (sum of squared edges), to less than
+# this; chosen.
 SLIVER_SHAPE = 0.2
 N_BUCKETS = 128  # number of buckets by which the queue sorts edges by cost; 1024 give no better result
 
@@ -67,7 +68,7 @@ def remove_gaps(vertices: FloatArray, marks: AnyArray, corners: AnyArray, owner:
 def describe_vertices(
     vertices: FloatArray, marks: AnyArray, corners: AnyArray, link: AnyArray, point_weight: float
 ) -> None:
-    """Set the kind of each vertex and its quadric, given zeros and working space (n, 2)."""
+    """Set the kind and the quadric, 0 before, of each vertex; ``link`` (n, 2) is working space."""
     for v in range(len(vertices)):
         kind = marks[v, KIND] = _kind(v, marks, corners, link)
         corner = marks[v, FIRST]
@@ -79,7 +80,7 @@ def describe_vertices(
             length = np.sqrt(x * x + y * y + z * z)
             if length > 0.0:
                 x, y, z = x / length, y / length, z / length
-                # Each corner has a third of the face's area, which is half of the length of the cross.
+                # Each corner has a third of the face's area, which is half the length of the cross product.
                 _add_planes(vertices, v, x, y, z, length / 6.0, point_weight * length / 6.0)
                 for end in (b, c):
                     if kind == BOUNDARY and link[end, 1] < 0:
@@ -95,7 +96,7 @@ def describe_vertices(
 
 @compiled(error_model="numpy")
 def _kind(v: Index, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
-    """Whether the faces at v form a disc, inside or at the boundary; ``link`` joins neighbours in a face."""
+    """Kind of vertex v, by whether its faces form a disc; ``link`` joins its neighbours in each face."""
     corner = marks[v, FIRST]
     while corner >= 0:
         for end in other_vertices(corners, corner):
@@ -150,11 +151,11 @@ def collapse_edges(
 ) -> int:
     """Collapse edges of a cost below the limit, cheapest first, at most ``max_per_block`` in each block."""
     # With several blocks, the working set fits into the cache, and a vertex takes part in one collapse of
-    # each block. PARENT becomes the vertex into which each was merged, the first of all that were merged with
-    # it. A row of the queue is an edge: the next one in the same bucket, its ends, and the sum of their
-    # VERSIONs, which tells that an edge is out of date. The first N_BUCKETS rows start the buckets; the
-    # middle bucket has the cost ``scale``. The row after them starts the list of free rows, and holds the
-    # number of rows in use and the lowest bucket in use.
+    # each block. PARENT of a vertex becomes the vertex into which it was merged, the first of all vertices
+    # that were merged into one. A row of the queue is an edge: the next edge in the same bucket, its ends,
+    # and the sum of their VERSIONs, which tells that an edge is out of date. The first N_BUCKETS rows start
+    # the buckets; the middle bucket has the cost ``scale``. The row after them starts the list of free rows,
+    # and holds the number of rows in use and the lowest bucket in use.
     n = len(vertices)
     for w in range(n):
         marks[w, VERSION] = marks[w, MARK] = 0
@@ -210,7 +211,7 @@ def collapse_edges(
                 _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit, in_place)
                 bucket = queue[N_BUCKETS, 2]
     for w in range(n):
-        marks[w, PARENT] = marks[marks[w, PARENT], PARENT]  # the parent of w comes before v
+        marks[w, PARENT] = marks[marks[w, PARENT], PARENT]  # the parent of w comes before w
     return n_collapsed
 
 
@@ -255,7 +256,7 @@ def _enqueue(
 
 @compiled(error_model="numpy")
 def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, turn: int) -> bool:
-    """Whether the surface stays the same when u and v become one."""
+    """Whether the topology of the surface stays the same when u and v become one."""
     # The link condition of Dey et al. 1999: the common neighbours of u and v must be the vertices opposite to
     # their edge, Lk u ∩ Lk v = Lk uv. A boundary counts as closed by one more vertex, which two boundary
     # vertices share: so they are merged only along a boundary edge, whose one face must not be a component of
@@ -321,8 +322,8 @@ def _spoils_face(
         after = np.sqrt(nx * nx + ny * ny + nz * nz)
         if mx * nx + my * ny + mz * nz < MIN_TURN_COSINE * before * after:
             return True
-        # The squared edges of the face, with a = c − b and p from b, are |a|² + |p|² + |p − a|² in all, twice
-        # |a|² + |p|² − a·p.
+        # With a = c − b and p the place of u from b, the squared edges of the face sum to
+        # |a|² + |p|² + |p − a|² = 2 (|a|² + |p|² − a·p).
         edge = ex * ex + ey * ey + ez * ez
         before /= edge + px * px + py * py + pz * pz - ex * px - ey * py - ez * pz
         after /= edge + qx * qx + qy * qy + qz * qz - ex * qx - ey * qy - ez * qz
@@ -362,7 +363,8 @@ def _placement(
     """Place where u and v become one vertex, and the error there; infinite if they cannot."""
     # The error xᵀ A x + 2 bᵀ x + c of the sum of both quadrics is least where its gradient 2 (A x + b)
     # vanishes, at x = −A⁻¹ b, which is computed by cofactors: A is symmetric. If A is nearly singular, as on
-    # a plane, x stays at v; if one vertex is freer than the other, x stays at the less free one.
+    # a plane, x is at v; if one vertex is freer than the other, x is at the less free one. If vertices keep
+    # their places, x is at the end of less error.
     p, q = vertices[u], vertices[v]
     xx, xy, xz, yy, yz, zz = p[3] + q[3], p[4] + q[4], p[5] + q[5], p[6] + q[6], p[7] + q[7], p[8] + q[8]
     bx, by, bz = p[9] + q[9], p[10] + q[10], p[11] + q[11]
@@ -415,9 +417,9 @@ def _add_planes(
     vertices: FloatArray, v: Index, x: float, y: float, z: float, weight: float, point_weight: float
 ) -> None:
     """Add the squared distances to the plane through v with normal (x, y, z), and to v itself."""
-    # The squared distance of x to the plane through p with the unit normal n is (n·(x − p))² = xᵀ n
-    # nᵀ x − 2 (n·p) n·x + (n·p)², so that A = n nᵀ, b = −(n·p) n and c = (n·p)². The squared
-    # distance to the point p has A = I, b = −p and c = p·p. All are multiplied by weights.
+    # The squared distance of x to the plane through p with the unit normal n is (n·(x − p))² = xᵀ n nᵀ x − 2
+    # (n·p) (n·x) + (n·p)², so that A = n nᵀ, b = −(n·p) n and c = (n·p)². The squared distance to the point p
+    # has A = I, b = −p and c = p·p. Both are multiplied by their weights.
     px, py, pz = vertices[v, 0], vertices[v, 1], vertices[v, 2]
     d = -weight * (x * px + y * py + z * pz)
     vertices[v, 3] += weight * x * x + point_weight

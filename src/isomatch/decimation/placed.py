@@ -14,12 +14,12 @@ from isomatch._core.threads import parallel_map
 from isomatch.decimation._collapse import Index, difference, link_corners, other_vertices
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_in_triangle
 
-MAX_STARTS = 8  # vertices of a group, at most; a search starts at the nearest one; chosen
-# A point is inside a face, and the search ends, if all its barycentric weights exceed the first bound,
-# far above rounding, and its squared distance is at most the second, far below the squared size of a
-# face of the mesh, which is scaled to [−1, 1].
+MAX_STARTS = 8  # vertices of a group, at most, that are compared to start a search at the nearest; chosen
+# A point is inside a face, and the search ends, if all its barycentric weights exceed the first bound, chosen
+# far above rounding, and its squared distance is at most the second, chosen far below the squared size of a
+# face. The mesh is scaled to [−1, 1].
 MIN_INSIDE_WEIGHT, MAX_SQUARED_DISTANCE = 1e-9, 1e-20
-CHUNK_POINTS = 8192  # points of one task; chosen and fixed: the number of threads changes no result
+CHUNK_POINTS = 8192  # number of points of one task; chosen, and the same for any number of threads
 
 
 class VertexGroups(NamedTuple):

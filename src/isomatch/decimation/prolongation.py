@@ -23,10 +23,11 @@ from isomatch.decimation.placed import (
 )
 from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
 
-# Least cosine between the normals of a vertex and of a face that suits it (60°). Below, the squared distance of
-# the face grows by NORMAL_WEIGHT × area of the coarse vertex × missing cosine; chosen.
+# Least cosine between the normals of a fine vertex and of a coarse face that suits it (60°). If the cosine is
+# less, the squared distance of the face grows by NORMAL_WEIGHT × area of the coarse vertex × missing cosine;
+# chosen.
 MIN_FACING_COSINE, NORMAL_WEIGHT = 0.5, 0.2
-MAX_ROUNDING = 1e-6  # added to radii of faces; chosen above the rounding of positions in [−1, 1], 6e-8
+MAX_ROUNDING = 1e-6  # added to radii of faces' balls; chosen above the rounding of positions in [−1, 1], 6e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -214,7 +215,7 @@ def _nearest_on_coarse(
             facing = (
                 frames[f, 3] * normals[i, 0] + frames[f, 4] * normals[i, 1] + frames[f, 5] * normals[i, 2]
             )
-            if not facing <= MIN_FACING_COSINE:  # false for nan, the cosine of a face without area
+            if not facing <= MIN_FACING_COSINE:  # ``<=`` is false for nan, the cosine of a face without area
                 facing = MIN_FACING_COSINE if facing > MIN_FACING_COSINE else 0.0
             cost += tolerance[owner] * (MIN_FACING_COSINE - facing)
             if cost < best:

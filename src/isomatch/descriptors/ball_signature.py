@@ -22,19 +22,22 @@ from isomatch.geodesics import (
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud
 
-# √area; default radii of the balls, from a wrist to a knee; larger balls reach other limbs where limbs touch:
-# decisions.md, ball signature
+# Default radii of the balls in √area, for a person from the wrist to the knee; larger balls reach the other
+# limb where limbs touch: see decisions.md, ball signature.
 RADII = (0.04, 0.06, 0.09)
-# Weights of a ball's offset and three extents, greatest first, in a comparison. The greatest extent tells
-# little: decisions.md, ball signature.
+# Weights of a ball's offset and three extents, greatest first, when two balls are compared. The greatest
+# extent tells little: see decisions.md, ball signature.
 WEIGHTS = (1.0, 0.0, 0.5, 1.0)
-# mean edges; balls of smaller radius are not compared; chosen: with 5000 vertices, radius 0.04 has 2.5
+# least radius of compared balls, in mean edge lengths; chosen: with 5000 vertices, radius 0.04 has 2.5
 MIN_RADIUS_EDGES = 2.0
-MAX_OVERHANG = 0.02  # length, in the radii's unit, by which a ball may cross a boundary; chosen
-MIN_DEVIATION = 0.03  # standard deviations that divide values are raised to this; smaller are noise; chosen
-MAX_SAMPLE_SPACINGS = 1.5  # mean spacings of samples up to which a sample stands for a vertex; chosen
-MIN_HALF_CELL = 1e-9  # half width, in the unit of the radii, that a vertex without area has at least; chosen
-MAX_DIFFERENCE = 2.0  # standard deviations; a larger difference of two values counts as this; chosen
+# largest length by which a compared ball crosses a boundary, in the unit of the radii; chosen
+MAX_OVERHANG = 0.02
+MIN_DEVIATION = 0.03  # standard deviations that divide differences are raised to this; less is noise; chosen
+# distance from a vertex, in mean spacings of samples, up to which samples give it values; chosen
+MAX_SAMPLE_SPACINGS = 1.5
+# half widths of cells are raised to this, in the unit of the radii, as areas might be 0; chosen
+MIN_HALF_CELL = 1e-9
+MAX_DIFFERENCE = 2.0  # larger differences of two values are lowered to this, in standard deviations; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,7 @@ class BallSignature:
     radii: FloatArray  # radii of the balls, increasing, (r,)
     values: FloatArray  # offset and three extents of each ball, (n, r, 4)
     to_boundary: FloatArray  # distance (n,) to the boundary; inf if there is none
-    finest: float = 0.0  # least radius; smaller balls have too few vertices to describe the surface
+    finest: float = 0.0  # least radius of balls with enough vertices to describe the surface
 
     @cached_property
     def known(self) -> BoolArray:
@@ -184,7 +187,7 @@ def ball_signature(
     centres, areas = np.unique(centres), np.asarray(surface.vertex_areas)
     if not len(centres):
         raise DescriptorError("samples is empty; give at least one vertex, or None for all")
-    half_cells = np.maximum(np.sqrt(areas / np.pi), MIN_HALF_CELL * length)  # a vertex may have no area
+    half_cells = np.maximum(np.sqrt(areas / np.pi), MIN_HALF_CELL * length)  # an area might be 0
     farthest = length * reach[-1] + float(half_cells.max())
     balls = geodesic_balls(distance_engine(surface, weld=False), centres, farthest)
     shape = len(centres), len(reach)
@@ -219,7 +222,7 @@ def _to_boundary(surface: Mesh | PointCloud) -> FloatArray:
 
 
 def _spread(surface: Mesh | PointCloud, centres: IntArray, balls: Balls, values: FloatArray) -> FloatArray:
-    """Give every vertex the mean of the values (m, r, 4) of near centres, or the values of the nearest one."""
+    """Give every vertex the mean values (m, r, 4) of near centres, or the values of the nearest centre."""
     n, flat = surface.n_vertices, values.reshape(len(centres), -1)
     reach = MAX_SAMPLE_SPACINGS * np.sqrt(surface.area / len(centres))
     weights = np.maximum(1 - balls.distances / reach, 0.0) ** 2
@@ -248,11 +251,11 @@ def _moments(
     covariances: FloatArray,
 ) -> None:
     """Fill in the offsets (m, r) of centroids along the normal, and covariances (m, r, 3, 3), in radii."""
-    # A vertex stands for a disk of radius ``half_cells``; a ball has the share of it that the front
-    # has passed, so that the moments change continuously with the radius. The height of a smooth
-    # surface of mean curvature H above the tangent plane is −½ (κ₁ x² + κ₂ y²), whose mean over a
-    # disk of radius r is −¼ r² · ½ (κ₁ + κ₂) = −H r² / 4: the offset is −H r / 4 to leading order.
-    # ∫ x² over the unit disk is ¼ of its area: two extents are ½.
+    # A vertex stands for a disk of radius ``half_cells``; a ball contains the share of the disk within its
+    # radius, so that the moments change continuously with the radius. The height of a smooth surface with
+    # principal curvatures κ₁ and κ₂ and mean curvature H above the tangent plane is −½ (κ₁ x² + κ₂ y²), whose
+    # mean over a disk of radius r is −¼ r² · ½ (κ₁ + κ₂) = −H r² / 4: the offset is −H r / 4 to leading
+    # order. ∫ x² over the unit disk is ¼ of its area: two extents of a flat ball are ½.
     for i in range(len(centres)):
         centre = centres[i]
         for j in range(len(radii)):
@@ -265,7 +268,8 @@ def _moments(
                     continue
                 share = min(share, 1.0)
                 w = half_cells[v] ** 2 * share
-                # the middle of the share lies nearer to the centre than the vertex, by half the missing width
+                # the middle of this share is nearer to the centre than the vertex is, by half the width that
+                # is missing
                 factor = (1.0 - (1.0 - share) * half_cells[v] / max(distances[e], half_cells[v])) / r
                 x = factor * (points[v, 0] - points[centre, 0])
                 y = factor * (points[v, 1] - points[centre, 1])

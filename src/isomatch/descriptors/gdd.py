@@ -67,11 +67,11 @@ def geodesic_distance_descriptor(basis: DistanceBasis, k: int | None = None) -> 
     >>> bool(abs(x.coordinates[0] @ x.inner()[1] - 2**0.5) < 1e-6)
     True
     """
-    # X = Q Λ^½ makes D ≈ Q Λ Qᵀ = X Xᵀ. If a permutation P takes the distances of one shape to the
-    # distances of another, D₂ = P D₁ Pᵀ, then X₂ X₂ᵀ = (P X₁) (P X₁)ᵀ, and X₂ = P X₁ C with C Cᵀ =
-    # I. As both Q are orthonormal eigenvectors, C is ±1 on the diagonal, or orthogonal among
-    # columns of one eigenvalue; real and imaginary columns, of eigenvalues of opposite sign, never
-    # mix (`signed_procrustes`). So the map is found as min ‖P X₁ C − X₂‖, alternately in P and C.
-    # Columns are not normalised: they decay, so that the leading ones have the largest weight.
+    # X = Q Λ^½ makes D ≈ Q Λ Qᵀ = X Xᵀ. If a permutation P takes the distances of one shape to the distances
+    # of another, D₂ = P D₁ Pᵀ, then X₂ X₂ᵀ = (P X₁) (P X₁)ᵀ, and X₂ = P X₁ C with C Cᵀ = I. As both Q are
+    # orthonormal eigenvectors, C is ±1 on the diagonal, or orthogonal among columns of one eigenvalue; real
+    # and imaginary columns, which belong to eigenvalues of opposite sign, never mix (`signed_procrustes`). So
+    # the map is found as the minimum of ‖P X₁ C − X₂‖, alternately in P and C. Columns are not normalised:
+    # they decay, so that the leading ones have the largest weight.
     values = basis.values[:k]
     return GeodesicDistanceDescriptor(basis.vectors[:, :k] * np.sqrt(np.abs(values)), np.sign(values))

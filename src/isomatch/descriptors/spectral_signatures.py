@@ -10,7 +10,7 @@ from isomatch.repair import without_seams
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh
 
-CLIPPED_SHARE = 0.02  # share of the curvatures clipped at either end: sharp tips are noisy; chosen
+CLIPPED_SHARE = 0.02  # share of vertices with clipped curvature at either end: sharp tips are noisy; chosen
 
 
 def wave_kernel_signature(
@@ -117,9 +117,9 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
     array([1., 1., 1.])
     """
     values, squares = basis.values[:k], basis.vectors[:, :k] ** 2
-    # The heat kernel is k_t(x, x) = Σ_i exp(−λ_i t) φ_i(x)². At the first and last time exp(−λ t)
-    # is 10⁻⁴ for the last and the second eigenvalue. Divided by its integral, the heat trace Σ_i
-    # exp(−λ_i t), all scales count alike.
+    # The heat kernel is k_t(x, x) = Σ_i exp(−λ_i t) φ_i(x)². At the first time exp(−λ t) is 10⁻⁴ for the last
+    # eigenvalue, at the last time for the second eigenvalue. The kernel is divided by its integral, the heat
+    # trace Σ_i exp(−λ_i t), so that all scales count alike.
     scale = 4 * np.log(10)
     times = np.geomspace(scale / values[-1], scale / values[1], n_times)
     decay = np.exp(-values[:, None] * times)  # decay of each function until each time, (k, n_times)

@@ -17,11 +17,11 @@ from isomatch.matching import COVERAGE_RADIUS, covered_share
 from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PrecisePoints
 
-CURVE_LIMIT = 0.25  # √(target area); largest error that curves show; as in published curves
-THRESHOLDS = np.linspace(0.0, CURVE_LIMIT, 101)  # √(target area); errors of a curve's points; chosen
-# √(target area); for each, tables have the share of points with at most this error; chosen
+CURVE_LIMIT = 0.25  # largest error that curves show, in √(target area); as in published curves
+THRESHOLDS = np.linspace(0.0, CURVE_LIMIT, 101)  # errors of the points of a curve, in √(target area); chosen
+# tables have the shares of points with at most these errors, in √(target area); chosen
 TABLE_THRESHOLDS = (0.05, 0.10, 0.25)
-# √(target area); the error of a vertex without an image, in a mean; chosen: about the size of the shape
+# error that means take for a vertex without an image, in √(target area); chosen: about the size of the shape
 UNMATCHED_ERROR = 1.0
 
 

@@ -15,7 +15,7 @@ from isomatch._core.errors import FormatError, some
 from isomatch.correspondence import IndexBase, index_base, read_map
 from isomatch.surfaces import Mesh, PrecisePoints
 
-# how negative weights may be, and how far from 1 their sum, since published weights have few digits; chosen
+# largest distance of a weight below 0, and of their sum from 1: published weights have few digits; chosen
 MAX_ROUNDING = 1e-2
 # suffix of the maps of PARTIALSMAL: indices from 0, then a mask of the target vertices with a counterpart
 MASKED_SUFFIX = ".map"
@@ -131,7 +131,7 @@ def _truth_of_rows(
     """Read rows of a source vertex and a target vertex, −1 if it has none; one base for both columns."""
     rows = _whole_numbers(path, table)
     base = IndexBase(counts_from or 0)
-    # no source vertex is 0, though each row names one: the file counts from 1
+    # each row names a source vertex, and none is 0: the file might count from 1
     if counts_from is None and (rows[:, 0] != 0).all():
         base = index_base(path, rows[:, 0], source.n_vertices, "source vertices")
         if not base.is_certain:

@@ -60,13 +60,13 @@ class ComponentEngine(ColumnEngine):
 class Exact(ComponentEngine):
     """Exact geodesic distances on the polyhedron, by propagating windows of straight rays across edges."""
 
-    # Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987, as
-    # implemented by D. Kirsanov in the package pygeodesic. The windows of `geodesic_path` serve
-    # components that are not manifold, where pygeodesic 0.1.11 crashes (an edge of three faces) or
-    # is wrong (0 between two cones that share their tip). They serve paths for the same reason, and
-    # are 5 to 25 times as fast there, because they stop at the target. For whole columns they take
-    # 1.6 times as long. O(n² log n) time per column in the worst case, on one thread; about 40 to
-    # 70 times as long as fast marching at 5 000 vertices (60 ms and more), and 120 times at 28 000.
+    # Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987, as implemented
+    # by D. Kirsanov in the package pygeodesic. The windows of `geodesic_path` serve components that are not
+    # manifold, where pygeodesic 0.1.11 crashes (an edge of three faces) or is wrong (0 between two cones that
+    # share their tip), and paths. For paths the windows are 5 to 25 times as fast as pygeodesic, because they
+    # stop at the target; for whole columns they take 1.6 times as long. A column takes O(n² log n) time in
+    # the worst case, on one thread: 60 ms and more at 5 000 vertices, 40 to 70 times as long as fast
+    # marching, and 120 times as long at 28 000 vertices.
     name = "exact"
 
     def __init__(self, mesh: Mesh) -> None:

@@ -11,7 +11,7 @@ from isomatch.geodesics.protocol import ColumnEngine, require_finite, require_in
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-SOURCES_PER_TASK = 8  # sources whose distances a thread computes at once; chosen
+SOURCES_PER_TASK = 8  # number of sources whose distances a thread computes at once; chosen
 
 
 class Dijkstra(ColumnEngine):

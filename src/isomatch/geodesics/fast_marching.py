@@ -13,12 +13,13 @@ from isomatch._core.threads import parallel_map, parallel_rows
 from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite, require_in_range
 from isomatch.surfaces import Mesh
 
-MAX_SHIFT_EDGES = 0.02  # largest correction for curvature in a triangle, as a fraction of an edge; chosen
-MAX_FOCUS = 0.3  # 1 / the least number of steps after which a front that converges reaches its focus; chosen
-# A path replaces another if it is shorter by this fraction of its last piece, in the triangle; chosen.
+MAX_SHIFT_EDGES = 0.02  # largest shift of a distance for curvature, over the shorter of edge and ray; chosen
+# largest curvature of a converging front, in 1 / step: its focus is at least 3.3 steps away; chosen
+MAX_FOCUS = 0.3
+# A path to a vertex replaces another if it is shorter by more than this share of its last segment; chosen.
 TIE_STEPS = 1e-6
-MAX_UNFOLDED_FACES = 40  # faces crossed, at most, to find a vertex that splits an obtuse angle; chosen
-RIGHT_ANGLE_COSINE = 1e-6  # an angle with a smaller |cosine| is right, and not split; chosen
+MAX_UNFOLDED_FACES = 40  # largest number of faces crossed to find a vertex that splits an angle; chosen
+RIGHT_ANGLE_COSINE = 1e-6  # angles whose |cosine| is smaller are taken as right, and not split; chosen
 # Empty arrays: for a front without bounds on distances, and for a front that goes to all vertices.
 NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)
 
@@ -87,9 +88,9 @@ class FastMarching(ColumnEngine):
         self, source: int, bound: FloatArray = NO_BOUND, targets: IntArray = TO_ALL, farthest: float = np.inf
     ) -> FloatArray:
         """Distances (n,) from a source; ``inf`` where no path leads."""
-        # A vertex no nearer than its bound (n,) stays at inf, and the front stops there. The front
-        # ends at the distance ``farthest``, or as soon as all ``targets`` are known, if there are
-        # any; entries beyond mean nothing.
+        # A vertex whose distance is not below its bound (n,) stays at inf, and the front stops there. The
+        # front ends at the distance ``farthest``, or as soon as all ``targets`` are known, if there are any;
+        # entries of vertices beyond its end mean nothing.
         n = self.n_points
         distance, settled = np.full(n, np.inf), np.full(n, np.inf)
         awaited = np.zeros(n if len(targets) else 0, dtype=bool)
@@ -104,11 +105,11 @@ class FastMarching(ColumnEngine):
 class Stencil(NamedTuple):
     """The updates of a mesh, by the vertex that triggers them and the vertex whose distance they lower."""
 
-    # Edges start[v]:start[v + 1] lead from v, real or virtual ones; edge e to target[e], of the
-    # length step[e]. Once the distance of v is known, the pair of v and other[u] may lower the
-    # distance of that target, for each u in first[e]:first[e + 1]. In the plane of their triangle v
-    # is at (0, 0), other[u] at (shape[u, 0], 0), and the target at (shape[u, 1], shape[u, 2]), with
-    # a positive ordinate. Lengths are in mesh units.
+    # Edges start[v]:start[v + 1], real or virtual, lead from vertex v. Edge e leads to target[e] and has the
+    # length step[e]. Once the distance of v is known, v and other[u] together can lower the distance of
+    # target[e], for each u in first[e]:first[e + 1]. In the plane of the triangle of these three, v is at (0,
+    # 0), other[u] at (shape[u, 0], 0), and the target at (shape[u, 1], shape[u, 2]), with a positive
+    # ordinate. Lengths are in mesh units.
     start: IntArray
     target: AnyArray  # int32: the vertex at the end of each edge; ``other`` has this type, too
     step: Float32Array
@@ -128,10 +129,11 @@ def stencil_of(mesh: Mesh) -> Stencil:
     # unfolding ends at edges of one face or of more than two.
     faces, points = mesh.sound_faces, mesh.vertices
     opposite = _opposite_corners(mesh)
-    # Side i of a face leads from corner i to corner i + 1. All below are (m, 3), by corner i of face f.
+    # Side i of a face leads from corner i to corner i + 1. All arrays below are (m, 3), by corner i of face
+    # f.
     sides = points[np.roll(faces, -1, axis=1)] - points[faces]
     doubled_area = np.repeat(2 * mesh.face_areas, 3).reshape(-1, 3)
-    inner = -np.einsum("fix,fix->fi", sides, np.roll(sides, 1, axis=1))  # product of the two sides
+    inner = -np.einsum("fix,fix->fi", sides, np.roll(sides, 1, axis=1))  # inner product of both sides
     # Corner c is updated from the side ab that is opposite to it: in the plane of the face a is at
     # (0, 0), b at (|ab|, 0), and c at x = ab · ac / |ab|, y = |ab × ac| / |ab|. Where a and b
     # coincide, the axis is at right angles to ac.
@@ -149,8 +151,8 @@ def stencil_of(mesh: Mesh) -> Stencil:
 
 def _gaussian_curvature(mesh: Mesh, angles: FloatArray, opposite: IntArray) -> FloatArray:
     """Angle defect 2π − Σ angles divided by vertex area, (n,); 0 on boundaries and at non-manifold edges."""
-    # Gauss–Bonnet on the star of a vertex: ∫ K dA = 2π − Σ angles; K is the mean, divided by the
-    # area of the vertex.
+    # Gauss–Bonnet on the star of a vertex: ∫ K dA = 2π − Σ angles. Its mean K is this integral over the area
+    # of the vertex.
     faces = mesh.sound_faces
     defect = 2 * np.pi - np.bincount(faces.ravel(), angles.ravel(), mesh.n_vertices)
     is_boundary = opposite.reshape(-1, 3) < 0  # whether the side opposite to each corner has no other face
@@ -169,8 +171,8 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
     shape = np.concatenate([shape, mirrored])
     step = np.hypot(shape[:, 1], shape[:, 2]).astype(np.float32)
     trigger, other, target = np.concatenate([a, b]), np.concatenate([b, a]), np.concatenate([target, target])
-    # Updates of one target by one vertex that has become known belong to one edge, except that two virtual
-    # edges may have different lengths.
+    # Updates of one target by one trigger belong to one edge, unless they are of virtual edges of different
+    # lengths.
     order = _sorted_rows(target, n)
     order = np.take(order, _sorted_rows(np.take(trigger, order), n))
     trigger, other, target, step = (np.take(values, order) for values in (trigger, other, target, step))
@@ -184,8 +186,8 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
 
 
 def _sorted_rows(keys: IntArray, n: int) -> IntArray:
-    """Sort keys (m,) from 0…n − 1: their indices, equal keys as they come. O(m + n)."""
-    # A matrix with the number of each row in the column of its key: columns list the rows of each key.
+    """Return the indices that sort keys (m,) from 0…n − 1, equal keys as they come. O(m + n)."""
+    # Row a of this matrix has the entry a in column keys[a]: its columns list the rows of each key.
     rows = np.arange(len(keys) + 1)
     return np.asarray(csr_array((rows[:-1], keys, rows), shape=(len(keys), n)).tocsc().data)
 
@@ -212,7 +214,7 @@ def _split_obtuse(
     cb_length = np.sqrt(bx * bx + by * by)
     is_open = (bx < -RIGHT_ANGLE_COSINE * cb_length) & (by > 0)  # cos of the angle at c is bx / |cb|
     # (lx, ly) and (rx, ry) are the ends of the unfolded edge that is crossed next, and ``gate`` is the corner
-    # beyond it. The direction of d must be within 90° of both a and b.
+    # d beyond it. The direction from c to d must be within 90° of the directions to both a and b.
     state = [obtuse, c, a, b, ax, bx, by, cb_length, a, ax, np.zeros(len(c)), b, bx, by, opposite[obtuse]]
     corners, shape, keys = [np.zeros((0, 3), np.int64)], [np.zeros((0, 3))], [np.zeros(0, np.int64)]
     for _ in range(MAX_UNFOLDED_FACES):
@@ -231,7 +233,7 @@ def _split_obtuse(
         to_d = points[d] - corner
         along = _products(points[right] - corner, to_d) / safe
         away = np.sqrt(np.maximum(_products(to_d, to_d) - along * along, 0.0))
-        # unit normal of the unfolded edge; where it points towards c, the other side is negative
+        # unit normal of the unfolded edge; where it points towards c, d is on its negative side
         nx, ny = ey / safe, -ex / safe
         away *= np.where(nx * -lx + ny * -ly > 0.0, -1.0, 1.0)
         dx, dy = lx + along * ex / safe + away * nx, ly + along * ey / safe + away * ny
@@ -250,7 +252,7 @@ def _split_obtuse(
             shape.append(np.stack([span, x, y], axis=1)[found])
             keys.append(2 * h[found] + side)
         is_open &= ~(acute_to_a & acute_to_b)
-        # d is outside that range: cross the one of its two edges that the range passes through
+        # d is outside this range of directions: cross the edge at d through which the range passes
         state[8:11] = (np.where(acute_to_a, *pair) for pair in ((d, left), (dx, lx), (dy, ly)))
         state[11:14] = (np.where(acute_to_a, *pair) for pair in ((right, d), (rx, dx), (ry, dy)))
         beyond = (gate - gate % 3)[:, None] + np.arange(3)
@@ -270,12 +272,12 @@ def _products(u: FloatArray, v: FloatArray) -> FloatArray:
 @compiled(inline="always", error_model="numpy")
 def _excess(before: float, radius: float, step: float, gauss: float) -> float:
     """Excess of the front's curvature at distance ``radius``, if it was ``before`` one ``step`` earlier."""
-    # A front at distance d in the plane has the curvature 1 / d of a circle. On a surface its
-    # curvature κ along a ray obeys the Riccati equation κ' = −κ² − K (of Jacobi fields: κ = j' / j
-    # with j'' = −K j; do Carmo, *Riemannian Geometry*, ch. 5). The excess ε = κ − 1 / d is carried
-    # from vertex to vertex; here the equation is solved over the step, to first order in K. The
-    # result is limited, because the curvature of rough meshes is noisy: the radius is at least one
-    # step if the front diverges, and at least 1 / MAX_FOCUS steps if it converges.
+    # A front at distance d in the plane has the curvature 1 / d of a circle. On a surface its curvature κ
+    # along a ray obeys the Riccati equation κ' = −κ² − K (of Jacobi fields: κ = j' / j with j'' = −K j; do
+    # Carmo, *Riemannian Geometry*, ch. 5). The excess ε = κ − 1 / d is carried from vertex to vertex; here
+    # the equation is solved over the step, to first order in K. κ is limited, because the curvature of rough
+    # meshes is noisy: the radius 1 / |κ| is at least one step if the front diverges, and at least
+    # 1 / MAX_FOCUS steps if it converges.
     start = radius - step
     if step <= 0.0:  # the target is on the edge, or coincides with v
         return before
@@ -309,9 +311,9 @@ def _advance(
     heap: AnyArray,
     key: FloatArray,
 ) -> None:
-    # Dijkstra's order with an indexed binary heap: heap[:size] holds tentative vertices, key[:size]
-    # their distances, and slot[v] the place of v in it, −1 if v was never reached. settled[v] is
-    # the final distance, inf while tentative, −1 where an earlier source is nearer.
+    # Dijkstra's order with an indexed binary heap: heap[:size] holds tentative vertices, key[:size] their
+    # distances, and slot[v] the place of v in the heap, −1 if v was never reached. settled[v] is the final
+    # distance, inf while tentative, −1 where an earlier source is nearer.
     size = 1
     heap[0] = source
     key[0] = 0.0

@@ -22,17 +22,18 @@ from isomatch.geodesics.protocol import (
 DistanceFunction = Callable[[IntArray], ArrayLike]
 """Maps sources (m,) to distance columns (m, n)."""
 
-# Difference of the distances there and back over the largest; a matrix with more is refused; chosen.
+# largest difference of d_ij and d_ji, over the largest distance, with which a matrix is accepted; chosen
 MAX_ASYMMETRY = 0.01
-MAX_DIAGONAL = 1e-6  # distance of a point from itself over the largest; above, a matrix is refused; chosen
-CHECKED_ROWS = 256  # rows of a matrix that are in memory at once while it is checked; chosen
+MAX_DIAGONAL = 1e-6  # largest d_ii, over the largest distance, with which distances are accepted; chosen
+CHECKED_ROWS = 256  # number of rows of a matrix that are in memory at once while it is checked; chosen
 
 
 class GivenMatrix(ColumnEngine):
     """An n × n matrix of distances, finite or ``inf``; it is not copied, so it may be a memory map."""
 
-    # d_ij and d_ji may differ by 1 % of the largest distance, as approximate distances do; their mean is
-    # used. Reading and checking take O(n²) time once, but no memory of that order. O(n) time per column.
+    # d_ij and d_ji are allowed to differ by 1 % of the largest distance, as approximate distances do; their
+    # mean is used. Reading and checking take O(n²) time once, but no memory of that order. O(n) time per
+    # column.
     name = "matrix"
 
     def __init__(self, matrix: AnyArray) -> None:

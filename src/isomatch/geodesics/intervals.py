@@ -57,5 +57,5 @@ class MissingRegion:
         before = (self.columns[:, sources].T[:, :, None] + self.straight).min(axis=1)
         after = self.columns[:, others]
         through = np.stack([(row[:, None] + after).min(axis=0) for row in before]) if len(before) else along
-        # A path may leave between two samples, so that it is shorter by up to the gap.
+        # A path can leave the part between two samples, so that it is shorter by up to the gap.
         return np.asarray(np.minimum(along, np.maximum(through - self.gap, 0.0)))

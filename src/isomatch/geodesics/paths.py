@@ -22,9 +22,9 @@ from isomatch.io import SurfaceLike, mesh_from
 from isomatch.repair import repair
 from isomatch.surfaces import Mesh, PrecisePoints
 
-# excess of an exact length over the path along edges, relative to it, that is rounding; chosen
+# share by which an exact length exceeds the length along edges, up to which it is rounding; chosen
 MAX_EXCESS_RATIO = 1e-9
-MIN_SEGMENT_RATIO = 1e-12  # length of a segment over its path, below which it is left out as rounding; chosen
+MIN_SEGMENT_RATIO = 1e-12  # segments shorter than this share of their path are rounding and left out; chosen
 PATH_SUFFIXES = (".obj", ".vtp")  # formats in which paths are written
 
 
@@ -174,7 +174,7 @@ class _PathFinder:
         steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
         length = float(steps.sum())
         kept = [k for k, step in enumerate(steps) if step > MIN_SEGMENT_RATIO * length]
-        faces = [int(self.division.face_index[stops[k].face]) for k in kept]  # number in the welded mesh
+        faces = [int(self.division.face_index[stops[k].face]) for k in kept]  # faces of the welded mesh
         turns = [n for n in range(1, len(kept)) if faces[n] != faces[n - 1]]
         rows = [self._in_face(stops[kept[n]], faces[n]) for n in turns]
         within = [faces[n] for n in [0, *turns]] if kept else []
@@ -191,11 +191,11 @@ class _PathFinder:
     def _stops(self, windows: Windows, source: int, target: int) -> list[_Stop]:
         """List the points of the path, from the target back to the source."""
         faces, unfolded = self.mesh.faces, self.unfolded
-        # A vertex is reached along an edge, or through the face of a window from its root. The
-        # latter segment is straight in the unfolded row of faces: from c = (x, y) to the root p it
-        # crosses the side at px − (x − px) py / (y − py), as in `windows._propagate`. That point,
-        # in the frame of the side of the parent window, is the next (x, y), and so on to the first
-        # window, whose side is opposite to the root.
+        # A vertex is reached from a root along an edge, or through the faces of a row of windows. Then the
+        # segment is straight in the row of unfolded faces: from c = (x, y) to the root p it crosses the side
+        # at px − (x − px) py / (y − py), as in `windows._propagate`. That point, in the frame of the side of
+        # the parent window, is the next (x, y), and so on to the first window, whose side is opposite to the
+        # root.
         stops = [_Stop(target, target, 0.0, -1)]
         vertex = target
         while vertex != source:

@@ -14,7 +14,7 @@ from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine, require_in
 from isomatch.surfaces import Mesh, PrecisePoints
 
 MAX_SUM_ERROR = 1e-6  # largest difference from 1 of the sum of a point's weights; chosen above rounding
-MIN_WEIGHT = 1e-12  # weights below this count as 0, as faces there would have no area; chosen
+MIN_WEIGHT = 1e-12  # weights below this are set to 0, as faces there would have no area; chosen
 
 
 def points_of(given: ArrayLike | PrecisePoints, n_vertices: int) -> PrecisePoints:
@@ -75,8 +75,8 @@ class DividedMesh:
 
 def insert_points(mesh: Mesh, points: PrecisePoints) -> DividedMesh:
     """Make vertices of m points of a mesh; `MeshError` if a point is in no face."""
-    # Dividing faces does not change distances on the surface, but may change the errors of an engine.
-    # O(n log n + m), and O(q²) for q points in one face.
+    # Dividing faces does not change distances on the surface, but can change the errors of an engine. O(n log
+    # n + m), and O(q²) for q points in one face.
     points_at = [merge_corners(*point) for point in zip(*points)]
     if all(len(corners) == 1 for corners, _ in points_at):
         vertex = np.array([corners[0] for corners, _ in points_at], dtype=np.int64)
@@ -180,8 +180,8 @@ class _Division:
 class PointsInFaces(ColumnEngine):
     """The vertices of a mesh, and then m points in its faces, measured through the corners of their faces."""
 
-    # This class is for engines that need good triangles. A source in a face takes three columns; points of
-    # one face have the distance in its plane.
+    # This class is for engines that need good triangles. A source in a face takes three columns; the distance
+    # of two points of one face is measured in its plane.
     def __init__(self, engine: DistanceEngine, mesh: Mesh, points: PrecisePoints) -> None:
         self.name, self.n_points = engine.name, mesh.n_vertices + len(points.corners)
         self._engine, self._n = engine, mesh.n_vertices
@@ -217,10 +217,10 @@ class PointsInFaces(ColumnEngine):
 
     def _across(self, point: int, distances: FloatArray) -> FloatArray:
         """(n,) distances of a point, given the distances (3, n) of the corners of its face."""
-        # The front reaches a point through its face as fast marching reaches a vertex: two corners
-        # have known distances, the *virtual source* is the point of the plane at these distances on
-        # the other side of the edge between them. If the straight line from there crosses the edge,
-        # its length is the distance of the point; otherwise the path goes around a corner.
+        # The front reaches a point through its face as fast marching reaches a vertex: two corners have known
+        # distances, and the *virtual source* is the point of the plane at these distances from them, on the
+        # other side of the edge between them. If the straight line from the virtual source to the point
+        # crosses the edge, its length is the distance of the point; otherwise the path goes around a corner.
         place, triangle = self._places[point], self._triangles[point]
         spokes = np.linalg.norm(triangle - place, axis=1)
         nearest: FloatArray = (distances + spokes[:, None]).min(axis=0)

@@ -14,7 +14,7 @@ from isomatch._core.errors import MeshError, some
 from isomatch._core.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
 
-COLUMNS_AT_ONCE = 64  # columns that an engine without pairs or balls computes at once for them; chosen
+COLUMNS_AT_ONCE = 64  # number of columns that an engine without pairs or balls computes at once; chosen
 
 
 @runtime_checkable
@@ -159,7 +159,7 @@ def geodesic_balls(engine: DistanceEngine, centres: ArrayLike, radius: float) ->
 
 
 def ordinary_unit(surface: Mesh | PointCloud) -> float:
-    """Length that keeps squares of coordinates divided by it from overflow and underflow; 1 at ordinary sizes."""
+    """Length that scales coordinates so that squares neither overflow nor underflow; 1 at ordinary sizes."""
     extent = float(np.abs(surface.vertices).max(initial=0.0))
     return 1.0 if extent == 0.0 or 1e-10 < extent < 1e10 else extent
 

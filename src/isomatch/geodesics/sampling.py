@@ -134,7 +134,7 @@ def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArra
     farthest = chosen[0]
     for i in range(len(chosen)):
         last = chosen[i] = farthest
-        nearest[last] = -1.0  # below 0, the distance of coincident points, so none is chosen twice
+        nearest[last] = -1.0  # below the distance 0 of coincident points, so that no point is chosen twice
         largest = 0.0
         for j in range(len(points)):
             squared = 0.0

@@ -12,15 +12,17 @@ from isomatch._core.compiled import compiled
 from isomatch._core.memory import memory_budget, require_memory
 from isomatch.surfaces import Mesh, count_fans
 
-# least fraction by which a path to a vertex is shorter than the path that it replaces; chosen: rounding
+# least fraction by which a path to a vertex is shorter than the path that it replaces; chosen above rounding
 MIN_GAIN_RATIO = 1e-14
-MIN_LOSS_RATIO = 1e-12  # fraction by which a path must be shorter to drop a window; chosen above rounding
-MAX_MISS_EDGES = 1e-9  # largest miss, over the edge, of a window's ray; chosen: the error is its square
-# radians by which the angle at a vertex must exceed π for rays to bend there, over π; chosen above rounding
+# fraction by which a path must be shorter than a window's path to drop the window; chosen above rounding
+MIN_LOSS_RATIO = 1e-12
+# largest distance of the ray to a corner from a window, over the edge; chosen: lengths err by its square
+MAX_MISS_EDGES = 1e-9
+# share by which the angle at a vertex must exceed 2 π (boundary: π) for rays to bend; chosen above rounding
 MIN_BEND_RATIO = 1e-12
-MIN_WIDTH_EDGES = 1e-15  # width of a window over its edge; a narrower one is rounding and dropped; chosen
-MIN_HEIGHT_EDGES = 1e-13  # height of an unfolded face over its sides; lower ones are raised to this; chosen
-BYTES_PER_WINDOW = 270  # bytes of memory of a window while lists grow, which bounds their number; measured
+MIN_WIDTH_EDGES = 1e-15  # windows narrower than this share of their edge are rounding and dropped; chosen
+MIN_HEIGHT_EDGES = 1e-13  # heights of unfolded faces are raised to this share of their sides; chosen
+BYTES_PER_WINDOW = 270  # bytes of a window while lists grow; they bound the number of windows; measured
 
 
 class UnfoldedFaces(NamedTuple):
@@ -38,7 +40,7 @@ class UnfoldedFaces(NamedTuple):
     sides: IntArray
     corner_first: IntArray
     corners: IntArray
-    bends: BoolArray  # whether a shortest path may bend at each vertex (n,)
+    bends: BoolArray  # whether a shortest path can bend at each vertex (n,)
 
     @classmethod
     def of(cls, mesh: Mesh) -> UnfoldedFaces:
@@ -91,7 +93,7 @@ class Windows(NamedTuple):
 def windows_from(
     unfolded: UnfoldedFaces, points: FloatArray, source: int, bound: FloatArray, target: int = -1
 ) -> Windows:
-    """Propagate windows from a vertex until all distances (n,), or the one of a target, are known."""
+    """Propagate windows from a vertex until all distances (n,), or the distance of a target, are known."""
     limit = memory_budget() // BYTES_PER_WINDOW
     windows = Windows(*_propagate(unfolded, points, source, target, bound.copy(), limit))
     require_memory(
@@ -191,14 +193,14 @@ def _propagate(
     # Han's algorithm on the discrete geodesic problem*, TOG 2009. A shortest path is straight in each face,
     # goes straight across an edge once its two faces are unfolded into one plane, and bends only at vertices
     # (*roots*). So the light of a root is followed through rows of unfolded faces. A *window* is the part
-    # low…high of a side by which it enters a face; there the distance is
+    # low…high of a side by which light enters a face; there the distance from the source is
     #   d(t) = σ + |(t, 0) − (px, py)|,   low ≤ t ≤ high,
-    # with the root at (px, py), py ≤ 0, in the frame of the side, and σ its own distance. Unlike
-    # MMP, windows on one edge are not trimmed against one another, which takes O(n²) windows in the
-    # worst case too but no search among intervals: a window that a shorter path beats is dropped by
-    # the filter of `_add`, or where a corner is split (below). ``bound`` (n,) holds lengths of some
-    # paths to each vertex, such as those along edges, and is lowered. The queue holds the numbers
-    # of windows (≥ 0) and roots (−1 − v) from which light has to spread, by distance.
+    # with the root at (px, py), py ≤ 0, in the frame of the side, and σ the distance of the root. Unlike
+    # those of Mitchell et al., windows on one edge are not trimmed against one another: that takes O(n²)
+    # windows in the worst case too, but no search among intervals. A window that a shorter path beats is
+    # dropped by the filter of `_add`, or where a corner is split (below). ``bound`` (n,) holds lengths of
+    # some paths to each vertex, such as paths along edges, and is lowered. The queue holds the numbers of
+    # windows (≥ 0) and roots (−1 − v) from which light has to spread, by distance.
     faces, length, apex = unfolded.faces, unfolded.length, unfolded.apex
     first, edge = unfolded.first, unfolded.edge
     corner_first, bends = unfolded.corner_first, unfolded.bends
@@ -267,9 +269,9 @@ def _propagate(
             if not (right if j == 1 else left):
                 continue
             exit_side = 3 * face + (i + j) % 3
-            # Both sides are treated alike, from the end that each has in common with the side
-            # entered: from b at the right, mirrored, and from a at the left. near…far is the part
-            # of the side entered whose light falls on it.
+            # Both exit sides are treated alike, from the end that each has in common with the side entered:
+            # from b at the right, mirrored, and from a at the left. near…far is the part of the side entered
+            # whose light falls on the exit side.
             if j == 1:
                 near, far = full - high, full - max(low, ray)
                 ax, sx = full - x, full - px
@@ -308,7 +310,7 @@ def _reach(
     queue: list[tuple[float, int]],
     goal: tuple[FloatArray, int, FloatArray],
 ) -> None:
-    """Note a path to a vertex by a window or a vertex if it is the shortest yet; rays may bend there."""
+    """Note a path to a vertex if it is the shortest yet; queue the vertex if rays can bend there."""
     points, target, bound = goal
     if length < distance[vertex] * (1.0 - MIN_GAIN_RATIO):
         distance[vertex] = length

@@ -78,9 +78,9 @@ def shared_weights(weights: FloatArray, point: IntArray) -> FloatArray:
 
 def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
     """Change signs of columns (n, k) so that their third moments Σ_i w_i φ(i)³ are positive."""
-    # A vector gets the sign with which its third moment is positive, which does not depend on the order of
-    # the points. A function that is odd under a symmetry of the surface has a third moment of 0 up to
-    # rounding; its sign stays arbitrary, and no result may depend on it.
+    # The third moment does not depend on the order of the vertices. If a function is odd under a symmetry of
+    # the surface, its third moment is 0 up to rounding; the sign of such a function is arbitrary, and no
+    # result may depend on it.
     moments = weights.astype(vectors.dtype) @ (vectors * vectors * vectors)  # ** 3 takes ten times as long
     return np.ascontiguousarray(vectors * np.where(moments < 0, -1.0, 1.0).astype(vectors.dtype))
 

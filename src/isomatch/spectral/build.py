@@ -36,7 +36,7 @@ from isomatch.spectral.low_rank import (
 )
 from isomatch.surfaces import Mesh, PointCloud
 
-MAX_COLUMNS = 800  # columns, at most, to reach a tolerance; then an error is raised; chosen
+MAX_COLUMNS = 800  # distance columns with which a tolerance must be reached, or an error is raised; chosen
 
 
 def distance_basis(

@@ -167,14 +167,14 @@ def classical_scaling(squares: FloatArray, measure: FloatArray, dim: int) -> tup
     >>> abs(points[:2] - points[1:]).round(6).ravel()
     array([1., 2.])
     """
-    # Torgerson, *Multidimensional scaling: I. Theory and method*, Psychometrika 1952, with weights
-    # a_i. If d_ij² = ‖x_i − x_j‖² and Σ a_i x_i = 0, then
+    # Torgerson, *Multidimensional scaling: I. Theory and method*, Psychometrika 1952, with weights a_i. If
+    # d_ij² = ‖x_i − x_j‖² and Σ a_i x_i = 0, then
     #   d_ij² = ‖x_i‖² − 2 x_i · x_j + ‖x_j‖²,
-    # and the terms with a single index vanish by centring on both sides with J = I − 1 aᵀ / Σ a: B
-    # = −½ J D² Jᵀ = X Xᵀ. So X is the best root of rank dim of B in the weights: with the
-    # eigenpairs A^½ B A^½ = V Λ Vᵀ, X = A^(−½) V Λ^½.
+    # and the terms with a single index vanish by centring on both sides with J = I − 1 aᵀ / Σ a: B = −½ J D²
+    # Jᵀ = X Xᵀ. So X is the best root of rank dim of B in the weights A = diag(a): with the eigenpairs A^½ B
+    # A^½ = V Λ Vᵀ, X = A^(−½) V Λ^½.
     share = measure / measure.sum()
-    # B_ij = −½ (d_ij² − m_i − m_j + m) with the weighted mean m_i of row i and the mean m of all
+    # B_ij = −½ (d_ij² − m_i − m_j + m), with the weighted means m_i of row i of D² and m of the whole D²
     inner = -0.25 * (squares + squares.T)
     mean = inner @ share
     inner += share @ mean - mean - mean[:, None]
@@ -197,7 +197,7 @@ def _low_rank_scaling(
         interpolant = biharmonic_interpolant(require_mesh_or_points(surface), samples)
         outer, middle = interpolated_factors(interpolant, squares)
     else:
-        rank = (len(samples) + 1) // 2  # half of the columns, as a full rank would fit errors
+        rank = (len(samples) + 1) // 2  # half the number of columns, as a full rank would fit errors
         outer, middle = nystrom_factors(squares, samples, rank)
     outer -= measure @ outer / measure.sum()
     form = orthonormalise(outer, -0.5 * middle, measure, method, "", samples)

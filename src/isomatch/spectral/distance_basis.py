@@ -22,7 +22,7 @@ from isomatch.surfaces import PrecisePoints
 FORMAT = ArrayFormat(  # contents of the file of a distance basis
     what="a distance basis",
     writer="DistanceBasis.save",
-    version=1,  # raise it when earlier versions of isomatch could not read the files
+    version=1,  # raise it with a change after which earlier versions of isomatch cannot read the file
     arrays={
         "vectors": Stored("float", ("n", "k")),
         "values": Stored("float", ("k",)),
@@ -37,7 +37,7 @@ FORMAT = ArrayFormat(  # contents of the file of a distance basis
     filled=("n", "k"),
 )
 MIN_EIGENVALUE_RATIO = 1e-12  # eigenvalues below this share of the largest are rounding and left out; chosen
-MIN_PAIRS_FOR_THREADS = 50_000  # pairs of points; with fewer, threads cost more time than they save; chosen
+MIN_PAIRS_FOR_THREADS = 50_000  # number of pairs below which threads cost more time than they save; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -267,8 +267,9 @@ def orthonormalise(
 
 
 def low_rank_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray) -> FloatArray:
-    """Σ_c Λ_c Q_ic Q_jc (m,) for unchecked pairs (i, j) of rows of Q (n, k), negative ones from the end."""
-    # Sums are in the precision of Q. Rows are not gathered, so that only the result needs memory.
+    """Σ_c Λ_c Q_ic Q_jc (m,) for unchecked pairs of rows of Q (n, k); negative indices count from the end."""
+    # Sums are in the precision of Q. The rows of the pairs are not copied, so that only the result needs
+    # memory.
     out = np.zeros(len(i))
     parts = n_threads() if len(i) >= MIN_PAIRS_FOR_THREADS else 1
     ends = np.linspace(0, len(i), parts + 1).astype(np.int64)

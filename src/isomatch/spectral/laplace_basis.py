@@ -22,22 +22,24 @@ from isomatch.surfaces import Mesh, Surface
 
 Precision = Literal["double", "single"]
 
-# vectors that are solved for at once in double precision; chosen: larger blocks need more vectors to
-# converge, smaller ones more time to solve
+# number of vectors of the Krylov space that are computed at once in double precision; chosen: larger blocks
+# need more vectors to converge, smaller ones more time to solve
 BLOCK_VECTORS = 8
-# largest relative residual of a converged eigenpair, by precision: decisions.md, refinement cost
+# residual over eigenvalue up to which an eigenpair has converged, by precision: see decisions.md, refinement
+# cost
 MAX_RESIDUAL: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
-# Vectors per function before the first test of convergence. With 2.4, the finest signature of a shape and
-# of its relabelled copy differ by up to 0.6 standard deviations, with 2.6 by 0.07.
+# Number of vectors of the Krylov space for each function sought, before the first test of convergence. With
+# 2.4, the finest signatures of a shape and of its relabelled copy differ by up to 0.6 standard deviations,
+# with 2.6 by 0.07.
 MIN_VECTORS_PER_FUNCTION = 2.6
-VECTORS_PER_TEST = 48  # vectors between two tests of convergence; chosen: a multiple of blocks' widths
-MAX_DENSE_VERTICES = 1000  # vertices up to which a dense solver is faster than a Krylov space
+VECTORS_PER_TEST = 48  # vectors between two tests of convergence; chosen: a multiple of both block widths
+MAX_DENSE_VERTICES = 1000  # number of vertices up to which a dense solver is faster than a Krylov space
 # Number added to the operator of the refined basis, over the last eigenvalue of the coarse basis; chosen so
 # large that inverse iteration favours no single function.
 SHIFT_RATIO = 0.1
-# 1 / area; numbers that are added to all eigenvalues, in double and in single precision. The first makes the
-# singular Laplacian definite. The second is near the second eigenvalue: with a smaller one, rounding of the
-# largest part of the inverse hides the other parts.
+# Numbers that are added to all eigenvalues of a surface of area 1, in double and in single precision. The
+# first makes the singular Laplacian definite. The second is near the second eigenvalue: if it were smaller,
+# rounding of the largest part of the inverse would hide the other parts.
 SHIFT, SINGLE_SHIFT = 1e-2, 10.0
 
 
@@ -156,13 +158,13 @@ def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: 
     ``prolongation`` (n, n_c) interpolates values at the vertices of the coarser surface to the
     vertices of the finer one. Errors as for `laplace_basis`.
     """
-    # Two levels of the hierarchical subspace iteration of Nasikun & Hildebrandt, *The Hierarchical
-    # Subspace Iteration Method for Laplace–Beltrami Eigenproblems*, 2021: one step of inverse
-    # iteration from the prolonged functions, V = (H + σ)⁻¹ A^½ P Φ_c, which damps components above
-    # the k-th eigenvalue, and the Rayleigh–Ritz method in its span,
+    # Two levels of the hierarchical subspace iteration of Nasikun & Hildebrandt, *The Hierarchical Subspace
+    # Iteration Method for Laplace–Beltrami Eigenproblems*, 2021: one step of inverse iteration V = (H + σ)⁻¹
+    # A^½ P Φ_c from the functions Φ_c of the coarse basis, which P prolongs to the surface. It damps
+    # components above the k-th eigenvalue. Then the Rayleigh–Ritz method in the span of V,
     #   VᵀHV c = λ VᵀV c.
-    # It takes k solves instead of some 2.5 k in `laplace_basis`; in single precision, with the
-    # shift σ well inside the spectrum, so that no single function dominates.
+    # It takes k solves in single precision, where `laplace_basis` takes some 2.5 k. The shift σ is well
+    # inside the spectrum, so that no single function dominates.
     operator, weights = _unit_operator(surface)
     k, area = len(coarse.values), weights.sum()
     with serial_blas():
@@ -189,15 +191,15 @@ def _unit_operator(surface: Surface) -> tuple[csc_array, FloatArray]:
             )
     require_one_component(surface)
     stiffness, weights = stiffness_and_masses(surface)
-    # L φ = λ A φ with φ = A^(−½) u is H u = λ u with the symmetric H = A^(−½) L A^(−½). H is
-    # multiplied by the area, as if the area were 1
+    # L φ = λ A φ with φ = A^(−½) u is H u = λ u with the symmetric H = A^(−½) L A^(−½). H is multiplied by
+    # the area of the surface, which makes its eigenvalues those of a surface of area 1.
     scale, operator = np.sqrt(weights.sum() / weights), csc_array(stiffness)
     operator.data *= scale[operator.indices] * np.repeat(scale, np.diff(operator.indptr))
     return operator, weights
 
 
 def _basis(values: FloatArray, vectors: FloatArray, weights: FloatArray) -> LaplaceBasis:
-    """Make a basis in the units of the surface of eigenpairs at unit area."""
+    """Make a basis in the units of the surface from eigenpairs at area 1."""
     if not (np.isfinite(values).all() and np.isfinite(vectors).all()):
         raise NotConvergedError(
             "the Laplace eigenpairs are not finite: some vertices nearly coincide, or areas differ too much; merge such "
@@ -215,16 +217,16 @@ def smallest_eigenpairs(
     dtype: np.dtype[Any] = np.dtype(np.float64),  # noqa: B008
 ) -> tuple[FloatArray, AnyArray]:
     """Compute the smallest k eigenpairs of a sparse semidefinite matrix H: values (k,), vectors (n, k)."""
-    # Rayleigh–Ritz for B = (H + σ)⁻¹ on the block Krylov space spanned by X, B X, B² X, … with a
-    # random block X (n, w) (Grimes, Lewis & Simon, *A shifted block Lanczos algorithm*, SIMAX
-    # 1994): the smallest eigenvalues λ of H are the largest 1 / (λ + σ) of B, far from the others,
-    # so that they converge first. With the space Q = [Q_1 … Q_j], orthonormal,
+    # Rayleigh–Ritz for B = (H + σ)⁻¹ on the block Krylov space spanned by X, B X, B² X, … with a random block
+    # X (n, w) (Grimes, Lewis & Simon, *A shifted block Lanczos algorithm*, SIMAX 1994): the smallest
+    # eigenvalues λ of H are the largest 1 / (λ + σ) of B, far from the others, so that they converge first.
+    # With the space Q = [Q_1 … Q_j], orthonormal,
     #   B Q_j = Σ_i Q_i T_ij + Q_{j+1} R_{j+1},  T = Qᵀ B Q,
-    # each new block Q_{j+1} R_{j+1} is the remainder of B Q_j, made orthonormal. In exact arithmetic, where T
-    # is block tridiagonal, it need be orthogonal only to the two blocks before it; then once to all, because
-    # rounding brings converged directions back. ``tolerance`` bounds the residual of an eigenpair of B
-    # relative to its eigenvalue; the relative error of the eigenvalue is at most of the order of its square.
-    # ``dtype`` is the type of the space and the vectors.
+    # each new block Q_{j+1} R_{j+1} is the remainder of B Q_j, made orthonormal. In exact arithmetic, T is
+    # block tridiagonal, and a new block need be made orthogonal only to the two blocks before it. It is then
+    # made orthogonal to all blocks, because rounding brings converged directions back. ``tolerance`` bounds
+    # the residual of an eigenpair of B over its eigenvalue; the relative error of the eigenvalue is at most
+    # of the order of tolerance². ``dtype`` is the type of the space and the vectors.
     n = operator.shape[0]
     if n <= max(MAX_DENSE_VERTICES, k + 20 * BLOCK_VECTORS):
         values, vectors = np.linalg.eigh(operator.toarray())
@@ -245,7 +247,7 @@ def smallest_eigenpairs(
     while True:
         last = slice(size - width, size)
         image = np.ascontiguousarray(solve(space[last].T).T)
-        for first in (max(0, size - 2 * width), 0):  # orthogonal to the last two blocks, then to all
+        for first in (max(0, size - 2 * width), 0):  # orthogonal to the last two blocks, then to all blocks
             part = space[first:size]
             overlap = part @ image.T
             image -= overlap.T @ part

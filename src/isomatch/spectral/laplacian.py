@@ -17,7 +17,7 @@ from isomatch.geodesics import MetricSpace
 from isomatch.spectral.basis import require_areas
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-WIDTH = 16  # right-hand sides solved for at once; chosen: 64 bytes a row in single precision
+WIDTH = 16  # number of right-hand sides solved for at once; chosen: a row in single precision has 64 bytes
 
 
 def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:
@@ -37,11 +37,11 @@ def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:
 
 
 def _graph_laplacian(graph: Graph) -> csc_array:
-    # The weight of an edge is the geometric mean of the masses at its ends, divided by its squared
-    # length, times a constant: on a square grid, where the masses are h², 4 / degree √(m_i m_j) /
-    # h² = 1 makes L the five-point Laplacian.
+    # The weight of an edge is the geometric mean of the masses at its ends, divided by its squared length and
+    # multiplied by 4 / degree. On a square grid with edges of length h, masses are h² and the degree is 4:
+    # weights are 1, and L is the five-point Laplacian.
     i, j = graph.edges.T
-    # raised to a millionth of the mean length, so that none is 0
+    # lengths are raised to a millionth of their mean, so that none is 0
     lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())
     degree = 2 * len(i) / graph.n_vertices  # average number of neighbours, 4 on a square grid
     conductance = 4 / degree * np.sqrt(graph.vertex_areas[i] * graph.vertex_areas[j]) / lengths**2

@@ -22,14 +22,16 @@ from isomatch.spectral.laplace_basis import LaplaceBasis, laplace_basis
 from isomatch.spectral.laplacian import factorise, stiffness_and_masses
 from isomatch.surfaces import Mesh, PointCloud, Surface
 
-RIDGE_RATIO = 1e-9  # ridge of kriging over the mean variance, for samples that nearly coincide; chosen
-NODES_PER_VECTOR = 12  # predicted columns per vector; twice as many lower the error by less than 1 %
+RIDGE_RATIO = 1e-9  # ridge of kriging over the mean variance, as samples might nearly coincide; chosen
+# number of predicted columns per basis vector; twice as many lower the error of the basis by less than 1 %
+NODES_PER_VECTOR = 12
 MIN_NODES = 300  # least number of predicted columns, for a basis of few vectors; chosen
-MIN_AREA_RATIO = 1e-3  # areas are raised to this share of the mean, as tiny ones attract samples; chosen
-BLOCK_ROWS = 4096  # rows of predicted columns that a thread computes at once; chosen
-# Weights μ, at unit area, of fitting the values at the samples, in the biharmonic interpolant and in its
-# spectral form. Above 1e4, the interpolant is practically exact at the samples. The spectral weight is lower,
-# because p functions that follow p values closely oscillate between the samples.
+# areas of vertices are raised to this share of their mean, as tiny ones attract samples; chosen
+MIN_AREA_RATIO = 1e-3
+BLOCK_ROWS = 4096  # number of rows of predicted columns that a thread computes at once; chosen
+# Weights μ, at surface area 1, of the squared errors at the samples, in `biharmonic_interpolant` and in
+# `spectral_interpolant`. Above 1e4, the first function is practically exact at the samples. The second has a
+# lower weight, because p functions that follow p values closely oscillate between the samples.
 FIDELITY, SPECTRAL_FIDELITY = 1e6, 1e4
 
 
@@ -76,7 +78,7 @@ def exact_basis(engine: DistanceEngine, weights: FloatArray, rank: int) -> Dista
     distances = all_distances(engine, 16.0, "the exact distance basis")
     root = np.sqrt(weights)
     operator = (distances + distances.T) * (0.5 * root[:, None]) * root
-    if rank >= n - 1:  # eigsh finds fewer than n − 1 pairs
+    if rank >= n - 1:  # eigsh finds at most n − 1 pairs
         values, vectors = np.linalg.eigh(operator)
     else:
         start = np.random.default_rng(0).standard_normal(n)
@@ -108,19 +110,20 @@ def leading_eigenpairs(symmetric: FloatArray, count: int) -> tuple[FloatArray, F
 class ColumnPredictor:
     """Distances between any two points, interpolated in both arguments from p measured columns."""
 
-    # The matrix E = D^(3/2), taken entry by entry, is modelled as a sample of a normal distribution
-    # whose rows and columns both have the covariance K. Given the columns of E at the samples S,
-    # the expectation of another row is the combination M = K_·S K_SS⁻¹ of the rows at S (kriging),
-    # and likewise for columns. Interpolated in both arguments,
+    # The matrix E = D^(3/2), taken entry by entry, is modelled as a sample of a normal distribution whose
+    # rows and columns both have the covariance K. Given the columns of E at the samples S, the expectation of
+    # another row is the combination M = K_·S K_SS⁻¹ of the rows at S (kriging), and likewise for columns.
+    # Interpolated in both arguments,
     #   Ê = M E_S + E_Sᵀ Mᵀ − M E_SS Mᵀ,
-    # the blending of Gordon and Coons: with P = M (·)_S, it is (P ⊗ 1 + 1 ⊗ P − P ⊗ P) E = E − (1 − P) ⊗ (1 −
-    # P) E. The interpolation error acts twice, once in each argument. K is the mean of the products of the
-    # measured columns plus the covariance (L + A)⁻¹ A (L + A)⁻¹ of smooth functions, with the Laplacian L at
-    # unit area. The power 3/2 smooths the cone at distance 0, which cannot be interpolated, without
-    # sharpening the ridges at the cut locus, as the square would.
-    interpolant: FloatArray  # (n, p) M
-    half: FloatArray  # (n, p) H = E_Sᵀ − ½ M E_SS, so that Ê = M Hᵀ + H Mᵀ
-    unit: float  # mean distance of the columns, by which D is divided
+    # the blending of Gordon and Coons. With P = M (·)_S, Ê = (P ⊗ 1 + 1 ⊗ P − P ⊗ P)
+    # E = E − (1 − P) ⊗ (1 − P) E: the interpolation error acts twice, once in each argument. K is the mean of
+    # the products of the measured columns plus the covariance (L + A)⁻¹ A (L + A)⁻¹ of smooth functions, with
+    # the Laplacian L and the vertex areas A of the surface at area 1. The power 3/2 smooths the cone at
+    # distance 0, which cannot be interpolated, without sharpening the ridges at the cut locus, as the square
+    # would.
+    interpolant: FloatArray  # M (n, p)
+    half: FloatArray  # H = E_Sᵀ − ½ M E_SS (n, p), so that Ê = M Hᵀ + H Mᵀ
+    unit: float  # the mean measured distance, by which D is divided
 
     @classmethod
     def fit(cls, surface: Surface, sampling: Sampling) -> ColumnPredictor:
@@ -186,8 +189,9 @@ def choose_nodes(
     points: FloatArray, samples: IntArray, weights: FloatArray, gain: FloatArray, n_nodes: int
 ) -> tuple[IntArray, FloatArray]:
     """Choose r quadrature nodes with weights: the p samples, then each farthest from all before it."""
-    # The weight of a node is the sum of the weights of the vertices nearest to it. Distances are Euclidean,
-    # which is cheap and accurate enough to place nodes, and multiplied by a gain (n,) of vertices. O(n r).
+    # The weight of a node is the sum of the weights of the vertices nearest to it. The distances of each
+    # vertex are Euclidean, which is cheap and accurate enough to place nodes, and multiplied by its gain
+    # (n,). O(n r).
     nodes = list(samples)
     nearest = KDTree(points[nodes]).query(points)[0] * gain
     while len(nodes) < min(n_nodes, len(points)):
@@ -199,7 +203,7 @@ def choose_nodes(
 
 
 def density_of(surface: Surface, weights: FloatArray) -> FloatArray:
-    """Weight per area at each vertex, (n,); areas below 0.1 % of the mean count as 0.1 %."""
+    """Weight per area at each vertex, (n,); areas are raised to at least 0.1 % of their mean."""
     area = surface.vertex_areas
     return np.asarray(weights / np.maximum(area, MIN_AREA_RATIO * area.mean()))
 
@@ -207,9 +211,9 @@ def density_of(surface: Surface, weights: FloatArray) -> FloatArray:
 class DensityWeighted:
     """An engine for `farthest_point_sampling` whose samples are denser where weight per area is larger."""
 
-    # Distances to the nearest sample are multiplied by the cube root of the density ρ at each
-    # point. With h the spacing of the samples, a cell contributes ρ² h⁶ to the squared error of
-    # prediction, and there are h⁻² cells per area. For a fixed number of cells, ∫ ρ² h⁴ + μ h⁻² is
+    # The distance of each point to the nearest sample is multiplied by the cube root of its density ρ. With h
+    # the spacing of the samples, a cell contributes ρ² h⁶ to the squared error of prediction, and there are
+    # h⁻² cells per area. For a fixed number of cells, with a Lagrange multiplier μ, ∫ ρ² h⁴ + μ h⁻² is
     # stationary in h where 4 ρ² h³ = 2 μ h⁻³: the error is least for h ∝ ρ^(−1/3).
     def __init__(self, engine: DistanceEngine, density: FloatArray) -> None:
         self._engine = engine
@@ -237,7 +241,7 @@ def interpolated_basis(
         interpolant = biharmonic_interpolant(surface, sampling.vertices)
     else:
         # A variant of Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic
-        # energy instead of theirs.
+        # energy in place of the energy of that paper.
         laplace = laplace_basis(surface, len(sampling.vertices), weld=False)
         interpolant = laplace.vectors @ spectral_interpolant(laplace, sampling.vertices)
     factors = interpolated_factors(interpolant, sampling.columns)

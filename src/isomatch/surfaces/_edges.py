@@ -20,7 +20,8 @@ class EdgeTable:
     n_faces: AnyArray  # (e,) how many faces meet at the edge
     sides: AnyArray  # (3 m,) all sides, sorted by edge, then by number
     opposite: AnyArray  # (3 m,) the other side at the edge of each side, −1 where not exactly two faces meet
-    clash: BoolArray  # (e,) whether both sides of two faces have one direction: wound inconsistently
+    # (e,) whether exactly two faces meet at the edge, with sides of one direction: wound inconsistently
+    clash: BoolArray
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Meetings:
     sides: IntArray  # (k, 2) two sides on the same edge
     edge: IntArray  # (k,) number of the edge
     is_pair: BoolArray  # (k,) whether exactly two faces meet at the edge
-    same_direction: BoolArray  # (k,) whether both sides have one direction: wound inconsistently
+    same_direction: BoolArray  # (k,) whether the two sides have one direction: wound inconsistently
 
 
 def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:

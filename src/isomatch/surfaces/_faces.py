@@ -11,7 +11,7 @@ from isomatch._core.compiled import compiled
 from isomatch._core.errors import MeshError, some
 
 OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)  # numbers of defects; a sound face has 0
-NO_CROSS, NO_AREAS = np.zeros((0, 3)), np.zeros(0)  # outputs that `_measure` leaves out
+NO_CROSS, NO_AREAS = np.zeros((0, 3)), np.zeros(0)  # empty outputs, which `_measure` does not compute
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ class Hashed(Protocol):
 
 
 _IN_USE: WeakSet[Hashed] = WeakSet()  # surfaces whose hash is known, as long as they exist
-_LOCK = Lock()  # held while the set is listed, since it must not grow meanwhile
+_LOCK = Lock()  # held while _IN_USE is listed, as the set must not grow meanwhile
 
 
 def hash_of(surface: Hashed, *arrays: AnyArray) -> str:

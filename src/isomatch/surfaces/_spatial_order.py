@@ -6,7 +6,7 @@ import numpy as np
 
 from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 
-BITS_PER_AXIS = 10  # binary digits of a cell along each axis; chosen: those of three axes fit into 32 bits
+BITS_PER_AXIS = 10  # number of bits of a cell along each axis; chosen: the bits of three axes fit into 32
 
 
 def in_spatial_order(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, AnyArray]:

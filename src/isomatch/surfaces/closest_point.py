@@ -12,8 +12,8 @@ from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 
-QUERIES_PER_CHUNK = 1000  # positions that one thread treats at once; chosen
-MIN_TRIANGLES_PER_BOX = 4  # least number of triangles in a smallest box; it has at most 8; chosen
+QUERIES_PER_CHUNK = 1000  # number of positions that one thread treats at once; chosen
+MIN_TRIANGLES_PER_BOX = 4  # least number of triangles in a lowest box, which has at most 8; chosen
 
 
 def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> PrecisePoints:
@@ -98,7 +98,7 @@ def _take_nearest(
     barycentric: FloatArray,
 ) -> None:
     """Replace the nearest point of each query by nearer ones on the triangles."""
-    waiting, gaps = np.empty(64, dtype=np.int64), np.empty(64)  # a stack of boxes, twice as many as levels
+    waiting, gaps = np.empty(64, dtype=np.int64), np.empty(64)  # a stack of boxes; each level adds one
     k = len(boxes) // 2
     for i in range(len(queries)):
         q = queries[i]

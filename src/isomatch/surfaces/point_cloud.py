@@ -17,7 +17,7 @@ from isomatch.surfaces._edges import label_components, lengths
 from isomatch.surfaces._shared import Plotted, hash_of
 
 MIN_POINTS = 4  # least number of points, as fewer have no local triangulation
-# points at one place; more are refused: neighbours take 0.1 s to find among these, 45 s among 60 000
+# largest number of points at one place: finding their neighbours takes 0.1 s, and 45 s among 60 000 points
 MAX_COINCIDENT_POINTS = 1000
 
 

@@ -32,11 +32,12 @@ from isomatch.transfer.choices import Side
 
 TEXELS_PER_CHUNK = 2**18  # texels whose colours are computed at once, which bounds the memory; chosen
 UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey for unmatched places and for pictures that cannot be read
-SIZE_LIMITS = (8, 16384)  # texels; least and largest width of a picture; chosen
+SIZE_LIMITS = (8, 16384)  # least and largest width of a picture in texels; chosen
 FIRST_UDIM_TILE = 1001  # number of the UDIM tile of texture coordinates from 0 to 1, by convention
-MAX_TILES = 16  # largest number of UDIM tiles; with more, the picture repeats instead; chosen
-MIN_HIDDEN_SHARE = 5e-4  # share of the surface; a note tells of larger parts hidden under others; chosen
-SAME_PLACE_DISTANCE = 0.01  # √area; points of one texel farther apart are at different places; chosen
+MAX_TILES = 16  # largest number of UDIM tiles; with more, one picture is repeated in all of them; chosen
+# share of the surface that is hidden under other parts in the picture, from which a note tells of it; chosen
+MIN_HIDDEN_SHARE = 5e-4
+SAME_PLACE_DISTANCE = 0.01  # largest distance of points of one texel, in √area, that are at one place; chosen
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,16 +17,17 @@ from isomatch.io import Asset, Attribute
 from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-# share of the surface's extent; a search for the image of a corner that ends farther away met a seam; chosen
+# a search for a corner's image that ends farther from it, in half extents of the giver, met a seam; chosen
 ACROSS_SEAM_DISTANCE = 1e-6
-# ratio of sizes below which shapes count as equally large: bending and errors of the map explain it; chosen
+# ratio below which sizes are taken as equal: bending and errors of the map explain it; chosen
 SAME_SIZE_RATIO = 1.1
-# √area; length over which the rotations of shape keys are averaged. On bodies and heads of different people,
-# with keys that move by one vector, directions differ by at most 4° (median), with half the length by 6°.
+# Length in √area of the receiver over which the rotations of shape keys are averaged. On bodies and heads of
+# different people, for keys whose displacements have one direction, the median angle between the
+# displacements carried is at most 4°, and with half this length 6°.
 SMOOTHING_LENGTH = 0.1
-# vertices of the mesh on which rotations are averaged; chosen: its edges are a sixth of `SMOOTHING_LENGTH`
+# number of vertices of the mesh for these averages; chosen: its edges are a sixth of `SMOOTHING_LENGTH`
 N_COARSE_VERTICES = 4000
-LAPLACIAN_SHIFT = 1e-9  # 1 / area; added to a singular Laplacian to make it definite; chosen
+LAPLACIAN_SHIFT = 1e-9  # added to a singular Laplacian, in 1 / area, to make it definite; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +115,7 @@ class Bridge:
         return PrecisePoints(np.repeat(faces, len(weights), axis=0), np.tile(weights, (len(faces), 1)))
 
     def _places(self, images: Correspondence) -> Places:
-        """Find the triangles of precise images; others move to their nearest vertex."""
+        """Find the triangles of precise images; images outside triangles move to their nearest vertex."""
         faces = self.giver.mesh.faces
         order, corner_order = np.argsort(images.faces, axis=1), np.argsort(faces, axis=1)
         triples = np.take_along_axis(images.faces, order, axis=1)
@@ -153,8 +154,8 @@ class Bridge:
     @cached_property
     def smooth_rotations(self) -> FloatArray:
         """Rotations (n_vertices, 3, 3), averaged over `SMOOTHING_LENGTH`."""
-        # With the stiffness L and the areas A of the receiver, (A + t L) X = Σ HᵀG is one implicit
-        # step of diffusion: X is an average of the fits, with weights that fall off over the
+        # With the stiffness L and the areas A of the receiver, (A + t L) X = Σ HᵀG, the fits of `_fits`, is
+        # one implicit step of diffusion: X is an average of the fits, with weights that fall off over the
         # length √t. A coarse mesh suffices for that.
         part, kept = self._sound_part
         if not len(kept):
@@ -178,8 +179,8 @@ class Bridge:
     @cached_property
     def _extension(self) -> tuple[IntArray, Callable[[FloatArray], AnyArray]]:
         """Unmatched vertices, and a function that extends displacements (0 there) to them."""
-        # L u = 0 at unmatched vertices: L_uu u_u = −L_um u_m. The shift makes L_uu definite on
-        # components without matched ones.
+        # L u = 0 at unmatched vertices: L_uu u_u = −L_um u_m, with u for unmatched and m for matched
+        # vertices. The shift makes L_uu definite on components without matched vertices.
         part, kept = self._sound_part
         rows = np.flatnonzero(~self.at_vertices.has_place[kept])
         if not len(rows):
@@ -199,8 +200,8 @@ class Bridge:
     @cached_property
     def _fits(self) -> FloatArray:
         """(n_vertices, 3, 3) Σ Hᵀ G over the faces at each vertex."""
-        # The rotation R_v maximises Σ_f tr(Rᵀ Hᵀ G) over the faces f at v, whose rows are two edges
-        # and the normal, scaled as these, on the receiver (H) and at the images on the giver (G):
+        # The rotation R_v maximises Σ_f tr(Rᵀ Hᵀ G) over the faces f at v. H on the receiver, and G at the
+        # images on the giver, have as rows two edges of f, and its normal, as long as both edges together:
         # orthogonal Procrustes (Kabsch 1976) by the SVD of Σ HᵀG.
         mesh = self.receiver.mesh
         normals = self.map.pull_back(self.giver.mesh.vertex_normals)

@@ -18,7 +18,8 @@ from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surfac
 from isomatch.transfer.bridge import Bridge
 from isomatch.transfer.choices import Side
 
-MAX_PREIMAGE_DISTANCE = 0.05  # √area of the target; points farther from all images have no preimage; chosen
+# points of the target farther than this from all images, in √area of the target, have no preimage; chosen
+MAX_PREIMAGE_DISTANCE = 0.05
 
 
 def carry_landmarks(
