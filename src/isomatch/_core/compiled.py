@@ -42,7 +42,7 @@ class CollectorPause(event.Listener):  # type: ignore[misc]  # numba has no type
     """Pause Python's cycle collector while numba compiles, which then takes a fifth less time (measured)."""
 
     # Number of compilations under way, which are nested if a loop calls another one (numba's lock lets only
-    # one thread compile), and whether the collector has to work again.
+    # one thread compile), and whether the collector was at work before the first of them.
     depth, resume = 0, False
 
     def on_start(self, event: event.Event) -> None:

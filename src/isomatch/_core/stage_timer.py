@@ -148,7 +148,7 @@ def notebook_shell() -> Any:
     return shell if getattr(shell, "kernel", None) is not None else None
 
 
-_shown = _Shown()
+_shown = _Shown()  # the line of `show_progress`
 
 
 def show_progress(stage: str, share: float) -> None:

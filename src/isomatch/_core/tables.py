@@ -31,7 +31,7 @@ _MAX_ROWS_COUNTED_BY_CHANCE = 3
 _MAX_ROWS_EXAMINED = 1000  # number of first rows from which separator and header are inferred; chosen
 # A decimal number. Each text of digits matches in one way only: two ways would take 2ⁿ steps for n digits.
 _DECIMAL = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?"
-_NUMBER = re.compile(rf"{_DECIMAL}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNORECASE)
+_NUMBER = re.compile(rf"{_DECIMAL}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNORECASE)  # also inf or nan
 _WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?", re.ASCII)  # number with a comma, such as 1,5
 # a number with a decimal point, such as 1.5
 _WITH_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d{1,4})?", re.ASCII)

@@ -42,7 +42,8 @@ PROPORTIONS: dict[str, tuple[tuple[float, ...], tuple[float, float, float]]] = {
     "cat": ((0.6, 0.7, 0.7, 1.0, 0.8, 1.0, 1.1, 1.0, 0.8), (1.05, 1.0, 0.9)),
     "lion": ((1.4, 1.2, 1.6, 0.7, 1.3, 0.9, 0.8, 0.45, 1.3), (0.95, 0.95, 1.1)),
 }
-VARIATION = 0.2  # largest relative change of factors in an individual, half of it for axes; chosen
+# Factors of an individual differ from those of its species by at most this share, axes by half of it; chosen.
+VARIATION = 0.2
 # line of the mouth on the unit sphere, y = MOUTH[0] + MOUTH[1] x², then width and depth of its groove; chosen
 MOUTH = (-0.46, 0.35, 0.05, 0.1)
 # Directions from the head's centre: left corner of the mouth, left hinge and middle of the jaw; chosen.

@@ -14,7 +14,7 @@ from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, rea
 from isomatch._core.errors import DescriptorError
 from isomatch._core.memory import require_memory
 
-Domain = Literal["point", "corner", "face"]
+Domain = Literal["point", "corner", "face"]  # what an attribute has values on
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
 
 # allowed numbers of columns of an attribute, by its kind

@@ -18,7 +18,7 @@ from isomatch._core.errors import FormatError
 from isomatch._core.files import open_file, read_bytes
 from isomatch.io.attribute import linear_of, srgb_of
 
-Wrap = Literal["repeat", "clamp", "mirror"]
+Wrap = Literal["repeat", "clamp", "mirror"]  # how a picture goes on beyond its border
 UNTINTED = (1.0, 1.0, 1.0, 1.0)  # factors of red, green, blue and opacity that change nothing
 IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))  # the transform of texture coordinates that moves nothing
 _PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # first bytes of pictures by format

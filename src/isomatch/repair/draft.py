@@ -88,7 +88,7 @@ class Draft:
         return draft.made_into(Mesh(self.mesh.vertices[~gone], trace.current[self.mesh.faces]), trace)
 
 
-Step: TypeAlias = Callable[[Draft], Draft]
+Step: TypeAlias = Callable[[Draft], Draft]  # a step of a repair
 
 
 def run(draft: Draft, *steps: Step) -> Draft:

@@ -36,7 +36,7 @@ class Sides(NamedTuple):
     ends: IntArray
 
 
-NO_SIDES = Sides(np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64))
+NO_SIDES = Sides(np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64))  # an empty set of sides
 
 
 class TJunctions(NamedTuple):

@@ -91,9 +91,9 @@ def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separ
 
 def _restore_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     """Return the sound faces, (m, 3), without repeated ones, and with coinciding layers put back."""
-    # Where sheets coincide, each edge is traversed equally often in both directions. A face that is
-    # listed twice traverses its edges once too often. A patch that lost a layer, removed as duplicate,
-    # lacks a traversal of each edge of its rim, in the same direction all around.
+    # Where sheets coincide, faces traverse each edge equally often in both directions. A face that is listed
+    # twice traverses its edges once too often. If one of two layers of a patch was removed as duplicate, each
+    # edge of the rim of the patch lacks a traversal, in the same direction all around.
     unsound = unsound_faces(vertices, faces)
     faces = faces[~(unsound.any & ~unsound.duplicate)]
     edges = edge_table(faces, len(vertices))

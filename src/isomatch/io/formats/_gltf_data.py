@@ -51,7 +51,7 @@ _REFERENCES = {  # for two lists of the JSON: keys under which all integers are 
     "bufferViews": ("bufferView", "extensions"),
 }
 _CUT_SHORT = "it is cut short, copy or export it again"  # the end of messages
-Matrix = tuple[tuple[float, ...], ...]
+Matrix = tuple[tuple[float, ...], ...]  # rows of a matrix (4, 4)
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6  # codes of glTF for kinds of primitives: triangles, strips, fans
 _POSE_TOLERANCE = 1e-3  # largest difference between entries of alike matrices, over the largest entry; chosen
 

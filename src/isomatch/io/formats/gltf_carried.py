@@ -38,7 +38,7 @@ _NEAREST = 9728  # code of glTF for the filter that takes the nearest pixel
 # Names of extensions of materials.
 _TRANSFORM, _VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
 _GLOSSINESS, _EMISSIVE_STRENGTH = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_emissive_strength"
-_NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys that plain joints lack
+_NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys of nodes that are no plain joints
 
 
 def materials_of(document: GltfDocument) -> Looks | None:

@@ -31,6 +31,7 @@ TITLE_BYTES = 255  # largest number of bytes of a legacy file's second line, its
 # Text that is added to a legacy file. If an array is too short, VTK reads on into this text, and then finds
 # no field _END_MARK.
 _END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _END_MARK.encode()
+# what a message says if a reader ends without a message of its own
 _ENDED_EARLY = "the reader came to an end over it, as where more is declared than the file holds"
 _POLYGON_COUNT = {  # matches where a file declares its number of polygons
     ".vtk": re.compile(rb"(?im)^POLYGONS\s+(-?\d+)"),
