@@ -25,7 +25,7 @@ FIRST_VERSION = 1  # version of the format of files that do not name a version, 
 _VERSION = "format_version"  # name of the array that holds the version of the format in each file
 # kinds of numpy types (`dtype.kind`) that a stored array may have, and their name in messages
 _KINDS = {"float": ("fiu", "numbers"), "integer": ("iu", "integers"), "text": ("U", "a text")}
-MAX_HEADER_BYTES = 1000  # bytes; a longer header of an array is refused; chosen: numpy writes 128 bytes
+MAX_HEADER_BYTES = 1000  # largest number of bytes of the header of an array; chosen: numpy writes 128
 # numpy's readers of the header of an array, by the version of numpy's file format
 _READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
@@ -66,8 +66,8 @@ def _refusing_damage(refuse: Refuse) -> Iterator[None]:
 
 
 def _header(start: IO[bytes], size: int, refuse: Refuse) -> Header:
-    """Read the header of an array, which has to fit its ``size`` in bytes, with the header."""
-    # only the beginning, as a header may declare more bytes than there is memory
+    """Read the header of an array; header and array must have ``size`` bytes together."""
+    # only this beginning is read, as a header might declare more bytes than there is memory
     beginning = BytesIO(start.read(MAX_HEADER_BYTES))
     shape, _, dtype = _READ_HEADER[npy.read_magic(beginning)](beginning)
     if dtype.kind not in "fciubU" or min(shape, default=0) < 0:
@@ -94,11 +94,11 @@ def read_array(path: Path) -> AnyArray:
 class Stored:
     """The requirements on one array of a file."""
 
-    kind: Literal["float", "integer", "text"]  # integers pass as floats; floats have to be finite
-    shape: tuple[int | str, ...] = ()  # the same name in several arrays stands for the same length
+    kind: Literal["float", "integer", "text"]  # integers are also taken as floats; floats have to be finite
+    shape: tuple[int | str, ...] = ()  # lengths; a name stands for the same length in all arrays
     positive: bool = False  # whether all entries have to be positive
     index_of: str = ""  # name of a length n; entries have to be indices 0…n − 1
-    group: str = ""  # arrays of a group may be absent together
+    group: str = ""  # name of a group: either all of its arrays are in the file, or none
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class ArrayFormat:
     writer: str  # the function that writes such files
     version: int  # the version of the format; earlier ones are read too
     arrays: Mapping[str, Stored]  # the arrays by name; others are not read
-    filled: tuple[str, ...] = ()  # names of lengths that may not be 0
+    filled: tuple[str, ...] = ()  # names of lengths that must not be 0
 
     def read(self, path: str | Path) -> dict[str, Any]:
         """Read the arrays of a file, as float32, float64, int64 or string, after checking all headers."""
@@ -157,7 +157,7 @@ def _check_entries(
     if wanted.kind == "text":
         try:
             text = str(array)
-        except ValueError:  # a number is no character of Unicode
+        except ValueError:  # an entry is no character of Unicode
             text = "\0"
         return text if text.isprintable() else refuse(f"{name} has characters that cannot be printed")
     if wanted.kind == "float":
@@ -202,7 +202,7 @@ class Archive:
     def header(self, name: str) -> Header:
         """Read the shape and type of an array, which have to fit its size in the directory."""
         info = self._zip.NameToInfo[f"{name}.npy"]
-        # methods of compression other than deflate may claim much memory
+        # methods of compression other than deflate might claim much memory
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             self.refuse(f"{name} is compressed by a method other than deflate")
 
@@ -221,7 +221,7 @@ class Archive:
         """Read some arrays; `MemoryBudgetError` if they would exceed the memory budget together."""
         headers = {name: self.header(name) for name in names}
         n_bytes = sum(dtype.itemsize * prod(shape) for shape, dtype in headers.values())
-        if n_bytes > room_for(self._size):  # zeros are stored in a thousandth of their size
+        if n_bytes > room_for(self._size):  # compressed zeros take a thousandth of their size
             raise MemoryBudgetError(
                 f"{self.path}: its {self._size} bytes would become {n_bytes}; if you trust it, write it again without "
                 "compression (numpy.savez)"

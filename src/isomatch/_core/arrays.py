@@ -19,11 +19,11 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 AnyArray = NDArray[Any]
 
-# Index spaces tell what integers count. Indexing such an array, or adding to it, gives an `IntArray`.
+# These types tell what integers number. Indexing such an array, or adding to it, gives an `IntArray`.
 UserVertices = NewType("UserVertices", IntArray)
-"""Vertices of a surface as the user gave it, in the numbers of the file."""
+"""Vertices of a surface, in the numbers that the user or the file gave them."""
 BodyVertices = NewType("BodyVertices", IntArray)
-"""Vertices of a body, which is what is matched of a surface, or of a variant of it."""
+"""Vertices of a body, the part of a surface that is matched, or of a variant of it."""
 PartVertices = NewType("PartVertices", IntArray)
 """Vertices of a shape that is matched as a part of another one, whose vertices are those of a body."""
 SearchRows = NewType("SearchRows", IntArray)

@@ -19,17 +19,17 @@ class _Computation:
     """A value that is being computed."""
 
     lock: RLock = field(default_factory=RLock)
-    threads: int = 0  # threads that compute the value or wait for it
+    threads: int = 0  # number of threads that compute the value or wait for it
 
 
-_GUARD = Lock()
-_COMPUTATIONS: dict[tuple[int, Hashable], _Computation] = {}  # by the object's id and the value's name
+_GUARD = Lock()  # held while the next mapping changes
+_COMPUTATIONS: dict[tuple[int, Hashable], _Computation] = {}  # under way, by id of object and name of value
 
 
 @contextmanager
 def _one_thread(owner: object, name: Hashable) -> Iterator[None]:
     """Let one thread at a time compute a value of an object; other values are not affected."""
-    # Objects keep no locks, so that they can be pickled. No value needs itself, so threads never wait in a circle.
+    # Objects keep no locks, to remain picklable. No value needs itself, so threads never wait in a circle.
     key = id(owner), name
     with _GUARD:
         computation = _COMPUTATIONS.setdefault(key, _Computation())

@@ -41,7 +41,8 @@ def compiled(**options: Any) -> Callable[[F], F]:
 class CollectorPause(event.Listener):  # type: ignore[misc]  # numba has no types
     """Pause Python's cycle collector while numba compiles, which then takes a fifth less time (measured)."""
 
-    # One thread compiles at a time, by numba's lock. If a loop calls another, their compilations are nested.
+    # Number of compilations under way, which are nested if a loop calls another one (numba's lock lets only
+    # one thread compile), and whether the collector was at work before the first of them.
     depth, resume = 0, False
 
     def on_start(self, event: event.Event) -> None:

@@ -25,12 +25,12 @@ from isomatch._core.errors import (
     UnwritableFileError,
 )
 
-# values of `OSError.errno` that concern one file, not its folder or the disk; None if it is no regular file
+# values of `OSError.errno` for faults of one file, not of its folder or disk; None means no regular file
 _ERRORS_OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # `OSError.errno` on file systems without locks
 UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder that is being written; {} is random
-_SURROGATE = re.compile("[\ud800-\udfff]")  # what Python puts for bytes of a file name that are not UTF-8
-_SURROGATE_OR_PERCENT = re.compile("[%\ud800-\udfff]")  # what a link writes as % and two digits
+_SURROGATE = re.compile("[\ud800-\udfff]")  # stands in Python for a byte of a file name that is not UTF-8
+_SURROGATE_OR_PERCENT = re.compile("[%\ud800-\udfff]")  # characters that `legible` replaces by %XX
 logger = logging.getLogger(__name__)
 
 
@@ -74,15 +74,15 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8, see `replaced`."""
-    with replaced(path) as file:  # bytes of file names that are not UTF-8 become escapes, which JSON allows
+    with replaced(path) as file:  # bytes of file names that are not UTF-8 become escapes that JSON allows
         file.write(text.encode("utf-8", "backslashreplace"))
 
 
 @contextmanager
 def staged(folder: Path, last: str, gone: Iterable[str] = ()) -> Iterator[Path]:
     """Yield a new folder, whose files all move to another when the block ends without an error."""
-    # The file ``last`` tells that all others are complete: its earlier version is removed before any file
-    # moves, and its new version moves last. Files in ``gone`` are removed.
+    # If the file ``last`` is in the folder, all other files are complete: its earlier version is removed
+    # before any file moves, and its new version moves last. Files in ``gone`` are removed.
     places = [folder / UNFINISHED.format(token_hex(8)) for _ in range(2)]
     with writing(folder), _removed_at_end(places[0]) as new, _removed_at_end(places[1]) as earlier:
         with changing:
@@ -239,7 +239,7 @@ def legible(name: str) -> str:
 # names that Windows reserves for devices
 _DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³])(\s*\..*)?", re.IGNORECASE)
 _NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|\x00-\x1f]')  # characters that Windows or Linux do not allow in names
-_MAX_NAME_BYTES = 200  # bytes, without suffixes; chosen: most systems allow 255 bytes with them
+_MAX_NAME_BYTES = 200  # most bytes of a name without suffixes; chosen: most systems allow 255 with suffixes
 
 
 def require_names(names: Iterable[str], what: str, where: object, remedy: str) -> None:

@@ -12,7 +12,7 @@ from isomatch._core.errors import MemoryBudgetError, SettingError
 
 MIB, GIB = 2**20, 2**30  # bytes of a mebibyte and of a gibibyte
 ROOT = Path("/")  # the root of the file system; tests pass another folder
-_MAX_SIZE_RATIO = 20  # bytes of memory that a file may claim per byte; chosen, and promised by SECURITY.md
+_MAX_SIZE_RATIO = 20  # most bytes of memory for each byte of a file; chosen, and promised by SECURITY.md
 _ALLOWED_BYTES = 2**26  # bytes of memory that a file may claim in any case, however small it is; chosen
 
 

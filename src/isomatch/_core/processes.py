@@ -32,7 +32,7 @@ def worker_processes(
             context.kill()
             raise
         if any(process.exitcode for process in context.started):
-            context.kill()  # otherwise a pool that breaks while a worker starts waits for it for ever
+            context.kill()  # or a pool that breaks while a worker starts would wait for ever
 
 
 class _Worker(SpawnProcess):

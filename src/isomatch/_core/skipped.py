@@ -10,8 +10,8 @@ from typing import Any
 
 from isomatch._core.errors import InputError
 
-_is_strict: ContextVar[bool] = ContextVar("_is_strict", default=False)
-_told: ContextVar[set[str] | None] = ContextVar("_told", default=None)
+_is_strict: ContextVar[bool] = ContextVar("_is_strict", default=False)  # whether a message is an error
+_told: ContextVar[set[str] | None] = ContextVar("_told", default=None)  # messages told so far in a block
 logger = logging.getLogger(__name__)
 
 

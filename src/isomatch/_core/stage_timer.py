@@ -87,7 +87,7 @@ class StageTimer:
             tell(self._tell, self._progress, what, share)
 
     def _tell(self, progress: Callable[[str, float], Any], what: str, share: float) -> None:
-        with self._telling:  # only one thread at a time calls the listener, which may be slow
+        with self._telling:  # one thread at a time calls the function, which might be slow
             self._share = max(self._share, share)
             progress(what, self._share)
 
@@ -148,7 +148,7 @@ def notebook_shell() -> Any:
     return shell if getattr(shell, "kernel", None) is not None else None
 
 
-_shown = _Shown()
+_shown = _Shown()  # the line of `show_progress`
 
 
 def show_progress(stage: str, share: float) -> None:

@@ -26,19 +26,19 @@ NO_NUMBER = NO_TEXT | {"none", "null", "-", "–", "−", "--", "?"}
 BLANKS = " "  # the separator that stands for one or more blanks or tabs
 _SEPARATORS = ";\t,"  # separators in the order of trial; the comma is last, as it may be a decimal comma
 _NO_SEPARATOR = "\x1f"  # the separator of a table with one column; no text contains it
-# rows; a longer column 1, 2, 3, … numbers the rows, while a shorter one may hold values; chosen
+# rows; a column 1, 2, 3, … of more rows than this numbers the rows, a shorter one might hold values; chosen
 _MAX_ROWS_COUNTED_BY_CHANCE = 3
 _MAX_ROWS_EXAMINED = 1000  # number of first rows from which separator and header are inferred; chosen
 # A decimal number. Each text of digits matches in one way only: two ways would take 2ⁿ steps for n digits.
 _DECIMAL = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?"
-_NUMBER = re.compile(rf"{_DECIMAL}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNORECASE)  # any number
+_NUMBER = re.compile(rf"{_DECIMAL}|[+-]?(?:inf|infinity|nan)", re.ASCII | re.IGNORECASE)  # also inf or nan
 _WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?", re.ASCII)  # number with a comma, such as 1,5
 # a number with a decimal point, such as 1.5
 _WITH_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d{1,4})?", re.ASCII)
 _WORD = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')  # a word in quotes, or up to a blank
 _COMMENT = re.compile(r"\s*(?://|[#%](?=\s|$))")  # the start of a comment
 _COMMENT_MARK = re.compile(r"\s*(?:#|//)\s*")  # what precedes the text of a comment
-_NUMBERS = re.compile(r"[-+0-9.,;\seE]+")  # letters of numbers and separators only
+_NUMBERS = re.compile(r"[-+0-9.,;\seE]+")  # only characters of numbers and separators
 logger = logging.getLogger(__name__)
 
 
@@ -233,7 +233,7 @@ class Table:
 
     def numbers(self, column: int) -> FloatArray:
         """Return a column of numbers, nan for no value; `FormatError` quotes a row with anything else."""
-        # a fast way for plain numbers; other tables fail here and are read cell by cell
+        # a fast way for plain numbers; other columns are read cell by cell below
         with suppress(ValueError, IndexError):
             cells = [row.cells[column] for row in self.rows]
             if _NUMBERS.fullmatch(" ".join(cells)):
@@ -292,7 +292,7 @@ def parse_table(text: str, name: str, not_comments: Collection[str] = ()) -> Tab
         kept.pop()
     n_empty_after = max(n_lines - len(kept) - 1, 0)
     head = (line for _, line in kept[:_MAX_ROWS_EXAMINED] if line.strip())
-    # numbers separated by commas and blanks, as people write them by hand
+    # some lines separate numbers by commas and the others by blanks, as if written by hand
     if {*map(_number_separator, head)} == {",", BLANKS}:
         kept = [(number, line.replace(",", " ")) for number, line in kept]
     separator = declared if declared and declared in _SEPARATORS else _find_separator(kept, name)
@@ -390,14 +390,15 @@ def _find_separator(lines: list[tuple[int, str]], name: str) -> str:
             return BLANKS
     if "\t" in fitting and BLANKS in fitting and ";" not in fitting:
         columns = zip(*(row.cells for row in split["\t"]))
-        # in all rows, some columns are empty: several tabs in a row were one separator
+        # if a column is empty in all rows, several tabs together are one separator
         if any(not any(column) for column in columns):
             return BLANKS
     if fitting and fitting[0] != ",":
         return fitting[0]
     if fitting:
         return "," if not _may_be_decimals(split[","], name) else _NO_SEPARATOR
-    # Rows differ in length. Of the first row's separators, the one by which most rows get equally long wins.
+    # No separator makes all rows equally long. Of those in the first row, the one is taken that makes most
+    # rows equally long.
     several = [mark for mark in _SEPARATORS if head and len(split[mark][0].cells) > 1]
     n_alike = {mark: max(Counter(len(row.cells) for row in split[mark]).values()) for mark in several}
     if not several and words and all(map(_NUMBER.fullmatch, words[0].cells)):

@@ -19,7 +19,7 @@ from isomatch._core.files import open_file, read_bytes, write_text
 BYTE_ORDER_MARKS = {  # encodings of texts by the bytes with which such texts begin
     b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16",
 }  # fmt: skip
-_EXAMINED_BYTES = 1000  # number of first bytes that tell whether a text without a mark is UTF-16; chosen
+_EXAMINED_BYTES = 1000  # bytes at the start of a text without a mark that show whether it is UTF-16; chosen
 # the start of a cell that a spreadsheet program would take for a formula, escaped by apostrophes or not
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
@@ -72,7 +72,7 @@ def encoding_of(text: bytes) -> str:
     for mark, encoding in BYTE_ORDER_MARKS.items():
         if text.startswith(mark):
             return encoding
-    # Encodings in the order of trial; five bytes mean nothing in cp1252, then latin-1 is taken.
+    # Encodings in the order of trial. Texts with one of the five bytes that cp1252 lacks are read as latin-1.
     for encoding in ("utf-8", "cp1252"):
         with suppress(UnicodeDecodeError):
             text.decode(encoding)

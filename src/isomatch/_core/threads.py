@@ -21,7 +21,7 @@ from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import SettingError
 from isomatch._core.memory import ROOT, group_limits, slurm
 
-ROWS_PER_BLOCK = 1280  # rows of a product that a thread computes at once; chosen: 5000 vertices make 4 blocks
+ROWS_PER_BLOCK = 1280  # rows of a matrix product in a thread's block; chosen: 5000 vertices make 4 blocks
 POLL_SECONDS = 0.2  # seconds between two looks for Ctrl-C, which does not end a wait on Windows; chosen
 
 T = TypeVar("T")
@@ -67,7 +67,7 @@ class Call:
         return Thread(target=copy_context().run, args=(work,), daemon=True)
 
 
-_here = local()
+_here = local()  # for each thread, the call that it works for
 
 
 def current_call() -> Call | None:
@@ -84,8 +84,7 @@ def stop_if_abandoned() -> None:
 
 def in_background(function: Callable[[], R]) -> R:
     """Call a function on another thread and wait for its result, so that Ctrl-C takes effect at once."""
-    # After an exception, such as Ctrl-C, in the thread that waits, the function ends at its next
-    # `stop_if_abandoned`.
+    # If an exception, such as Ctrl-C, ends the wait, the function goes on until its next `stop_if_abandoned`.
     if current_call() is not None:
         return function()
     call, results, errors = Call(), [], []
@@ -103,7 +102,7 @@ def in_background(function: Callable[[], R]) -> R:
         thread.start()
         while message := _next(call):
             message()
-        thread.join()  # joining releases what the thread held
+        thread.join()  # at its end, the thread releases what it holds
     except BaseException:
         call.abandoned = True
         raise
@@ -187,7 +186,7 @@ def _apply(function: Callable[[T], R], item: T) -> R:
     return function(item)
 
 
-_inside = local()
+_inside = local()  # for each thread, whether it applies a function to an item of `parallel_map`
 
 
 def row_product(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -6,10 +6,10 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray
 
-# Values that differ by less than this share of the largest value count as equal. It is far above what
-# rounding the coordinates to 1e-9 of their extent changes, and makes two of a thousand different values equal
-# in one shape of ten. When rounding decided between the sides of a symmetric horse, the error of a part rose
-# from 2.8 to 10.4 % of √area.
+# Values that differ by less than this share of the largest value count as equal. The share is far above the
+# changes from rounding coordinates to 1e-9 of their extent; with it, in one shape of ten, two of a thousand
+# different values are equal. When rounding decided which side of a symmetric horse came first, the error of
+# matching a part rose from 2.8 to 10.4 % of √area.
 TIE_RATIO = 1e-7
 
 

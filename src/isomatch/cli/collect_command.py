@@ -23,7 +23,7 @@ from isomatch.cli.collect_state import agree, retry, say_cohort, status
 from isomatch.cli.inputs import ConfigFile, Output, Seed, read_config, read_outcomes
 from isomatch.cli.terminal import TALK, Talk, complain
 
-collect = App(name="collect", default_parameter=Parameter(negative=()))  # isomatch collect
+collect = App(name="collect", default_parameter=Parameter(negative=()))  # the command with subcommands
 for command in (status, retry, export, landmarks, agree, add):
     collect.command(command)
 

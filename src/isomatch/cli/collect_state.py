@@ -10,7 +10,7 @@ from isomatch.cli.collect_finished import say_landmarks
 from isomatch.cli.collect_options import Executor, Jobs, Reports, TimeLimit
 from isomatch.cli.terminal import TALK, Talk, complain, require_complete, say, say_rows
 
-OUTCOME_WIDTH = 26  # columns of the terminal for a number of pairs with their outcome; chosen
+OUTCOME_WIDTH = 26  # columns of the terminal for the number of pairs with an outcome, and its name; chosen
 
 
 def status(folder: Path, /, *, talk: Talk = TALK) -> None:

@@ -18,10 +18,10 @@ from isomatch.cli.outputs import claimed_files
 from isomatch.cli.results import Inputs, ResultFolder, match_again, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part, say_rows
 
-N_COMPARED = 500  # random source vertices that are compared with the ground truth; chosen: they take a moment
-N_SPECIMENS, N_SPECIMEN_VERTICES = 5, 2000  # heads with landmarks that it writes, vertices of each; chosen
+N_COMPARED = 500  # random source vertices compared with the ground truth; chosen: they take a moment
+N_SPECIMENS, N_SPECIMEN_VERTICES = 5, 2000  # heads that `demo landmarks` writes, vertices of each; chosen
 
-demo = App(name="demo", default_parameter=Parameter(negative=()))
+demo = App(name="demo", default_parameter=Parameter(negative=()))  # the command with subcommands
 
 
 @demo.command

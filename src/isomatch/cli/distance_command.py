@@ -278,7 +278,7 @@ _WEIGHT = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # pattern of a barycentri
 # pattern of one point: a vertex, or f12:0.2,0.3,0.5
 _POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"
 _POINTS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)  # a list of points
-WEIGHT_SUM_TOLERANCE = 0.01  # difference from 1 of the sum of a point's weights, which files round; chosen
+WEIGHT_SUM_TOLERANCE = 0.01  # largest difference from 1 of the sum of a point's rounded weights; chosen
 # how messages explain the notation of a point
 POINT_NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
 

@@ -15,7 +15,7 @@ import isomatch
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import FormatError, IsomatchError, LandmarkError, MeshError, SettingError
 
-Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"
+Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"  # what surface files hold
 
 # options that several commands have, by the types of their parameters
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]

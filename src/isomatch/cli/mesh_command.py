@@ -25,12 +25,12 @@ from isomatch.cli.terminal import Talk, in_shell, say
 from isomatch.io import FORMATS, files_beside, meshes_among, prepare_for_writing, read_as_far_as_possible
 from isomatch.repair import Repair, without_seams
 
-NUMBER_COLUMNS = 50  # columns of the terminal for the numbers of a table, beside the names; chosen
+NUMBER_COLUMNS = 50  # columns of the terminal for the numbers of a table, besides the names; chosen
 MIN_NAME_COLUMNS = 12  # columns of the terminal for names in a table, even in a narrow terminal; chosen
-# `repair` warns if a weld leaves a smaller share of the vertices; welded separate triangles leave a sixth
+# `repair` warns if a weld leaves a smaller share of the vertices; chosen: separate triangles keep a sixth
 MIN_SHARE_LEFT = 0.1
 
-Verb = Literal["distance", "basis", "match"]  # commands that may refuse a mesh
+Verb = Literal["distance", "basis", "match"]  # commands that might refuse a mesh
 
 # For each command, its first step, which refuses the meshes that the command cannot use.
 _FIRST_STEPS: dict[Verb, Callable[[isomatch.Mesh], object]] = {

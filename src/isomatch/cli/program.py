@@ -17,7 +17,7 @@ from isomatch._core.errors import IsomatchError, NotConvergedError
 from isomatch._core.skipped import telling_once
 from isomatch.cli.terminal import IncompleteError, complain, print_anything, start_clock
 
-DONE, BAD, MISUSED, INCOMPLETE, UNSURE, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit codes
+DONE, BAD, MISUSED, INCOMPLETE, UNSURE, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit codes, see `main`
 STRICT = "--strict"  # option of all commands, which turns warnings into errors
 
 COMMANDS = (  # Each command has a group, module:function, and an example, which begins with its name.

@@ -14,7 +14,7 @@ from isomatch.cli.inputs import Force, Output, Seed
 from isomatch.cli.statistics_model import complete, project
 from isomatch.cli.terminal import TALK, Talk, complain, say, say_rows, say_table
 
-statistics = App(name="statistics", default_parameter=Parameter(negative=()))
+statistics = App(name="statistics", default_parameter=Parameter(negative=()))  # with subcommands
 statistics.command(project)
 statistics.command(complete)
 

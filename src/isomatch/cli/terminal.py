@@ -29,7 +29,7 @@ from isomatch._core.texts import json_text, without_nonfinite
 
 Tell: TypeAlias = Callable[[str, float], None]  # a function that is called with a stage and the share done
 
-# Texts are broken to the width of the terminal, but to no more and no fewer columns than these; chosen.
+# Texts are broken to the width of the terminal in columns, but at most and at least to these widths; chosen.
 MAX_TEXT_COLUMNS, MIN_TEXT_COLUMNS = 100, 20
 MAX_NAMED = 5  # largest number of failed shapes and pairs that an error names; chosen
 INDENT = 14  # columns of the terminal for a label, before its text; chosen to hold the longest one
@@ -138,7 +138,7 @@ class _Clock(ProgressColumn):
         """Note a stage, such as "matched 3 of 8: a and b", and the share of work done."""
         counted = _COUNTED.match(stage)
         kind = counted[1] if counted else stage
-        if kind != self._kind:  # the first step of a kind begins when the last step before it ends
+        if kind != self._kind:  # the first step of this kind begins when the previous step ends
             self._kind, self._since = kind, self._last
         self._steps = [int(counted[2]), int(counted[3])] if counted else [0, 0]
         self.stage, self.share, self._last = stage, share, time.monotonic()
@@ -157,7 +157,7 @@ class _Clock(ProgressColumn):
         return Text(str(self))
 
 
-_COUNTED = re.compile(r"(.+?) (\d+) of (\d+)")  # a stage's name that counts its steps, as "matched 3 of 8"
+_COUNTED = re.compile(r"(.+?) (\d+) of (\d+)")  # the name of a stage that counts steps: "matched 3 of 8"
 SECONDS_BETWEEN_LINES = 60.0  # seconds between two lines of progress in a log; chosen
 
 
@@ -234,7 +234,7 @@ class Talk:
     def result(self, record: Any, summary: Callable[[], None], *, is_answer: bool = False) -> None:
         """Print plain values or a summary; ``quiet`` does not suppress an answer."""
         if self.json:
-            sys.stdout.write(json_text(record, ascii_only=True))  # every encoding has ASCII
+            sys.stdout.write(json_text(record, ascii_only=True))  # every encoding includes ASCII
         elif self.json_lines:
             _say_line({"event": "result", **record})
         elif is_answer or not self.quiet:
@@ -270,4 +270,4 @@ def part(tell: Tell, first: float, last: float) -> Tell:
 
 
 TALK = Talk()
-"""How a command prints by default."""
+"""The default of the options that say what a command prints."""

@@ -20,8 +20,9 @@ from isomatch.surfaces import Mesh
 
 Species = Literal["cat", "lion"]  # keys of `PROPORTIONS`
 
-# A feature of a head is a bump: its direction from the centre, its width on the unit sphere, and the
-# displacement of its top. Features with x > 0 are on both sides. x points to the left, y up, z forward.
+# A feature of a head is a bump: its direction from the centre, its standard deviation on the unit sphere, and
+# the displacement of its top, in the unit of SKULL; chosen. A feature with x > 0 is also mirrored to the
+# right side. x points to the left, y up, z forward.
 FEATURES = {
     "muzzle": ((0.0, -0.25, 1.0), 0.42, (0.0, -0.12, 0.42)),
     "nose": ((0.0, -0.05, 1.0), 0.13, (0.0, 0.03, 0.2)),
@@ -33,22 +34,24 @@ FEATURES = {
     "ear": ((0.62, 0.78, -0.05), 0.17, (0.3, 0.75, -0.05)),
     "neck": ((0.0, -0.85, -0.55), 0.5, (0.0, -0.65, -0.5)),
 }
-# for each side of the head, factors of x, y, z that put points of the left side there
+# factors of x, y, z that put points of the left side on the left or right side of the head
 LEFT, RIGHT = np.array([1, 1, 1]), np.array([-1, 1, 1])
-SKULL = np.array([0.85, 0.9, 1.0])  # half width, height and length of the skull; the last is the unit
-# Factors by which a species enlarges the features, in their order, and axes of the skull; chosen.
+SKULL = np.array([0.85, 0.9, 1.0])  # half the width, height and length of the skull; the last is the unit
+# For each species: factors for the displacements of FEATURES, in order, and for the axes of SKULL; chosen.
 PROPORTIONS: dict[str, tuple[tuple[float, ...], tuple[float, float, float]]] = {
     "cat": ((0.6, 0.7, 0.7, 1.0, 0.8, 1.0, 1.1, 1.0, 0.8), (1.05, 1.0, 0.9)),
     "lion": ((1.4, 1.2, 1.6, 0.7, 1.3, 0.9, 0.8, 0.45, 1.3), (0.95, 0.95, 1.1)),
 }
-VARIATION = 0.2  # largest relative deviation of an individual's factors from its species; chosen
-MOUTH = (-0.46, 0.35, 0.05, 0.1)  # height of the mouth's middle, rise to its corners, width and depth; chosen
+# Factors of an individual differ from those of its species by at most this share, axes by half of it; chosen.
+VARIATION = 0.2
+# line of the mouth on the unit sphere, y = MOUTH[0] + MOUTH[1] x², then width and depth of its groove; chosen
+MOUTH = (-0.46, 0.35, 0.05, 0.1)
 # Directions from the head's centre: left corner of the mouth, left hinge and middle of the jaw; chosen.
 CORNER, JAW_HINGE, JAW_MIDDLE = np.array([[0.33, -0.42, 0.84], [0.8, -0.3, 0.2], [0.0, -0.7, 0.75]])
 JAW_TURN = 0.35  # radians by which the jaw turns when the mouth opens; chosen
-LIP_HEIGHT = 0.06  # height below the line of the mouth over which the skin moves less than the jaw; chosen
+LIP_HEIGHT = 0.06  # height below the line of the mouth in which skin moves less than the jaw; chosen
 SMILE = np.array([0.1, 0.13, -0.05])  # displacement of the left corner of the mouth in a smile; chosen
-N_FINE = 12_000  # vertices of a head before decimation; chosen
+N_FINE = 12_000  # number of vertices of a head before decimation; chosen
 LANDMARKS = {  # directions of the landmarks from the head's centre
     "nose": FEATURES["nose"][0],
     "chin": FEATURES["chin"][0],
@@ -61,8 +64,8 @@ LANDMARKS = {  # directions of the landmarks from the head's centre
 # red, green and blue, from 0 to 1, of the stripes of a picture
 DARK_STRIPE, LIGHT_STRIPE = (0.25, 0.16, 0.1), (0.93, 0.62, 0.25)
 N_TEXELS = 512  # width and height of the picture of the stripes, in pixels; chosen
-STRIPE_PHASE = 26.0  # radians of the stripes' phase per unit of direction; chosen: about 8 stripes in all
-# side of a square in a corner of the picture, which is 1 wide, for the faces at the pole of the neck; chosen
+STRIPE_PHASE = 26.0  # radians of the phase of stripes per unit of z on the sphere; chosen: about 8 stripes
+# side of the square for faces at the pole of the neck, in a corner of the picture, over its width; chosen
 POLE_SQUARE_SIDE = 0.14
 
 

@@ -18,7 +18,7 @@ from isomatch.io.formats.obj import ObjDocument
 from isomatch.io.formats.ply import TEXTURE_NUMBER, PlyDocument
 from isomatch.io.materials import UNTINTED, Layer, Look, Looks, Picture, as_png, unreadable_pictures
 
-_MATERIAL_LABEL = "material"  # attribute of faces that names the material of each face in OBJ
+_MATERIAL_LABEL = "material"  # name of the attribute that holds the material of each face of an OBJ file
 _UNDEFINED_LAYER = Layer((0.5, 0.5, 0.5, 1.0))  # grey, for materials that no library of an OBJ file defines
 
 
@@ -95,7 +95,7 @@ def unreadable_files(asset: Asset) -> tuple[str, ...]:
         look_of = obj.materials_of(document)
         undefined = [look.name for look in materials.looks if look.name not in look_of] if materials else []
         notes += [f"{name!r}: the material is in none of the libraries" for name in undefined]
-        for line in document.libraries:  # a line has one name with blanks, or several names
+        for line in document.libraries:  # each line has one file name with blanks, or several
             words = line.split()
             missing = [] if line in document.files else [word for word in words if word not in document.files]
             names = missing if len(missing) < len(words) else [line]
@@ -270,14 +270,14 @@ def _place_beside(
     """Find names for files beside another one; return the new names, and the files to be written."""
     files, taken, names = dict[Path, bytes](), dict[Path, bytes](), dict[str, str]()
     folder = path.parent.resolve()
-    # pictures are written first, because libraries contain their names
+    # pictures are named before the libraries, which contain these names
     for name, content in sorted(contents.items(), key=lambda item: item[0] in libraries):
         changed = {old: new for old, new in names.items() if old != new}
         content = obj.rename_pictures(content, changed) if changed and name in libraries else content
         clean = name.replace("\\", "/")
         last = PurePosixPath(clean)
         inside = [clean] if (folder / clean).resolve().is_relative_to(folder) else []
-        # an existing file with other contents is replaced only if its name begins like the surface
+        # an existing file with other contents is replaced only if its name begins with the surface's name
         has_stem = last.name.startswith((f"{path.stem}.", f"{path.stem}_"))
         stem = last.stem if has_stem else f"{path.stem}_{last.stem}"
         numbered = (f"{stem}_{i}{last.suffix}" for i in count(1))

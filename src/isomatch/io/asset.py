@@ -18,14 +18,15 @@ from isomatch.io.polygons import Polygons, Renumbering
 from isomatch.surfaces import Mesh, weld_points
 
 REPORTED_ROUNDING, MAX_ROUNDING = 1e-4, 1e-3
-"""Distances, in mean edges, that rounding may move positions: above the first this is avoided or reported, above the
-second the user has to allow it."""
-UNKNOWN, SCANNER = "unknown", "scanner_anat"  # names of spaces of coordinates, as GIFTI writes them
-# axes of the voxels of FreeSurfer, one in each column, in coordinates right, anterior, superior
+"""How far rounding to float32 may move a point, over the mean edge length: more than the first number is avoided or
+reported, more than the second is an error unless the user allows it; chosen."""
+UNKNOWN, SCANNER = "unknown", "scanner_anat"  # names of coordinate spaces, as in NIfTI
+# directions of the axes of FreeSurfer's voxels, one in each column, with x right, y anterior and z superior
 _VOXEL_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-_SCANNER_HEAD = [2, 1, 20]  # start of the footer of a FreeSurfer surface in scanner coordinates
-_MATRIX_TOLERANCE = 1e-4  # millimetres; matrices whose entries differ by less are equal; chosen
-# first entries of the data on a volume of FreeSurfer, as nibabel writes them
+_SCANNER_HEAD = [2, 1, 20]  # first integers in the footer of a FreeSurfer surface in scanner coordinates
+# largest difference between entries of matrices that count as equal; millimetres for offsets; chosen
+_MATRIX_TOLERANCE = 1e-4
+# first entries of nibabel's ``volume_info``, the data on a FreeSurfer volume, if it names no file
 NEW_VOLUME: Mapping[str, Any] = {
     "head": np.array([2, 0, 20], dtype=np.int32),
     "valid": "1  # volume info valid",
@@ -33,10 +34,10 @@ NEW_VOLUME: Mapping[str, Any] = {
 }
 Axes: TypeAlias = Literal["RAS", "LPS"]
 """The directions of x, y and z: right, front and up, or left, back and up."""
-TURN = np.array([-1.0, -1.0, 1.0])  # the factors of x, y, z that turn RAS into LPS and back
-# Names of texts in a file: SPACE names the axes, as 3D Slicer writes into VTP; COMMENTS has the other lines.
+TURN = np.array([-1.0, -1.0, 1.0])  # factors of x, y and z that turn RAS into LPS and back
+# Names of texts in a file: SPACE has the axes, as 3D Slicer writes them into VTP; COMMENTS has other lines.
 SPACE, COMMENTS = "SPACE", "comments"
-# Lines that name the axes, as 3D Slicer and NRRD write them, and lines that name the unit of coordinates.
+# They match lines that name the axes, as 3D Slicer and NRRD write them, and lines that name the unit.
 _AXES_LINE = re.compile(r"\b(?:space|coordinate[ _]?system)\s*[=:]\s*[\"']?(?P<axes>[rlaips]{3})\b", re.I)
 _UNIT_LINE = re.compile(r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)", re.I)
 
@@ -284,7 +285,7 @@ class Asset:
         if len(self.polygons) and len(places):
             corners = places.take(self.polygons.triangles, axis=0, mode="clip")
             sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-        else:  # the mean edge length if the points were on a square grid
+        else:  # about the spacing that the points would have on a square grid
             sides = np.linalg.norm(places - places[:1], axis=1) / max(len(places), 1) ** 0.5
         return float(sides[np.isfinite(sides)].sum() / max(np.isfinite(sides).sum(), 1))
 

@@ -14,12 +14,14 @@ from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, rea
 from isomatch._core.errors import DescriptorError
 from isomatch._core.memory import require_memory
 
-Domain = Literal["point", "corner", "face"]
+Domain = Literal["point", "corner", "face"]  # what an attribute has values on
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
 
 # allowed numbers of columns of an attribute, by its kind
 _WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}
-_WHITE_TOLERANCE = 1e-3  # excess of a colour, as a fraction, over 1, which interpolated white has; chosen
+# If a float colour exceeds 1 by more than this, colours range to 255, otherwise to 1; interpolation may leave
+# white a little above 1; chosen.
+_WHITE_TOLERANCE = 1e-3
 _UV_NAMES = {  # lower-case names of texture coordinates, without blanks and underscores
     "uv", "st", "uvs", "uvmap", "texcoord",
     "texcoords", "tcoords", "texturecoordinates", "texturecoords",
@@ -231,7 +233,7 @@ def srgb_of(linear: ArrayLike) -> FloatArray:
     light = np.array(linear, dtype=np.float64)
     colours = light[..., :3]
     root = np.maximum(colours, 0) ** (1 / 2.4)
-    # written so that 1 stays exactly 1
+    # 1.055 root − 0.055, written so that 1 stays exactly 1
     light[..., :3] = np.where(colours <= 0.0031308, 12.92 * colours, root + 0.055 * (root - 1))
     return light
 

@@ -27,7 +27,7 @@ class Geometry:
     """The points and polygons of an object, which may also have other cells."""
 
     points: AnyArray
-    polygons: Polygons  # polygons without positions, so that a concave one may be cut wrongly
+    polygons: Polygons  # without positions, so that concave ones might be cut wrongly
     rows: IntArray  # (p,) number of each polygon among all cells
     left_out: Mapping[str, int] = field(default_factory=dict)  # number of cells of other kinds, by kind
 
@@ -129,7 +129,7 @@ def polygons_of(
     others: Mapping[str, int],
     strips: tuple[IntArray, IntArray] | None = None,  # corners and sizes of cells that come after all others
 ) -> Geometry:
-    """Leave out cells with fewer than three corners; refuse other cells than vertices without polygons."""
+    """Leave out cells with fewer than three corners; `MeshError` if there are only cells such as tetrahedra."""
     if strips:
         triangles, strip = triangles_of_strips(*strips)
         corners, sizes = np.append(corners, triangles), np.append(sizes, np.full(len(triangles), 3))
@@ -170,7 +170,7 @@ def _open3d_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
         ("vertex_colors", "color", "point", "colour"),
         ("triangle_normals", "normal", "face", "normal"),
         ("triangle_uvs", "uv", "corner", "uv"),
-        ("normals", "normal", "point", "normal"),  # names in Open3D; point clouds have this name and the next
+        ("normals", "normal", "point", "normal"),  # point clouds of Open3D have this name and the next
         ("colors", "color", "point", "colour"),
     )
     for source, name, domain, kind in places:
@@ -224,9 +224,10 @@ _LIBRARIES: dict[tuple[str, str], tuple[Callable[[Any, Any, Any], Geometry], Att
     ("points", "faces"): (_polydata, _data_attributes),
     ("points", "cells"): (_blocks, _data_attributes),
 }
-"""Readers of meshes by two of their attributes: trimesh, Open3D, PyVista, meshio."""
+"""Functions that read the geometry and the attributes of a mesh of trimesh, Open3D, PyVista and meshio, by the names
+of its arrays of points and cells."""
 
-_REMEDIES = ("extract_surface", "to_geometry")  # methods of PyVista and trimesh that make a mesh
+_REMEDIES = ("extract_surface", "to_geometry")  # methods of PyVista and trimesh that return a mesh
 
 
 def read_geometry(mesh: object) -> tuple[Geometry, Attributes]:
@@ -265,7 +266,7 @@ def to_trimesh(asset: Asset) -> Any:
     mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
     mesh.metadata.update(_space_of(asset))
     of_triangle = split.polygons.of_triangle
-    # texture coordinates and colours exclude each other; these win
+    # a mesh of trimesh has no colours if it has texture coordinates
     has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))
     for attribute in split.attributes:
         of_points = attribute.domain == "point"

@@ -18,15 +18,16 @@ from isomatch._core.errors import FormatError
 from isomatch._core.files import open_file, read_bytes
 from isomatch.io.attribute import linear_of, srgb_of
 
-Wrap = Literal["repeat", "clamp", "mirror"]
+Wrap = Literal["repeat", "clamp", "mirror"]  # how a picture goes on beyond its border
 UNTINTED = (1.0, 1.0, 1.0, 1.0)  # factors of red, green, blue and opacity that change nothing
 IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))  # the transform of texture coordinates that moves nothing
 _PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # first bytes of pictures by format
 # formats of pictures, which Pillow tells by the first bytes
 _PILLOW_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")
-_CANNOT_READ = "a picture cannot be read: "  # beginning of a message
-_MAX_PAINTED_WIDTHS = 8  # widths of a picture to which its clamped border is painted at most; chosen
-DEFAULT_DIFFUSE = (102, 102, 102, 255)  # the colour of a simple material of trimesh that has none
+_CANNOT_READ = "a picture cannot be read: "  # beginning of messages
+# widths or heights of a picture, at most, by which its clamped border is extended; chosen
+_MAX_PAINTED_WIDTHS = 8
+DEFAULT_DIFFUSE = (102, 102, 102, 255)  # colour, 0…255, that trimesh gives a simple material without one
 
 
 @dataclass(frozen=True)

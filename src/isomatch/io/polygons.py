@@ -15,11 +15,11 @@ from isomatch._core.errors import MeshError
 from isomatch.io.attribute import Attribute, without_labels
 from isomatch.surfaces import first_equal, weld_points
 
-# rounding of a corner's position over the largest coordinate; chosen: 16 units in the last place
+# rounding error of a corner's position, over the largest coordinate; chosen: 16 units in the last place
 _CORNER_ROUNDING = 16 * np.finfo(np.float64).eps
-# distance from a line or circle over the polygon's extent up to which a point is on it; chosen
+# cross products and incircle determinants up to this count as 0, in polygons of extent 1; chosen
 _COCIRCULAR_TOLERANCE = 1e-12
-_MAX_OVERLAP_SHARE = 1e-9  # share of a polygon that its triangles may cover twice; chosen above rounding
+_MAX_OVERLAP_SHARE = 1e-9  # share of a polygon's area that triangles may cover twice; chosen above rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,7 +141,7 @@ class Polygons:
     def between(self, corners: IntArray) -> Polygons:
         """Replace the numbers of the corners, and cut the polygons in the same way."""
         polygons = Polygons(corners, self.sizes, self.points)
-        polygons.__dict__["_cut"] = self._cut  # the same cut, in the old numbers of points
+        polygons.__dict__["_cut"] = self._cut  # the cut refers to corners, whose order is the same
         return polygons
 
     @cached_property
@@ -181,14 +181,14 @@ def spans(starts: IntArray, counts: IntArray) -> IntArray:
 
 
 def _flatten(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Project polygons of extent 1 onto their planes, (p, k, 2), to turn left; return also the rounding."""
+    """Scale polygons to extent 1, project them, (p, k, 2), so that they turn left; return also the rounding."""
     scale = np.abs(points).max(axis=(1, 2), keepdims=True)
     points = points / np.where(scale > 0, scale, 1)
     points = points - points[:, :1]
     extent = np.abs(points).max(axis=(1, 2), keepdims=True)
     extent[extent == 0] = 1
     points = points / extent
-    normal = np.cross(points, np.roll(points, -1, axis=1)).sum(axis=1)  # Newell: twice the vector area
+    normal = np.cross(points, np.roll(points, -1, axis=1)).sum(axis=1)  # twice the vector area (Newell)
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = normal / np.where(length > 0, length, 1)
     right = np.cross(np.eye(3)[np.abs(normal).argmin(axis=1)], normal)
@@ -202,7 +202,7 @@ def _are_convex(flat: FloatArray, rounding: FloatArray) -> BoolArray:
     """Whether outlines (p, k, 2) turn left at every corner, and once around: (p,)."""
     after = np.roll(flat, -1, axis=1) - flat
     before, size = after.copy(), flat.shape[1]
-    for i in range(-size, 2 * size):  # ``before``: the last edge before a corner that has a length
+    for i in range(-size, 2 * size):  # ``before`` becomes the last edge of nonzero length before each corner
         corner, previous = i % size, (i - 1) % size
         no_edge = np.abs(after[:, previous]).max(axis=1) <= rounding
         before[:, corner] = np.where(no_edge[:, None], before[:, previous], after[:, previous])
@@ -234,9 +234,10 @@ def _cut_ears(flat: FloatArray, rounding: float) -> IntArray | None:
 
 def _flip_to_delaunay(flat: FloatArray, triangles: IntArray) -> IntArray:
     """Flip inner edges until no circumcircle contains the corner across an edge (Lawson 1977)."""
-    # Long triangles, as earcut makes, mislead fast marching: in an L-shaped prism it finds 5.32, not 4.47.
+    # Long triangles, as earcut makes, mislead fast marching: in an L-shaped prism, a distance of 4.47
+    # becomes 5.32.
     faces = triangles.tolist()
-    for _ in range(4 * len(faces)):  # a bound on the flips, as rounding could flip an edge for ever
+    for _ in range(4 * len(faces)):  # a bound on the rounds, as rounding could flip an edge again and again
         across = {(face[i - 2], face[i - 1]): (t, face[i]) for t, face in enumerate(faces) for i in range(3)}
         flipped: set[int] = set()
         for (b, c), (t, a) in across.items():
@@ -368,7 +369,7 @@ def merge_corners(polygons: Polygons, n_points: int, attribute: Attribute) -> At
 
 
 def _blank_rows(attribute: Attribute, rows: BoolArray) -> Attribute:
-    """Blank some rows: nan, −1, an empty text, or 0 where it is no value."""
+    """Blank some rows: with nan, −1 or an empty text, or with 0 in kinds without such a value."""
     if attribute.kind == "label":
         return replace(attribute, values=without_labels(attribute.values, rows))
     values = np.array(attribute.values)

@@ -29,7 +29,7 @@ _VERTEX_NAMES = ("vertex", "vertex_index", "vertex_id", "vertexid", "point", "po
 # titles, in lower case, of a column with the numbers of faces
 _FACE_NAMES = ("face", "face_index", "polygon", "polygon_index", "triangle", "cell", "element")
 _INDEX_NAMES = ("index", "unnamed: 0", "id")  # titles of a column with numbers of vertices or of faces
-_DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}  # what a column numbers, by its title
+_DOMAIN_OF_NAMES = {_VERTEX_NAMES: "vertex", _FACE_NAMES: "face"}  # what a column counts, by its title
 # matches a number with separators of thousands, such as 1,234,567.8
 _IN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,]\d{3})*(?:[.,]\d+)?", re.ASCII)
 logger = logging.getLogger(__name__)
@@ -256,7 +256,7 @@ def _column(table: Table, i: int) -> AnyArray:
     fractions = [number for number in numbers if number is not None and np.isfinite(number) and number % 1]
     texts = [cell for cell, number in zip(cells, numbers) if number is None]
     if fractions or all(map(_IN_THOUSANDS.fullmatch, texts)):
-        table.numbers(i)  # raises the error about a text
+        table.numbers(i)  # raises an error that quotes the first text
     return np.array(["" if cell.lower() in NO_TEXT else cell for cell in cells])
 
 

@@ -11,11 +11,11 @@ from isomatch._core.cached import cached_method
 from isomatch._core.compiled import compiled
 from isomatch.surfaces import Mesh, first_equal, label_components
 
-# volume over area^(3/2), from which an open surface has an inside; chosen: a cat has 0.03, a ball 0.09, parts
-# of them more, a rough sheet 0.002
+# An open surface has an inside if its volume, closed by cones, is at least this times area^(3/2); chosen: a
+# cat has 0.03, a ball 0.09, parts of them more, a rough sheet 0.002.
 MIN_VOLUME_RATIO = 0.01
-# area of the openings of a nearly closed piece over the area of the piece, at most; an opening counts as a
-# flat disc as long around as its boundary; chosen
+# A piece is nearly closed if its openings have at most this share of its area, each taken as a flat disc
+# whose circumference is as long as its boundary; chosen.
 MAX_OPENING_SHARE = 0.1
 
 
@@ -52,7 +52,7 @@ def shells(mesh: Mesh) -> tuple[BoolArray, BoolArray]:
 
 
 def _depth(mesh: Mesh, pieces: _Pieces, asked: IntArray, closed: BoolArray) -> IntArray:
-    """Count the closed pieces around each piece, by the winding number of its first corner."""
+    """Count the closed pieces around each asked piece, by the winding number of its first corner."""
     depth = np.zeros(len(asked), dtype=np.int64)
     if not len(asked) or len(closed) < 2:
         return depth
@@ -107,10 +107,10 @@ class _Pieces:
     piece: IntArray  # the piece of each face, (m,)
     rewound: BoolArray  # whether each face is wound unlike the first face of its piece, (m,)
     one_sided: BoolArray  # whether each piece cannot be oriented, (p,)
-    majority: FloatArray  # the number of faces wound like the first face, minus the others, (p,)
-    volume: FloatArray  # the signed volume with openings closed by cones, in an arbitrary unit, (p,)
-    area: FloatArray  # the area in the same unit, (p,)
-    openings: FloatArray  # the area of discs with the lengths of the openings, as a share of the area, (p,)
+    majority: FloatArray  # number of faces wound like the first face, minus the other faces, (p,)
+    volume: FloatArray  # signed volume with openings closed by cones, in (largest coordinate)³, (p,)
+    area: FloatArray  # area in (largest coordinate)², (p,)
+    openings: FloatArray  # area of the openings as flat discs, over the area of the piece, (p,)
 
 
 @cached_method
@@ -196,7 +196,8 @@ def _measure_pieces(
     apex = np.column_stack([summed(loop, points[low, axis], n_loops) for axis in range(3)])[loop]
     apex /= summed(loop, np.ones(len(loop)), n_loops)[loop][:, None]
 
-    # 6 V = Σ det(a − o, b − o, c − o) over the faces (a, b, c) and over those of cones (high, low, apex) upon the rims
+    # The volume V of a piece with origin o is 6 V = Σ det(a − o, b − o, c − o) over its faces (a, b, c) and
+    # over the faces (high, low, apex) of the cones that close its holes.
     volumes = np.zeros(len(faces))
     _fill_volumes(points, faces, origin, piece, volumes)
     volume = summed(piece, sign * volumes)

@@ -10,11 +10,13 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.repair.self_contacts import face_normals
 from isomatch.surfaces import Mesh, label_components
 
-N_PLANES_TRIED, N_VOTING_FACES = 200, 20_000  # faces whose planes are tried, faces counted in each; chosen
-# √area; distance of corners from the plane they are in; faces this far above are cut off, too; chosen
+# number of faces whose planes are tried, and number of faces that are counted in each plane; chosen
+N_PLANES_TRIED, N_VOTING_FACES = 200, 20_000
+# √area; a face is in a plane if its corners are at most this far from it; a base is cut off up to this height
+# above its plane; chosen
 PLANE_DISTANCE = 0.01
-MIN_NORMAL_COSINE = 0.9  # least cosine between the normals of a plane and of a face in it; chosen
-MIN_BASE_SHARE = 0.1  # share of the area from which `check` reports a planar piece as a base; chosen
+MIN_NORMAL_COSINE = 0.9  # least |cosine| of the angle between the normals of a plane and a face in it; chosen
+MIN_BASE_SHARE = 0.1  # least share of the surface's area in a planar piece that `check` reports; chosen
 
 
 class Base(NamedTuple):

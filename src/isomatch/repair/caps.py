@@ -44,7 +44,7 @@ def close_holes(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:
 
 def _close_rims(mesh: Mesh, rims: list[IntArray]) -> Mesh:
     vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
-    # The number of rings of a cap is such that a ring is about as wide as an edge is long.
+    # A cap has enough rings that each is about as wide as an edge is long.
     offsets = (mesh.vertices[rim] - mesh.vertices[rim].mean(axis=0) for rim in rims)
     radii = [np.linalg.norm(from_centre, axis=1).mean() for from_centre in offsets]
     wanted = [max(int(np.round(radius / mesh.edge_lengths.mean())) - 1, 0) for radius in radii]

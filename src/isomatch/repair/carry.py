@@ -75,8 +75,9 @@ def _differ(values: AnyArray, rows: IntArray, others: IntArray) -> BoolArray:
 
 def goes_to_corners(asset: Asset, attribute: Attribute) -> bool:
     """Whether values of points that differ at welded ones are kept at corners."""
-    # The texture coordinates of one side of a seam would smear the texture. Normals also have two
-    # sides at a sharp edge, and glTF, whose files have parts, splits points for them again.
+    # With the texture coordinates of one side of a seam, a welded point would smear the texture on the other.
+    # Normals also differ beside a sharp edge; they go to corners for glTF, whose files have parts and which
+    # splits points again.
     directed = attribute.kind == "normal" or attribute.is_tangent
     is_free = all((a.name, a.domain) != (attribute.name, "corner") for a in asset.attributes)
     return is_free and (attribute.kind == "uv" or (directed and bool(asset.parts)))

@@ -96,7 +96,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL_THICKNESS) -> MeshReport:
 def _gaps(surface: Mesh, first: IntArray, scale: float) -> dict[str, Any]:
     """Find gaps that are meant to be closed; ``first`` (n,) is the first vertex at the same position."""
     polygons = Polygons.of_triangles(surface.faces)
-    # Joining points cannot open a boundary, so without one there is nothing to find.
+    # Joining points cannot open a boundary, so a mesh without a boundary has no gaps.
     free = free_sides(polygons, first) if (surface.edge_table.n_faces == 1).any() else NO_SIDES
     parted = t_junctions(surface.vertices, polygons, first, free)
     close, tolerance = close_vertices(surface.vertices, free.ends)
@@ -125,7 +125,7 @@ def _components(surface: Mesh, used: BoolArray, areas: FloatArray, rewound: Bool
 
 @compiled()
 def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, flatness: FloatArray) -> None:
-    """Compute the smallest altitude over the longest edge of each face: twice its area over the square."""
+    """Compute the smallest altitude over the longest edge of each face: twice its area over that edge squared."""
     for f in range(len(faces)):
         longest = 0.0
         b = faces[f, 2]
@@ -140,17 +140,18 @@ def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, fla
             flatness[f] = doubled[f] / longest
 
 
-# The smallest altitude of a face over its longest edge: up to the first number, the face has no area; up to
-# the second, it is a sliver; chosen.
+# Smallest altitude of a face over its longest edge: up to the first number, the face counts as without area,
+# below the second as a sliver; chosen.
 ZERO_AREA_RATIO, SLIVER_RATIO = 1e-10, 1e-3
-# √area; diameter up to which an opening leads into a chamber; six mouse skulls have 0.08 to 0.1:
-# decisions.md, double walls
+# √area; smallest diameter of an opening through which a chamber counts as outside; openings of six mouse
+# skulls have 0.08 to 0.1: decisions.md, double walls
 OPENING_DIAMETER = 0.1
-# share of the area with another sheet close behind, from which a surface is double-walled; bodies, animals,
-# organs and bones have up to 0.23, mouse skulls and shells 0.52 and more: decisions.md, double walls
+# least share of the area that has another sheet close behind if the surface is called double-walled; bodies,
+# animals, organs and bones have up to 0.23, mouse skulls and shells 0.52 and more: decisions.md, double walls
 DOUBLE_WALLED_SHARE = 0.35
 
-# What each field counts; after the colon, why it matters and what to do; in the order of the table.
+# For each field of `MeshReport`, in the order of the printed table: what it counts, and after the colon, why
+# that matters and what to do.
 _FATAL = {
     "non_finite_vertices": "vertices with NaN or infinite coordinates: no distance is defined there; "
     "repair(mesh) removes them and their faces",

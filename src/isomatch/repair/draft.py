@@ -43,10 +43,10 @@ class Draft:
     trace: VertexTrace
     notes: tuple[str, ...]  # sentences on what each step changed, in order
     asset: Asset | None  # the given asset with inserted points; None for a bare mesh
-    faces: IntArray  # the triangle of the asset, or of the mesh with inserted points, of each face (m,)
+    faces: IntArray  # for each face (m,): its triangle of the asset, or of the mesh with inserted points
     given_face: IntArray  # the triangle of the given asset for each triangle of ``asset``
-    rewound: BoolArray  # which faces (m,) are wound unlike the given ones
-    contacts: tuple[IntArray, ...] = ()  # given vertices where limbs were parted, by place
+    rewound: BoolArray  # whether each face (m,) is wound unlike its given face
+    contacts: tuple[IntArray, ...] = ()  # for each place where limbs were parted, its given vertices
 
     @classmethod
     def of(cls, mesh: Mesh, asset: Asset | None = None, trace: VertexTrace | None = None) -> Draft:
@@ -88,7 +88,7 @@ class Draft:
         return draft.made_into(Mesh(self.mesh.vertices[~gone], trace.current[self.mesh.faces]), trace)
 
 
-Step: TypeAlias = Callable[[Draft], Draft]
+Step: TypeAlias = Callable[[Draft], Draft]  # a step of a repair
 
 
 def run(draft: Draft, *steps: Step) -> Draft:

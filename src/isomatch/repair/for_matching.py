@@ -26,14 +26,14 @@ from isomatch.repair.steps import (
 )
 from isomatch.surfaces import Mesh, in_spatial_order
 
-LARGE_MESH = 2**16  # vertices; a larger mesh is sorted in space, as it does not fit into a cache; chosen
-# Defects, by the names of `check`, of a mesh whose sheets may be merged, and whose sheets may be glued.
+LARGE_MESH = 2**16  # vertices; a mesh with more is sorted in space, as it does not fit into a cache; chosen
+# Fields of `MeshReport` with defects of a mesh whose sheets might be merged, and whose sheets might be glued.
 SIGNS_OF_MERGES = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces")
-SIGNS_OF_SHEETS = (*SIGNS_OF_MERGES, "coincident_vertices")  # sheets may be glued
-# coincident vertices up to which comparing them along edges is faster than separating sheets; chosen
+SIGNS_OF_SHEETS = (*SIGNS_OF_MERGES, "coincident_vertices")
+# coincident vertices; up to this number, comparing them along edges is faster than separating sheets; chosen
 MAX_WELDED = 64
 KEEP_TOGETHER = "if they belong together, set preparation.sheet_distance = inf"  # the remedy in notes
-INSIDE_OUT = (  # a note
+INSIDE_OUT = (  # text of a note
     "it seems to be inside out, and its openings are too large to turn it over unasked; with a shape that does not, "
     "`match` tries both windings of its faces"
 )
@@ -51,7 +51,7 @@ def prepare_for_matching(mesh: Mesh, sheet_distance: float) -> Draft:
     report = check(draft.mesh, wall=0.0)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
-    # A face that repeats a vertex may have an edge that is none of the surface: no manifold.
+    # A face with a repeated vertex might have an edge that the surface lacks, so the mesh is no manifold.
     is_manifold = not has_any(report, (*SIGNS_OF_MERGES, "repeated_index_faces"))
     few = is_manifold and len(report.coincident_vertices) <= MAX_WELDED
     has_sheets = has_any(report, SIGNS_OF_SHEETS) and not (
@@ -90,7 +90,7 @@ def take_sheets_apart(draft: Draft, sheet_distance: float) -> Draft | None:
     keep_layers = partial(drop_unsound_faces, keep_duplicates=True)
     glued = run(draft, close_gaps, keep_layers, drop_non_finite, drop_welded, drop_unused)
     sheets = separate_sheets(glued.mesh, sheet_distance)
-    if not sheets.is_manifold:  # a merge of corners removed triangles
+    if not sheets.is_manifold:  # triangles are missing, as a merge of their corners removed them
         limbs_parted = mend(draft, least_distance=sheet_distance)
         if limbs_parted.contacts:
             # Holes that the merge left are closed, as they are no openings of the shape.
@@ -109,7 +109,7 @@ def take_sheets_apart(draft: Draft, sheet_distance: float) -> Draft | None:
 
 
 def mend(draft: Draft, weld: bool = True, insert: bool = True, least_distance: float = np.inf) -> Draft:
-    """Repair the mesh of a draft, whose vertices, with copies, are the given ones of these steps."""
+    """Repair the mesh of a draft, in steps that take its vertices, copies included, as the given ones."""
     close = partial(close_gaps, weld=weld, insert=insert)
     part = partial(part_limbs, least_distance=least_distance)
     steps = close, drop_unsound_faces, drop_non_finite, drop_welded, drop_unused, wind, part

@@ -12,20 +12,21 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.io import Asset, Polygons, Renumbering
 from isomatch.surfaces import label_components
 
-ON_SIDE_RATIO = 1e-3  # largest distance of a vertex on a side over the length of the side; chosen
-SIDE_END_SHARE = 1e-2  # least distance of an inserted vertex from an end over the side; chosen
-MIN_GAP_RATIO = 3.0  # least ratio of shortest side and distance of vertices that nearly coincide; chosen
+ON_SIDE_RATIO = 1e-3  # largest distance of a vertex from its side, over the side's length; chosen
+SIDE_END_SHARE = 1e-2  # least distance of an inserted vertex from the side's ends, over its length; chosen
+MIN_GAP_RATIO = 3.0  # least ratio of shortest side to distance of vertices that nearly coincide; chosen
 MAX_CLOSE_RATIO = 0.3  # largest distance of vertices that nearly coincide, over the median side; chosen
-# Smallest share and number of boundary vertices that nearly coincide; fewer may do so by chance; chosen.
+# Least share and number of boundary vertices that are reported as nearly coincident; fewer may be by chance;
+# chosen.
 MIN_CLOSE_SHARE, MIN_CLOSE_VERTICES = 0.05, 4
-# Quantiles of lengths and distances that stand for the shortest side and the largest distance, as single
-# values may be exceptions; chosen.
+# The first quantile of the lengths is taken as the shortest side; if the largest distance of vertices that
+# nearly coincide is too large, the second quantile stands for it; single values might be exceptions; chosen.
 SHORT_SIDE_QUANTILE, CLOSE_DISTANCE_QUANTILE = 0.02, 0.95
-# Most points near a piece of a side before the piece is halved, and the smallest share of the side that is
-# still halved; chosen for speed.
+# A piece of a side is halved if more points than this are near it, unless it is at most this share of the
+# side; chosen for speed.
 MAX_POINTS_NEAR_PIECE, MIN_PIECE_SHARE = 16, 1 / 64
-POINTS_AT_ONCE = 2**22  # points that are compared with sides at once, which bounds the memory; chosen
-N_NEIGHBOURS = 8  # vertices among which the nearest vertex without a common side is sought; chosen
+POINTS_AT_ONCE = 2**22  # number of points compared with sides at once, which bounds the memory; chosen
+N_NEIGHBOURS = 8  # number of nearest vertices among which one without a common side is sought; chosen
 
 
 class Sides(NamedTuple):
@@ -35,7 +36,7 @@ class Sides(NamedTuple):
     ends: IntArray
 
 
-NO_SIDES = Sides(np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64))  # no sides of polygons
+NO_SIDES = Sides(np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64))  # an empty set of sides
 
 
 class TJunctions(NamedTuple):
@@ -48,8 +49,9 @@ class TJunctions(NamedTuple):
 
 def close_vertices(positions: FloatArray, sides: IntArray) -> tuple[IntArray, float]:
     """Find boundary vertices that nearly coincide, and the largest distance at which they do, or nan."""
-    # The distances to the nearest vertex without a common side are compared with the lengths of sides.
-    # If many are far below the lengths, the tolerance lies in the middle of the gap.
+    # For each vertex, the distance from the nearest vertex without a common side is compared with the lengths
+    # of sides. If many distances are far below all lengths, the tolerance is the geometric mean of largest
+    # distance and shortest side.
     nothing_found = np.zeros(0, dtype=np.int64), np.nan
     vertices = np.unique(sides)
     if len(vertices) < MIN_CLOSE_VERTICES:
@@ -74,7 +76,7 @@ def close_vertices(positions: FloatArray, sides: IntArray) -> tuple[IntArray, fl
 
 
 def first_within(points: FloatArray, tolerance: float) -> IntArray:
-    """Find, for each point (n, 3), the first point that short steps lead to, (n,)."""
+    """Find, for each point (n, 3), the first point that steps of at most the tolerance lead to, (n,)."""
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
     pairs = finite[cKDTree(points[finite]).query_pairs(tolerance, output_type="ndarray")]
     count, group = label_components(len(points), (pairs[:, 0], pairs[:, 1]))
@@ -142,7 +144,7 @@ def _find_on_sides(
 
 
 def free_sides(polygons: Polygons, survivor: IntArray, is_sound: BoolArray | None = None) -> Sides:
-    """Find the sides of only one polygon, among the sound ones (p,), after welding."""
+    """Find the sides that belong to only one of the sound polygons (p,), after welding."""
     corners, n = polygons.corners, len(survivor)
     inside = (corners >= 0) & (corners < n)
     ends = np.cumsum(polygons.sizes)

@@ -18,22 +18,24 @@ from isomatch.surfaces import Mesh, find_root, first_equal, label_components
 # consists of all these vertices. Without them, the surface around it falls apart into the sheets, while the
 # surface around a fold or a pinch of one sheet stays in one piece. Faces at the contact belong to the sheet
 # of their other corners. If the sheets are still joined, the next pass adds flatter edges, and then
-# neighbours, to the contact. Each pass: the degrees by which concave edges of the contact bend at least, and
-# the number of rings of neighbours that are added; chosen.
+# neighbours, to the contact. A pass has the least angle, in degrees, by which concave edges of the contact
+# bend, and the number of rings of neighbours that are added; chosen.
 PASSES = ((120.0, 0), (90.0, 0), (60.0, 0), (40.0, 0), (60.0, 1))
-# √area; sheets are sought this near to the contact; chosen: less than half the way between sheets
+# √area; largest distance along edges from marked vertices at which sheets are sought; chosen
 SEEN_DISTANCE = 0.08
-# reach of a sheet over SEEN_DISTANCE, at least; a piece that reaches less far is a rag of the contact; chosen
+# A piece is a sheet if it reaches at least this share of SEEN_DISTANCE away from marked vertices, otherwise a
+# scrap of the contact; chosen.
 MIN_SHEET_REACH = 0.8
 # Vertices of edges with more than two faces, or with several fans, are marked. Of the vertices of a contact,
-# at least the first share is marked, and at least the second share plus half the mean cosine of the
-# normals of copies, because merged limbs face each other. In 200 merges of bodies of FAUST, TOSCA, SCAPE and
-# MakeHuman, contacts had shares of 0.29 to 1 and cosines up to 0.3; folds and holes had shares up to
-# 0.2 and cosines from 0.
+# at least the first share is marked, and at least the second share plus half the mean cosine between the
+# normals of the copies of a vertex, because merged limbs face each other. In 200 merges of bodies of FAUST,
+# TOSCA, SCAPE and MakeHuman, 0.29 to 1 of the vertices of contacts were marked, with mean cosines up to 0.3;
+# of folds and holes, up to 0.2 were marked, with mean cosines from 0.
 MIN_MARKED_SHARE, MARKED_SHARE_AT_RIGHT_ANGLES = 0.25, 0.2
-# share of the area of a whole body from which a piece is a body and parted entirely; chosen: a leg has 0.17
+# Pieces that come off at a contact are bodies, and parted entirely, if each has at least this share of the
+# area; otherwise only marked vertices are parted; chosen: a leg has 0.17.
 MIN_BODY_SHARE = 0.2
-COPY_OFFSET_EDGES = 0.25  # mean edges by which copies move inward, so that they are not welded again; chosen
+COPY_OFFSET_EDGES = 0.25  # mean edge lengths by which copies move inward, not to be welded again; chosen
 
 
 def part_merged_limbs(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separation:
@@ -59,7 +61,7 @@ def _part_component(mesh: Mesh, least_distance: float) -> Separation:
     index = np.arange(mesh.n_vertices)
     size = np.abs(mesh.vertices).max() or 1.0  # a unit in which squares do not overflow
     parted = mesh.moved(mesh.vertices / size)
-    inward = parted.volume < 0  # an inward winding: "concave" and "inward" assume an outward one
+    inward = parted.volume < 0  # if wound inward, turned over: "concave" needs an outward winding
     parted = rewind_faces(parted) if inward else parted
     while True:  # repeated, as limbs that have moved may meet again
         further, origin = _part_once(parted, least_distance)
@@ -105,7 +107,7 @@ def _part_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
 def _bends(mesh: Mesh) -> FloatArray:
     """Find the sharpest concave edge at each vertex, (n,): its angle in degrees, negative if concave."""
     ends, beside = inner_edges(mesh)
-    # at an edge whose two faces disagree, the inside meets the outside
+    # edges whose two faces are wound unlike each other are left out: there, the inside meets the outside
     agree = ~mesh.edge_table.clash[mesh.edge_table.n_faces == 2]
     least = np.zeros(mesh.n_vertices)
     np.minimum.at(least, ends[agree], bends_and_costs(mesh, ends, beside)[0][agree, None])
@@ -223,8 +225,9 @@ def _confirm_contacts(
     seams = [places[rows] for rows in split_by(_label_near(mesh, several))]
     least = [max(MIN_MARKED_SHARE, MARKED_SHARE_AT_RIGHT_ANGLES + facing[v].mean() / 2) for v in seams]
     merged = [v for v, share in zip(seams, least) if marked[v].mean() >= share]
-    # Bodies that share a corner, an edge or a wall stay one body. Merged bodies have lost triangles, so that
-    # at least half of a hole is at the contact. If a limb would be cut off, only marked vertices are parted.
+    # Bodies that share a corner, an edge or a wall stay one body. Merged bodies have lost triangles: at least
+    # half of the vertices around a hole are at the contact. If a limb would be cut off, only marked vertices
+    # are parted.
     component, rim = separated.components, separated.edges[separated.edge_table.n_faces == 1]
     _, hole = label_components(len(vertex), tuple(rim.T))
     is_open = np.isin(np.arange(len(vertex)), rim)

@@ -19,9 +19,9 @@ from isomatch.repair.self_contacts import face_normals
 from isomatch.surfaces import Mesh, label_components, meetings
 
 T = TypeVar("T", FloatArray, IntArray, BoolArray)
-CELLS_PER_RADIUS = 4.0  # cells in a radius of the ball; chosen: openings are measured to an eighth of it
-MARGIN_CELLS = 1.5  # cells; largest gap between the ball and a surface that it touches; chosen
-# cells by which the distance from the surface falls while labels spread to narrow places; chosen
+CELLS_PER_RADIUS = 4.0  # number of cells per radius of the ball; chosen: a cell is 1/8 of the opening wide
+MARGIN_CELLS = 1.5  # cells; largest gap between the ball and a surface that counts as touched; chosen
+# cells by which the least distance from the surface falls in each step of `_flood`; chosen
 NARROWING_CELLS = 0.25
 SPACING_CELLS = 0.5  # cells; largest distance between the points that represent a face; chosen
 
@@ -52,14 +52,14 @@ def inner_faces(mesh: Mesh, opening: float = OPENING_DIAMETER) -> BoolArray:
         _, _, nearest = dijkstra(graph, directed=False, **asked)
         seen = np.where(nearest >= 0, seen[np.maximum(nearest, 0)], seen)
     lost = seen == 0
-    if lost.any():  # no ball fits in front of these components
+    if lost.any():  # no ball fits in front of any face of these components
         count, of_face = label_components(mesh.n_faces, tuple(links.T))
         reached = np.bincount(of_face, space.is_beside_outside(surface), count) > 0
         seen[lost] = np.where(reached[of_face[lost]], _OUTER, _INNER)
     return _drop_specks(surface, links, seen == _INNER, opening**2)
 
 
-_SOLID, _INNER, _OUTER = 1, 2, 3  # labels of cells; where labels meet, the largest spreads
+_SOLID, _INNER, _OUTER = 1, 2, 3  # labels of cells; where several could spread to a cell, the largest does
 
 
 @dataclass(frozen=True, eq=False)

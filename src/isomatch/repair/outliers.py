@@ -7,12 +7,12 @@ from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import BoolArray, FloatArray
 
-N_NEIGHBOURS = 8  # nearest points of a point whose mean distance is compared; chosen
-# A point is far if its mean distance from its neighbours exceeds the median of all points by this factor, and
-# an outlier if it also exceeds its neighbours' median by it; chosen.
+N_NEIGHBOURS = 8  # number of nearest points over which the distance from a point is averaged; chosen
+# A point is far if its mean distance is more than this times the median mean distance of all points, and an
+# outlier if it is also more than this times the median over its neighbours; chosen.
 FAR_RATIO = 4.0
-# A far point is an outlier, too, if its neighbours are scattered: their least variance exceeds this share of
-# the sum of all three, while it is smaller on a surface; chosen.
+# A far point is also an outlier if its neighbours are scattered: the least of the three principal variances
+# of their positions is more than this share of the sum, unlike on a surface; chosen.
 SCATTER_SHARE = 0.06
 
 

@@ -19,15 +19,15 @@ from isomatch.surfaces import Mesh, corner_links, join_trees, label_components, 
 # each, and costs in between are interpolated. The cut path of a self-contact is sharp and concave, while
 # other loops around its handle cross convex limbs; chosen.
 COST_ANGLES = (-60.0, -30.0, 0.0, 40.0)
-LENGTH_COSTS = (0.1, 0.5, 1.0, 2.0)  # cost of an edge per length, for each of COST_ANGLES; chosen
+LENGTH_COSTS = (0.1, 0.5, 1.0, 2.0)  # cost of an edge over its length, for each of COST_ANGLES; chosen
 
 # The next constants say where cut paths are sought; ``preparation.self_contact_concavity`` decides which
 # loop is a cut path, and the numbers of handles of the shapes decide how many are cut.
-ROOT_ANGLE = -30.0  # degrees; loops begin at ends of edges that bend more sharply inward; chosen
-MAX_ROOTS = 100  # largest number of ends at which loops begin; chosen: one near each cut path is enough
-MAX_PATH_COST = 0.4  # √area; cost at which paths from a root end; chosen: half the longest cut path's
-LOOPS_PER_ROOT = 4  # cheapest loops through a root that are tried; chosen
-# √area; a shorter cut path is judged as if it had this length, as it need not be concave everywhere; chosen
+ROOT_ANGLE = -30.0  # degrees; loops begin at roots, ends of edges that bend more sharply inward; chosen
+MAX_ROOTS = 100  # largest number of roots; chosen: one root near each cut path is enough
+MAX_PATH_COST = 0.4  # √area; largest cost of a path from a root; chosen: half the longest cut path's cost
+LOOPS_PER_ROOT = 4  # number of cheapest loops through a root that are tried; chosen
+# √area; a shorter cut path may cost as much as one of this length, as it need not be all concave; chosen
 MIN_CUT_PATH_LENGTH = 0.06
 
 
@@ -50,7 +50,7 @@ def count_handles(mesh: Mesh) -> int:
     """
     mesh, _ = cut_edges(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
     pieces = len(np.unique(mesh.components[mesh.faces[:, 0]]))
-    # A piece of genus g has 2 − 2 g = V − E + F, with a face for each hole.
+    # A piece of genus g with V vertices, E edges, F faces and one more for each hole has V − E + F = 2 − 2 g.
     euler = len(np.unique(mesh.faces)) - len(mesh.edges) + mesh.n_faces + len(boundary_loops(mesh))
     return max((2 * pieces - euler) // 2, 0)
 
@@ -139,7 +139,7 @@ def face_normals(mesh: Mesh) -> FloatArray:
 
 
 def _cut_path(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
-    """Find the cheapest concave loop that does not separate the real faces, with the first n_real vertices."""
+    """Find the cheapest concave loop that does not separate the real faces, those of the first n_real vertices."""
     least = MIN_CUT_PATH_LENGTH * np.sqrt(mesh.area)
     ends, beside = inner_edges(mesh)
     loops = _nonseparating_loops(mesh, n_real, ends, beside)
@@ -217,8 +217,8 @@ def _closing_edges(
     return near[closes], total[near[closes]]
 
 
-# Bounds of creases, chosen: a crease is only a hypothesis, which the map closes again where it is a fold.
-# With ``preparation.self_contact_concavity`` = 0 there are no creases.
+# Bounds of creases. That surfaces touch at a crease is only a hypothesis; if it is a fold, the map closes the
+# cut. With ``preparation.self_contact_concavity`` = 0 there are no creases.
 CREASE_ANGLE = -45.0  # degrees; edges that bend more sharply inward form creases; chosen
 MAX_BRIDGE_COST = 0.03  # √area; largest cost of a path that joins two pieces of a crease; chosen
 MIN_CREASE_LENGTH = 0.12  # √area; least length of a crease; chosen
@@ -283,7 +283,7 @@ def _longest_paths(mesh: Mesh, edges: IntArray, least: float) -> IntArray:
     """Keep the longest path of a spanning tree of each connected set of edges, if it is long enough."""
     n = mesh.n_vertices
     lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
-    # The indices are short, because dijkstra of scipy 1.15 takes no trees with longer ones.
+    # The indices have 32 bits, because dijkstra of scipy 1.15 takes no trees with longer ones.
     ends = tuple(edges.T.astype(np.int32))
     tree = minimum_spanning_tree(coo_array((lengths, ends), shape=(n, n)).tocsr())
     _, piece = connected_components(tree, directed=False)

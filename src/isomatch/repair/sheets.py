@@ -24,9 +24,10 @@ from isomatch.surfaces import (
     unsound_faces,
 )
 
-# √area along the surface; copies of a vertex farther apart are on two sheets: decisions.md, separated sheets
+# √area; copies of a vertex that are farther apart along the surface are on two sheets: decisions.md,
+# separated sheets
 SHEET_DISTANCE = 0.1
-PROBES_PER_SEAM = 8  # vertices of a seam at which the distance between the copies is measured; chosen
+PROBES_PER_SEAM = 8  # number of vertices of a seam at which the distance between copies is measured; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,14 +91,15 @@ def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separ
 
 def _restore_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     """Return the sound faces, (m, 3), without repeated ones, and with coinciding layers put back."""
-    # Where sheets coincide, each edge is traversed equally often in both directions. A face that is
-    # listed twice traverses its edges once too often. A patch that lost a layer, removed as duplicate,
-    # lacks a traversal of each edge of its rim, in the same direction all around.
+    # Where sheets coincide, faces traverse each edge equally often in both directions. A face that is listed
+    # twice traverses its edges once too often. If one of two layers of a patch was removed as duplicate, each
+    # edge of the rim of the patch lacks a traversal, in the same direction all around.
     unsound = unsound_faces(vertices, faces)
     faces = faces[~(unsound.any & ~unsound.duplicate)]
     edges = edge_table(faces, len(vertices))
     side, edge, direction = sides_by_edge(edges, faces)
-    surplus = np.bincount(edge, direction, len(edges.ends))  # traversals from the smaller vertex
+    # for each edge: traversals from the smaller to the larger vertex, minus those back
+    surplus = np.bincount(edge, direction, len(edges.ends))
     lowest = faces.argmin(axis=1)[:, None]
     turned = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)
     too_often = np.bincount(side // 3, surplus[edge] * direction > 0) == 3
@@ -121,7 +123,7 @@ def _restore_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     rim_of = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[rim_of], np.arange(n_pieces + 1))
     faces_of = split_by(piece)
-    # Layers are treated from the smallest to the largest: a wall before the rooms beside it.
+    # Smaller pieces get their layer first: a wall before the rooms beside it.
     for i in np.flatnonzero(one_sign)[area[one_sign].argsort(kind="stable")]:
         rim_rows = rim_of[start[i] : start[i + 1]]
         sign = np.sign(surplus[edge_of[rim_rows]] * direction_of[rim_rows])
@@ -194,24 +196,27 @@ def _near_along_edges(mesh: Mesh, distance: float) -> Callable[[int], BoolArray]
     return lambda vertex: np.asarray(dijkstra(lengths, directed=False, indices=vertex, limit=limit) <= limit)
 
 
-# loss of likeness, ((1 + cos) / 2)² of two pairs of faces, up to which partners are exchanged; chosen: an
-# exchange between two flat sheets loses 2
+# largest loss, see `_Partners`, at which partners are exchanged; chosen: an exchange between two flat sheets
+# that touch loses 2
 MAX_LIKENESS_LOSS = 1.95
 HEALING_ROUNDS = 3  # rounds in which wrong choices of partners are exchanged; chosen
-# faces of an edge that are paired, at most, as the time is quadratic; chosen: sheets that touch have 4 or 6
+# largest number of faces of an edge that are paired, as the time is quadratic; chosen: edges at which sheets
+# touch have 4 or 6 faces
 MAX_PAIRED_FACES = 100
-# vertices with one fan, in a net of crowded edges, that are paired, at most: all pairs are compared; chosen
+# largest number of vertices with one fan, in connected crowded edges, that are paired, as all pairs are
+# compared; chosen
 MAX_PAIRED_VERTICES = 1000
 
 
 class _Partners:
     """The sides of m faces that continue one another on a sheet."""
 
-    # Side 3 f + i of face f goes from its corner i to the next. partner (3 m,) is −1 where no side
-    # continues a side. If directions do not cancel, or more than MAX_PAIRED_FACES meet, all sides of an
-    # edge stay together, by _chained (k, 2). For each crowded edge, change has the least loss of
-    # likeness by an exchange of partners, and the two sides that exchange them. The likeness is
-    # ((1 + cos) / 2)² for the angle between normals.
+    # Side 3 f + i of face f goes from its corner i to the next. partner (3 m,) is the side that continues
+    # each side, or −1. _chained (k, 2) pairs the sides that stay together: of edges of two faces, of edges
+    # with more than MAX_PAIRED_FACES, and of edges with unequal numbers of sides in both directions. The
+    # likeness of two faces is ((1 + cos a) / 2)², where a is the angle between their normals. For each other
+    # edge, change has the least loss, the likeness of two pairs minus that after they exchange partners, and
+    # the two sides that exchange them.
     def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
         self._faces, self._n = faces, len(vertices)
         edges = edge_table(faces, len(vertices))

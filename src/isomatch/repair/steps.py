@@ -54,7 +54,7 @@ def _insert_on_sides(draft: Draft, onto: IntArray) -> Draft:
     whole, inserted = insert_t_junctions(given, onto, is_sound)
     if not inserted.any():
         return draft
-    # All triangles of a polygon with a new corner come from its first triangle.
+    # All triangles of a polygon with a new corner count as made from its first triangle.
     origin = np.searchsorted(given.polygons.of_triangle, whole.polygons.of_triangle)
     return replace(
         draft,
@@ -89,7 +89,7 @@ def drop_non_finite(draft: Draft) -> Draft:
 def drop_welded(draft: Draft) -> Draft:
     """Remove vertices that were welded onto others, so that no given vertex has become them."""
     welded = np.ones(draft.mesh.n_vertices + 1, dtype=bool)
-    welded[draft.trace.current] = False  # index −1, of removed vertices, means the last row
+    welded[draft.trace.current] = False  # removed vertices have index −1, the last row
     return draft.without_vertices(welded[:-1])
 
 
@@ -124,7 +124,7 @@ def part_limbs(draft: Draft, least_distance: float) -> Draft:
 
 def drop_chambers(draft: Draft, opening: float) -> Draft:
     """Remove chambers and their walls; the outermost surface is left."""
-    from isomatch.repair.outer import inner_faces  # late, as it imports scipy.ndimage, which is slow
+    from isomatch.repair.outer import inner_faces  # imports scipy.ndimage, which is slow
 
     return _cut_off(draft, "chambers", inner_faces(draft.mesh, opening))
 

@@ -8,13 +8,13 @@ from scipy.spatial import cKDTree
 from isomatch._core.errors import SettingError
 from isomatch.surfaces import Mesh
 
-WALL_THICKNESS = 0.05  # √area; largest thickness of a wall: decisions.md, double walls
-N_PROBED = 1000  # vertices, evenly spread, that are probed; chosen: the share is known to 1.5 %
-# vertices among which the other sheet of a wall is sought; chosen: their spacing is 0.004 √area
+WALL_THICKNESS = 0.05  # √area; largest distance between the sheets of a wall: decisions.md, double walls
+N_PROBED = 1000  # number of vertices, evenly spread, that are probed; chosen: gives the share to 1.5 %
+# largest number of vertices among which the other sheet is sought; chosen: their spacing is 0.004 √area
 MAX_COMPARED_VERTICES = 50_000
-PROBED_DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # depths of the search, over the thickness; chosen
+PROBED_DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # depths to search, as shares of ``wall``; chosen
 MAX_OPPOSITE_COSINE = -0.7  # largest cosine between the normals of the two sheets of a wall; chosen
-MIN_STEEPNESS = 2.0  # least depth of the other sheet along the normal, over its distance sideways; chosen
+MIN_STEEPNESS = 2.0  # least depth of the other sheet, along the normal, over its distance sideways; chosen
 
 
 def double_walled_share(surface: Mesh, wall: float = WALL_THICKNESS) -> float:
@@ -25,8 +25,8 @@ def double_walled_share(surface: Mesh, wall: float = WALL_THICKNESS) -> float:
     """
     if not 0 <= wall < np.inf:
         raise SettingError(f"wall = {wall!r} is not a thickness; give 0 or more, in √area")
-    # The search is in six dimensions, positions and normals × the thickness of the wall: the query is a place
-    # behind a vertex, with the opposite normal.
+    # Vertices are compared in six dimensions: their position, and their normal times the thickness of the
+    # wall. The query is a place behind a vertex, with the opposite normal.
     area = surface.area
     if not 0 < area < np.inf:
         return 0.0

@@ -18,7 +18,7 @@ from isomatch.server.session import Session
 HOST = "127.0.0.1"  # address that only programs on this machine can reach
 EXTRA, FEATURE = "open", "isomatch open"  # extra with the packages of the server, and what needs it
 REFUSED_STATUS = 400  # HTTP status of a request that fails; the answer gives the reason in words
-VERTEX_LIMIT = 2**31  # vertices that a request names are below this, the range of 32 bits; chosen
+VERTEX_LIMIT = 2**31  # an index of a vertex in a request must be below this, to fit 32 bits; chosen
 
 
 def require_server() -> None:

@@ -13,9 +13,9 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 TOKEN_HEADER = b"x-isomatch-token"  # header in which the page's script sends the token
-MAX_BODY_BYTES = 2**20  # bytes of a request's body, at most; chosen: about 70 000 pairs of landmarks fit
+MAX_BODY_BYTES = 2**20  # largest number of bytes of a request's body; chosen: about 70 000 landmark pairs fit
 PAGE = "/"  # path of the page, whose address has the token in its query
-HEADERS = (  # headers of all answers, by which a browser protects the page from others
+HEADERS = (  # headers of all answers, by which a browser protects the page from other pages
     (b"cache-control", b"no-store"),
     (b"referrer-policy", b"no-referrer"),  # Pages that are linked do not get the address with the token.
     (b"x-content-type-options", b"nosniff"),

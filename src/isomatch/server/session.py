@@ -22,7 +22,7 @@ POLL_SECONDS = 0.05  # seconds between two checks whether a job has ended; chose
 logger = logging.getLogger(__name__)
 
 Pairs = Sequence[Sequence[int]]  # pairs (source vertex, target vertex)
-# share of a job's time that the match takes; drawing takes the rest; chosen, only for the progress bar
+# share of a job's time that passes before drawing begins, for the progress bar alone; chosen
 SHARE_BEFORE_DRAWING = 0.97
 
 

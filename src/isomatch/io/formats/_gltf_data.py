@@ -25,7 +25,7 @@ from isomatch.io.formats._reading import Room, unexpected
 from isomatch.io.materials import picture_in
 from isomatch.io.polygons import triangles_of_strips
 
-_MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"  # bytes with which a GLB file and its two chunks begin
+_MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"  # bytes that mark a GLB file and its two chunks
 # numpy types of the components of an array, by their code in glTF
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}  # codes of glTF by numpy type
@@ -35,24 +35,25 @@ _TYPES = {width: name for name, width in _WIDTHS.items()}  # types of glTF by th
 VERTICES, INDICES = 34962, 34963  # codes of glTF for data of vertices and data of indices
 # extensions of glTF that compress data, which cannot be read
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
-_MAX_GLB_BYTES = 2**32 - 64  # bytes of JSON and data in a GLB file, at most: sizes have 32 bits
-_ENTRY_BYTES = 24  # bytes of memory for a number of an array while parts are joined; measured
-# bytes of memory in Python of an object, a list and an item of JSON, by the letter that begins it; measured
+# largest number of bytes of JSON and data in a GLB file: its size has 32 bits, 64 bytes are for headers
+_MAX_GLB_BYTES = 2**32 - 64
+_ENTRY_BYTES = 24  # bytes of memory for each number of an array, at the peak, when parts are joined; measured
+# bytes of memory in Python of an object, a list and a further item of JSON, by its first character; measured
 _JSON_BYTES = {b"{": 200, b"[": 88, b",": 32}
-_COPY_BYTES = 16  # bytes of memory for a letter of JSON that is copied; measured
+_COPY_BYTES = 16  # bytes of memory for each character of JSON that is copied; measured
 # what replaces an unused entry of a list, so that other entries keep their numbers
 _FREE_ENTRIES: dict[str, Any] = {
     "accessors": {"componentType": 5121, "count": 1, "type": "SCALAR"},
     "bufferViews": {"buffer": 0, "byteLength": 1},
 }
-_REFERENCES = {  # for two lists: keys in whose values all integers are numbers of entries of that list
+_REFERENCES = {  # for two lists of the JSON: keys under which all integers are indices of entries of the list
     "accessors": ("indices", "input", "output", "inverseBindMatrices", "attributes", "targets", "extensions"),
     "bufferViews": ("bufferView", "extensions"),
 }
 _CUT_SHORT = "it is cut short, copy or export it again"  # the end of messages
-Matrix = tuple[tuple[float, ...], ...]
+Matrix = tuple[tuple[float, ...], ...]  # rows of a matrix (4, 4)
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6  # codes of glTF for kinds of primitives: triangles, strips, fans
-_POSE_TOLERANCE = 1e-3  # difference of entries of alike matrices, over the largest entry; chosen
+_POSE_TOLERANCE = 1e-3  # largest difference between entries of alike matrices, over the largest entry; chosen
 
 
 @dataclass
@@ -61,7 +62,7 @@ class GltfData:
 
     json: dict[str, Any]
     blob: bytearray
-    # Memory that is left for arrays and pictures: a small file may refer to the same bytes many times.
+    # It bounds the memory for arrays and pictures: a small file may refer to the same bytes many times.
     room: Room = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -113,7 +114,7 @@ class GltfData:
         rows = np.ascontiguousarray(values.reshape(len(values), width), kind)
         octets = rows.view(np.uint8).reshape(len(rows), width * kind.itemsize)
         view: dict[str, object] = {} if target is None else {"target": target}
-        # indices follow one another without gaps, other rows begin at multiples of 4 bytes
+        # glTF requires that rows of vertex data begin at multiples of 4 bytes; other rows have no gaps
         if octets.shape[1] % 4 and target == VERTICES:
             octets = np.pad(octets, ((0, 0), (0, -octets.shape[1] % 4)))
             view["byteStride"] = octets.shape[1]
@@ -242,7 +243,7 @@ class GltfData:
 
 
 def _numbers_in(entry: Any, keys: tuple[str, ...], inside: bool = False) -> set[int]:
-    """Collect the numbers under some keys; in unknown extensions, all numbers."""
+    """Collect the integers anywhere under some keys."""
     if isinstance(entry, int):
         return {entry} if inside else set()
     numbers: set[int] = set()
@@ -276,7 +277,7 @@ def unpack(data: bytes, name: str) -> GltfData:
                 room.take(2 * n, "a buffer")  # bytes are held twice: as read, and in the common buffer
                 content = file.read(n)
         elif uri is None:
-            content = binary if i == 0 else b""  # only the first buffer may be in the file
+            content = binary if i == 0 else b""  # only the first buffer can be the binary chunk of the file
         elif uri.startswith("data:"):
             content = base64.b64decode(uri.partition(",")[2])
         else:
@@ -426,7 +427,7 @@ def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Map
     contents = document["meshes"][mesh]
     had, weights_before = key_names(contents), contents.get("weights", [])
     nodes = {i: node for i, node in enumerate(document.get("nodes", [])) if node.get("mesh") == mesh}
-    if names != had:  # animations of weights have a value for each old key
+    if names != had:  # animations of key weights are removed, as they have a value for each old key
 
         def has_old_weights(target: dict[str, Any]) -> bool:
             return target.get("path") == "weights" and target.get("node") in nodes

@@ -48,7 +48,7 @@ class Room:
 
     size: int
     """Bytes of the file."""
-    taken: int = 0  # bytes that are taken
+    taken: int = 0  # bytes of memory that the contents have taken so far
 
     def take(self, n_bytes: int, what: str) -> None:
         """Raise `FormatError` if less memory is left."""
@@ -74,7 +74,7 @@ def content_beside(
 ) -> bytes | None:
     """Read a file in the folder or below it, as no other may be copied; None if there is none."""
     plain = name.replace("\\", "/")
-    # A path may be the author's; then only a file with its last name, in this folder, is sought.
+    # If the name is a path on its author's machine, a file with the last part of the name is sought here.
     for candidate in (plain, PurePosixPath(plain).name):
         with suppress(FormatError, OSError, ValueError):  # the name may be too long, or have a zero byte
             path = (folder / candidate).resolve()

@@ -20,12 +20,12 @@ from isomatch.io.polygons import spans
 
 EXPORT_AGAIN = "correct the line or export the file again"  # the remedy in messages
 
-SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."  # codes of some letters in ASCII
-_EXAMINED_BYTES = 2**16  # number of first bytes in whose comments the space may be named; chosen
+SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."  # ASCII codes of these characters
+_EXAMINED_BYTES = 2**16  # bytes at the start of a file in which comments are searched for axes; chosen
 _BLANKS_TO_SPACES = bytes.maketrans(b"\t\v\f", b"   ")  # turns tabs and form feeds into spaces
 _WORD = re.compile(rb"[^ \n]+")  # matches what is between blanks or ends of lines
-# Bytes that are split into words at once: at most 16,384 (chosen, as Python objects take memory), and then
-# the rest of a word, or of a line.
+# They match the bytes that are split into words at once: up to 16,384, chosen to save memory, and on to the
+# end of the word, or of the line.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
 _PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
 
@@ -35,7 +35,7 @@ class TextLines:
     """Some lines of a file, without comments, blank lines and leading blanks."""
 
     name: str
-    data: AnyArray  # bytes of the lines, each with a newline at its end, and other blanks as spaces
+    data: AnyArray  # bytes of the lines; each line ends with a newline, and tabs are spaces
     numbers: IntArray  # (rows,) the number of each line in the file, from 1
     before: int = 0  # number of lines of the file before the first line here
 
@@ -209,7 +209,7 @@ def read_lines(
     text = data.translate(_BLANKS_TO_SPACES).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not text.endswith(b"\n"):
         text += b"\n"
-    if continued and text.endswith(b"\\\n"):  # no line follows the last one
+    if continued and text.endswith(b"\\\n"):  # the last line goes on, but there is no next one
         text += b"\n"
     numbers = np.arange(before + 1, before + 1 + text.count(b"\n"))
     if continued and b"\\\n" in text:

@@ -57,7 +57,7 @@ def _arrays(path: Path) -> dict[str, object]:
     if len(sizes) != len(types) or (sizes < 0).any() or sizes.sum() != len(corners):
         raise ValueError("its cells do not fit their declared number")
     is_polygon = np.isin(types, (_TRIANGLE, _POLYGON, _QUAD))
-    # strips are the last cells of vtkPolyData
+    # strips are read only from vtkPolyData, where they are the last cells
     is_strip = (types == _STRIP) & isinstance(data, vtkCommonDataModel.vtkPolyData)
     others, counts = np.unique(types[~is_polygon & ~is_strip], return_counts=True)
     names = [vtkCommonDataModel.vtkCellTypes.GetClassNameFromTypeId(int(kind)) for kind in others]

@@ -18,13 +18,12 @@ from isomatch.io.formats._reading import Room, damaged, reading, unexpected
 from isomatch.io.formats._text import are_bytes, frame_in_comments, read_lines
 from isomatch.io.polygons import Polygons
 
-_NORMAL_TOLERANCE = 0.05  # difference from 1 of the length of a normal; chosen
-_POSITIONS = ("x", "y", "z")  # columns of positions
-_EXAMINED_LETTERS = 2**16  # number of first letters by which the columns and the separator are told; chosen
-# matches the number of points in the first line that is no comment
+_NORMAL_TOLERANCE = 0.05  # largest difference of the length of a normal from 1; chosen
+_POSITIONS = ("x", "y", "z")  # names of the columns with positions
+_EXAMINED_LETTERS = 2**16  # characters at the start of a text that show its columns and separator; chosen
 _ROW_COUNT = re.compile(r"(?:[ \t]*(?:(?://|#).*)?\n)*[ \t]*(\d{1,18})[ \t]*\n")
-"""A line with the number of rows, before them and perhaps after comments."""
-# name and kind of the attribute that columns with these names hold
+"""Matches a line with the number of points, before them and perhaps after comments."""
+# name and kind of the attribute that is made of columns, by the names of the columns
 _NAMED_COLUMNS: dict[tuple[str, ...], tuple[str, Kind]] = {
     ("r", "g", "b"): ("color", "colour"),
     ("red", "green", "blue"): ("color", "colour"),
@@ -43,7 +42,7 @@ def read_xyz(data: bytes, name: str) -> Asset:
     counted = _ROW_COUNT.match(text)
     if counted and int(counted[1]) == text[counted.end() :].rstrip().count("\n") + 1:
         text = text[: counted.start(1)] + text[counted.end(1) :]
-    end = text.find("\n", _EXAMINED_LETTERS)  # enough to tell the columns and the separator
+    end = text.find("\n", _EXAMINED_LETTERS)
     head = parse_table(text if end < 0 else text[:end], name)
     table = head.titled(_POSITIONS)
     width = len(table.filled[0].cells) if table.filled else 0
@@ -138,7 +137,7 @@ def read_pcd(data: bytes, name: str) -> Asset:
     if len(fields) != n:
         raise damaged(name, what, f"{len(fields)} points, {n} declared")
     attributes = list[Attribute]()
-    # One column may hold a colour in 32 bits.
+    # A single column may hold the colour, one byte for each of blue, green, red.
     for packed in [name for name in ("rgba", "rgb") if name in columns][:1]:
         octets = columns.pop(packed).view("u1").reshape(n, -1)[:, 2::-1]
         attributes.append(Attribute("color", "point", "colour", octets))

@@ -22,8 +22,8 @@ SURFACES = (
 """Ends of the names of surfaces, such as ``lh.pial``."""
 VALUES = (".curv", ".sulc", ".thickness", ".area", ".volume", ".avg_curv")
 """Ends of the names of files with numbers at points."""
-# For surfaces in coordinates of voxels and of the scanner, how the footer begins.
-_VOXEL_FOOTER, _SCANNER_FOOTER = (  # starts of footers, by the coordinates of the surface
+# First bytes of footers: of surfaces with the origin at the centre of the volume, and in scanner coordinates.
+_VOXEL_FOOTER, _SCANNER_FOOTER = (
     np.array([2, real, 20], dtype=">i4").tobytes() + b"valid" for real in (0, 1)
 )
 
@@ -31,7 +31,7 @@ _VOXEL_FOOTER, _SCANNER_FOOTER = (  # starts of footers, by the coordinates of t
 def read_asset(data: bytes, name: str) -> Asset:
     """Read the points and triangles of a surface, in its own coordinates, in millimetres."""
     freesurfer = _package()
-    # nibabel does not read the volume of a surface in scanner coordinates, so the footer is changed
+    # nibabel reads no data on the volume if the coordinates are of the scanner, so the footer is changed
     plain = data.replace(_SCANNER_FOOTER, _VOXEL_FOOTER)
     with reading(name, "a FreeSurfer surface"), on_disk(plain, "") as path:
         points, faces, volume, stamp = freesurfer.read_geometry(path, read_metadata=True, read_stamp=True)

@@ -21,7 +21,7 @@ from isomatch.io.attribute import Attribute, guess_kind, number_equal_names
 from isomatch.io.formats._reading import Room, reading, unexpected
 from isomatch.io.polygons import Polygons
 
-_PIECE_BYTES = 2**20  # bytes of an array that are unpacked at once; chosen
+_PIECE_BYTES = 2**20  # bytes of a compressed array that are unpacked at once; chosen
 # codes of NIfTI that tell what an array holds
 _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
 _NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
@@ -32,14 +32,14 @@ VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
 """Second suffixes, before ``.gii``, of files without a surface."""
 # spaces of coordinates, in the order of their codes in NIfTI
 _SPACES = ("unknown", "scanner_anat", "aligned_anat", "talairach", "mni_152", "template_other")
-# for keys of FreeSurfer's data on a volume, the letter of the axis in GIFTI's keys
+# first letter in GIFTI's keys for an axis, or for the centre, by the key in nibabel's ``volume_info``
 _AXIS_LETTERS = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
 _VOLUME_KEYS = {
     "volume": ("Width", "Height", "Depth"),
     "voxelsize": ("Xsize", "Ysize", "Zsize"),
     **{key: tuple(f"{axis}_{way}" for way in "RAS") for key, axis in _AXIS_LETTERS.items()},
 }
-"""Meta data of FreeSurfer for its volume, after the prefix VolGeom."""
+"""Keys of GIFTI for the entries of nibabel's ``volume_info``, without the prefix VolGeom."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,8 @@ from isomatch.io.formats._gltf_data import GltfData, Matrix, extras_of, joint_na
 from isomatch.io.formats._reading import reading
 from isomatch.io.polygons import Polygons, Renumbering, split_at_seams
 
-_PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024  # bytes of a part and of a primitive, beside arrays; measured
+# bytes of memory of a part and of a primitive, besides their arrays; measured
+_PART_BYTES, _PRIMITIVE_BYTES = 1024, 1024
 # name and kind of the attribute of each key of glTF, without its number
 _KINDS: dict[str, tuple[str, Kind]] = {
     "NORMAL": ("normal", "normal"),
@@ -37,11 +38,11 @@ _KINDS: dict[str, tuple[str, Kind]] = {
     "COLOR": ("color", "colour"),
     "TANGENT": ("tangent", "vector"),
 }
-_BYTE_TOLERANCE = 0.03  # largest distance from an integer of a colour × 255 that was a byte; chosen
-_UNIT_TOLERANCE = 1e-3  # normals whose length differs from 1 by more are scaled; chosen above rounding
-# For each kind of attribute, its value at points that lack it; other kinds have 0, colours are white.
+_BYTE_TOLERANCE = 0.03  # largest difference of 255 × colour from an integer if colours were bytes; chosen
+_UNIT_TOLERANCE = 1e-3  # a normal whose length differs more from 1 is scaled to 1; chosen far above rounding
+# Value at points that lack an attribute, by its kind; colours are white there, and other kinds are 0.
 _MISSING_VALUES = {"uv": np.nan, "scalar": np.nan, "label": -1}
-Written = list[tuple[slice, list[dict[str, Any]]]]  # for each part of a mesh: rows of points, primitives
+Written = list[tuple[slice, list[dict[str, Any]]]]  # for each part: rows of its points, its primitives
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,12 @@ class GltfDocument:
 
     json: dict[str, Any]
     blob: bytes
-    places: tuple[tuple[int, int, int], ...]  # the mesh, primitive and part of each place
+    places: tuple[tuple[int, int, int], ...]  # for each place: its mesh, primitive and part
     place_of_triangle: IntArray
     polygons: Polygons
-    uv_names: Mapping[int, str] = field(default_factory=dict)  # names by the numbers in materials
+    uv_names: Mapping[int, str] = field(default_factory=dict)  # names of uv by their number in materials
     former: object = None  # the document of another format from which this document was made
-    coloured: frozenset[tuple[int, str]] = frozenset()  # mesh and key of all colours, also white
+    coloured: frozenset[tuple[int, str]] = frozenset()  # (mesh, key) of colours, even if all are white
 
     @property
     def data(self) -> GltfData:
@@ -303,7 +304,7 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
 
 
 def _missing_keys(keys: Iterable[str]) -> list[str]:
-    """List missing keys with lower numbers: COLOR_1 is only valid beside COLOR_0."""
+    """List missing keys with lower numbers: COLOR_1 is only valid together with COLOR_0."""
     found = (re.fullmatch(r"(COLOR|TEXCOORD)_(\d+)", key) for key in keys)
     before = [f"{match[1]}_{i}" for match in found if match for i in range(int(match[2]))]
     return [key for key in dict.fromkeys(before) if key not in {*keys}]
@@ -397,7 +398,7 @@ def _unit(normals: AnyArray) -> AnyArray:
 
 
 def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[str, int]) -> str:
-    """Choose the key of an attribute beside others."""
+    """Choose a key for an attribute that is not among the given keys."""
     if attribute.kind == "uv":
         return f"TEXCOORD_{numbers[attribute.name]}"
     if attribute.kind == "colour":
@@ -459,7 +460,7 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
     nodes += [{"name": name, **matrix} for name in names]
     for scene in gltf.json.get("scenes", [])[:1]:
         scene.setdefault("nodes", []).extend(joints)
-    # Identities are the default, but some readers need the matrices.
+    # These matrices are the default of glTF, but some readers need them in the file.
     inverse = gltf.add_matrices(np.tile(np.eye(4), (len(joints), 1, 1)))
     number = gltf.append("skins", {"joints": joints, "inverseBindMatrices": inverse})
     for node in users:
@@ -470,7 +471,7 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
 def _write_keys(
     gltf: GltfData, mesh: int, parts: Written, keys: Mapping[str, AnyArray], *, still: bool
 ) -> None:
-    """Write the shape keys of a mesh: those it had, and new ones that move it, or all if ``still``."""
+    """Write the shape keys of a mesh: those it had, and new ones, only if they move a point unless ``still``."""
     had = key_names(gltf.json["meshes"][mesh])
     moving = [name for name in keys if still or any(keys[name][rows].any() for rows, _ in parts)]
     names = [name for name in dict.fromkeys([*had, *moving]) if name in keys]

@@ -30,15 +30,15 @@ from isomatch.io.materials import (
     unreadable_pictures,
 )
 
-_MATERIAL_LISTS = ("images", "samplers", "textures", "materials")  # lists that materials need
+_MATERIAL_LISTS = ("images", "samplers", "textures", "materials")  # lists of the JSON that describe materials
 # what happens beyond the border of a picture, by the code of glTF
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-_WRAP_CODES = {wrap: code for code, wrap in _WRAPS.items()}  # code of glTF for what is beyond a picture
+_WRAP_CODES = {wrap: code for code, wrap in _WRAPS.items()}  # the same codes, by what happens
 _NEAREST = 9728  # code of glTF for the filter that takes the nearest pixel
 # Names of extensions of materials.
 _TRANSFORM, _VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
 _GLOSSINESS, _EMISSIVE_STRENGTH = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_emissive_strength"
-_NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys that joints do not keep
+_NOT_OF_JOINTS = ("mesh", "skin", "camera", "extensions", "weights")  # keys of nodes that are no plain joints
 
 
 def materials_of(document: GltfDocument) -> Looks | None:
@@ -289,7 +289,7 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     for matrix in bind_matrices.values():
         number = gltf.add_matrices(np.stack([np.linalg.inv(matrices[joint]) @ matrix for joint in joints]))
         skins.append({"joints": [new[joint] for joint in joints], "inverseBindMatrices": number})
-    for node in nodes:  # nodes with new skins come first, so that joints keep their names
+    for node in nodes:  # the new skins come first in the list, so that joints keep their names
         if "skin" in node:
             node["skin"] += len(skins)
     gltf.json["skins"] = skins + gltf.json.get("skins", [])

@@ -23,7 +23,7 @@ from isomatch.io.polygons import Polygons, Renumbering
 from isomatch.surfaces import Mesh, weld_points
 
 _STATEMENTS = {"object": "o", "group": "g", "material": "usemtl", "smoothing": "s"}
-"""Keywords of attributes that hold for the faces that follow."""
+"""Keyword of the statement that gives an attribute to the faces after it, by the name of the attribute."""
 _INDEXED: tuple[tuple[str, str, Kind, int], ...] = (("vt", "uv", "uv", 2), ("vn", "normal", "normal", 3))
 """Keyword, name, kind and width of the further indices of faces, in order."""
 _NAME_KEYWORDS = ("mtllib", "o", "g", "usemtl")
@@ -34,10 +34,11 @@ _NUMBER_OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 """Options of a picture, with the largest number of numbers after each."""
 _WORD_OPTIONS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
 """Options of a picture with one word after each."""
-_UDIM = re.compile("<udim>", re.IGNORECASE)  # what stands for the number of a tile in the name of a picture
+_UDIM = re.compile("<udim>", re.IGNORECASE)  # stands for the number of a tile in the name of a picture
 TILES = range(1001, 1101)
-"""Numbers of the tiles of texture coordinates: 1001 + u + 10 v."""
-_PICTURE_KEYWORDS = ("map_", "bump", "disp", "decal", "norm", "refl")  # first letters of keywords
+"""UDIM numbers of the tiles of texture coordinates, unit squares: 1001 + column + 10 row, with 10 columns."""
+# beginnings of the keywords after which a material library names a picture
+_PICTURE_KEYWORDS = ("map_", "bump", "disp", "decal", "norm", "refl")
 
 
 @dataclass(frozen=True)
@@ -345,7 +346,7 @@ def _encode(text: str, encoding: str) -> bytes:
 
 def _look(name: str, statements: Mapping[str, str], files: Mapping[str, bytes]) -> Look:
     kd = _numbers(statements.get("kd", ""), 3) or [1.0, 1.0, 1.0]
-    if "map_kd" in statements and max(kd) == 0:  # black beside a picture, as some programs write
+    if "map_kd" in statements and max(kd) == 0:  # some programs write black if a picture has the colours
         kd = [1.0, 1.0, 1.0]
     clear = _numbers(statements.get("tr", ""), 1)
     opacity = _numbers(statements.get("d", ""), 1) or [1 - x for x in clear] or [1.0]

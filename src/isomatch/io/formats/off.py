@@ -15,9 +15,9 @@ from isomatch.io.formats._text import NumberRows, TextLines
 from isomatch.io.polygons import Polygons, spans
 from isomatch.surfaces import Mesh
 
-# matches the first line of a file
+# matches the first line of a file: the letters before OFF, and the text after it
 _HEADER = re.compile(r"(?P<letters>(?:ST|[CN4])*)OFF(?![A-Z])\s*(?P<rest>[^#]*)(?:#.*)?", re.IGNORECASE)
-_MAP_INDICES = "indices into a colour map"  # kind of colours that are refused, in messages
+_MAP_INDICES = "indices into a colour map"  # name, in messages, of colours that are left out
 
 
 class _Tables(NamedTuple):
@@ -49,7 +49,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     n_normal = 3 if "N" in letters else 0
     n_left = int(rows.counts.max(initial=0)) - start - n_normal - n_last
     normal, colour = start, start + n_normal
-    # MeshLab writes colours before normals, which are then bytes.
+    # MeshLab writes colours, as bytes, before normals.
     if n_normal and "C" in letters and _text.are_bytes(rows.columns(start, 3)):
         normal, colour = start + n_left, start
     if n_normal:
@@ -118,7 +118,7 @@ def _colours(attribute: Attribute) -> tuple[FloatArray, str]:
     """Return colours as integers up to 255 or fractions, and their template."""
     fractions = attribute.fractions[:, :3]
     octets = np.rint(255 * fractions)
-    # Bytes of at most 1 would be read as fractions, so that such colours are written as fractions.
+    # If all bytes were 0 or 1, they would be read as fractions, so such colours are written as fractions.
     whole = attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1
     return (octets, "%d") if whole else (fractions, "%r")
 

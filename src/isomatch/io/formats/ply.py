@@ -26,18 +26,18 @@ from isomatch.io.materials import picture_in
 from isomatch.io.polygons import Polygons, Renumbering, spans, triangles_of_strips
 from isomatch.surfaces import Mesh
 
-_TYPES = {
+_TYPES = {  # numpy types by their names in PLY
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
     "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
     "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
 _COUNT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4")  # numpy types that the length of a list may have
-_LETTERS = {kind: letters for letters, kind in reversed(_TYPES.items())}  # the first name of each type
-# numpy's sign of the order of bytes, by the name of the encoding
+_LETTERS = {kind: letters for letters, kind in reversed(_TYPES.items())}  # name in PLY of each numpy type
+# numpy's sign of the order of bytes, by the name of the file's encoding; empty for text
 _BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _MAX_HEADER_BYTES = 2**18  # largest number of bytes of a header; chosen
-_MAX_DECLARED = 1000  # elements and properties in a header, at most; chosen: real headers have fewer than 100
-_MAX_ROW_BYTES = 2**31 - 1  # largest number of bytes in a row of an element, which numpy's types can hold
+_MAX_DECLARED = 1000  # most elements and properties in a header; chosen: real ones have fewer than 100
+_MAX_ROW_BYTES = 2**31 - 1  # largest number of bytes in a row of an element: numpy's types hold no more
 _INDEX_LISTS = ("vertex_indices", "vertex_index")  # names of the property with the vertices of a face
 _POINT_PROPERTIES = ("vertex1", "vertex2", *_INDEX_LISTS)  # properties that hold numbers of points
 # name, kind and properties of each attribute that several properties make up
@@ -52,13 +52,13 @@ _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("uv", "uv", ("texture_u", "texture_v")),
 )
 _NO_BYTE = re.compile("[\ud800-\udc7f\udd00-\udfff]")
-"""Surrogates that stand for no byte; the others stand for bytes that are not UTF-8."""
+"""Matches surrogates that stand for no byte; Python decodes bytes that are not UTF-8 to the others."""
 _CORNER_UV = "texcoord"  # property of faces with the texture coordinates of their corners
 TEXTURE_NUMBER = "texnumber"
 """The property of faces with the number of their picture."""
 _TEXTURE = "comment TextureFile {}"  # line of the header that names a picture
 _JOINT = re.compile(r"joint (\S+) (\S+) ?(.*)")
-"""Text of a comment that names an attribute of weights, one of its properties, and the joint that it is of."""
+"""Text of a comment that names an attribute of weights, one of its properties, and the joint to which it belongs."""
 
 
 @dataclass(frozen=True)

@@ -32,9 +32,9 @@ class MeshFormat:
     has_parts: bool = False  # whether files keep parts with transforms
     keeps_names: Callable[[Attribute], bool] = lambda attribute: False  # whether files keep names of labels
     has_opacity: bool = True  # whether files keep the opacity of colours
-    # whether files keep a frame of coordinates; all files keep comments
+    # whether files keep a frame of coordinates; by default only a frame that is just comments
     keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space
-    axes: Axes | None = None  # the axes of all files of the format
+    axes: Axes | None = None  # the axes, if all files of the format have the same
     # what is subtracted from points before they are rounded to single precision
     middles: Callable[[Asset], FloatArray] | None = None
 
@@ -77,7 +77,7 @@ _NAMED: dict[str, Any] = {"keeps_names": lambda attribute: True}  # all names ar
 _GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "middles": gltf.middles, **_NAMED}
 # all names and frames of coordinates are kept; points are rounded to single precision
 _GIFTI = {"keeps": gifti.keeps, "keeps_frame": lambda frame: True, **_NAMED, **_ROUNDED}
-_VTK: dict[str, Any] = {  # attributes of corners, and names other than texts, are not kept
+_VTK: dict[str, Any] = {  # attributes of corners, and names of numbered labels, are not kept
     "keeps": lambda attribute: attribute.domain != "corner",
     "keeps_names": lambda attribute: attribute.values.dtype.kind == "U",
     "options": _BINARY,

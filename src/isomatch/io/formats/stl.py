@@ -12,8 +12,8 @@ from isomatch.io.formats._text import TextLines, format_rows, read_lines
 from isomatch.io.polygons import Polygons
 from isomatch.surfaces import Mesh, weld_points
 
-TITLE_BYTES, _HEADER_BYTES = 80, 84  # bytes of the title, and of title and number of triangles
-# numbers of triangles in files of programs that did not know the number when they began to write
+TITLE_BYTES, _HEADER_BYTES = 80, 84  # bytes of the title, and of title plus number of triangles
+# numbers that programs write as the number of triangles if they do not know it when they begin to write
 _UNKNOWN_COUNTS = (0, 2**32 - 1)
 # numpy type of a triangle in a binary file
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -22,7 +22,7 @@ _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an STL file with colours of triangles; corners at the same position become one vertex."""
     is_text = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() in (b"solid", b"facet")
-    # a binary file may start with "solid", too
+    # a binary file might start with "solid", too, but has zero bytes
     if is_text and b"\0" not in data[: _HEADER_BYTES + _TRIANGLE.itemsize]:
         (corners, notes), attributes = _read_text(read_lines(name, data.lower())), list[Attribute]()
     else:
@@ -58,7 +58,7 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
 
 
 def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
-    """Read the triangles of a binary file, with a count of 0 or −1, or bytes after them, of some programs."""
+    """Read the triangles of a binary file; some programs write a count of 0 or −1, or bytes after the triangles."""
     if len(data) < _HEADER_BYTES:
         expected = f"'solid' or {_HEADER_BYTES} bytes of header"
         raise unexpected(f"{name}: byte {len(data)}", expected, "the end", "copy it again")
@@ -79,14 +79,15 @@ def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
 
 
 def _colours(header: bytes, words: AnyArray) -> tuple[list[Attribute], list[str]]:
-    """Read a colour of 15 bits for each triangle, of Materialise Magics, or of VisCAM and SolidView."""
+    """Read colours of 15 bits of the triangles, as Materialise Magics writes them, or VisCAM and SolidView."""
     fifths = np.stack([words & 31, words >> 5 & 31, words >> 10 & 31], axis=1)
     octets = np.rint(fifths * (255 / 31))
     marked = words >= 2**15
     mark = header.find(b"COLOR=")
     if mark >= 0 and len(header) >= mark + 10:
-        if not marked.all() or (words == words[:1]).all():  # MeshLab marks all triangles as coloured
-            octets[marked] = list(header[mark + 6 : mark + 9])  # unmarked ones have the header's colour
+        # a marked triangle has the header's colour, but MeshLab marks all triangles, whatever their colours
+        if not marked.all() or (words == words[:1]).all():
+            octets[marked] = list(header[mark + 6 : mark + 9])
         return [Attribute("color", "face", "colour", octets.astype(np.uint8))], []
     if not marked.any():
         return [], ["the two bytes after each triangle are left out"] if words.any() else []

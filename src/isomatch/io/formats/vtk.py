@@ -23,12 +23,15 @@ from isomatch.io.attribute import number_equal_names
 from isomatch.io.formats._reading import damaged, on_disk, reading
 from isomatch.io.libraries import ArrayDocument, is_attribute, named_attributes, polygons_of, to_pyvista
 
-# Seconds that a reader may take, and bytes for a further second; chosen: a triangle takes 0.5 s, 20 MB 1.9 s.
+# A reader is ended after MAX_SECONDS, plus one second for each BYTES_PER_SECOND bytes of the file; chosen: a
+# file of one triangle takes 0.5 s, a file of 20 MB 1.9 s.
 MAX_SECONDS, BYTES_PER_SECOND = 60.0, 1e6
 _END_MARK = "isomatch_end"  # name of a field at the end of a file, which shows that VTK read all of it
-TITLE_BYTES = 255  # bytes of the longest second line of a legacy file, its title, by the format
-# Text that is added to a legacy file. If an array is too short, VTK reads into it, and misses the mark.
+TITLE_BYTES = 255  # largest number of bytes of a legacy file's second line, its title, by the format
+# Text that is added to a legacy file. If an array is too short, VTK reads on into this text, and then finds
+# no field _END_MARK.
 _END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _END_MARK.encode()
+# what a message says if a reader ends without a message of its own
 _ENDED_EARLY = "the reader came to an end over it, as where more is declared than the file holds"
 _POLYGON_COUNT = {  # matches where a file declares its number of polygons
     ".vtk": re.compile(rb"(?im)^POLYGONS\s+(-?\d+)"),
@@ -46,7 +49,7 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
     n_other_cells = dict(zip(stored["others"].tolist(), stored["counts"].tolist()))
     if suffix != ".vtu" and stored["is_polygons"]:
         declared = sum(map(int, _POLYGON_COUNT[suffix].findall(data.partition(b"<AppendedData")[0])))
-        n_more = declared - len(stored["sizes"])  # version 5 of legacy files declares one too many
+        n_more = declared - len(stored["sizes"])  # version 5 of legacy files declares one polygon too many
         if n_more not in ((0, 1) if suffix == ".vtk" else (0,)):
             raise damaged(name, what, f"{len(stored['sizes'])} polygons, {declared} declared")
     if suffix == ".vtk" and _END_MARK not in (
