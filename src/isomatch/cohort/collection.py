@@ -32,7 +32,7 @@ from isomatch.cohort.plan import (
 from isomatch.cohort.workers import Workers
 from isomatch.settings import Config
 
-# fields that stay in the row of a pair that is matched again
+# fields of the row of a pair that stay when the pair is to be matched again
 RETRY_VALUES = ("source_hash", "target_hash", "reflected", "made_with")
 
 

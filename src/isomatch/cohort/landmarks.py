@@ -47,9 +47,11 @@ from isomatch.transfer import carry_landmarks
 LANDMARK_SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".tps", ".csv", ".txt")
 # titles of the columns of landmarks_errors.csv
 ERROR_COLUMNS = ("specimen", "landmark", "expected_error", "spread", "error")
-MIN_PLACED_SHARE = 0.5  # share of a shape's landmarks that must have a position for them to slide; chosen
-N_LEAST_SURE = 3  # landmarks, and semilandmarks, that are reported as the least sure; chosen
-SAME_PLACE_SHARE = 1e-4  # share of the extent of all landmarks; positions this near are equal; chosen
+MIN_PLACED_SHARE = 0.5  # landmarks of a shape slide if at least this share of them has a position; chosen
+N_LEAST_SURE = 3  # number of landmarks, and of semilandmarks, that are reported as the least sure; chosen
+# Share of the extent of a shape's landmarks: a landmark has the same position in two files if its coordinates differ by
+# at most this; chosen.
+SAME_PLACE_SHARE = 1e-4
 
 
 @dataclass(frozen=True)
