@@ -101,7 +101,7 @@ class Collection(Plan):
             A collection of other surfaces of the same subjects, which is run first. Its template is
             the default of this one.
         """
-        # Paths are absolute, as workers may run in another folder.
+        # Paths are absolute, as workers might run in another folder.
         entries = tuple(Entry(entry.name, entry.path.resolve()) for entry in entries_of(shapes))
         layout = Layout(Path(folder).absolute())
         names = [entry.name for entry in entries]

@@ -380,9 +380,9 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
     # readings (n, n, n), at (a, b, c): mean distance, in √(area of c), between the images of
     # samples of a under a → b → c and under a → c; nan where a map is missing.
     # prior (n, n), symmetric: weight of the maps of each pair.
-    # A right map disagrees with the composition of two others exactly if one of these is wrong. So
-    # the disagreements d_abc of a map are averaged with the trust in the two other maps of each
-    # triangle, in rounds of rising β:
+    # A right map disagrees with the composition of two others exactly if one of these is wrong. So we average the
+    # disagreements d_abc (readings) of the map a → c over b, weighted by the trust w in the two other maps of each
+    # triangle, in rounds of rising β; s_ac is the inconsistency:
     #     s_ac ← Σ_b w_ab w_bc d_abc / Σ_b w_ab w_bc,   w = prior · exp(−β s)
     # This is cycle-edge message passing (Lerman & Shi, Robust Group Synchronization via Cycle-Edge
     # Message Passing, FoCM 2022). O(n³) time and memory.
@@ -398,7 +398,7 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
         with np.errstate(invalid="ignore"):
             inconsistencies = (weights * errors).sum(axis=1) / total
         trust = prior_trust * trust_in(np.nan_to_num(inconsistencies, nan=np.inf), sharpness)
-    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # both differ by rounding
+    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # the transpose differs by rounding
 
 
 def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:

@@ -202,7 +202,7 @@ def _remove_others(known: Snapshot, kept: set[str], lines: dict[str, SurfaceRow]
         for file in (layout.corresponded(name), *seen, landmarks):
             file.unlink(missing_ok=True)
             ledger.forget("files", file.relative_to(layout.folder).as_posix())
-        if lines.pop(name, None):  # the other shapes are now compared without it
+        if lines.pop(name, None):  # the other shapes are compared anew, without it
             lines |= {other: replace(line, unlike="") for other, line in lines.items()}
     for pair in everything.pairs:
         if not set(pair) <= set(known.names):

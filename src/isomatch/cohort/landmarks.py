@@ -83,7 +83,7 @@ class Semilandmarks:
 class LeftOutError(NamedTuple):
     """Errors of a template's landmarks as carried from the others, in its units; nan if none."""
 
-    mean: float
+    mean: float  # mean distance, over the landmarks, from the given positions; next, their median and largest
     median: float
     largest: float
     at: str  # name of the landmark with the largest error
@@ -247,7 +247,7 @@ def write_tables(
         views = _write_views(known, to, points, suffix)
         if to == own_folder:
             keep_files(collection.layout, (path for path in earlier if path.exists()))
-            write_page(Snapshot(known.plan, known.plan.rows()))  # read anew: pairs may have been matched
+            write_page(Snapshot(known.plan, known.plan.rows()))  # pairs might have been matched since
     spread = {name: marks.spread for name, marks in points.items() if np.isfinite(marks.spread).any()}
     errors = {name: marks.expected_error for name, marks in points.items()}
     least_sure = max(views, key=lambda name: np.nanmax(errors[name], initial=0.0), default="")

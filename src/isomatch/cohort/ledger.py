@@ -143,10 +143,11 @@ class ShapeRow(Row):
     n_vertices: int = 0  # vertices of the surface in the shape's file
     area: float = 0.0  # area of the surface in the shape's file
     features: tuple[float, ...] = ()  # numbers by which a template is chosen, see `features_of`
-    n_points: int = 0  # `likeness_of` computes this value and the next three
-    spread: float = 0.0
-    ranks: tuple[float, ...] = ()
-    handedness: float | None = None
+    # number of different positions of its vertices; for this and the next three, see `likeness_of`
+    n_points: int = 0
+    spread: float = 0.0  # root mean square distance of these positions from their centroid
+    ranks: tuple[float, ...] = ()  # quantiles of these distances over the spread
+    handedness: float | None = None  # number without a unit that changes its sign by a reflection
     holes: tuple[int, float] | None = None  # number of boundaries, and their total length in √area
     notes: tuple[str, ...] = ()
     made_with: str = ""  # key of its `OriginRow`
@@ -184,7 +185,7 @@ class MapRecord(Row):
     backward: MapSummary = MapSummary()  # the map target → source
     seconds: float | None = None  # wall time of the match
     memory: float | None = None  # most bytes of memory that the process had used when the match ended
-    replaced_by: tuple[str, ...] = ()  # shapes through which the composition leads that replaced the map
+    replaced_by: tuple[str, ...] = ()  # shapes along the composition of maps that replaced the map
 
     @property
     def sides(self) -> tuple[MapSummary, MapSummary]:
@@ -208,7 +209,7 @@ class PairRow(MapRecord):
     time: float = 0.0  # when the row was made, in seconds since the epoch
     error: str = ""
     file: str = ""  # digest of the file of the maps
-    contradicted: bool | None = None  # whether other maps contradict the one that is matched again
+    contradicted: bool | None = None  # whether other maps contradict the map that a new one is to replace
     made_with: str = ""  # key of its `OriginRow`
     again: tuple[str, ...] = ()  # why the pair was matched again
     not_reflected: Mapping[str, str] = field(default_factory=dict)  # why a shape is not reflected
@@ -245,7 +246,7 @@ class FileRow(Row):
     """The digest of a file."""
 
     state: State = "done"
-    time: float
+    time: float  # when the row was made, in seconds since the epoch
     file: str
 
 
@@ -254,7 +255,7 @@ class OriginRow(Row):
     """Version and settings, which rows name by ``made_with``."""
 
     state: State = "done"
-    time: float
+    time: float  # when the row was made, in seconds since the epoch
     made_with: Mapping[str, Any]
 
 
@@ -267,10 +268,10 @@ class SurfaceRow:
 
     name: str
     key: str = ""  # identifies the map
-    turned: Cell = ""  # `WrapQuality` defines this value and the next three
-    stretch: Cell = ""
-    distance: Cell = ""
-    extended: Cell = ""
+    turned: Cell = ""  # share of the faces that are inverted; for this and the next three, see `WrapQuality`
+    stretch: Cell = ""  # 99th percentile of the factor by which edges grow or shrink, relative to the median
+    distance: Cell = ""  # mean distance of the vertices from the shape's surface, in √area
+    extended: Cell = ""  # number of vertices without a counterpart on the shape
     error: str = ""
     expected_error: Cell = ""  # expected error of the map, in √area
     ways: Cell = ""  # number of maps from the template, along different shapes, whose median this surface is

@@ -39,7 +39,7 @@ from isomatch.io import meshes_among
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
-# Seconds since its last change after which no run still writes an unfinished file, as files take seconds; chosen.
+# An unfinished file that was last changed longer ago, in seconds, belongs to no run, as files take seconds; chosen.
 STALE_AGE = 3600.0
 NO_SETTING = "—"  # text in place of a setting that an earlier version did not have
 R = TypeVar("R", ShapeRow, PairRow)
@@ -50,7 +50,7 @@ OTHER_SHAPES = "*"  # name by which ``units`` gives the unit of all shapes that 
 # The unit of the other shapes is clear if it brings their median size (√area) to within this factor of the median size
 # of the shapes whose unit is given; chosen.
 MAX_SIZE_RATIO = 2.0
-# A task or shard takes the pairs of a group of this many shapes with another such group together; chosen.
+# A task or shard takes the pairs between two groups of this many shapes together, so that each is read once; chosen.
 TILE_SIDE = 8
 _NAMES_REMEDY = "give a list.csv with columns name and path"  # advice for names that no file can have
 

@@ -28,7 +28,7 @@ from isomatch.visualization import (
     turn_to_target,
 )
 
-MAX_SHOWN_VERTICES = 10_000  # a page shows larger surfaces simplified to this number of vertices; chosen
+MAX_SHOWN_VERTICES = 10_000  # largest number of vertices of a surface on a page; chosen
 N_STOPS = 9  # number of colours of a scale, between which a browser interpolates; chosen
 HELP = "Drag to rotate; the wheel or two fingers zoom."  # how to look at a surface on the page
 

@@ -273,8 +273,8 @@ def measure_contacts(
     # Contacts are those in the subject ``of``, by default the first with most structures. There, a
     # structure, such as cartilage, that touches a larger one by 0.6 of its area or more follows it.
     # Points beyond the edge of the larger one have no counterpart: they continue it, and are not
-    # measured. Let p be the point of the larger structure that is nearest to a vertex there. In
-    # another subject, where q is nearest to the vertex, the vertex moves by p − q, and then back to
+    # measured. Let p be the point of the larger structure that is nearest to a vertex in this subject.
+    # In another subject, where q is nearest to the vertex, the vertex moves by p − q, and then back to
     # its surface, four times. Movements u are smooth: they minimise
     #     Σ w ‖u − (p − q)‖² + Σ ‖u_i − u_j‖² + μ Σ ‖u‖²
     # with weights w that fall to 0 at twice the contact distance, and μ so that u falls off within

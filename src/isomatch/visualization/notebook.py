@@ -254,7 +254,7 @@ HOW_TO_SAVE_CLICKS = (  # how to save clicked landmarks where anywidget is not i
 MATCH_AGAIN = "match(source, target, landmarks=view.landmarks)"
 # call that matches with a saved list of landmarks
 MATCH_SAVED = 'match(source, target, landmarks=read_landmarks("landmarks.txt", source, target))'
-EXTRA, FEATURE = "notebook", "bringing clicked landmarks to Python"  # extra with anywidget, and its use
+EXTRA, FEATURE = "notebook", "bringing clicked landmarks to Python"  # the extra with anywidget; its use
 
 
 class ResultView:

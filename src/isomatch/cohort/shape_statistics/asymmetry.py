@@ -43,10 +43,10 @@ class SumOfSquares(NamedTuple):
     """A row of an analysis of variance."""
 
     source: str
-    squares: float
-    share: float
-    degrees: int
-    mean_square: float
+    squares: float  # sum of squares, in squared units of the shapes
+    share: float  # share of the total sum of squares
+    degrees: int  # degrees of freedom
+    mean_square: float  # sum of squares over degrees of freedom
     f: float  # mean square over the mean square of the error term; nan without an error term
     p_value: float  # probability by permutations; nan if there is no test
 

@@ -36,7 +36,7 @@ MAX_STEPS = 200  # number of steps after which a fit fails if the shape still mo
 MAX_ROUNDS = 30  # largest number of times that nearest points are found anew; chosen: about 10 are enough
 # Nearest points are final once finding them anew moves the shape by at most this share of its size; chosen.
 MAX_MOVEMENT = 1e-3
-# points are on a line, which fixes no turn around it, if width over length is not above this; chosen
+# Points are on a line, which fixes no turn around it, if their width over their length is at most this; chosen.
 MAX_WIDTH = 1e-3
 # √area: all vertices in a square of this width count as one observation, as their errors are alike: docs/statistics.md
 PATCH_LENGTH = 0.2
@@ -117,7 +117,7 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     if observations.surface:
         fit, observations, notes = _fit_nearest(model, observations.surface, fit, is_free=pose == "fitted")
     motion, shape = fit.motion, fit.shape(model)
-    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3) displacements by one deviation
+    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3), for one deviation along each mode
     if pose == "fitted":
         columns = np.concatenate([columns, _motions(shape, fit.centre, fit.size, model.size is not None)])
     offsets = observations.positions - motion.apply(observations.points.interpolated(shape))

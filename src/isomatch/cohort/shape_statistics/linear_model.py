@@ -41,13 +41,13 @@ class TermTest(NamedTuple):
     """A row of the analysis of variance: a term, "residuals" or "total"; nan without a value."""
 
     term: str
-    degrees: int
+    degrees: int  # degrees of freedom
     squares: float  # sum over the shapes of the mean square over vertices, in squared units of the shapes
-    mean_square: float
-    r_squared: float
-    f: float
+    mean_square: float  # squares over degrees of freedom
+    r_squared: float  # share of the total squares
+    f: float  # mean square over the one of the residuals
     z: float  # standard deviate of F among permutations, after a Box–Cox transformation
-    p_value: float
+    p_value: float  # share of the permutations with as large an F
 
 
 class PairTest(NamedTuple):
@@ -59,7 +59,7 @@ class PairTest(NamedTuple):
     distance: float  # distance of means, or of slopes for one unit of the variable
     angle: float  # angle between slopes, in degrees; nan for means
     z: float  # standard deviate of the distance among permutations, as in `TermTest`
-    p_value: float
+    p_value: float  # share of the permutations with as large a distance
     adjusted_p: float  # p-value adjusted for the number of pairs (Holm 1979)
 
 
@@ -164,7 +164,7 @@ class ShapeAnova:
 
     rows: tuple[TermTest, ...]  #: the terms in their order, residuals, total
     pairs: tuple[PairTest, ...]  #: pairs of groups of each factor, or of their slopes
-    n_permutations: int
+    n_permutations: int  #: number of random permutations
     seed: int  #: seed that draws the permutations
 
 
@@ -357,7 +357,7 @@ class ShapeRegression:
 
     r_squared: float  #: share of the variance of shape that the variables describe
     p_value: float  #: probability of as large a share without any relation, from permutations
-    n_permutations: int
+    n_permutations: int  #: number of random permutations
     seed: int  #: seed that draws the permutations
     mean: FloatArray  #: (n, 3) mean shape
     coefficients: FloatArray  #: (q, n, 3) displacement for one unit of each variable

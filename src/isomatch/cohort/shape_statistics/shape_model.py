@@ -34,7 +34,8 @@ from isomatch.surfaces import Mesh
 Weighting = Literal["area", "uniform"]  # whether a vertex counts by its area, or all count alike
 # a mode is a rounding error if its standard deviation, over the size of the mean, is below this; chosen
 MIN_DEVIATION = 1e-10
-MAX_LEFT_OUT = 100  # shapes are left out one at a time, at most this many, which are drawn at random; chosen
+# largest number of shapes left out, one at a time; of more, some are drawn at random; chosen
+MAX_LEFT_OUT = 100
 # Number of random shapes that `specificity` draws; chosen: their mean distance is then known to about 1 % (Styner et al.
 # 2003 draw 10 000).
 N_RANDOM_SHAPES = 1000

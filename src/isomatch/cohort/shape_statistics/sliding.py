@@ -44,7 +44,7 @@ class Slid(NamedTuple):
     specimen: str
     mean: float  # mean distance, over the landmarks, by which they slid, in the units of the specimen
     largest: float  # largest of these distances
-    energy_before: float  # as in `SlidSemilandmarks`
+    energy_before: float  # bending energy before and after, as in `SlidSemilandmarks`
     energy_after: float
 
 
@@ -53,7 +53,7 @@ class SlidSemilandmarks(NamedTuple):
 
     positions: FloatArray  # positions (s, m, d) of m points on s specimens; nan without a place
     energy_before: FloatArray  # (s,) bending energy from the mean, at centroid size 1, without the factor 8π
-    energy_after: FloatArray
+    energy_after: FloatArray  # (s,) the same after points have slid
 
     def of_each(self, names: Sequence[str], before: FloatArray) -> list[Slid]:
         """Measure how far landmarks of named specimens slid from positions before, (s, m, d)."""
