@@ -28,8 +28,8 @@ from isomatch.landmarks import read_landmark_pairs, read_landmarks
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, nearest_on_surface
 
-N_DRAWN = 3  # shapes that are drawn, the most asymmetric ones; chosen
-DRAWN_DISPLACEMENT = 0.1  # share of the mean's size to which pictures enlarge displacements; chosen
+N_DRAWN = 3  # number of shapes that are drawn, the most asymmetric ones; chosen
+DRAWN_DISPLACEMENT = 0.1  # largest displacement in a picture, after enlargement, over the mean's size; chosen
 # titles of the columns of the table of variances
 ANOVA_HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F", "p")
 # Parts of captions and labels of pictures.
@@ -41,7 +41,7 @@ WHAT_WAS_MEASURED = (  # section of the page on what was measured
     "Each shape is reflected and laid onto itself, or a left one onto the right one; the middle of both is symmetric. "
     "The asymmetry at a point is its distance from there: +1 where it stands out 2 units farther than its opposite."
 )
-SAME_ERRORS_WARNING = (  # sentence about shapes that are not of a collection
+SAME_ERRORS_WARNING = (  # warning about meshes in one topology that are not of a collection
     "shapes were compared in one topology, where maps go wrong alike in all: asymmetry near their errors may look "
     "directional at a small p; give the folder of isomatch collect"
 )
@@ -313,7 +313,8 @@ def _draw_meshes(
     m, lines, captions = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
     known, size = both.seen[:m] & both.seen[m:], _size(found, share)
     mean = both.mesh(0).moved(found.symmetric)
-    normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # the mean's are smoother
+    # normals of the mean, which are smoother than those of the shapes
+    normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)
     outward = np.where(known, np.einsum("mij,ij->mi", found.components, normals), np.nan)
     planes = [shape_statistics.symmetry_plane(*shape, share) for shape in zip(both.vertices, maps)]
     sides = [_sides(normal, shape, left_right) for shape, (normal, _) in zip(both.vertices, planes)]

@@ -32,7 +32,7 @@ from isomatch.cohort.plan import (
 from isomatch.cohort.workers import Workers
 from isomatch.settings import Config
 
-# fields that stay in the row of a pair that is matched again
+# fields of the row of a pair that stay when the pair is to be matched again
 RETRY_VALUES = ("source_hash", "target_hash", "reflected", "made_with")
 
 
@@ -101,7 +101,7 @@ class Collection(Plan):
             A collection of other surfaces of the same subjects, which is run first. Its template is
             the default of this one.
         """
-        # Paths are absolute, as workers may run in another folder.
+        # Paths are absolute, as workers might run in another folder.
         entries = tuple(Entry(entry.name, entry.path.resolve()) for entry in entries_of(shapes))
         layout = Layout(Path(folder).absolute())
         names = [entry.name for entry in entries]

@@ -39,15 +39,17 @@ from isomatch.matching import Evidence, Outcome, lower_outcome, match_both, outc
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
-MAX_ROUNDS = 3  # rounds, at most, in which contradicted maps are replaced; chosen
-UNSURE_WEIGHT = 0.25  # weight of a map that its own match doubts; other maps have the weight 1; chosen
+MAX_ROUNDS = 3  # largest number of rounds in which contradicted maps are replaced; chosen
+# weight of a map with low confidence in its own match, or of the wrong orientation; other maps have 1; chosen
+UNSURE_WEIGHT = 0.25
 TRIANGLE_BYTES = 48  # bytes of memory for each triple of shapes, 6 numbers; measured with 150 shapes
-MAX_PATHS = 8  # compositions that are compared, at most; chosen: more hardly change which is in their middle
-N_SAMPLES = 100  # vertices at which maps are compared; chosen: about 0.1 √area from each other
-MIN_SHARED = 0.5  # share of the samples that both of two maps must match to be compared; chosen
-# for each setting, the wanted sign of the orientation of maps; 0 if both may be
+# A map is replaced by the middle one of at most this many compositions; chosen: with more, it hardly changes.
+MAX_PATHS = 8
+N_SAMPLES = 100  # number of vertices at which maps are compared; chosen: about 0.1 √area from each other
+MIN_SHARED = 0.5  # two maps are compared if both match at least this share of the samples; chosen
+# for each setting, the sign that the orientation of a map should have; 0 if both are allowed
 WANTED_SIGN = {"preserve": 1, "reverse": -1, "any": 0}
-# β in each round of `inconsistency`, 1 to 39 per √area: trust in a map is exp(−β × inconsistency); chosen
+# β in each round of `inconsistency`: the trust in a map is exp(−β × its inconsistency in √area); 1 to 39; chosen
 SHARPNESS = 1.3 ** np.arange(15)
 
 
@@ -378,9 +380,9 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
     # readings (n, n, n), at (a, b, c): mean distance, in √(area of c), between the images of
     # samples of a under a → b → c and under a → c; nan where a map is missing.
     # prior (n, n), symmetric: weight of the maps of each pair.
-    # A right map disagrees with the composition of two others exactly if one of these is wrong. So
-    # the disagreements d_abc of a map are averaged with the trust in the two other maps of each
-    # triangle, in rounds of rising β:
+    # A right map disagrees with the composition of two others exactly if one of these is wrong. So we average the
+    # disagreements d_abc (readings) of the map a → c over b, weighted by the trust w in the two other maps of each
+    # triangle, in rounds of rising β; s_ac is the inconsistency:
     #     s_ac ← Σ_b w_ab w_bc d_abc / Σ_b w_ab w_bc,   w = prior · exp(−β s)
     # This is cycle-edge message passing (Lerman & Shi, Robust Group Synchronization via Cycle-Edge
     # Message Passing, FoCM 2022). O(n³) time and memory.
@@ -396,7 +398,7 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
         with np.errstate(invalid="ignore"):
             inconsistencies = (weights * errors).sum(axis=1) / total
         trust = prior_trust * trust_in(np.nan_to_num(inconsistencies, nan=np.inf), sharpness)
-    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # halves differ by rounding
+    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # the transpose differs by rounding
 
 
 def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:

@@ -50,10 +50,12 @@ from isomatch.surfaces import Mesh, reflected
 from isomatch.visualization import camera_of, position_colours, surface_image, to_screen
 
 SURFACES_PER_TASK = 4  # surfaces that a worker writes in one task; chosen
-N_COMPARED_VERTICES = 1000  # vertices by which shapes are compared to find outliers; chosen
-MAX_COMPARED_SHAPES = 2000  # of more shapes, a regular sample of about this number is compared; chosen
+N_COMPARED_VERTICES = 1000  # number of vertices by which shapes are compared to find outliers; chosen
+MAX_COMPARED_SHAPES = 2000  # of more shapes, every second, third … is compared, at most this number; chosen
 SAVE_INTERVAL = 60.0  # seconds between two writings of shapes.csv, so that a killed run loses little; chosen
-MAX_WAYS = 20  # third shapes, at most, through which a surface is reached, too; the median counts; chosen
+# Largest number of compositions of maps, each through another shape, that lead from the template to a surface: it is
+# the median of these and of the direct map; chosen.
+MAX_WAYS = 20
 THUMBNAIL_SIZE, MARGIN = 300, 6  # pixels along a side of a thumbnail, and of its border; chosen
 
 
@@ -200,7 +202,7 @@ def _remove_others(known: Snapshot, kept: set[str], lines: dict[str, SurfaceRow]
         for file in (layout.corresponded(name), *seen, landmarks):
             file.unlink(missing_ok=True)
             ledger.forget("files", file.relative_to(layout.folder).as_posix())
-        if lines.pop(name, None):  # the other shapes are now compared without it
+        if lines.pop(name, None):  # the other shapes are compared anew, without it
             lines |= {other: replace(line, unlike="") for other, line in lines.items()}
     for pair in everything.pairs:
         if not set(pair) <= set(known.names):
@@ -326,7 +328,7 @@ def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
 
 def _polygons(template: Entry, mesh: Mesh) -> Polygons:
     """Return the polygons of the template's file, or triangles if it was reflected."""
-    with suppress(IsomatchError):  # the file may have attributes that cannot be read
+    with suppress(IsomatchError):  # the file might have attributes that cannot be read
         if not template.reflected:
             return read_asset(template.path).polygons
     return Polygons.of_triangles(mesh.faces)
@@ -334,7 +336,7 @@ def _polygons(template: Entry, mesh: Mesh) -> Polygons:
 
 def _frame(entry: Entry, scale: float) -> Frame | None:
     """Return the space of a file, without its unit if scaled; None if the shape was reflected."""
-    with suppress(IsomatchError):  # the file may have attributes that cannot be read
+    with suppress(IsomatchError):  # the file might have attributes that cannot be read
         frame = read_asset(entry.path).frame
         if frame and not entry.reflected:
             return frame if scale == 1 else Frame(words=(f"SPACE={frame.axes}",) if frame.axes else ())

@@ -59,10 +59,13 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Graph, Mesh, reflected
 
-MAX_TILE_PAIRS = 64  # pairs in a task, at most; their rows are written when all are matched; chosen
-TILES_PER_WORKER = 4  # tasks for each worker; chosen: with fewer, some workers would be idle at the end
-MAX_LOADED_BYTES = 256 * 2**20  # bytes of prepared shapes that a worker keeps for later pairs; chosen
-MAX_CARRIERS = 1500  # points of a leader's surface, at most, that carry other surfaces along; chosen
+MAX_TILE_PAIRS = 64  # largest number of pairs in a task, which returns when all are matched; chosen
+# number of tasks over number of workers; chosen: with fewer, some would be idle at the end
+TILES_PER_WORKER = 4
+# largest size, in bytes of their files, of the prepared shapes that a worker keeps in memory for later pairs; chosen
+MAX_LOADED_BYTES = 256 * 2**20
+# largest number of vertices of a leader's surface that carry other surfaces along; chosen
+MAX_CARRIERS = 1500
 REFLECTED_NOTE = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -415,7 +418,7 @@ class Job:
             return shape.error
         file = self.layout.maps(plan.pair)
         maps = _load_if_whole(lambda: PairMaps.load(file))
-        if maps is None or maps.record.key != plan.key:  # an equal key: a killed run has saved these maps
+        if maps is None or maps.record.key != plan.key:  # if it is equal, a killed run saved the maps
             maps = self._new_maps(plan)
             worst = min((side.outcome for side in maps.record.sides), key=lambda outcome: outcome.sureness)
             if worst.is_doubtful:
@@ -451,7 +454,8 @@ def _carry_map(leader: Plan, plan: PlannedPair, source: PreparedShape, target: P
     scale = float(np.sqrt(leader_target.area / leader_source.area))
     points, goals = cast(Mesh, source.surface).vertices, cast(Mesh, target.surface).vertices
     moved = carry_along(points, leader_source.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
-    # sheets, such as cartilages, may cover other parts of their leaders, so their centroids are aligned
+    # In two subjects, sheets such as cartilages might cover different parts of their leaders, so we align the centroids
+    # of the two sheets.
     return np.asarray(cKDTree(goals - goals.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
 
 

@@ -47,9 +47,11 @@ from isomatch.transfer import carry_landmarks
 LANDMARK_SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".tps", ".csv", ".txt")
 # titles of the columns of landmarks_errors.csv
 ERROR_COLUMNS = ("specimen", "landmark", "expected_error", "spread", "error")
-MIN_PLACED_SHARE = 0.5  # share of a shape's landmarks that must have a position for them to slide; chosen
-N_LEAST_SURE = 3  # landmarks, and semilandmarks, that are reported as the least sure; chosen
-SAME_PLACE_SHARE = 1e-4  # share of the extent of all landmarks; positions this near are equal; chosen
+MIN_PLACED_SHARE = 0.5  # landmarks of a shape slide if at least this share of them has a position; chosen
+N_LEAST_SURE = 3  # number of landmarks, and of semilandmarks, that are reported as the least sure; chosen
+# Share of the extent of a shape's landmarks: a landmark has the same position in two files if its coordinates differ by
+# at most this; chosen.
+SAME_PLACE_SHARE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ class Semilandmarks:
 class LeftOutError(NamedTuple):
     """Errors of a template's landmarks as carried from the others, in its units; nan if none."""
 
-    mean: float
+    mean: float  # mean distance, over the landmarks, from the given positions; next, their median and largest
     median: float
     largest: float
     at: str  # name of the landmark with the largest error
@@ -245,7 +247,7 @@ def write_tables(
         views = _write_views(known, to, points, suffix)
         if to == own_folder:
             keep_files(collection.layout, (path for path in earlier if path.exists()))
-            write_page(Snapshot(known.plan, known.plan.rows()))  # read anew: pairs may have been matched
+            write_page(Snapshot(known.plan, known.plan.rows()))  # pairs might have been matched since
     spread = {name: marks.spread for name, marks in points.items() if np.isfinite(marks.spread).any()}
     errors = {name: marks.expected_error for name, marks in points.items()}
     least_sure = max(views, key=lambda name: np.nanmax(errors[name], initial=0.0), default="")

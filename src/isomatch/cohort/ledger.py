@@ -21,13 +21,15 @@ from isomatch.matching import MatchResult, Outcome
 State = Literal["todo", "failed", "done"]  # state of a shape or a pair
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""
-# √area; mean distance from compositions of other maps, above which a map is wrong; right maps have at most
-# 0.05: decisions.md, contradicted maps
+# √area; other maps contradict a map if the mean distance of its images from the images under compositions of two
+# others exceeds this. Right maps have at most 0.03 to 0.16 in four sets, wrong ones at least 0.14 to 0.21: decisions.md,
+# contradicted maps
 MAX_INCONSISTENCY = 0.1
 # Numbers of Laplace eigenvalues, and of quantiles of geodesic distances, that describe a shape; chosen.
 N_EIGENVALUES, N_QUANTILES = 30, 20
-N_RANKS = 64  # quantiles of the distances of vertices from their centroid, which identify a shape; chosen
-LOCK_TIMEOUT = 60.0  # seconds of waiting while another process reads or writes a ledger; chosen
+# number of quantiles of the distances of vertices from their centroid, to find equal shapes; chosen
+N_RANKS = 64
+LOCK_TIMEOUT = 60.0  # longest wait, in seconds, for another process that reads or writes the ledger; chosen
 _CREATE_TABLES = """
 BEGIN IMMEDIATE;
 CREATE TABLE IF NOT EXISTS shapes (name TEXT PRIMARY KEY, record TEXT NOT NULL);
@@ -80,8 +82,8 @@ class MapSummary:
 class Row:
     """Values that are written as one JSON object; those equal to their default are left out."""
 
-    always: ClassVar[tuple[str, ...]] = ("state", "time")  # values that are written even if they are defaults
-    of_done: ClassVar[tuple[str, ...]] = ()  # values that are also written if the state is "done"
+    always: ClassVar[tuple[str, ...]] = ("state", "time")  # fields that are written even with their defaults
+    of_done: ClassVar[tuple[str, ...]] = ()  # further fields of this kind if the state is "done"
     # values that were read under names that this version does not know
     more: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
@@ -132,7 +134,7 @@ class ShapeRow(Row):
     state: State
     time: float = 0.0  # when the row was made, in seconds since the epoch
     error: str = ""
-    seconds: float | None = None
+    seconds: float | None = None  # wall time of the preparation
     key: str = ""  # identifies the prepared shape
     hash: str = ""  # content hash of the surface in the shape's file
     reflected: bool = False  # whether the shape is matched as its mirror image
@@ -141,11 +143,12 @@ class ShapeRow(Row):
     n_vertices: int = 0  # vertices of the surface in the shape's file
     area: float = 0.0  # area of the surface in the shape's file
     features: tuple[float, ...] = ()  # numbers by which a template is chosen, see `features_of`
-    n_points: int = 0  # `likeness_of` computes this value and the next three
-    spread: float = 0.0
-    ranks: tuple[float, ...] = ()
-    handedness: float | None = None
-    holes: tuple[int, float] | None = None  # number of boundaries, and their length in √area
+    # number of different positions of its vertices; for this and the next three, see `likeness_of`
+    n_points: int = 0
+    spread: float = 0.0  # root mean square distance of these positions from their centroid
+    ranks: tuple[float, ...] = ()  # quantiles of these distances over the spread
+    handedness: float | None = None  # number without a unit that changes its sign by a reflection
+    holes: tuple[int, float] | None = None  # number of boundaries, and their total length in √area
     notes: tuple[str, ...] = ()
     made_with: str = ""  # key of its `OriginRow`
     again: tuple[str, ...] = ()  # why the shape was prepared again
@@ -160,10 +163,11 @@ class ShapeRow(Row):
 class PairAgreement(Row):
     """How the maps of a pair agree with the others of a collection, see `agree`."""
 
-    before: float | None = None  # inconsistency of the map when it was measured first
-    inconsistency: float | None = None  # mean distance from compositions of other maps (√area)
+    before: float | None = None  # the inconsistency when it was measured for the first time
+    # mean distance, in √area, of the images of the map from the images under compositions of two other maps
+    inconsistency: float | None = None
     outcomes: tuple[str, ...] = ()  # outcomes of the match of the pair itself, in both directions
-    tried_with: int | None = None  # number of shapes with which a replacement was tried
+    tried_with: int | None = None  # number of compared shapes when a replacement was tried last
     refused: str = ""  # why the map was not replaced
 
 
@@ -179,9 +183,9 @@ class MapRecord(Row):
     led_by: str = ""  # key of the map of the leading structure from which the match started
     forward: MapSummary = MapSummary()  # the map source → target
     backward: MapSummary = MapSummary()  # the map target → source
-    seconds: float | None = None
-    memory: float | None = None  # bytes: largest memory of the process until the match ended
-    replaced_by: tuple[str, ...] = ()  # shapes through which the composition leads that replaced the map
+    seconds: float | None = None  # wall time of the match
+    memory: float | None = None  # most bytes of memory that the process had used when the match ended
+    replaced_by: tuple[str, ...] = ()  # shapes along the composition of maps that replaced the map
 
     @property
     def sides(self) -> tuple[MapSummary, MapSummary]:
@@ -205,7 +209,7 @@ class PairRow(MapRecord):
     time: float = 0.0  # when the row was made, in seconds since the epoch
     error: str = ""
     file: str = ""  # digest of the file of the maps
-    contradicted: bool | None = None  # whether other maps contradict the one that is matched again
+    contradicted: bool | None = None  # whether other maps contradict the map that a new one is to replace
     made_with: str = ""  # key of its `OriginRow`
     again: tuple[str, ...] = ()  # why the pair was matched again
     not_reflected: Mapping[str, str] = field(default_factory=dict)  # why a shape is not reflected
@@ -242,7 +246,7 @@ class FileRow(Row):
     """The digest of a file."""
 
     state: State = "done"
-    time: float
+    time: float  # when the row was made, in seconds since the epoch
     file: str
 
 
@@ -251,7 +255,7 @@ class OriginRow(Row):
     """Version and settings, which rows name by ``made_with``."""
 
     state: State = "done"
-    time: float
+    time: float  # when the row was made, in seconds since the epoch
     made_with: Mapping[str, Any]
 
 
@@ -264,10 +268,10 @@ class SurfaceRow:
 
     name: str
     key: str = ""  # identifies the map
-    turned: Cell = ""  # `WrapQuality` defines this value and the next three
-    stretch: Cell = ""
-    distance: Cell = ""
-    extended: Cell = ""
+    turned: Cell = ""  # share of the faces that are inverted; for this and the next three, see `WrapQuality`
+    stretch: Cell = ""  # 99th percentile of the factor by which edges grow or shrink, relative to the median
+    distance: Cell = ""  # mean distance of the vertices from the shape's surface, in √area
+    extended: Cell = ""  # number of vertices without a counterpart on the shape
     error: str = ""
     expected_error: Cell = ""  # expected error of the map, in √area
     ways: Cell = ""  # number of maps from the template, along different shapes, whose median this surface is
@@ -275,8 +279,9 @@ class SurfaceRow:
     reflected: str = ""  # yes if the shape was matched as its mirror image
     mirror_image: str = ""
     unlike: str = ""  # why the shape is far from all others
-    loop_error: Cell = ""  # distance of the template from itself once around a ring, in √area
-    greatest_loop_error: Cell = ""
+    # mean distance, in √area, of the template's vertices from their images around a ring
+    loop_error: Cell = ""
+    greatest_loop_error: Cell = ""  # largest of these distances
     again: str = ""  # what was wrong with the former file of the surface; not a column of the table
 
     @classmethod
@@ -312,7 +317,7 @@ class Rows:
     files: dict[str, FileRow] = field(default_factory=dict)  # rows of files by their paths in the folder
     # rows of origins, by the key that other rows call ``made_with``
     origins: dict[str, OriginRow] = field(default_factory=dict)
-    damaged: list[str] = field(default_factory=list)  # damage: "the row of a and b in ledger.sqlite"
+    damaged: list[str] = field(default_factory=list)  # damaged rows: "the row of a and b in ledger.sqlite"
 
     def merge(self, other: Rows) -> None:
         """Add rows; on conflict keep the finished one, or the newer if a file changed."""
@@ -498,7 +503,7 @@ def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
             opened.enter_context(closing(connection))
             connection.execute(f"PRAGMA journal_mode = {'WAL' if one_host else 'DELETE'}")
             if one_host:
-                # A power failure may lose the last rows; they are restored from the files of maps.
+                # A power failure might lose the last rows; they are restored from the files of maps.
                 connection.execute("PRAGMA synchronous = NORMAL")
             connection.executescript(_CREATE_TABLES)
             ledger = Ledger(connection, path)

@@ -38,8 +38,8 @@ from isomatch.surfaces import Mesh, reflected
 UNKNOWN_ERROR = -1.0  # value in a file that stands for an unknown expected error
 DIGESTED_FOLDERS = ("prepared", "maps", "corresponded", "landmarks")
 """Folders of a collection; the ledgers keep a digest of each of their files."""
-MISSING, CHANGED = "is missing", "was changed after it was written"  # what may be wrong with a file
-MAX_NAMED_FILES = 5  # files that an error about damaged files names, at most; chosen
+MISSING, CHANGED = "is missing", "was changed after it was written"  # words for the damage of a file
+MAX_NAMED_FILES = 5  # largest number of files that an error about damaged files names; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,12 +159,12 @@ def _kept_files(layout: Layout, rows: Rows) -> Iterator[_KeptFile]:
 
 
 def _change_of(kept: _KeptFile) -> str:
-    path, row = kept  # all bytes count: a disk may lose some and report the same size and time
+    path, row = kept  # we compare all bytes: a disk might lose some and report the same size and time
     with suppress(FormatError, OSError):  # an OSError if the disk cannot read the file
         if digest_of(path) == row.file:
             return ""
         if isinstance(row, PairRow):
-            # a run may have replaced the maps, and been killed before it wrote their row
+            # a run might have replaced the maps, and been killed before it wrote their row
             record = PairMaps.load(path).record
             if record.key == row.key and record.replaced_by not in ((), row.replaced_by):
                 return ""

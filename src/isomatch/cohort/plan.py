@@ -39,15 +39,19 @@ from isomatch.io import meshes_among
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
-STALE_AGE = 3600.0  # seconds; older unfinished files belong to no run, as files take seconds to write; chosen
+# An unfinished file that was last changed longer ago, in seconds, belongs to no run, as files take seconds; chosen.
+STALE_AGE = 3600.0
 NO_SETTING = "—"  # text in place of a setting that an earlier version did not have
 R = TypeVar("R", ShapeRow, PairRow)
-MAX_MEDOID_SAMPLE = 1000  # others, at most, with which each shape is compared to find the medoid; chosen
+MAX_MEDOID_SAMPLE = 1000  # to find the medoid, each shape is compared with at most this many shapes; chosen
 NAME_SEPARATOR = "__"  # text between the names of two shapes in the name of the file of their maps
 PAIR_PATTERNS = ("star", "all", "chain", "ring")  # ways to choose pairs, see `pairs_of`
 OTHER_SHAPES = "*"  # name by which ``units`` gives the unit of all shapes that it does not name
-MAX_SIZE_RATIO = 2.0  # ratio of sizes, in √area, up to which shapes of one kind may be in one unit; chosen
-TILE_SIDE = 8  # shapes on either side of a square of pairs, which a task or shard takes together; chosen
+# The unit of the other shapes is clear if it brings their median size (√area) to within this factor of the median size
+# of the shapes whose unit is given; chosen.
+MAX_SIZE_RATIO = 2.0
+# A task or shard takes the pairs between two groups of this many shapes together, so that each is read once; chosen.
+TILE_SIDE = 8
 _NAMES_REMEDY = "give a list.csv with columns name and path"  # advice for names that no file can have
 
 
@@ -101,7 +105,7 @@ class Layout:
 
     def remove_unfinished(self, shard: tuple[int, int]) -> None:
         """Remove unfinished files of killed runs; beside other shards, only old files."""
-        # Files are listed before ledgers: the ledger of a run that is writing one of these files exists then.
+        # We list the files before the ledgers: a run makes its ledger before the files that it writes.
         unfinished = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
         is_only_run = shard[1] == 1 and self.ledgers() == [self.ledger(shard)]
         remove_unfinished(unfinished, 0.0 if is_only_run else STALE_AGE)

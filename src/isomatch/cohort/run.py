@@ -222,7 +222,7 @@ def _reflect_subjects(
         why = f"{subject} is {how}, as most of its structures ask for, but {structure} asks otherwise"
         to.warn(why)
         pair = (found[structure].template or "", subject)
-        # the reason in the row keeps the next run from reflecting it
+        # the reason in the row keeps the next run from reflecting the surface
         with writing_ledger(found[structure].layout.ledger()) as ledger:
             if row := ledger.rows.pairs.get(pair):
                 ledger.put(pair, replace(row, not_reflected={subject: why}))

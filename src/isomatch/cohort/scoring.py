@@ -29,7 +29,8 @@ from isomatch.io import Asset, Attribute, mesh_from, read_mesh, write_asset
 from isomatch.landmarks import Landmarks
 from isomatch.settings import Config
 
-# share of the size of a model; a template farther than this from its scored shape is another surface; chosen
+# A model was made of another surface of the template if the template, as it is now, is farther than this from its shape
+# in the model, over the largest extent of the model's mean; chosen.
 MAX_TEMPLATE_CHANGE = 1e-4
 LAST_FILE = "scored.json"  # file about new shapes that is written last: if it exists, all others are complete
 

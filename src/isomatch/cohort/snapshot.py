@@ -75,7 +75,7 @@ class Snapshot:
         else:
             mirrored = set(self._mirrored_group(pairs))
         clearest: dict[str, Pair] = {}
-        # low where the mirror image clearly fits
+        # the measure ``mirrored``, which is low where the mirror image fits clearly better
         scores = {pair: rows.pairs[pair].forward.measures["mirrored"] for pair in shown}
         for pair in sorted(shown, key=lambda pair: math.inf if (x := scores[pair]) is None else x):
             for name, other in (pair, pair[::-1]):

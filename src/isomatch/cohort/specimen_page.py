@@ -28,8 +28,8 @@ from isomatch.visualization import (
     turn_to_target,
 )
 
-MAX_SHOWN_VERTICES = 10_000  # vertices of a surface on a page; larger surfaces are simplified; chosen
-N_STOPS = 9  # colours of a scale, between which a browser interpolates; chosen
+MAX_SHOWN_VERTICES = 10_000  # largest number of vertices of a surface on a page; chosen
+N_STOPS = 9  # number of colours of a scale, between which a browser interpolates; chosen
 HELP = "Drag to rotate; the wheel or two fingers zoom."  # how to look at a surface on the page
 
 

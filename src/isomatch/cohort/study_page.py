@@ -34,7 +34,7 @@ FORMATS |= {"spectral_residual": "{:.2f}", "runner_up": "{:.2f}", "seconds": "{:
 # heads on the page of columns that have other names in pairs.csv
 HEADS = {"runner_up": "best alternative", "distortion_mean": "distortion"}
 MAX_TURNED_SHARE = 0.01  # share of a shape's faces; the page reports it if more are turned over; chosen
-MAX_PAIRS = 200  # pairs on the page, at most; chosen
+MAX_PAIRS = 200  # largest number of pairs on the page; chosen
 MEASURES = tuple(field.name for field in fields(Quality))  # names of the measures of a map
 PAIR_COLUMNS = (  # columns of pairs.csv
     *("source", "target", "state", "outcome", "outcome_back"),
@@ -43,7 +43,7 @@ PAIR_COLUMNS = (  # columns of pairs.csv
     *("source_hash", "target_hash", "key"),
 )
 LOCAL_SOURCES = "'self' file: data:"  # sources of pictures that the content security policy allows
-N_SURE_REPORTS = 3  # pairs not in doubt, the worst, that get a report, too; chosen
+N_SURE_REPORTS = 3  # number of pairs that get a report although they converged, the worst of these; chosen
 
 
 def write_page(known: Snapshot) -> None:

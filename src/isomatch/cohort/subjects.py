@@ -31,14 +31,21 @@ from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected
 
 Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
-CONTACT_DISTANCE = 0.1  # √area of the smaller of two structures; where they are this near, they touch; chosen
-MIN_CONTACT_SHARE = 0.2  # share of the smaller one's area that touches, for two structures in contact; chosen
-# share of its area that touches a larger structure, from which a structure follows it, unlike joints; chosen
+# √area of the smaller of two structures: its vertices touch the larger one where they are nearer to it; chosen
+CONTACT_DISTANCE = 0.1
+# Two structures are in contact if at least this share of the area of the smaller one touches the larger one; chosen.
+MIN_CONTACT_SHARE = 0.2
+# A structure is a sheet on a larger one, and follows it (cartilage on bone, but not the bones of a joint), if at least
+# this share of its area touches it; chosen.
 MIN_SHEET_SHARE = 0.6
-MOVEMENT_REACH = 0.1  # √area; points up to this far outside a contact are moved with the contact; chosen
+# √area of a sheet: outside the contact, its movement falls to 1/e over this length; chosen
+MOVEMENT_REACH = 0.1
 N_ROUNDS = 4  # times that a sheet is moved; chosen: more times hardly reduce the slip of knee cartilage
-MAX_SLIP = 0.5  # √(area of a vertex); a touching point that still slips by more has no counterpart; chosen
-MAX_UNPAIRED_SHARE = 0.5  # share of its points without a counterpart, above which a sheet stays; chosen
+# √(mean area of a vertex): a touching vertex of a moved sheet has no counterpart if its nearest point on the larger
+# structure is farther than this from the point that it should touch; chosen
+MAX_SLIP = 0.5
+# a sheet stays if a larger share of its touching vertices has no counterpart; chosen
+MAX_UNPAIRED_SHARE = 0.5
 
 
 def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
@@ -71,7 +78,7 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
         if alike := [name for name, fold in zip(names, folded) if folded.count(fold) > 1]:
             remedy = "name them alike, or otherwise"
             raise InputError(f"{source}: {', '.join(alike)} differ in case or accents alone; {remedy}")
-    # If a few subjects have a structure and lack a usual one, it may be the usual one under another name.
+    # If a few subjects have a structure and lack a usual one, it might be the usual one under another name.
     usual = [structure for structure, files in found.items() if 2 * len(files) > len(subjects)]
     for structure, files in found.items():
         lacked = [other for other in usual if found[other].keys().isdisjoint(files)]
@@ -224,10 +231,11 @@ class Gap(NamedTuple):
     subject: str
     structure: str
     other: str
-    gap_before: float
-    overlap_before: float
+    gap_before: float  # largest distance from the other structure of the touching points outside it
+    overlap_before: float  # the same for the touching points inside it
+    # mean distance of the nearest points on it from the counterparts of the touching points
     slip_before: float
-    gap_after: float
+    gap_after: float  # the same three after points were moved
     overlap_after: float
     slip_after: float
     without: float  # share of the touching points without a counterpart on the other structure
@@ -265,8 +273,8 @@ def measure_contacts(
     # Contacts are those in the subject ``of``, by default the first with most structures. There, a
     # structure, such as cartilage, that touches a larger one by 0.6 of its area or more follows it.
     # Points beyond the edge of the larger one have no counterpart: they continue it, and are not
-    # measured. Let p be the point of the larger structure that is nearest to a vertex there. In
-    # another subject, where q is nearest to the vertex, the vertex moves by p − q, and then back to
+    # measured. Let p be the point of the larger structure that is nearest to a vertex in this subject.
+    # In another subject, where q is nearest to the vertex, the vertex moves by p − q, and then back to
     # its surface, four times. Movements u are smooth: they minimise
     #     Σ w ‖u − (p − q)‖² + Σ ‖u_i − u_j‖² + μ Σ ‖u‖²
     # with weights w that fall to 0 at twice the contact distance, and μ so that u falls off within

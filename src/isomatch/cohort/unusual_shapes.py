@@ -15,14 +15,18 @@ from isomatch.cohort.snapshot import Snapshot
 from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PointCloud
 
-MIN_RESCALING = 0.01  # logarithm of the ratio of sizes (1 %), above which a copy is rescaled; chosen
-MAX_CLOSED_BOUNDARY = 0.05  # √area; boundaries of a surface that counts as closed are shorter in all; chosen
+# A copy has another size than its original if the logarithm of the ratio of their sizes exceeds this, 1 %; chosen.
+MIN_RESCALING = 0.01
+MAX_CLOSED_BOUNDARY = 0.05  # √area; largest total length of the boundaries of a surface called closed; chosen
 OutlierKind = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]  # kinds of outliers
 # kinds that a run reports before it matches; broken shapes are reported when their preparation fails
 KINDS_BEFORE_MATCHING: tuple[OutlierKind, ...] = ("units", "twice", "mirrored", "holes")
 NOT_UNLIKE = "no"  # value in the column ``unlike`` of a shape that was compared and is like the others
-SAME_DISTANCE = 1e-5  # share of a shape's size; distances this near are equal in single precision
-MIN_HANDEDNESS = 1e-6  # least ``handedness``, which has no unit, that is no rounding; chosen
+# Share of a shape's size: distances of vertices from the centroid that differ by at most this are taken as equal, since
+# files may have single precision.
+SAME_DISTANCE = 1e-5
+# The ``handedness`` of mirror images differs by more than this (it has no unit); less is a rounding error; chosen.
+MIN_HANDEDNESS = 1e-6
 
 
 class Outlier(NamedTuple):

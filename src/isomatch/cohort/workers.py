@@ -24,7 +24,7 @@ from isomatch._core.skipped import tell_skipped
 from isomatch._core.stage_timer import Progress, with_two_arguments
 from isomatch._core.threads import n_threads
 
-TASKS_PER_WORKER = 2  # tasks that are sent for each worker; chosen: no worker waits for its next one
+TASKS_PER_WORKER = 2  # unfinished tasks sent for each worker; chosen: no worker waits for its next one
 COUNT_INTERVAL = 2.0  # seconds between two counts of the workers of a cluster; chosen
 S = TypeVar("S")
 T = TypeVar("T")
@@ -63,10 +63,10 @@ def try_job(work: Callable[[S], T], item: S) -> Attempt[T]:
     start = time.perf_counter()
     try:
         return Attempt(work(item), "", time.time(), time.perf_counter() - start)
-    except Exception as error:  # any error becomes a row with its reason, as no item may end a run
+    except Exception as error:  # any error becomes a row with its reason, so that no item ends a run
         if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
             raise
-        reason = legible(f"{type(error).__name__}: {error}")  # names of files in it may be illegible
+        reason = legible(f"{type(error).__name__}: {error}")  # it might name illegible files
         return Attempt(None, reason, time.time(), time.perf_counter() - start)
 
 

@@ -12,15 +12,23 @@ from isomatch.correspondence import Correspondence, nearest_rotation
 from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
 
-# Degrees of the viewer around the shape, from its broad side, and above the horizon: for a shape that stands,
-# and for a sheet, whose broad side faces the viewer; chosen.
+# Where the viewer is, in degrees: how far around the shape from its broad side, and how far above the horizon; the
+# first view is of a shape that stands, the second of a sheet; chosen.
 STANDING_VIEW, SHEET_VIEW = (32.0, 14.0), (0.0, 0.0)
-SHEET_RATIO = 0.1  # thickness over width, below which a shape is a sheet; chosen
-UPRIGHT_RATIO = 1.6  # length over depth, above which a shape, as a person, stands on its end; chosen
-GROUND_SHARE = 0.06  # share of the height; vertices up to this above the lowest support the shape; chosen
-MAX_OVERHANG = 0.02  # share of the height; a shape with its centroid farther off its support falls; chosen
-# Radians: a source turned by less than the first angle stays as it is, as its pose may explain the turn; a
-# rotation nearer to a quarter turn than the second angle is replaced by it; chosen.
+# A shape is a sheet if the standard deviation of its surface along its thinnest principal axis, over the one along its
+# middle axis, is below this; chosen.
+SHEET_RATIO = 0.1
+# A shape, such as a person, stands along the y or z axis if it would not fall and its extent along this axis, over its
+# extent along the other of the two, exceeds this; chosen.
+UPRIGHT_RATIO = 1.6
+# Share of the shape's height: the shape stands on the vertices that are at most this far above its lowest vertex, and
+# on the floor if its lowest vertex is at most this far from height 0; chosen.
+GROUND_SHARE = 0.06
+# Share of the shape's height: a shape falls if its centroid, seen from above, is farther than this outside the convex
+# hull of the vertices on which it stands; chosen.
+MAX_OVERHANG = 0.02
+# Radians: a source that the map turns by less than the first angle is drawn unturned, as its pose might explain the
+# turn; a rotation that differs from a quarter turn by less than the second angle is replaced by that turn; chosen.
 MAX_KEPT_TURN, MAX_SNAP_ANGLE = np.radians(65.0), np.radians(35.0)
 
 
@@ -78,9 +86,8 @@ def principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, F
 
 def _up_axis(mesh: Mesh) -> int:
     """Guess the up axis, 1 or 2."""
-    # We prefer the axis with the shape's lowest point at 0, if there is one such axis; then a long axis
-    # on which the shape can stand (a wolf is long, but would fall on its nose); then the axis on which
-    # it is more stable.
+    # If only one axis has the shape's lowest vertex near 0, this axis is up; if not, an axis along which the shape is
+    # long and on which it can stand (a wolf is long, but would fall on its nose); or else the more stable axis.
     used = mesh.vertices[mesh.vertex_areas > 0]
     extent = np.ptp(used, axis=0)
     on_the_floor = [axis for axis in (1, 2) if abs(used[:, axis].min()) < GROUND_SHARE * extent[axis]]
@@ -94,10 +101,10 @@ def _up_axis(mesh: Mesh) -> int:
 
 
 def _stability(mesh: Mesh, axis: int) -> float:
-    """Distance from the centroid to the edge of the support, over the height; < 0 if it falls."""
+    """Distance of the centroid, seen from above, to the border of the shape's support, over the height; < 0 outside."""
     height = mesh.vertices[:, axis]
     used = mesh.vertex_areas > 0
-    low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)  # no division by zero
+    low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)  # never 0, to divide by it
     ground = np.delete(mesh.vertices, axis, axis=1)
     centroid = np.average(ground, axis=0, weights=mesh.vertex_areas)
     try:
@@ -144,12 +151,14 @@ def turn_to_target(
     best = nearest_rotation(at_target.T @ (at_source * weights[:, None]))
     if not upright:
         return best
-    cosines = ((_QUARTER_TURNS * best).sum(axis=(1, 2)) - 1) / 2  # cosines of the angles to each quarter turn
-    # The identity, which alone has trace 3, is preferred up to `MAX_KEPT_TURN`.
+    # cosine of the angle from each turn to `best`
+    cosines = ((_QUARTER_TURNS * best).sum(axis=(1, 2)) - 1) / 2
+    # The identity (the only rotation with trace 3) wins up to the larger angle `MAX_KEPT_TURN`.
     is_identity = _QUARTER_TURNS.trace(axis1=1, axis2=2) == 3
     cosines[is_identity] += np.cos(MAX_SNAP_ANGLE) - np.cos(MAX_KEPT_TURN)
     nearest = int(cosines.argmax())
     return _QUARTER_TURNS[nearest] if cosines[nearest] > np.cos(MAX_SNAP_ANGLE) else best
 
 
-_QUARTER_TURNS = np.rint(Rotation.create_group("O").as_matrix()) + 0.0  # rotations of a cube onto itself
+# the 24 rotations that turn a cube onto itself: quarter turns about the axes and what they compose, (24, 3, 3)
+_QUARTER_TURNS = np.rint(Rotation.create_group("O").as_matrix()) + 0.0

@@ -9,11 +9,12 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import principal_axes
 
 VIVID_CHROMA = 0.17  # chroma, in Oklab, towards which colours are moved; chosen: screens show it in most hues
-# 0: chroma grows with the distance from the middle, which is grey; 1: all colours are equally vivid; chosen
+# How far the chroma of colours is moved to `VIVID_CHROMA`: with 0, the middle of a shape is grey and the chroma grows
+# with the distance from it; with 1, all colours are equally vivid; chosen.
 CHROMA_EVENNESS = 0.3
-UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # linear light (red, green, blue) of unmatched vertices
+UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # linear light (red, green, blue) of unmatched vertices; chosen
 
-# Matrices of Ottosson 2020: from Oklab to cube roots of cone responses.
+# matrix from Oklab to cube roots of cone responses (Ottosson 2020)
 _OKLAB_TO_LMS = np.array(
     [
         [1.0, 0.3963377774, 0.2158037573],
@@ -67,7 +68,7 @@ def principal_coordinates(mesh: Mesh) -> FloatArray:
     areas = np.maximum(mesh.vertex_areas, 0.0)
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=areas)
     axes = principal_axes(mesh.vertices, areas)[1][:, ::-1]
-    # The largest component of each axis is made positive.
+    # An axis may point either way: we choose the way in which its largest component is positive.
     axes = axes * np.sign(axes[np.abs(axes).argmax(axis=0), range(3)])
     return np.column_stack([_spread_evenly(column, areas) for column in (centred @ axes).T])
 
@@ -77,7 +78,7 @@ def _spread_evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
     order = values.argsort()
     share = np.empty_like(values)
     share[order] = np.cumsum(areas[order]) / areas.sum()
-    used = values[areas > 0]  # A vertex that no face uses may be far away.
+    used = values[areas > 0]  # A vertex without a face might be far away.
     extent = max(float(np.ptp(used)), 1e-300)
     scaled = np.clip(2.0 * (values - used.min()) / extent - 1.0, -1.0, 1.0)
     return np.asarray(0.5 * scaled + 0.5 * (2.0 * share - 1.0))

@@ -53,7 +53,8 @@ class Measure:
         return (self.most is None or number <= self.most) and (self.least is None or number >= self.least)
 
 
-_NAMES_AND_UNITS = {  # Each field of `Quality` has a name, a format of its value, and a unit.
+# field of `Quality`: (name to show, format of its value, unit or values to compare with)
+_NAMES_AND_UNITS = {
     "spectral_residual": ("spectral residual", "{:.2f}", "0: same; 0.4: two people"),
     "runner_up": ("best alternative", "{:.2f} ×", "1 is a tie; large is clear"),
     "mirrored": ("mirror image", "{:.2f} ×", "1 is a tie; above 1.5 clear"),
@@ -109,7 +110,8 @@ _MEANINGS = {  # what each field of `Quality` means, for a reader who meets it f
 }
 MEASURES = {field: Measure(*texts, _MEANINGS[field]) for field, texts in _NAMES_AND_UNITS.items()}
 """The measure of each field of `Quality`, without its bound."""
-_BOUNDS = {  # side of the bound of a measure, and the setting with its value
+# for maps of whole shapes, field of `Quality`: (whether its bound is the most or the least value, setting of the bound)
+_BOUNDS = {
     "spectral_residual": ("most", "outcome.poor_spectral_residual"),
     "runner_up": ("least", "outcome.tie"),
     "mirrored": ("least", "outcome.mirror_tie"),
@@ -121,7 +123,7 @@ _BOUNDS = {  # side of the bound of a measure, and the setting with its value
     "landmark_error": ("most", "outcome.contradiction"),
     "initial_map_error": ("most", "outcome.contradiction"),
 }
-_BOUNDS_OF_PART = {  # side of the bound of a measure for the map of a part, and its setting
+_BOUNDS_OF_PART = {  # as `_BOUNDS`, for maps of parts of shapes
     "runner_up": ("least", "parts.tie"),
     "doubt": ("most", "parts.poor_doubt"),
     "initial_map_error": ("most", "outcome.contradiction"),
@@ -134,7 +136,7 @@ def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool
     for field, number in asdict(result.quality).items():
         measure = measures.get(field, Measure(field, "{:.3g}", "", ""))
         against = not measure.holds(number)
-        if field == "orientation":  # A mirror image may be wanted, which the outcome considers.
+        if field == "orientation":  # The user might want a mirror image; the outcome takes this into account.
             kept = -number if result.config.orientation == "reverse" else number
             against = result.outcome.is_doubtful and not measure.holds(kept)
         if not isnan(number):

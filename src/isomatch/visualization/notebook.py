@@ -34,7 +34,8 @@ from isomatch.visualization.summary import HEADLINES, outcome_colour, summary_of
 from isomatch.visualization.viewer import html_table, template, text_of
 
 logger = logging.getLogger(__name__)
-PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page across two shapes, and across one; chosen
+# width of a picture of two shapes, and of one, in pixels of the page; chosen
+PAIR_WIDTH, ALONE_WIDTH = 880, 380
 _LINE = "1px solid rgba(128,128,128,.35)"  # line below a row of a table, visible on light and dark pages
 _CELL = f"text-align:left;vertical-align:top;padding:.2em 1.2em .2em 0;border:0;border-bottom:{_LINE};white-space:normal"
 
@@ -241,7 +242,7 @@ def _list_settings(settings: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} = {value!r}" for name, value in settings.items())
 
 
-SANDBOX = "allow-scripts allow-downloads"  # what the frame of the page may do; it cannot reach the notebook
+SANDBOX = "allow-scripts allow-downloads"  # permissions of the page's frame, which cannot reach the notebook
 HOW_TO_USE_CLICKS = (  # what to do with clicked landmarks, and how to match again with them
     "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
 )
@@ -249,10 +250,11 @@ HOW_TO_SAVE_CLICKS = (  # how to save clicked landmarks where anywidget is not i
     f"To have clicked pairs in Python: <code>{install_command('notebook')}</code>, and show the result again. "
     "Until then, save the list and read it:"
 )
+# call that matches with the clicked landmarks
 MATCH_AGAIN = "match(source, target, landmarks=view.landmarks)"
-# how to use a saved list
+# call that matches with a saved list of landmarks
 MATCH_SAVED = 'match(source, target, landmarks=read_landmarks("landmarks.txt", source, target))'
-EXTRA, FEATURE = "notebook", "bringing clicked landmarks to Python"  # extra of anywidget, and what needs it
+EXTRA, FEATURE = "notebook", "bringing clicked landmarks to Python"  # the extra with anywidget; its use
 
 
 class ResultView:

@@ -27,21 +27,21 @@ from isomatch._core.errors import DescriptorError, SettingError
 from isomatch.visualization.surface_image import SurfaceView
 
 DPI = 200  # dots per inch; chosen: a letter of 9 points is 25 pixels high
-SHARPNESS = 2  # pixels of a picture for each pixel of a page, as sharp screens have
-MAX_HEIGHT_RATIO = 1.15  # largest height of a panel over its width; chosen
+SHARPNESS = 2  # pixels of a picture over pixels of the page, along one axis: 2 on screens of high resolution
+MAX_HEIGHT_RATIO = 1.15  # largest height of the panels over their mean width; chosen
 MIN_WIDTH = 200  # pixels; smallest width of a picture; chosen
 MARGIN, TITLE_HEIGHT = 30, 70  # pixels between panels, and height of a title in pixels; chosen
 MIN_BAR_ROOM = 175  # pixels; smallest width of a colour bar with its label; chosen
 BAR_WIDTH, BAR_HEIGHT = 24, 0.7  # pixels across a colour bar, and its height over the panel's; chosen
-MIN_HEIGHT_BESIDE_BAR = 120  # pixels; panels beside a bar are this high, for numbers and a word; chosen
-TEXT_POINTS = 9  # size of letters in points; chosen
+MIN_HEIGHT_BESIDE_BAR = 120  # pixels; least height of panels beside a colour bar, for its label; chosen
+TEXT_POINTS = 9  # size of letters in points (1/72 inch); chosen
 
 
 class Picture(Figure):
     """A matplotlib figure with a size in pixels; ``seen`` describes what it shows."""
 
     def __init__(self, width: int, height: int, seen: str = "") -> None:
-        spare = 1e-6  # pixels that are added to each side, so that rounding loses none
+        spare = 1e-6  # pixels added to the width and the height, so that rounding loses no pixel
         super().__init__(((width + spare) / DPI, (height + spare) / DPI), dpi=DPI, facecolor="white")
         FigureCanvasAgg(self)
         self.seen = seen
@@ -78,7 +78,7 @@ def compose_picture(
     extents = np.array([panel.extent() for panel in panels])  # widths and heights, (panels, 2)
     right, least = (0, 1) if values is None else (MIN_BAR_ROOM, MIN_HEIGHT_BESIDE_BAR)
     room, scale, height = _fit_panels(extents, width - right, least)
-    # A wider bar leaves less height for its label, which may then take more lines.
+    # A wider bar makes the panels narrower and less high; its label then might need more lines, and a wider bar.
     while values is not None and right < (needed := min(_bar_width(values, height), width // 2)):
         right = needed
         room, scale, height = _fit_panels(extents, width - right, least)
@@ -169,10 +169,13 @@ def vertex_values(values: ArrayLike, n: int, name: str) -> FloatArray:
     return np.where(np.isfinite(rows), rows, np.nan)
 
 
-OUTLIER_SHARE = 0.01  # share of the values, at either end, that is beyond the colour bar; chosen
-# share of the largest magnitude that values on both sides of 0 must reach for a two-sided colour map; chosen
+# share of the values below the lower end of a colour bar, and above its upper end; chosen
+OUTLIER_SHARE = 0.01
+# A colour bar is symmetric around 0 if its lowest value is negative, its highest positive, and the smaller of their
+# absolute values exceeds this share of the larger; chosen.
 BOTH_SIGNS_RATIO = 0.2
-ZERO_START_RATIO = 0.5  # lowest over highest value, below which a bar of positive values begins at 0; chosen
+# A colour bar of positive values begins at 0 if its lowest over its highest value would be below this; chosen.
+ZERO_START_RATIO = 0.5
 # colour maps for values of one sign, and of both signs; the colour-blind can read them
 ONE_SIGN_MAP, BOTH_SIGNS_MAP = "cividis", "PuOr_r"
 

@@ -24,8 +24,10 @@ from isomatch.visualization.picture import TEXT_POINTS, Picture, ValuePanel, com
 from isomatch.visualization.surface_image import SurfaceView
 
 WIDTH = 1800  # pixels across a picture of a map or a basis; chosen
-MIN_AREA = 1e-100  # a mesh with a smaller area after scaling is not drawn, as squares of areas vanish
-# description of a picture of a map, with the names of both shapes
+# Squared mesh units: a mesh whose area is smaller, after it was scaled to ordinary size, is not drawn; chosen so that
+# squares of areas do not round to 0.
+MIN_AREA = 1e-100
+# alternative text of a picture of a map, with places for the names of both shapes
 MAP_TEXT = "{} on the left, {} on the right; points of the same colour correspond."
 
 
@@ -112,11 +114,12 @@ def paint_values(
     return SurfaceView(mesh, camera, rows[:, None], lambda seen: linear_of(values.paint(seen)), title)
 
 
-CLAY_COLOUR = linear_of(np.array([200, 200, 196]) / 255)  # linear light of a surface without values
+CLAY_COLOUR = linear_of(np.array([200, 200, 196]) / 255)  # colour of a surface without values; chosen
 ALONE_WIDTH = 1000  # pixels across a picture of one surface; chosen
-N_SHOWN_VECTORS = 4  # vectors of a basis that are drawn on a surface, at most; chosen
-NULL_RATIO = 1e-9  # eigenvalues below this share of the largest are rounding, and shown as 0; chosen
-CHART_HEIGHT_RATIO = 0.36  # height of a chart over its width; chosen
+N_SHOWN_VECTORS = 4  # largest number of vectors of a basis that are drawn on a surface; chosen
+# An eigenvalue below this share of the largest (absolute values) is a rounding error and shown as 0; chosen.
+NULL_RATIO = 1e-9
+CHART_HEIGHT_RATIO = 0.36  # height of the picture of a spectrum over its width; chosen
 # colours of positive and negative eigenvalues, which the colour-blind can tell apart (Okabe & Ito)
 POSITIVE, NEGATIVE = "#0072b2", "#d55e00"
 
@@ -261,8 +264,10 @@ def _label_axes(axes: Axes, x: str, y: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-N_NEIGHBOURS = 8  # neighbours of a point of a cloud between which triangles are drawn; chosen
-MAX_GAP_ANGLE = 2.6  # radians, about 150°; a wider angle between two neighbours is a hole or a border; chosen
+N_NEIGHBOURS = 8  # number of nearest neighbours with which each point of a cloud forms triangles; chosen
+# Radians, about 150°: largest angle, at a point, between two successive neighbours that form a triangle with it; a wider
+# one is taken for a hole or a border of the surface; chosen.
+MAX_GAP_ANGLE = 2.6
 
 
 def drawable(surface: Surface) -> Mesh:
@@ -288,7 +293,8 @@ def drawable(surface: Surface) -> Mesh:
     k = min(N_NEIGHBOURS, n - 1)
     near = cKDTree(points).query(points, k + 1)[1][:, 1:]
     offsets = points[near] - points[:, None]  # from each point to its k neighbours, (n, k, 3)
-    axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))[1]  # The last two span the plane.
+    # The last two columns span the plane.
+    axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))[1]
     flat = np.einsum("nki,nij->nkj", offsets, axes[:, :, 1:])
     angles = np.arctan2(flat[..., 1], flat[..., 0])
     order = angles.argsort(axis=1)

@@ -33,12 +33,12 @@ from isomatch.visualization.summary import (
     summary_of,
 )
 
-# command that a page offers to match with landmarks
+# command, shown on a page, by which the user matches again with the landmarks saved from it
 MATCH_COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 SIDES = ("source", "target")  # names of shapes that have no other name
 GIVEN = "the map that was given"  # name of the map that a match started from, or that was judged
-DIFFERENCE = "distance from the given map"  # name of a layer of colours
-OUTCOME_OF_VERDICT = {  # outcomes in whose colours verdicts are shown
+DIFFERENCE = "distance from the given map"  # name of the layer of colours that shows this distance
+OUTCOME_OF_VERDICT = {  # verdict of `judge`: outcome in whose colour a page shows the verdict
     "right": Outcome.CONVERGED,
     "doubtful": Outcome.SYMMETRY_AMBIGUOUS,
     "wrong": Outcome.LOW_CONFIDENCE,
@@ -162,7 +162,7 @@ def write_judgement(
         message = "the map was judged by a reference; judge it without, for a page of isomatch's own map"
         raise MapError(message)
     notes = str(judgement), *judgement.result.notes
-    # The page shows isomatch's own map; the map that was given is the other map of each region.
+    # The page shows isomatch's own map; as the other map of each region, it shows the map that was given.
     regions = tuple(
         replace(region, runner_up=judgement.map.vertices[region.vertices]) for region in judgement.regions
     )
@@ -225,8 +225,8 @@ def _list(command: str, *, shown: bool) -> str:
     return viewer.template("landmarks.html").substitute(unpicked=unpicked, command=escape(command))
 
 
-MOST_ALTERNATIVES = 4  # alternatives that a page shows, at most; chosen
-MIN_TURN_DEGREES = 0.1  # degrees; smallest turn of the source that a page mentions; chosen
+MOST_ALTERNATIVES = 4  # largest number of alternatives of a result that a page shows; chosen
+MIN_TURN_DEGREES = 0.1  # degrees; if the map turns the source by less, the page does not mention it; chosen
 
 
 class ShownMap(NamedTuple):
@@ -281,7 +281,7 @@ def page_of_result(
     return page_of(shapes, names, scene, pairs, **parts)
 
 
-# Parts of the page's template that may be missing; only a served page has a kind and a policy.
+# Parts of the page's template that are empty if not given; only a page that a server sends has ``policy`` and ``kind``.
 _OPTIONAL_PARTS = ("sureness", "policy", "kind", "work", "picture", "plain", "maps", "details", "run")
 
 
@@ -295,7 +295,7 @@ def page_of(
     **parts: str,
 ) -> str:
     """Fill the template of a page; ``parts`` are HTML, and missing parts are empty."""
-    # The browser keeps the list of landmarks by this key; the list begins with the pairs.
+    # The browser stores the list of landmarks under this key; the stored list begins with the given pairs.
     kept = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": pairs.tolist()}
     titles = [title_of(side, name) for side, name in zip(SIDES, names)]
     given = dict.fromkeys(_OPTIONAL_PARTS, "") | parts
@@ -356,11 +356,11 @@ def title_of(side: str, name: str) -> str:
 
 
 STILL_WIDTH = 640  # pixels across the picture of an alternative; chosen
-_HOW_TO_CHOOSE = (  # advice below alternatives
+_HOW_TO_CHOOSE = (  # advice above the pictures of alternatives
     "Where DIR is the folder that <code>isomatch match</code> wrote, <code>isomatch choose DIR 1</code> refines "
     "alternative 1, measures it and makes it the map."
 )
-LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")  # versions shown on a page
+LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")  # a page shows their versions
 
 
 def _section(title: str, content: str) -> str:

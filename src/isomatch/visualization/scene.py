@@ -33,11 +33,11 @@ def scene_of(
     most: int = MAX_SHOWN,
 ) -> dict[str, Any]:
     """Collect the data of a report's 3D view; layers are values at the source's vertices under the first map."""
-    # The values are plain, for JSON; arrays are little-endian, in base 64:
-    # source, target: as `DrawnSurface.packed`, and colours (uint8 × 3, target only)
+    # The dictionary has plain values, for JSON; arrays are little-endian, in base 64:
+    # source, target: as `DrawnSurface.packed`, with colours (uint8 × 3) of the target
     # filed: the rotation (3 rows) that turns the source back to its orientation in the file
-    # maps: for each shown source vertex images (int32, the user's index of the target vertex, −1 if unmatched), points
-    #   and normals of the precise images, colours, and layers by name, see Layer.packed
+    # maps: for each map its name, and at each shown source vertex: images (int32, the user's index of the target vertex,
+    #   −1 if unmatched), points and normals of the precise images, colours, and layers by name, see `Layer.packed`
     first = next(iter(maps.values()), None)
     drawn = DrawnPair(source, target, first, landmarks=landmarks, most=most)
     return {**drawn.shapes(), **drawn.maps(maps, layers or {})}
@@ -111,13 +111,19 @@ class DrawnPair:
         return self._camera @ turn.T @ self._camera.T
 
 
-# Names of the layers of colours that every report has; every map has the first two.
+# Names of the layers of colours that reports make by themselves: the first two for each map, the others for the map of
+# the result.
 BUILT_IN_LAYERS = ("position", "stretch", "expected error", "descriptor distance", "doubt")
-N_RAMP_COLOURS = 9  # colours of a scale that are sent; chosen: the browser interpolates between them
-MAX_LEVEL, NO_VALUE_LEVEL = 254, 255  # values are sent as 0 to the first, no value as the second
-MIN_ERROR_RANGE = 0.05  # √area; least end of the scale of expected errors, where the confidence is ½
-DESCRIPTOR_RANGE = 1.0  # standard deviations; end of the scale of distances; random points have about 0.8
-OUTLIER_SHARE = 0.02  # largest share of the values beyond either end of a scale; chosen
+# number of colours of a scale sent to the browser, which interpolates between them; chosen
+N_RAMP_COLOURS = 9
+# level sent for the highest value (0: lowest), and where there is no value
+MAX_LEVEL, NO_VALUE_LEVEL = 254, 255
+# √(target area); the scale of expected errors ends here or higher; an image with this error has a confidence of ½
+MIN_ERROR_RANGE = 0.05
+# standard deviations; upper end of the scale of descriptor distances: two random points have about 0.8 on average
+DESCRIPTOR_RANGE = 1.0
+# largest share of the values below the lower end of a scale, or above its upper end; chosen
+OUTLIER_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,10 +131,10 @@ class Layer:
     """Values at the source's vertices."""
 
     values: FloatArray  # a value for each source vertex, (n_source,); nan is drawn grey
-    low: float  # value at the lower end of the ramp
-    high: float  # value at the upper end
+    low: float  # value at the lower end of the scale of colours
+    high: float  # value at the upper end of the scale of colours
     meaning: str = ""  # what the legend says
-    ratio: bool = False  # whether the ramp is logarithmic, with a neutral colour in the middle
+    ratio: bool = False  # whether the scale of colours is logarithmic, with a neutral colour in the middle
 
     def packed(self, index: IntArray) -> dict[str, Any]:
         """Plain values for JSON; ``levels`` are uint8 at the vertices of ``index``, 255 where there is no value."""
@@ -181,7 +187,8 @@ def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Lay
 
 def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:
     """Compute how much the edges at each vertex are stretched, relative to the median."""
-    # The stretch at a vertex is √(Σ |φ(a) − φ(b)|² / Σ |a − b|²); we sum its edges ab whose ends have images φ.
+    # The stretch at a vertex is √(Σ |φ(a) − φ(b)|² / Σ |a − b|²), where both sums run over its edges ab whose ends have
+    # images φ(a), φ(b).
     images = correspondence.pull_back(target.vertices)  # images are nan where unmatched
     a, b = source.edges.T
     before = ((source.vertices[a] - source.vertices[b]) ** 2).sum(axis=1)

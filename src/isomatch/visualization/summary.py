@@ -14,9 +14,11 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization.camera import of_ordinary_size
 from isomatch.visualization.measures import config_of, is_of_whole, quality_measures
 
-LOW_CONFIDENCE_LIMIT = 0.5  # confidence of an image with an expected error of 0.05 √area; lower is low
-MIN_SHARE_TOLD = 0.005  # smallest share of the vertices that a summary mentions; chosen
-UNCERTAIN_SHARE = 0.1  # share of the vertices with low confidence, above which a map is uncertain; chosen
+# The confidence of an image is low if it is below this: if its expected error exceeds 0.05 √(target area).
+LOW_CONFIDENCE_LIMIT = 0.5
+MIN_SHARE_TOLD = 0.005  # a summary mentions vertices of low confidence if their share exceeds this; chosen
+# a map is partly uncertain if the share of vertices of low confidence exceeds this; chosen
+UNCERTAIN_SHARE = 0.1
 
 # headline and advice for each outcome; `Outcome.advice` says more
 _HEADLINES_AND_ADVICE = {
@@ -53,7 +55,7 @@ _HEADLINES_AND_ADVICE = {
 HEADLINES = {outcome: headline for outcome, (headline, _) in _HEADLINES_AND_ADVICE.items()}
 """The headline of each outcome."""
 
-# headlines that replace others: the first the one of CONVERGED, the last two the one of LOW_CONFIDENCE
+# headlines of special cases: the first replaces the headline of CONVERGED, the others replace the one of LOW_CONFIDENCE
 PARTLY_SURE = "The shapes match, but parts of this map are uncertain."
 MOSTLY_RIGHT = "Most of this map looks right, but not all of it."
 ANOTHER_IS_BETTER = "This map is doubtful: another one fits as well or better."
@@ -109,7 +111,7 @@ def summary_of(result: MatchResult) -> Summary:
         elif not result.regions:
             parts.append("No single place stands out: it may be wrong altogether.")
     if result.outcome.is_called_right:
-        parts.append(_expected_error(result, far_off))  # estimated for maps that are right as a whole
+        parts.append(_expected_error(result, far_off))  # calibrated for maps that are right as a whole
     return Summary(headline, " ".join(filter(None, parts)), _HEADLINES_AND_ADVICE[result.outcome][1])
 
 
@@ -155,7 +157,8 @@ def _per_cent(share: float) -> str:
     return f"{share:.1%}" if 0 < share < 0.1 else f"{share:.0%}"
 
 
-SAME_PLACE_DISTANCE = 0.05  # √area; images of a vertex nearer to each other are at one place; chosen
+# √(target area): two images of a vertex are at the same place if the straight line between them is not longer; chosen
+SAME_PLACE_DISTANCE = 0.05
 
 
 def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Correspondence) -> float:

@@ -16,7 +16,7 @@ from isomatch.surfaces import Mesh, Raster, rasterise
 from isomatch.visualization.camera import camera_of, of_ordinary_size, seen_from, used_vertices
 from isomatch.visualization.colours import UNMATCHED_GREY, to_screen
 
-OVERSAMPLING = 2  # samples along each axis whose mean is a pixel; chosen
+OVERSAMPLING = 2  # samples per pixel along each axis; a pixel is the mean of its samples; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +98,11 @@ def surface_image(
     return view.pixels(width, height, resolution)
 
 
-MAX_FACES = 50_000  # faces to which rounding, which cuts each into four, refines a mesh at most; chosen
+MAX_FACES = 50_000  # largest number of faces after rounding, which cuts each face into four; chosen
 PHONG_ROUNDING = 0.75  # strength of rounding, from 0 to 1: ¾ in Boubekeur & Alexa, Phong Tessellation, 2008
-MIN_LENGTH = 1e-300  # lengths by which normals are divided are raised to this, so that none is 0
-# cosine of the normals at the ends of an edge, below which it stays sharp; with 0.5, limbs get lumps
+MIN_LENGTH = 1e-300  # normals are divided by their length, or by this if it is shorter: never by 0
+# An edge stays straight if the cosine of the angle between the normals at its ends is below this; with 0.5, limbs get
+# lumps.
 MIN_EDGE_COSINE = 0.0
 
 
@@ -116,8 +117,8 @@ def round_outline(mesh: Mesh, values: FloatArray) -> tuple[Mesh, FloatArray, Flo
 
 def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Mesh, FloatArray]:
     """Cut each triangle into four; return the columns (n, q), with rows for the new vertices."""
-    # The middle m of an edge with ends p, q moves towards the tangent planes at them:
-    # m − PHONG_ROUNDING / 2 Σ_e ⟨m − e, n_e⟩ n_e over e = p, q (Boubekeur & Alexa 2008).
+    # The middle m of an edge with ends p and q moves towards the tangent planes there, whose normals are n(p) and n(q):
+    # to m − (PHONG_ROUNDING / 2) Σ ⟨m − e, n(e)⟩ n(e), summed over e = p, q (Boubekeur & Alexa 2008).
     # Edges at borders and sharp edges stay straight.
     edges = mesh.edge_table
     ends = i, j = edges.ends.T
@@ -138,12 +139,15 @@ def _subdivide(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Me
 # Directions towards two lights; the coordinates point right, up and towards the viewer; chosen.
 KEY_LIGHT, FILL_LIGHT = np.array([-0.45, 0.65, 0.62]), np.array([0.75, 0.05, 0.45])
 TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])  # direction towards the viewer, in the same coordinates
-AMBIENT, KEY, FILL = 0.30, 0.62, 0.16  # share of the surface's colour that each light adds at most; chosen
+# largest share of the surface's colour that ambient light, the key light and the fill light add; chosen
+AMBIENT, KEY, FILL = 0.30, 0.62, 0.16
 GLOSS, GLOSS_EXPONENT = 0.10, 30.0  # white that a highlight adds, and the exponent that narrows it; chosen
-CREVICE_RADIUS = 0.025  # share of the image height; depths are compared with their mean this far; chosen
-CREVICE_DEPTH = 0.06  # share of the image height; a crevice this far below its surroundings is darkest
-CREVICE_DARKNESS = 0.55  # share of its diffuse light that the darkest crevice loses; chosen
-CREVICE_STEP = 6  # pixels between the points at which the depth of the surroundings is computed; chosen
+# A pixel is in a crevice if it lies below the blurred depth of its surroundings: standard deviation of the blur, and
+# depth below the blurred depth at which the crevice is darkest, both over the height of the image; chosen.
+CREVICE_RADIUS = 0.025
+CREVICE_DEPTH = 0.06
+CREVICE_DARKNESS = 0.55  # share of its diffuse light that a pixel loses in the darkest crevice; chosen
+CREVICE_STEP = 6  # samples along each axis between two places where the blurred depth is computed; chosen
 
 
 def compute_light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:

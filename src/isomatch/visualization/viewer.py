@@ -28,8 +28,8 @@ from isomatch.visualization.surface_image import (
     KEY_LIGHT,
 )
 
-MAX_SHOWN = 30_000  # vertices of a shape that a page draws, at most; chosen: it numbers them with 16 bits
-CELL_GROWTH = 1.15  # factor by which grid cells grow from one attempt at simplification to the next; chosen
+MAX_SHOWN = 30_000  # largest number of vertices of a shape that a page draws; chosen: 16 bits number them
+CELL_GROWTH = 1.15  # width of grid cells over their width in the attempt before, in simplification; chosen
 
 
 def text_of(name: str) -> str:
@@ -156,7 +156,8 @@ def _simplify(points: FloatArray, faces: IntArray, used: IntArray, most: int) ->
     # Each cell of a cubic grid keeps the vertex nearest to its middle; corners of faces move to
     # their cell's vertex.
     shown, cell = used, np.arange(len(used))
-    size = most**-0.5  # width of the first cells, as the surface has the area 1
+    # width of the first cells: `most` squares of this width have the area of the surface, 1
+    size = most**-0.5
     while len(shown) > most:
         inside, cells = np.modf((points[used] - points[used].min(axis=0)) / size)
         middle_first = ((inside - 0.5) ** 2).sum(axis=1).argsort(kind="stable")

@@ -18,7 +18,8 @@ from isomatch.visualization.scene import DrawnPair, Layer, layers_of
 from isomatch.visualization.summary import outcome_colour, share_elsewhere, summary_of
 from isomatch.visualization.viewer import template, text_of
 
-MIN_CHANGED_SHARE = 0.001  # share of the surface; maps that differ on less of it are called the same; chosen
+# maps that differ on a smaller share of the source's area are called the same; chosen
+MIN_CHANGED_SHARE = 0.001
 MAP_BEFORE = "before"  # name of the map that the present map replaced
 
 

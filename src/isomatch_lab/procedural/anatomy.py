@@ -24,7 +24,8 @@ class Joint:
 
     name: str  # name of the limb, unique in the body
     node: int  # number of a node of the limb; at 0 the limb grows out of its parent
-    limits: Limits  # degrees about x (pitch: positive raises what points forward), y (roll), z (yaw: positive: left)
+    # degrees about x (pitch: > 0 raises what points forward), y (roll), z (yaw: > 0 turns left)
+    limits: Limits
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,16 +13,17 @@ from isomatch._core.threads import parallel_map
 from isomatch_lab.procedural.anatomy import Limb
 
 CHUNK = 2048  # number of points that a thread handles at a time; chosen
-BLEND = 0.022  # width of the fillet between limbs, in body units; chosen
-TRANSITION_WIDTH = 0.05  # width, in body units, of the transition from a posed limb to its parent; chosen
+BLEND = 0.022  # width of the fillets between limbs, in body units: a quadruped is about 1.2 long; chosen
+# distance from a bone, in body units, over which its share in a pose falls to 1/e; chosen
+TRANSITION_WIDTH = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
     """A blended implicit surface."""
 
-    # with dᵢ the signed distance to bone i, the field is f = −b log Σᵢ exp(−dᵢ/b): negative inside, smooth, and within
-    # b log(number of bones) of the distance to the union
+    # With the signed distance dᵢ to bone i and the width b of fillets, the field is f = −b log Σᵢ exp(−dᵢ/b): smooth,
+    # negative inside, and at most b log(number of bones) below the distance to the union of the bones.
     cones: FloatArray  # (m, 8) start point, end point, start radius and end radius of each bone
     owner: IntArray  # (m,) limb that each bone belongs to
     blend: float = BLEND  # width b of the fillets between limbs
@@ -62,9 +63,9 @@ def _chunks(points: FloatArray) -> list[FloatArray]:
 @compiled()
 def _to_cone(x: float, y: float, z: float, cone: FloatArray) -> tuple[float, float, float, float]:
     """Signed distance to a round cone and its gradient."""
-    # the union of the balls B(a + t u, r(t)) with r(t) = r₀ − s t, 0 ≤ t ≤ l, so that the distance is the least
-    # |p − a − t u| − r(t). With h and g the coordinates of p along and across the axis, the minimum is at
-    # t = h − g s/√(1 − s²), and the gradient is the direction from that ball's centre
+    # A round cone from a to a + l u, with a unit vector u, is the union of the balls with the centres a + t u and the
+    # radii r(t) = r₀ − s t, 0 ≤ t ≤ l: the distance of p is the least |p − a − t u| − r(t). With the coordinates h and g
+    # of p − a along and across u, it is at t = h − g s/√(1 − s²), and the gradient points from that ball's centre to p.
     ux, uy, uz = cone[3] - cone[0], cone[4] - cone[1], cone[5] - cone[2]
     px, py, pz = x - cone[0], y - cone[1], z - cone[2]
     length = math.sqrt(ux * ux + uy * uy + uz * uz)

@@ -26,10 +26,10 @@ SIGNS: dict[OrganSymmetry, tuple[float, float, float]] = {
 }
 """Signs of the coordinates under the map of the rest surface onto itself: a mirror image, or half a turn about z."""
 
-BLEND = 0.035  # width of the fillets, in the units below; chosen
-MAX_BEND = 0.6  # largest curvature of a bent axis, in radians for each unit of length; chosen
-MAX_TWIST = 0.5  # largest twist about x, in radians for each unit of length; chosen
-MAX_STRETCH = 0.05  # largest relative change of an extent; chosen
+BLEND = 0.035  # width of the fillets between round cones; an organ is about 1 long; chosen
+MAX_BEND = 0.6  # largest curvature of a bent axis, in radians per unit of length; chosen
+MAX_TWIST = 0.5  # largest twist about x, in radians per unit of length; chosen
+MAX_STRETCH = 0.05  # largest relative change of the extent along an axis; chosen
 
 
 @dataclass(frozen=True, eq=False)

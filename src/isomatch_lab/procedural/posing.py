@@ -17,7 +17,7 @@ from isomatch_lab.procedural.anatomy import Joint, Limb
 from isomatch_lab.procedural.implicit import Skin
 
 Pose = Mapping[str, ArrayLike]
-BEND_WIDTH = 2.3  # half-length of the bend at a joint, in radii of the limb there; chosen
+BEND_WIDTH = 2.3  # half of the length over which a limb bends at a joint, over its radius there; chosen
 
 
 def natural_pose(limbs: tuple[Limb, ...], seed: int) -> dict[str, FloatArray]:
@@ -34,8 +34,8 @@ def pose_points(rest: FloatArray, limbs: tuple[Limb, ...], skin: Skin, pose: Pos
     if not angles:
         return rest.copy()
     membership = skin.membership(rest)
-    # a joint at c moves x to c + R(h θ)(x − c), with a fraction h in [0, 1]. Children are rotated before their parents,
-    # so that the rotations compose to forward kinematics
+    # A joint at c with the rotation vector θ moves x to c + R(h θ)(x − c), where R rotates by a fraction h from 0 to 1 of
+    # θ. Children are rotated before their parents, so that the rotations compose to forward kinematics.
     points = rest
     for limb in reversed(limbs):
         for joint in reversed(limb.joints):

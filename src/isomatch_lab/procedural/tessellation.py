@@ -16,16 +16,18 @@ from isomatch._core.settings import generator
 from isomatch.surfaces import Mesh
 from isomatch_lab.procedural.implicit import Skin
 
-MAX_GRID_VERTICES = 60_000  # vertices, at most, of a mesh that is subdivided to a larger one; chosen
-MIN_CROSSING = 0.4  # grid steps from a grid point to a crossing, so that no corner is tiny; chosen
+# largest number of vertices by marching cubes; larger meshes are subdivided; chosen
+MAX_GRID_VERTICES = 60_000
+# Grid steps: lower absolute values of the field at grid points are raised to this, so that no triangle is tiny; chosen.
+MIN_CROSSING = 0.4
 logger = logging.getLogger(__name__)
 
 
 def tessellate(skin: Skin, n_vertices: int, seed: int) -> Mesh:
     """Triangulate a skin with about n vertices: closed, manifold, oriented outward, connected, of genus 0."""
-    # marching cubes on a grid that the seed rotates, shifts and rescales; then rounds of Delaunay edge flips and
+    # We run marching cubes on a grid that the seed rotates, shifts and rescales; then rounds of Delaunay edge flips and
     # tangential smoothing; then, for large meshes, midpoint subdivision. After every step, vertices are projected onto
-    # the surface. Vertices and faces are in random order; their number differs from n by up to 5 %
+    # the surface. Vertices and faces are in random order; the number of vertices differs from n by up to 5 %.
     rng = generator(seed)
     levels = max(0, int(np.ceil(np.log(n_vertices / MAX_GRID_VERTICES) / np.log(4))))
     n_grid_vertices = n_vertices * rng.uniform(0.98, 1.02) / 4**levels

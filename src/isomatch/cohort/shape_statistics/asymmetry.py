@@ -28,9 +28,14 @@ from isomatch.matching import MatchResult, Outcome, match
 from isomatch.settings import Config
 from isomatch.surfaces import Mesh, reflected
 
-MIN_VARIANCE = 1e-12  # share of the largest variance; a component with a smaller one is rounding; chosen
-MIN_SIDE_DISTANCE = 0.02  # √area; points nearer to the plane of symmetry may be on either side of it; chosen
-MAX_TRIED_SHAPES = 5  # shapes whose left–right map is tried; chosen: if none is sure, others hardly are
+# A principal component is a rounding error if its variance, over the largest one, is below this; chosen.
+MIN_VARIANCE = 1e-12
+# √area: a vertex and its counterpart are wrongly on one side of the plane of symmetry if both are farther from the
+# plane than this; chosen.
+MIN_SIDE_DISTANCE = 0.02
+# If the left–right map of the mean is not sure, the maps of at most this many shapes are tried; chosen: if none of these
+# is sure, the maps of others hardly are.
+MAX_TRIED_SHAPES = 5
 VARIATION_SOURCES = ("individuals", "sides", "individuals × sides", "error")  # rows of `Asymmetry.anova`
 
 
@@ -38,10 +43,10 @@ class SumOfSquares(NamedTuple):
     """A row of an analysis of variance."""
 
     source: str
-    squares: float
-    share: float
-    degrees: int
-    mean_square: float
+    squares: float  # sum of squares, in squared units of the shapes
+    share: float  # share of the total sum of squares
+    degrees: int  # degrees of freedom
+    mean_square: float  # sum of squares over degrees of freedom
     f: float  # mean square over the mean square of the error term; nan without an error term
     p_value: float  # probability by permutations; nan if there is no test
 
@@ -139,8 +144,8 @@ def asymmetry(
     def squares(part: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("i,...ij,...ij->...", share, part, part))
 
-    # For k groups of rᵢ shapes x, m in all, with their means x̄ᵢ and the mean x̄ of all, Σ |x|² = m |x̄|² + Σ
-    # rᵢ |x̄ᵢ − x̄|² + Σ |x − x̄ᵢ|²; so for the symmetric parts, and for the asymmetric ones.
+    # For k individuals with rᵢ shapes x each, m in all, the means x̄ᵢ of individuals, and the mean x̄ of all shapes,
+    # Σ |x|² = m |x̄|² + Σ rᵢ |x̄ᵢ − x̄|² + Σ |x − x̄ᵢ|². This holds for symmetric parts and for asymmetric ones.
     means = [np.array([part[of == i].mean(axis=0) for i in range(k)]) for part in parts]
     middles = [part.mean(axis=0) for part in parts]
     among = [2 * float(repeats @ squares(mean - middle)) for mean, middle in zip(means, middles)]
@@ -151,8 +156,8 @@ def asymmetry(
     with np.errstate(divide="ignore", invalid="ignore"):
         mean_squares = values / degrees
         ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # ratios to the error terms
-    # A mirrored individual has the component −āᵢ. With signs ±, and P the scalar products of the rᵢ āᵢ, the
-    # directional share is ±ᵀ P ± / (m Σ |a|²).
+    # If individual i is mirrored, its mean component āᵢ becomes −āᵢ. With signs s, −1 for mirrored individuals, and the
+    # scalar products P of the rᵢ āᵢ, the directional share is sᵀ P s / (m Σ |a|²).
     products = scalar_products(repeats[:, None, None] * means[1], share)
     total = m * float(squares(parts[1]).sum())
     share_of_mean, p_value, drawn = float(products.sum()) / total if total > 0 else 0.0, np.nan, 0
@@ -169,8 +174,8 @@ def asymmetry(
         p_value, drawn = float(test.pvalue), len(test.null_distribution)
     p_values = np.array([np.nan, p_value, np.nan, np.nan])
     if k > 1 and m > k:
-        # The squares among individuals are Σᵢ |Σⱼ aⱼ − ā|² / rᵢ. Their sum with the squares within
-        # individuals is fixed, so that F grows with them
+        # The squares among individuals are Σᵢ |Σⱼ (aⱼ − ā)|² / rᵢ, summed over the rᵢ shapes j of each individual i.
+        # Their sum with the squares within individuals is fixed, so that F grows with them.
         belongs = (of[:, None] == np.arange(k)) / np.sqrt(repeats)
         orders = permutations_of(m, n_permutations, seed)
         drawn_among = explained_squares(belongs, scalar_products(parts[1] - middles[1], share), orders)
@@ -216,7 +221,8 @@ def symmetry_dimensions(
         return of_shape, of_shape
     middle = int((left_right.vertices == np.arange(n)).sum())
     pairs = (n - middle) // 2
-    # In space, two shifts and the turn about its normal keep a plane of symmetry; the other three do not.
+    # Of the six motions in space, three keep a plane of symmetry where it is: two shifts, and the turn about its normal.
+    # In the plane, one of three motions, a shift, keeps a line of symmetry.
     moves = (3, 3) if dim == 3 else (1, 2)
     return pairs * dim + middle * (dim - 1) - moves[0] - sized, pairs * dim + middle - moves[1]
 
@@ -264,8 +270,8 @@ def align_sides(
     aligned = generalised_procrustes(both.vertices, weights, scale).aligned
     symmetric, part = (aligned[:m] + aligned[m:]) / 2, (aligned[:m] - aligned[m:]) / 2
     for shape, component, sides in zip(symmetric, part, left_right):
-        # an asymmetric component a changes its sign where it is pulled back from the other side (P)
-        # and reflected (F = 1 − 2 n nᵀ), so that the asymmetric part of any a is (a − F P a) / 2
+        # An asymmetric component a changes its sign if it is pulled back from the other side (P) and reflected in the
+        # plane of symmetry with the normal n (F = 1 − 2 n nᵀ): the asymmetric part of any a is (a − F P a) / 2.
         normal, _ = symmetry_plane(shape, sides, weights)
         opposite = sides.pull_back(component, fill=0.0)
         component -= (component + opposite - 2 * np.outer(opposite @ normal, normal)) / 2
@@ -341,7 +347,7 @@ def left_right_map(
     config = config or Config()
     config = replace(config, outcome=replace(config.outcome, mirror_image=0.0))
     result = match(mesh, reflected(mesh), pairs, config=config, seed=seed, progress=progress)
-    # A vertex and its counterpart are on two sides, unless a component is matched to itself.
+    # A vertex and its counterpart are on two sides of the plane, unless a component of the mesh is matched to itself.
     normal, offset = symmetry_plane(mesh.vertices, result.map, mesh.vertex_areas)
     side = mesh.vertices @ normal - offset
     opposite = result.map.pull_back(side)

@@ -30,13 +30,13 @@ BLUE, GREY = "#3f90da", "#717581"  # colours that colour-blind readers can tell 
 COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
 DPI = 300  # dots per inch; chosen, as for print
 CHART_SIZE = (5.6, 4.5)  # inches; width and height of a scatter plot; all charts have this width; chosen
-MAX_TICKS = 6  # ticks along x, at most; chosen: their numbers do not overlap
+MAX_TICKS = 6  # largest number of ticks along x, or along a colour bar; chosen: their numbers do not overlap
 NAME_SIZE = 8  # points; size of the letters in the names of shapes; chosen
 SURFACES_WIDTH = 6.5  # inches; width of a picture of surfaces or landmarks; chosen
-FILLED_SHARE = 0.9  # share of the width of a panel that the widest surface takes; chosen
+FILLED_SHARE = 0.9  # width of the widest surface in its panel over the width of the panel; chosen
 TEXT_SIZE = 9.0  # points; size of the letters in titles and numbers; chosen
 BAR_HEIGHT = 0.7  # inches; height of a colour bar with its numbers and label; chosen
-MIN_KNOWN = 0.5  # share of a pixel that vertices with a value must have for it to be coloured; chosen
+MIN_KNOWN = 0.5  # a pixel is coloured if the vertices with a value have at least this weight in it; chosen
 SIGNED_MAP, RISING_MAP = "RdBu_r", "viridis"  # colour maps for values of both signs, and for values from 0
 
 

@@ -28,15 +28,23 @@ from isomatch.settings import Config
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface
 
 Pose = Literal["fitted", "given"]  # whether the points may be moved to the model, or lie where it is
-MIN_NOISE = 1e-6  # share of the mean's size; smaller noise counts as this for double precision; chosen
-TOLERANCE = 1e-9  # share of the shape's size; a fit ends once a step moves the shape by less; chosen
-MAX_STEPS = 200  # steps after which a fit fails if the shape still moves; chosen
-MAX_ROUNDS = 30  # times that nearest points are renewed, at most; chosen: about 10 are enough
-MAX_MOVEMENT = 1e-3  # share of the shape's size; nearest points are final once a round moves it less; chosen
-MAX_WIDTH = 1e-3  # width over length; narrower points are on a line, and may turn around it; chosen
-PATCH_LENGTH = 0.2  # √area; vertices this near have about the same error: docs/statistics.md
-ALONG_WEIGHT = 0.1  # weight of offsets along the surface, where offsets across it have 1; chosen
-MIN_COSINE = 0.5  # a nearest point counts if the cosine of the normals is at least this, 60°; chosen
+# Share of the size of the model's mean: lower noise of points is raised to this, so that double precision suffices;
+# chosen.
+MIN_NOISE = 1e-6
+TOLERANCE = 1e-9  # a fit ends once a step moves the shape by at most this share of the mean's size; chosen
+MAX_STEPS = 200  # number of steps after which a fit fails if the shape still moves; chosen
+MAX_ROUNDS = 30  # largest number of times that nearest points are found anew; chosen: about 10 are enough
+# Nearest points are final once finding them anew moves the shape by at most this share of its size; chosen.
+MAX_MOVEMENT = 1e-3
+# Points are on a line, which fixes no turn around it, if their width over their length is at most this; chosen.
+MAX_WIDTH = 1e-3
+# √area: all vertices in a square of this width count as one observation, as their errors are alike: docs/statistics.md
+PATCH_LENGTH = 0.2
+# weight of offsets of points along the surface; offsets across it have the weight 1; chosen
+ALONG_WEIGHT = 0.1
+# A vertex is paired with the nearest point of the shape if the cosine of the angle between their normals exceeds this
+# (60°); chosen.
+MIN_COSINE = 0.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,7 +117,7 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     if observations.surface:
         fit, observations, notes = _fit_nearest(model, observations.surface, fit, is_free=pose == "fitted")
     motion, shape = fit.motion, fit.shape(model)
-    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3) displacements by one deviation
+    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3), for one deviation along each mode
     if pose == "fitted":
         columns = np.concatenate([columns, _motions(shape, fit.centre, fit.size, model.size is not None)])
     offsets = observations.positions - motion.apply(observations.points.interpolated(shape))
@@ -129,7 +137,8 @@ class _Fit:
 
     scores: FloatArray  # (k,) scores in standard deviations
     motion: _Motion
-    # root of the covariance of the scores and of small motions about the centre, in units of the size
+    # (c, c) matrix whose product with its transpose is the covariance of the k scores and of the small motions, see
+    # `_motions`: turns in radians, shifts in sizes, growth
     root: FloatArray
     centre: FloatArray  # (3,) centroid of the points on the shape, in the coordinates of the model
     size: float  # root mean square distance of the model's mean from its centroid
@@ -146,11 +155,11 @@ class _Fit:
         modes = [observations.points.interpolated(mode) for mode in model.modes]
         spread = np.array(modes).reshape(model.n_modes, len(mean), 3) * model.deviations[:, None, None]
         motion = _Motion.onto(mean, observations, model.size is not None) if is_free else _Motion()
-        # The model is x = m + Φ b + e, with b ~ N(0, I) in standard deviations and e ~ N(0, Σ). The
-        # likeliest b, and motion of the model, minimise |Σ^(−½) (x − m − Φ b − T t)|² + |b|², where
-        # T are small turns about the centre, shifts and growth, t, without a prior. A turn is not
-        # linear: the step t becomes part of the motion, and is repeated from there (Gauss–Newton),
-        # with b as a whole; the last step gives the uncertainty
+        # The points are x = m + Φ b + e, with the mean m, modes Φ, scores b ~ N(0, I) in standard deviations and noise
+        # e ~ N(0, Σ). The likeliest b and motion minimise |Σ^(−½) (x − m − Φ b − T t)|² + |b|², where the columns of T
+        # are displacements by small turns about the centre, shifts and growth, whose amounts t have no prior. A turn is
+        # not linear: the step t becomes part of the motion, and another step is made from there (Gauss–Newton), which
+        # finds b as a whole; the last step gives the uncertainty.
         shape, columns = mean, spread
         for _ in range(most):
             centre = shape.mean(axis=0) if len(shape) else np.zeros(3)
@@ -242,9 +251,9 @@ def _motions(points: FloatArray, centre: FloatArray, size: float, scaled: bool) 
 
 def _solve(matrix: FloatArray, offset: FloatArray, n_modes: int) -> tuple[FloatArray, FloatArray]:
     """Fit columns (c, q, 3) to offsets (q, 3): coefficients (c,) and a root of their covariance."""
-    # The first n_modes have a standard normal prior. With rows A = [M; I of the prior] = Q R, the
-    # minimum is at R⁻¹ Qᵀ (d; 0), and the posterior covariance (Mᵀ M + prior)⁻¹ = (Rᵀ R)⁻¹
-    # = R⁻¹ R⁻ᵀ: with M = Σ^(−½) Φ it is C = (Φᵀ Σ⁻¹ Φ + I)⁻¹ of Albrecht et al. 2013
+    # The first n_modes coefficients have a standard normal prior. For the columns M and the offset d, let A = Q R be M
+    # with n_modes rows of the identity below it. The minimum is at R⁻¹ Qᵀ (d; 0), and the posterior covariance is
+    # (AᵀA)⁻¹ = R⁻¹ R⁻ᵀ: with M = Σ^(−½) Φ, it is C = (Φᵀ Σ⁻¹ Φ + I)⁻¹ of Albrecht et al. 2013.
     n_columns = len(matrix)
     rows = np.concatenate([matrix.reshape(n_columns, -1).T, np.eye(n_columns)[:n_modes]])
     with serial_blas():

@@ -16,7 +16,7 @@ from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.linear_model import N_PERMUTATIONS
 
 TestMethod = Literal["permutation", "parametric"]  # method that gives the p-values of a test
-MAX_NUMBERS = 2**22  # numbers, 32 MiB, in a block of permutations; chosen
+MAX_NUMBERS = 2**22  # largest number of floats (32 MiB) in the permuted differences of one block; chosen
 
 
 @dataclass(frozen=True, eq=False)

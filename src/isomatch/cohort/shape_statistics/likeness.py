@@ -18,20 +18,27 @@ from isomatch.cohort.shape_statistics.procrustes import generalised_procrustes, 
 from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 
-# Agreement of shapes, from −1 (mirror images) to 1: its median over all pairs, below which poses differ too
-# much to find mirror images. With both bounds, 202 of 208 in seven sets are found, none wrong.
+# The agreement of two shapes is from −1 (one fits the mirror image of the other) to 1, see `_find_mirrored`. Below the
+# first median over all pairs, with mirrored shapes turned over, poses differ too much to find mirror images; below the
+# second median of a shape with the others, its side is unclear. In seven sets, 202 of 208 mirror images are found with
+# these bounds, and no other shape is called mirrored.
 MIN_SAMPLE_AGREEMENT = 0.35
-# median agreement of a shape with the others, below which its side is unclear; as above
 MIN_SHAPE_AGREEMENT = 0.15
-# ratio of distances; of fewer than `MIN_SHAPES`, a shape nearer by this in the mirror is mirrored; chosen
+# Among fewer than `MIN_SHAPES` shapes, a shape is mirrored only if the distance of its mirror image from another shape,
+# over its own distance from that shape, is below this; chosen.
 MIRROR_RATIO = 0.7
-MIN_THICKNESS = 0.01  # share of a shape's size; a thinner shape counts as equal to its mirror image; chosen
-SAME_SHAPE = 1e-5  # share of the size; shapes with a smaller Procrustes distance are equal; chosen
-FAR_SIZES = 10.0  # sizes from the middle of all shapes, beyond which a centroid is far; chosen
-UNLIKE_RATIO = 2.0  # distance from the others over the usual one, above which a shape is unlike; chosen
-MIN_SHAPES = 4  # shapes, at least, to know what is usual: of fewer, none is called far or unlike; chosen
+# The thickness of a shape is the Procrustes distance from its own mirror image, over its size. Two shapes have the
+# agreement 0 if the geometric mean of their thicknesses is below this; chosen.
+MIN_THICKNESS = 0.01
+SAME_SHAPE = 1e-5  # two shapes are the same up to this Procrustes distance over their size; chosen
+# a shape is far only if its centroid is farther from the median centroid than this number of median sizes; chosen
+FAR_SIZES = 10.0
+# A shape is unlike only if its median distance from the others, over the median of this over all shapes, exceeds this;
+# chosen.
+UNLIKE_RATIO = 2.0
+MIN_SHAPES = 4  # among fewer shapes, it is not known what is usual, and none is called far or unlike; chosen
 DoubtKind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]  # kinds of doubt about a shape
-N_SAMPLES = 100  # vertices between which geodesic distances are compared; chosen
+N_SAMPLES = 100  # number of vertices between which geodesic distances are compared; chosen
 
 
 class Doubt(NamedTuple):
@@ -102,10 +109,10 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
 
 def _find_mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
     """Tell which shapes, (m,), are mirror images of most."""
-    # The agreement of two shapes is 1 if their thinnest directions are the same, and −1 if they are opposite,
-    # so that the mirror image is nearer. The leading eigenvector of the agreements has one sign for each
-    # side. With the least singular value σ₃ of XᵀWY, reflected² − distance² = ±4 σ₃; of a shape and itself, 4
-    # σ₃ is the square of its thickness.
+    # The agreement of two shapes is 1 if their thinnest directions are the same, and −1 if they are opposite, so that the
+    # mirror image is nearer. The leading eigenvector of the agreements has one sign for each side. With the least
+    # singular value σ₃ of the product XᵀWY of centred vertices X and Y and weights W, reflected² − distance² = ±4 σ₃;
+    # for a shape and itself, 4 σ₃ is the square of its thickness.
     m = len(distances)
     thickness = np.diag(reflected)
     scale = thickness[:, None] * thickness
@@ -147,11 +154,13 @@ def _unlike(distances: FloatArray) -> dict[int, str]:
 
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}  # metres in each unit of length
 """Units of length, in metres."""
-MIN_SIZE_RATIO = 2.0  # ratio to the median size from which units may explain a size; chosen
-MIN_SIZE_GAP = 5.0  # ratio of one size to the next smaller one, above which sizes are in two units; chosen
+# A size might be in another unit if it is more than this times the median size, or if the median is more than this times
+# the size; units explain a ratio of sizes if they give it within this factor; chosen.
+MIN_SIZE_RATIO = 2.0
+MIN_SIZE_GAP = 5.0  # sizes are in two units if a size, over the next smaller one, exceeds this; chosen
 MAX_DEVIATIONS = 6.0  # standard deviations from the median, beyond which a value is an outlier; chosen
-MAD_TO_SD = 1.4826  # ratio of standard deviation and median absolute deviation in a normal distribution
-# pairs of units, of a shape and of the others, that are tried first, in this order
+MAD_TO_SD = 1.4826  # standard deviation over median absolute deviation, in a normal distribution
+# (unit of a shape, unit of the others), or the reverse: the first of these is taken if several explain a ratio equally
 USUAL_UNITS = ("mm", "m"), ("mm", "cm"), ("cm", "m"), ("mm", "in")
 
 

@@ -25,11 +25,14 @@ from isomatch._core.threads import serial_blas
 from isomatch.cohort.shape_statistics.procrustes import scalar_products, shares_of
 
 N_PERMUTATIONS = 4999  # random permutations of a test; chosen: p-values then have steps of 1 / 5000
-MAX_NUMBERS = 2**21  # numbers, 16 MiB, in a block of permutations; chosen
-MIN_SHAPES = 3  # shapes that a regression needs, as a line fits two shapes exactly
+MAX_NUMBERS = 2**21  # largest number of floats (16 MiB) in the permuted bases of one block; chosen
+MIN_SHAPES = 3  # least number of shapes for a regression, as a line fits two shapes exactly
 BOX_COX_RANGE = (-5.0, 5.0)  # least and largest power of a Box–Cox transformation; chosen
-MIN_SINGULAR = 1e-9  # share of the largest singular value; variables below depend on others; chosen
-CLASSIFIED_VARIANCE = 0.95  # share of the variance that is in the modes that classify shapes; chosen
+# A variable does not vary, or depends on others, if what remains of it without them is below this share of its size;
+# chosen.
+MIN_SINGULAR = 1e-9
+# the modes that classify shapes are the first that hold this share of the variance; chosen
+CLASSIFIED_VARIANCE = 0.95
 
 Terms = tuple[tuple[str, ...], ...]  # the variables of each term
 
@@ -38,13 +41,13 @@ class TermTest(NamedTuple):
     """A row of the analysis of variance: a term, "residuals" or "total"; nan without a value."""
 
     term: str
-    degrees: int
-    squares: float  # sum over shapes of mean squares over vertices, in squared units
-    mean_square: float
-    r_squared: float
-    f: float
+    degrees: int  # degrees of freedom
+    squares: float  # sum over the shapes of the mean square over vertices, in squared units of the shapes
+    mean_square: float  # squares over degrees of freedom
+    r_squared: float  # share of the total squares
+    f: float  # mean square over the one of the residuals
     z: float  # standard deviate of F among permutations, after a Box–Cox transformation
-    p_value: float
+    p_value: float  # share of the permutations with as large an F
 
 
 class PairTest(NamedTuple):
@@ -55,8 +58,8 @@ class PairTest(NamedTuple):
     second: str
     distance: float  # distance of means, or of slopes for one unit of the variable
     angle: float  # angle between slopes, in degrees; nan for means
-    z: float
-    p_value: float
+    z: float  # standard deviate of the distance among permutations, as in `TermTest`
+    p_value: float  # share of the permutations with as large a distance
     adjusted_p: float  # p-value adjusted for the number of pairs (Holm 1979)
 
 
@@ -161,7 +164,7 @@ class ShapeAnova:
 
     rows: tuple[TermTest, ...]  #: the terms in their order, residuals, total
     pairs: tuple[PairTest, ...]  #: pairs of groups of each factor, or of their slopes
-    n_permutations: int
+    n_permutations: int  #: number of random permutations
     seed: int  #: seed that draws the permutations
 
 
@@ -248,7 +251,7 @@ def _test_terms(products: FloatArray, design: ShapeDesign, n_permutations: int, 
     total, rows = float(np.trace(products)), list[TermTest]()
     residual = max(total - float(np.einsum("iq,ij,jq->", whole, products, whole)), 0.0)
     for i, name in enumerate(design.names, start=1):
-        # The terms before this one, with the projector H, leave the residuals E = (I − H) Y, which
+        # The terms before this one, with the projector H, leave the residuals E = (I − H) Y of the shapes Y, which
         # a permutation Π turns into the shapes H Y + Π E. There, the basis U of what this term adds
         # explains ‖Uᵀ Π E‖², and all terms, with the basis Q, leave ‖E‖² − ‖Qᵀ Π E‖²
         left = _residual_products(products, np.hstack(parts[:i]))
@@ -322,8 +325,9 @@ def _pairs(
     slope = next((name for name in of if name not in design.levels), "")
     kept = [block for block, term in zip(blocks, design.terms) if not {*of} <= {*term}]
     left = _residual_products(products, np.hstack([*_orthonormal_parts(kept, m)]))
-    # The mean, or slope, of a group is cᵀ Y with c = X⁺ᵀ l. Two groups whose vectors c differ by d
-    # have the distance √(dᵀ P d), with the scalar products P of the shapes
+    # The mean, or slope, of a group is cᵀ Y for the shapes Y, with c = X⁺ᵀ l, the columns X of all terms and the
+    # coefficients l (`ShapeDesign.row`). Two groups whose vectors c differ by d have the distance √(dᵀ P d), with the
+    # scalar products P of the shapes.
     inverse = np.linalg.pinv(np.hstack([np.ones((m, 1)), *blocks]))
     levels = design.levels[factor]
     codes = np.eye(len(levels))[:, 1:]
@@ -338,7 +342,7 @@ def _pairs(
         angle = float(np.degrees(np.arccos(cosine))) if slope else np.nan
         distance = float(np.sqrt(max(float(difference @ products @ difference), 0.0)))
         found.append(PairTest(":".join(of), levels[i], levels[j], distance, angle, z, p_value, p_value))
-    # Holm multiplies the i-th of n ascending p-values, i from 0, by n − i; the products may not fall
+    # Holm multiplies the i-th of n ascending p-values, i from 0, by n − i, or takes the result before if it is larger
     ascending = np.argsort([pair.p_value for pair in found], kind="stable").tolist()
     least = 0.0
     for i, row in enumerate(ascending):
@@ -353,7 +357,7 @@ class ShapeRegression:
 
     r_squared: float  #: share of the variance of shape that the variables describe
     p_value: float  #: probability of as large a share without any relation, from permutations
-    n_permutations: int
+    n_permutations: int  #: number of random permutations
     seed: int  #: seed that draws the permutations
     mean: FloatArray  #: (n, 3) mean shape
     coefficients: FloatArray  #: (q, n, 3) displacement for one unit of each variable

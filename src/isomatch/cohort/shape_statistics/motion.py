@@ -13,7 +13,8 @@ from isomatch._core.texts import natural_order
 from isomatch._core.threads import parallel_map
 from isomatch.surfaces import Mesh
 
-# least barycentric coordinate of a point in a face; below 0, so that no ray passes an edge; chosen
+# A ray meets a face if no barycentric coordinate, in the face, of the point where it meets the plane of the face is less
+# than this; below 0, so that no ray slips through between two faces; chosen.
 MIN_CORNER_WEIGHT = -1e-9
 
 
@@ -70,8 +71,9 @@ def wall_thickness(mesh: Mesh) -> FloatArray:
         return np.full(mesh.n_faces, np.nan)
     corners = (mesh.vertices - mesh.vertices.mean(axis=0))[mesh.sound_faces]  # (f, 3, 3)
     corners = corners if mesh.volume > 0 else corners[:, ::-1]
-    # x is on the face (a, b, c), with the edges u and v at a and n = u × v, if n·(x − a) = 0 and no
-    # weight is negative: (v × n)·(x − a) / n² of b, (n × u)·(x − a) / n² of c, and 1 − both of a
+    # A point x is on the face (a, b, c), with the edges u = b − a, v = c − a and n = u × v, if n·(x − a) = 0 and the
+    # weights of the corners are not negative: (v × n)·(x − a) / n² for b, (n × u)·(x − a) / n² for c, and 1 minus both
+    # for a.
     a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     n = np.cross(u, v)
     square = (n**2).sum(axis=1, keepdims=True)

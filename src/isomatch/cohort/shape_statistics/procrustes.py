@@ -16,8 +16,10 @@ from isomatch.correspondence import nearest_rotation
 
 Scale = Literal["keep", "remove"]  # whether shapes keep their sizes, or are brought to one size
 
-TOLERANCE = 1e-11  # share of the mean's size; shapes are aligned once an iteration moves none by more; chosen
-MAX_ITERATIONS = 1000  # iterations after which an analysis fails if shapes still move; chosen
+# Share of the size of the shapes: they are aligned once an iteration moves no shape by more (root mean square over its
+# vertices); chosen.
+TOLERANCE = 1e-11
+MAX_ITERATIONS = 1000  # number of iterations after which an alignment fails if shapes still move; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,7 @@ def generalised_procrustes(
         mean = aligned.mean(axis=0)
         mean *= size / np.sqrt(np.einsum("i,ij,ij->", share, mean, mean))
         along = np.einsum("i,ij,sij->s", share, mean, aligned) / size**2
-        # In each shape, the mean of all replaces the component along the mean.
+        # We replace the component of each shape along the mean by the mean itself.
         aligned += (1 - along)[:, None, None] * mean
     aligned += centroids.mean(axis=0)
     return ProcrustesAlignment(aligned, rotations, translations, scales, size, n_iterations)
@@ -192,9 +194,9 @@ def _nearest_rotations(products: FloatArray) -> FloatArray:
 
 def _pair_distances(products: FloatArray, mirrored: bool = False) -> FloatArray:
     """Distances of pairs, (m, m), after the best rotation, or the best reflection."""
-    # The least |X Rᵀ − Y|² over rotations R is |X|² + |Y|² − 2 (σ₁ + σ₂ ± σ₃) with the singular
-    # values σ of XᵀWY (Kabsch 1976). The sign is − if the determinant of XᵀWY is negative, as the
-    # nearest orthogonal matrix is a reflection then
+    # For the centred vertices X and Y of two shapes and the weights W, the least |X Rᵀ − Y|² over rotations R is |X|² +
+    # |Y|² − 2 (σ₁ + σ₂ ± σ₃) with the singular values σ of XᵀWY (Kabsch 1976). The sign is − if the determinant of
+    # XᵀWY is negative, as the nearest orthogonal matrix is a reflection then.
     values = np.linalg.svd(products, compute_uv=False)
     values[..., -1] *= np.where((np.linalg.det(products) < 0) != mirrored, -1.0, 1.0)
     squares = np.einsum("ssii->s", products)
@@ -211,8 +213,8 @@ def _rotate_onto_mean(products: FloatArray, most: int) -> tuple[FloatArray, int]
     moments = np.einsum("ssij->sij", products)
     size = np.sqrt(max(np.einsum("sii->s", moments).mean(), np.finfo(float).tiny))
     for iteration in range(most):
-        # Σₜ Xₛᵀ W Xₜ Rₜᵀ / m = Xₛᵀ W (mean): the 3 × 3 products of pairs suffice. The rotation Rₛ
-        # onto the mean maximises the trace of its product with it; then the mean is renewed (Gower)
+        # For the centred vertices Xₛ of each shape s, Σₜ Xₛᵀ W Xₜ Rₜᵀ / m = Xₛᵀ W (mean): the 3 × 3 products of pairs
+        # suffice. The rotation Rₛ onto the mean maximises the trace of Rₛ Xₛᵀ W (mean); then the mean is renewed (Gower).
         to_mean = np.einsum("stij,tkj->sik", products, rotations) / len(products)
         turned = _nearest_rotations(to_mean)
         change = turned - rotations

@@ -32,9 +32,13 @@ from isomatch.io import write_mesh
 from isomatch.surfaces import Mesh
 
 Weighting = Literal["area", "uniform"]  # whether a vertex counts by its area, or all count alike
-MIN_DEVIATION = 1e-10  # share of the mean's size; a mode with less standard deviation is rounding; chosen
-MAX_LEFT_OUT = 100  # shapes, drawn at random, that are left out one at a time, at most; chosen
-N_RANDOM_SHAPES = 1000  # draws of `specificity`: 10 000 in Styner et al. 2003; chosen: known to about 1 %
+# a mode is a rounding error if its standard deviation, over the size of the mean, is below this; chosen
+MIN_DEVIATION = 1e-10
+# largest number of shapes left out, one at a time; of more, some are drawn at random; chosen
+MAX_LEFT_OUT = 100
+# Number of random shapes that `specificity` draws; chosen: their mean distance is then known to about 1 % (Styner et al.
+# 2003 draw 10 000).
+N_RANDOM_SHAPES = 1000
 FORMAT = ArrayFormat(  # contents of the file of a model
     what="a shape model",
     writer="ShapeModel.save",
@@ -159,7 +163,7 @@ class ShapeModel:
         mean = superimposed.mean
         about_mean, about_centre = superimposed.aligned - mean, mean - share @ mean
         with serial_blas():
-            # With the SVD X √W = U S Vᵀ of displacements X, (m, 3 n), modes are S⁻¹ Uᵀ X and scores U S.
+            # With the SVD X √W = U S Vᵀ of displacements X, (m, 3 n), and weights W, modes are S⁻¹ Uᵀ X and scores U S.
             weighted = (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1)
             u, values, _ = np.linalg.svd(weighted, full_matrices=False)
             least = MIN_DEVIATION * np.sqrt(len(shapes) * (share @ about_centre**2).max())
@@ -322,8 +326,8 @@ def _without_each(
     model: ShapeModel, seed: int, most: int
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield the difference of each shape from the mean of the others, their axes and variances."""
-    # Scores have the same distances as shapes, as the modes are orthonormal, and take their place.
-    # The mirror image of a shape is left out with the shape.
+    # Scores take the place of shapes: they have the same distances, as the modes are orthonormal. The mirror image of a
+    # shape is left out with the shape.
     m = len(model.names)
     chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
     individuals = np.array([name.removesuffix(MIRRORED) for name in model.names])
@@ -403,7 +407,8 @@ def specificity(model: ShapeModel, *, n_samples: int = N_RANDOM_SHAPES, seed: in
     -----
     Davies 2002; Styner et al. 2003. O(n_samples m k) time: distances are those of the scores.
     """
-    # |x − xᵢ|² is Σ (z − b)² with the scores z of x, 0 after the first j modes, and b of xᵢ
+    # The squared distance of a random shape from a shape of the model is Σ (z − b)² with the scores z of the random
+    # shape, which are 0 after the first j modes, and the scores b of the other.
     draws = generator(seed).standard_normal((n_samples, model.n_modes)) * model.deviations
     squares = np.broadcast_to((model.scores**2).sum(axis=1), (n_samples, len(model.names))).copy()
     rows = [np.sqrt(squares.min(axis=1))]

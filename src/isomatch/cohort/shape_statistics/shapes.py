@@ -36,11 +36,12 @@ MIRRORED = "_mirrored"  # ending of the names of shapes that are mirror images
 
 T = TypeVar("T")
 MEASURED = "measured"  # attribute of points: 1 where a surface was measured, 0 where it is interpolated
-MIN_MEASURED = 0.5  # share of its vertices that must be measured for a shape not to be left out; chosen
+MIN_MEASURED = 0.5  # a shape is left out if a smaller share of its vertices was measured; chosen
 CORRESPONDED = "corresponded"  # folder, inside the folder of a collection, of its shapes in one topology
 STRUCTURES = "structures.csv"  # name of the table of the number of vertices of each structure of subjects
-TOLERANCE = 1e-6  # share of the mean's size; missing vertices are in place once none moves by more; chosen
-MAX_ROUNDS = 500  # rounds that place missing vertices, at most; chosen: enough for 97 % missing
+# missing vertices are in place once none moves by more than this share of the mean's size; chosen
+TOLERANCE = 1e-6
+MAX_ROUNDS = 500  # largest number of rounds that place missing vertices; chosen: enough if 97 % are missing
 
 
 def slices_of(structures: Mapping[str, int]) -> dict[str, slice]:

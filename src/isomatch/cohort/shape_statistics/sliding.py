@@ -22,24 +22,29 @@ from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes, filled
 from isomatch.landmarks import Curve
 from isomatch.surfaces import Mesh, nearest_on_surface, vertex_normals
 
-MAX_ROUNDS = 4  # times, at most, that the mean is taken and points slide towards it; chosen
-MIN_GAIN = 0.02  # share of the energy that a round must save for another one to follow; chosen
-MAX_ITERATIONS = 30  # iterations of conjugate gradients for a step, at most; chosen
-MAX_RESIDUAL = 0.01  # residual over the first one at which conjugate gradients end; chosen
-STEP_SHARES = 1.0, 0.5, 0.25  # shares of a step; the first that turns no normal by 90° is taken; chosen
-N_NEIGHBOURS = 5  # points, with the point itself, to which a tangent plane is fitted; chosen
-# weight of affine functions in the kernel, over m × its mean; chosen: 1 needs 2 × the iterations
+MAX_ROUNDS = 4  # largest number of times that the mean is taken and points slide towards it; chosen
+# another round follows if the last one lowered the criterion by at least this share; chosen
+MIN_GAIN = 0.02
+MAX_ITERATIONS = 30  # largest number of iterations of conjugate gradients to `MAX_RESIDUAL`; chosen
+# conjugate gradients end if the residual, over the one at the start, is at most this; chosen
+MAX_RESIDUAL = 0.01
+# a point moves by the first of these shares of its step that turns its normal by less than a right angle; chosen
+STEP_SHARES = 1.0, 0.5, 0.25
+# number of nearest points, itself among them, to which the tangent plane of a point is fitted; chosen
+N_NEIGHBOURS = 5
+# weight of affine functions beside the kernel, over m × its mean absolute entry; chosen: 1 takes twice the iterations
 AFFINE_WEIGHT = 0.01
-RIDGE = 1e-10  # share of the kernel's mean that is added to its diagonal, as points may coincide; chosen
+# share of the kernel's mean absolute entry that is added to its diagonal, as two points might coincide; chosen
+RIDGE = 1e-10
 
 
 class Slid(NamedTuple):
     """How far the landmarks of a specimen slid, and its bending energy from the mean shape."""
 
     specimen: str
-    mean: float
-    largest: float
-    energy_before: float
+    mean: float  # mean distance, over the landmarks, by which they slid, in the units of the specimen
+    largest: float  # largest of these distances
+    energy_before: float  # bending energy before and after, as in `SlidSemilandmarks`
     energy_after: float
 
 
@@ -47,8 +52,8 @@ class SlidSemilandmarks(NamedTuple):
     """Landmarks of s specimens, after semilandmarks have slid."""
 
     positions: FloatArray  # positions (s, m, d) of m points on s specimens; nan without a place
-    energy_before: FloatArray  # (s,) bending energy from the mean at centroid size 1, without 8π
-    energy_after: FloatArray
+    energy_before: FloatArray  # (s,) bending energy from the mean, at centroid size 1, without the factor 8π
+    energy_after: FloatArray  # (s,) the same after points have slid
 
     def of_each(self, names: Sequence[str], before: FloatArray) -> list[Slid]:
         """Measure how far landmarks of named specimens slid from positions before, (s, m, d)."""
@@ -135,7 +140,8 @@ def slid_semilandmarks(
         for _ in range(most_rounds):
             onto_mean = generalised_procrustes(now, scale="remove")
             mean, bending = onto_mean.mean, BendingEnergy(onto_mean.mean)
-            # The goal is the mean at the common size. On each specimen, its point y is at x = (y − t) R / s.
+            # The goal is the mean at the common size. A specimen with the scale s, rotation R and translation t has the
+            # point y of the goal at (y − t) R / s.
             about = mean - mean.mean(axis=0)
             whole = mean + about * (onto_mean.size / np.sqrt((about**2).sum(axis=1).mean()) - 1)
             goal = (whole - onto_mean.translations[:, None]) @ onto_mean.rotations
