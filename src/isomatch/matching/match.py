@@ -32,7 +32,7 @@ from isomatch.matching.priors import (
 )
 from isomatch.matching.problem import Problem, Refinement, Start, name_of, prepare_pair
 from isomatch.matching.refinements import REFINEMENTS
-from isomatch.matching.result import Alternative, MatchResult
+from isomatch.matching.result import Alternative, MatchResult, Outcome
 from isomatch.matching.strategies import (
     BOTH_SIDES,
     ELASTIC,
@@ -305,12 +305,16 @@ def _match_both_ways(
     else:
         found = attempts.matches.get(BOTH_SIDES.name, attempts.matches[ISOMETRIC.name])
         hypotheses = _reverse_hypotheses(found, problem, problem_back)
-        way_back = ways[first_solution.way]
-        solution = try_strategies(Attempts(problem_back, timer_back, hypotheses, way_back))
-        solution = solution.with_evidence(Evidence.of(first_solution.outcome))
+        way_back, is_sure = ways[first_solution.way], first_solution.outcome is Outcome.CONVERGED
+        # the inverse of a doubtful map may be better than the map, and then is searched from the hypotheses
+        inverse_of = found if is_sure and way_back == (ISOMETRIC,) and problem.refinement.polishes else None
+        tried = Attempts(problem_back, timer_back, hypotheses, inverse_of, way_back)
+        solution = try_strategies(tried).with_evidence(Evidence.of(first_solution.outcome))
+        how = "images are nearest points in the coordinates of the other direction; listed are"
+        how = how if inverse_of else "the hypotheses are the map of the other direction and"
         note = (
-            "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
-            f"{len(hypotheses) - 1} alternatives to it, turned around, and the outcome is at most as sure as there"
+            f"the shapes were prepared for both directions at once; {how} {len(hypotheses) - 1} alternatives to it, "
+            "turned around, and the outcome is at most as sure as there"
         )
     solution = replace(solution, notes=(note, *solution.notes))
     return BothDirections(result, result_of(solution, timer_back, seed))

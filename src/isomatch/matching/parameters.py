@@ -85,6 +85,11 @@ class ScreeningParameters:
     # a shape with at least this many rotations is round: no automatic map can be told from the
     # others; discs and balls have 11 to 40, bodies at most 6
     min_rotations_of_round: int = 11  # symmetries
+    # two shapes are alike after one motion if the next motion leaves this times its distance or more; bones of
+    # one kind have 1.25 to 2.4, teddies 1.0 to 1.2
+    min_pose_ratio: float = 1.2  # ratio of distances
+    # the same for the nearest reflection; bodies with two like sides have 0.95 to 1.05, mirror images 0.7
+    min_mirrored_pose_ratio: float = 0.9  # ratio of distances
 
 
 @dataclass(frozen=True)
