@@ -26,7 +26,7 @@ from isomatch.cohort.unusual_shapes import Outlier, outliers
 from isomatch.cohort.workers import Task, Workers, workers_of
 from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
-from isomatch.visualization import html_page, write_report
+from isomatch.visualization import html_page
 
 # formats of the numbers in the page's table of pairs, by column
 FORMATS = {"in doubt": "{:.1%}", "distortion_mean": "{:.1%}", "coverage": "{:.0%}", "matched": "{:.0%}"}
@@ -43,7 +43,7 @@ PAIR_COLUMNS = (  # columns of pairs.csv
     *("source_hash", "target_hash", "key"),
 )
 LOCAL_SOURCES = "'self' file: data:"  # sources, in a content security policy, from which pages load pictures
-N_SURE_REPORTS = 3  # number of pairs, the worst of those not in doubt, that get a report too
+N_SURE_REPORTS = 1  # number of pairs, the worst of those not in doubt, that get a report too
 
 
 def write_page(known: Snapshot) -> None:
@@ -165,7 +165,7 @@ def write_reports(
     """Write the reports of pairs without one of their present map; yield each with any error.
 
     A number N chooses the N worst pairs; "doubtful" the pairs on the page that are not
-    ``CONVERGED``, and the three next ones; "all" every pair. Other arguments are those of
+    ``CONVERGED``, and the next one; "all" every pair. Other arguments are those of
     `Collection.run`.
     """
     if not isinstance(which, str) and which < 0:
@@ -195,6 +195,8 @@ def has_report(layout: Layout, pair: Pair, row: PairRow) -> bool:
 
 def _write_report_of(collection: Collection, item: tuple[Pair, PairRow]) -> None:
     """Write the report of a pair, source → target."""
+    from isomatch.visualization import write_report  # imports matplotlib: only workers need it
+
     pair, row = item
     files = [collection.paths[name] for name in pair]
     source_turned, target_turned = (name in row.reflected for name in pair)
