@@ -43,7 +43,7 @@ PAIR_COLUMNS = (  # columns of pairs.csv
     *("source_hash", "target_hash", "key"),
 )
 LOCAL_SOURCES = "'self' file: data:"  # sources, in a content security policy, from which pages load pictures
-N_SURE_REPORTS = 1  # number of pairs, the worst of those not in doubt, that get a report too
+N_SURE_REPORTS = 3  # number of pairs, the worst of those not in doubt, that get a report too
 
 
 def write_page(known: Snapshot) -> None:
@@ -165,7 +165,7 @@ def write_reports(
     """Write the reports of pairs without one of their present map; yield each with any error.
 
     A number N chooses the N worst pairs; "doubtful" the pairs on the page that are not
-    ``CONVERGED``, and the next one; "all" every pair. Other arguments are those of
+    ``CONVERGED``, and the three next ones; "all" every pair. Other arguments are those of
     `Collection.run`.
     """
     if not isinstance(which, str) and which < 0:

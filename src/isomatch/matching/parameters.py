@@ -90,6 +90,10 @@ class ScreeningParameters:
     min_pose_ratio: float = 1.2  # ratio of distances
     # the same for the nearest reflection; bodies with two like sides have 0.95 to 1.05, mirror images 0.7
     min_mirrored_pose_ratio: float = 0.9  # ratio of distances
+    # a shape whose principal axes differ less may be turned by any angle; kneecaps have 1.06 and more
+    min_axis_ratio: float = 1.05  # ratio of lengths
+    # distances of two shapes below this are equal; chosen: 400 points of a copy with other vertices have 0.02
+    min_pose_distance: float = 0.01  # √area, mean, normals included
 
 
 @dataclass(frozen=True)

@@ -94,16 +94,23 @@ def starts_if_alike(pair: Problem) -> list[SearchRows]:
     # one. Reflections must not bring them nearer either: a left bone is the mirror image of a right one.
     # The other motions and reflections are first maps that lose, and show by how much.
     limit, bounds = pair.config.search.near_rigid, SCREENING
-    if (
-        not (limit and pair.is_sided and pair.config.orientation == "preserve")
-        or pair.poses[0].distance > limit
-    ):
+    if not (limit and pair.is_sided and pair.config.orientation == "preserve"):
         return []
-    first, *others = (pose.distance for pose in pair.poses)
-    mirrored = pair.mirrored_poses[0].distance
-    if min(others) < bounds.min_pose_ratio * first or mirrored < bounds.min_mirrored_pose_ratio * first:
+    if pair.poses[0].distance > limit or not (_has_axes(pair.source) and _has_axes(pair.target)):
+        return []
+    # two copies of a symmetric shape coincide exactly after several motions, so short distances count as equal
+    poses = *pair.poses[:2], pair.mirrored_poses[0]
+    first, second, mirrored = (max(pose.distance, bounds.min_pose_distance) for pose in poses)
+    if second < bounds.min_pose_ratio * first or mirrored < bounds.min_mirrored_pose_ratio * first:
         return []
     return [SearchRows(pose.nearest) for pose in (*pair.poses, *pair.mirrored_poses)]
+
+
+def _has_axes(shape: PreparedShape) -> bool:
+    """Whether the principal axes of a mesh have different lengths, so that motions can be told from turns."""
+    body = shape.mesh_body
+    lengths = np.sqrt(np.linalg.eigvalsh(np.cov(body.vertices.T, aweights=body.vertex_areas)))
+    return bool((lengths[1:] >= SCREENING.min_axis_ratio * lengths[:-1]).all())
 
 
 def nearest_in_pose(
