@@ -242,8 +242,9 @@ def match_both(
 ) -> BothDirections:
     """Match two surfaces in both directions; the shapes are prepared once.
 
-    For complete shapes without priors, the map back is not searched again: the inverse of the first map and of its
-    alternatives are its hypotheses. Otherwise, or if one shape alone seems to be inside out, the map back is searched
+    For complete shapes without priors, the map back is not searched again. If the first map is a sure isometry, its
+    inverse takes nearest points in the same coordinates; else the inverses of the map and of its alternatives are
+    hypotheses. Otherwise, or if one shape alone seems to be inside out, the map back is searched
     like the first one. The first note of ``target_to_source`` says which was done.
 
     Parameters

@@ -54,7 +54,7 @@ class Attempts:
     problem: Problem
     timer: StageTimer
     hypotheses: Sequence[Candidate] | None = None  # given ones replace the search of an isometry
-    inverse_of: IsometricMatch | None = None  # an isometry of which the inverse is taken
+    inverse_of: IsometricMatch | None = None  # an isometry whose inverse is the map
     only: tuple[Strategy, ...] = ()  # strategies to try; by default all that suit the problem
     solutions: list[Solution] = field(default_factory=list)
     matches: dict[str, Match[Any, Any]] = field(default_factory=dict)  # by the name of the strategy
