@@ -93,15 +93,16 @@ def starts_if_alike(pair: Problem) -> list[SearchRows]:
     # Two bones of one kind, or a body in one pose, nearly coincide after one motion, and after no other
     # one. Reflections must not bring them nearer either: a left bone is the mirror image of a right one.
     # The other motions and reflections are first maps that lose, and show by how much.
-    limit, bounds = pair.config.search.near_rigid, SCREENING
+    limit = pair.config.search.near_rigid
     if not (limit and pair.is_sided and pair.config.orientation == "preserve"):
         return []
     if pair.poses[0].distance > limit or not (_has_axes(pair.source) and _has_axes(pair.target)):
         return []
     # two copies of a symmetric shape coincide exactly after several motions, so short distances count as equal
     poses = *pair.poses[:2], pair.mirrored_poses[0]
-    first, second, mirrored = (max(pose.distance, bounds.min_pose_distance) for pose in poses)
-    if second < bounds.min_pose_ratio * first or mirrored < bounds.min_mirrored_pose_ratio * first:
+    first, second, mirrored = (max(pose.distance, SCREENING.min_pose_distance) for pose in poses)
+    ratios = second / first, mirrored / first
+    if ratios[0] < SCREENING.min_pose_ratio or ratios[1] < SCREENING.min_mirrored_pose_ratio:
         return []
     return [SearchRows(pose.nearest) for pose in (*pair.poses, *pair.mirrored_poses)]
 
