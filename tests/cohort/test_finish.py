@@ -23,7 +23,6 @@ from isomatch import (
 )
 from isomatch.cli import main
 from isomatch.cohort import Collection, export, finish, surfaces_written, write_reports
-from isomatch.cohort import study_page as report_module
 from isomatch.cohort.ledger import MapSummary, PairAgreement, writing_ledger
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
@@ -80,7 +79,9 @@ def test_a_report_shows_the_map_that_is_kept(copied):
 @pytest.fixture
 def plain_reports(monkeypatch):
     """Reports that take no time."""
-    monkeypatch.setattr(report_module, "write_report", lambda path, *_, **__: path.write_text("a report"))
+    monkeypatch.setattr(
+        "isomatch.visualization.write_report", lambda path, *_, **__: path.write_text("a report")
+    )
 
 
 @pytest.mark.long

@@ -267,6 +267,17 @@ def test_prepared_shapes_stay_in_memory_up_to_so_many_bytes(finished):
     assert load_shape(files[1], config, 1) is not one
 
 
+def test_a_shape_that_was_just_prepared_is_not_read(finished, tmp_path):
+    written = sorted((finished / "prepared").iterdir())[0]
+    config = Config.from_dict(json.loads((finished / "collection.json").read_text())["config"])
+    shape, file = load_shape(written, config), tmp_path / "prepared.npz"
+    shape.save(file)
+    assert load_shape(file, config, prepared=shape) is shape
+    assert load_shape(file, config) is shape
+    os.utime(file, (0, 0))
+    assert load_shape(file, config) is not shape  # the file was written again
+
+
 def test_the_medoid_is_the_nearest_to_all_and_does_not_need_their_matrix():
     rng = np.random.default_rng(0)
     rows = rng.normal(size=(5000, 3))

@@ -46,6 +46,7 @@ def test_the_maps_are_nearly_inverse(both, example):
 
 
 def test_the_result_says_what_was_done(both):
+    assert "nearest points in the coordinates of the other direction" in both.target_to_source.notes[0]
     assert "alternatives to it, turned around" in both.target_to_source.notes[0]
     assert "prepare" not in both.target_to_source.timings
 

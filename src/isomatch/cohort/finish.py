@@ -15,7 +15,6 @@ from typing import NamedTuple, TypeAlias
 from urllib.parse import quote
 
 import numpy as np
-from matplotlib.image import imsave
 
 from isomatch._core.errors import FormatError, InputError, IsomatchError
 from isomatch._core.files import claimed, made_folder, replaced, staged, writing
@@ -311,6 +310,8 @@ def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> tuple[C
 
 def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
     """Draw a shape in the colours of the template's positions, turned like the template."""
+    from matplotlib.image import imsave  # the process that sends the tasks draws nothing
+
     cameras = {template: camera_of(template), mesh: camera_like(template, mesh)}
     extents = [
         np.ptp(shape.vertices[np.unique(shape.faces)] @ camera[:2].T, axis=0).max() / np.sqrt(shape.area)

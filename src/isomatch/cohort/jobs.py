@@ -380,6 +380,7 @@ class Job:
             if entry.reflected:
                 shape = replace(shape, notes=(REFLECTED_NOTE, *shape.notes))
             shape.save(file)
+            load_shape(file, self.config, prepared=shape)  # the pairs of this worker need not read it
         return ShapeRow(
             state="done",
             key=key,
@@ -475,16 +476,19 @@ _loaded_shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]
 _loaded_shapes_lock = Lock()  # guards `_loaded_shapes`: a worker may have several threads
 
 
-def load_shape(file: Path, config: Config, room: int = MAX_LOADED_BYTES) -> PreparedShape:
-    """Load a prepared shape, or take it from memory, which drops the least recently used ones."""
+def load_shape(
+    file: Path, config: Config, room: int = MAX_LOADED_BYTES, prepared: PreparedShape | None = None
+) -> PreparedShape:
+    """Load a shape, unless it is given or in memory, which drops the least recently used ones."""
     with _loaded_shapes_lock:
         if not file.exists():
             remedy = "run isomatch collect again, which makes it"
             raise MissingFileError(f"{file}: no such prepared shape; {remedy}")
         stat = file.stat()
         key = file, stat.st_mtime_ns, config
-        held = _loaded_shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)
-        _loaded_shapes[key] = held
+        held = _loaded_shapes.pop(key, None)
+        shape = held[0] if held else prepared or PreparedShape.load(file, config)
+        _loaded_shapes[key] = shape, stat.st_size
         while sum(size for _, size in _loaded_shapes.values()) > room and len(_loaded_shapes) > 2:
             _loaded_shapes.popitem(last=False)
-    return held[0]
+    return shape

@@ -20,7 +20,6 @@ from isomatch.surfaces import Mesh
 from isomatch.visualization import (
     DrawnSurface,
     camera_of,
-    colour_scale,
     html_page,
     position_colours,
     scripts_of,
@@ -100,6 +99,8 @@ def template_of(name: str) -> Template:
 
 def stops(colour_map: str) -> list[list[int]]:
     """Colours of a colour map of matplotlib at equal steps, between which a browser interpolates."""
+    from isomatch.visualization import colour_scale  # imports matplotlib, which most pages do not need
+
     shares = np.linspace(0.0, 1.0, N_STOPS)[:, None]
     colours: list[list[int]] = np.rint(255 * colour_scale(colour_map, 0.0, 1.0)(shares)).astype(int).tolist()
     return colours

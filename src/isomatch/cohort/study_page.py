@@ -26,7 +26,7 @@ from isomatch.cohort.unusual_shapes import Outlier, outliers
 from isomatch.cohort.workers import Task, Workers, workers_of
 from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
-from isomatch.visualization import html_page, write_report
+from isomatch.visualization import html_page
 
 # formats of the numbers in the page's table of pairs, by column
 FORMATS = {"in doubt": "{:.1%}", "distortion_mean": "{:.1%}", "coverage": "{:.0%}", "matched": "{:.0%}"}
@@ -195,6 +195,8 @@ def has_report(layout: Layout, pair: Pair, row: PairRow) -> bool:
 
 def _write_report_of(collection: Collection, item: tuple[Pair, PairRow]) -> None:
     """Write the report of a pair, source → target."""
+    from isomatch.visualization import write_report  # imports matplotlib: only workers need it
+
     pair, row = item
     files = [collection.paths[name] for name in pair]
     source_turned, target_turned = (name in row.reflected for name in pair)

@@ -32,7 +32,7 @@ from isomatch.matching.priors import (
 )
 from isomatch.matching.problem import Problem, Refinement, Start, name_of, prepare_pair
 from isomatch.matching.refinements import REFINEMENTS
-from isomatch.matching.result import Alternative, MatchResult
+from isomatch.matching.result import Alternative, MatchResult, Outcome
 from isomatch.matching.strategies import (
     BOTH_SIDES,
     ELASTIC,
@@ -242,8 +242,9 @@ def match_both(
 ) -> BothDirections:
     """Match two surfaces in both directions; the shapes are prepared once.
 
-    For complete shapes without priors, the map back is not searched again: the inverse of the first map and of its
-    alternatives are its hypotheses. Otherwise, or if one shape alone seems to be inside out, the map back is searched
+    For complete shapes without priors, the map back is not searched again. If the first map is a sure isometry, its
+    inverse takes nearest points in the same coordinates; else the inverses of the map and of its alternatives are
+    hypotheses. Otherwise, or if one shape alone seems to be inside out, the map back is searched
     like the first one. The first note of ``target_to_source`` says which was done.
 
     Parameters
@@ -305,12 +306,16 @@ def _match_both_ways(
     else:
         found = attempts.matches.get(BOTH_SIDES.name, attempts.matches[ISOMETRIC.name])
         hypotheses = _reverse_hypotheses(found, problem, problem_back)
-        way_back = ways[first_solution.way]
-        solution = try_strategies(Attempts(problem_back, timer_back, hypotheses, way_back))
-        solution = solution.with_evidence(Evidence.of(first_solution.outcome))
+        way_back, is_sure = ways[first_solution.way], first_solution.outcome is Outcome.CONVERGED
+        # the inverse of a doubtful map may be better than the map, and then is searched from the hypotheses
+        inverse_of = found if is_sure and way_back == (ISOMETRIC,) and problem.refinement.polishes else None
+        tried = Attempts(problem_back, timer_back, hypotheses, inverse_of, way_back)
+        solution = try_strategies(tried).with_evidence(Evidence.of(first_solution.outcome))
+        how = "images are nearest points in the coordinates of the other direction; listed are"
+        how = how if inverse_of else "the hypotheses are the map of the other direction and"
         note = (
-            "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
-            f"{len(hypotheses) - 1} alternatives to it, turned around, and the outcome is at most as sure as there"
+            f"the shapes were prepared for both directions at once; {how} {len(hypotheses) - 1} alternatives to it, "
+            "turned around, and the outcome is at most as sure as there"
         )
     solution = replace(solution, notes=(note, *solution.notes))
     return BothDirections(result, result_of(solution, timer_back, seed))

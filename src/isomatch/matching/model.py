@@ -19,6 +19,7 @@ from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.assessment.evidence import Measured, Solution
+from isomatch.matching.coordinates import SmoothPair
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.priors import Priors
 from isomatch.matching.problem import Problem, Refinement
@@ -55,6 +56,11 @@ class Match(Generic[M, C]):
     def coordinates(self) -> C:
         """Coordinates, or a bent shape, from which the images of the selected map are computed."""
         return self.model.coordinates(self.ranking.best)
+
+    @cached_property
+    def polished(self) -> tuple[SmoothPair, C]:
+        """The finest level of both shapes, and the coordinates of the selected map there."""
+        return self.model.polish(self)
 
     @cached_property
     def measured(self) -> Measured:
@@ -120,6 +126,10 @@ class MatchingModel(ABC, Generic[M, C]):
     @abstractmethod
     def coordinates(self, best: M) -> C:
         """Compute coordinates, or bend a shape, to find the precise images under a map."""
+
+    def polish(self, match: Match[M, C]) -> tuple[SmoothPair, C]:
+        """Compute the coordinates of a map on a finer level; by default, those of the bodies."""
+        return self.pair, match.coordinates
 
     @abstractmethod
     def measure(self, match: Match[M, C]) -> Measured:

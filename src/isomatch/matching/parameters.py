@@ -78,6 +78,17 @@ class ScreeningParameters:
     # rotations onto itself from which a shape is round, so that no automatic map is told from the others;
     # discs and balls have 11 to 40, bodies at most 6
     min_rotations_of_round: int = 11
+    # distance after the next rigid motion over the best one's, from which two shapes are alike after one motion;
+    # bones of one kind have 1.25 to 2.4, teddies 1.0 to 1.2
+    min_pose_ratio: float = 1.2
+    # the same ratio for the nearest reflection; bodies with two like sides have 0.95 to 1.05, mirror images 0.7
+    min_mirrored_pose_ratio: float = 0.9
+    # length of a principal axis over the next shorter one's, below which a shape may be turned by any angle;
+    # kneecaps have 1.06 and more
+    min_axis_ratio: float = 1.05
+    # √area, mean over points, normals included, below which distances of two shapes are equal; chosen: 400
+    # points of a copy with other vertices have 0.02
+    min_pose_distance: float = 0.01
 
 
 @dataclass(frozen=True)

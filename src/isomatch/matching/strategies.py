@@ -14,11 +14,12 @@ from isomatch._core.arrays import BodyVertices, UserVertices
 from isomatch._core.errors import MeshError, NotConvergedError, SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
-from isomatch.matching.assessment.evidence import Evidence, Solution
+from isomatch.matching.assessment.evidence import Evidence, Solution, outcome_of
 from isomatch.matching.elastic.elastic import Elastic, far_from_isometric
 from isomatch.matching.isometric.both_sides import BothSides
-from isomatch.matching.isometric.candidates import is_sure
-from isomatch.matching.isometric.isometry import Isometry, find_torn_vertices, image_of
+from isomatch.matching.isometric.candidates import hypotheses_if_alike, is_sure
+from isomatch.matching.isometric.inverse import Inverse
+from isomatch.matching.isometric.isometry import IsometricMatch, Isometry, find_torn_vertices, image_of
 from isomatch.matching.maps import Candidate
 from isomatch.matching.model import Match, MatchingModel, origin_of
 from isomatch.matching.parameters import MAP_DISTANCE, SCREENING, STRATEGY
@@ -53,6 +54,7 @@ class Attempts:
     problem: Problem
     timer: StageTimer
     hypotheses: Sequence[Candidate] | None = None  # given ones replace the search of an isometry
+    inverse_of: IsometricMatch | None = None  # an isometry whose inverse is the map
     only: tuple[Strategy, ...] = ()  # strategies to try; by default all that suit the problem
     solutions: list[Solution] = field(default_factory=list)
     matches: dict[str, Match[Any, Any]] = field(default_factory=dict)  # by the name of the strategy
@@ -150,6 +152,24 @@ def _isometry_of(
     return Isometry(replace(problem, source=source, target=target, config=config, priors=priors))
 
 
+def _find_isometry(tried: Attempts) -> Isometry | None:
+    """Take shapes that are alike as one motion lays them; search others, and where that map is doubtful."""
+    problem, before = tried.problem, tried.matches.get(ISOMETRIC.name)
+    if before is not None:
+        return Isometry(problem) if tried.hypotheses is None and _is_doubtful_in_pose(before) else None
+    if tried.hypotheses is not None and tried.inverse_of is not None:
+        return Inverse(problem, tried.hypotheses, tried.inverse_of)
+    if tried.hypotheses is not None:
+        return Isometry(problem, tried.hypotheses)
+    return Isometry(problem, hypotheses_if_alike(problem) or None)
+
+
+def _is_doubtful_in_pose(match: Match[Any, Any]) -> bool:
+    """Whether a map was not searched, since shapes are alike, and its measures are doubtful."""
+    is_found = cast(Isometry, match.model).is_given
+    return is_found and outcome_of([match.measured.evidence(match.model.pair, far=False)]).is_doubtful
+
+
 def _cap_holes(tried: Attempts) -> Isometry:
     """Cap the holes of both shapes."""
     tried.timer.start("prepare")
@@ -234,6 +254,8 @@ def _is_unsure_isometry(tried: Attempts) -> bool:
     if match is None or tried.hypotheses is not None:
         return False
     others = (solution for solution in tried.solutions if solution.way != ISOMETRIC.name)
+    if cast(Isometry, match.model).is_given and not _is_doubtful_in_pose(match):
+        return False
     nothing_else_is_sure = all(solution.outcome.is_doubtful for solution in others)
     return nothing_else_is_sure and not is_sure(cast(Isometry, match.model), match.ranking)
 
@@ -276,8 +298,9 @@ ISOMETRIC = Strategy(
     "isometry",
     "whole",
     "always, unless one shape is a part",
-    lambda tried: Isometry(tried.problem, tried.hypotheses),
+    _find_isometry,
     continues=_may_be_wrong_isometry,
+    most_models=2,
 )
 BOTH_SIDES = Strategy(  # improves an isometry by maps that are searched from the target
     "isometry from both sides",

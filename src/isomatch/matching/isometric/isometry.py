@@ -140,9 +140,14 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return from_priors, search(pair, from_priors, starts) if self.searches_runners_up else []
 
     @property
+    def is_given(self) -> bool:
+        """Whether the hypotheses were given, so that none is searched."""
+        return self._found is not None
+
+    @property
     def _searches_freely(self) -> bool:
         """Whether neither hypotheses nor the user's starts are given."""
-        return self._found is None and self.problem.starts is None
+        return not self.is_given and self.problem.starts is None
 
     @property
     def searches_runners_up(self) -> bool:
@@ -376,7 +381,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
             doubt += doubt_of(pair, *runners_up, ranking.runner_up)
         errors = expected_errors(pair, map_.points, doubt)
         level, points, polished = (
-            self._polish_points(map_, timer) if map_.is_last else (pair, map_.points, ())
+            self._polish_points(match, map_, timer) if map_.is_last else (pair, map_.points, ())
         )
         if self.source.detail or self.target.detail:
             timer.start("carry")
@@ -398,7 +403,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         self, match: IsometricMatch, measured: Measured, solution: Solution, timer: StageTimer
     ) -> Solution:
         """Polish a map, and look for symmetric maps that fit as well."""
-        level, points, notes = self._polish_points(measured, timer)
+        level, points, notes = self._polish_points(match, measured, timer)
         if level is not self.pair:
             timer.start("carry")
             found = level.source.correspondence(level.target, points)
@@ -408,13 +413,13 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _with_rivals(self, match: IsometricMatch, map_: Measured, solution: Solution) -> Solution:
         """Add alternatives; a map is ambiguous if its composition with a near-symmetry fits."""
-        rivals = self._find_symmetric_rivals(map_) if solution.outcome is Outcome.CONVERGED else []
+        rivals = self.find_symmetric_rivals(map_) if solution.outcome is Outcome.CONVERGED else []
         if rivals:
             solution = solution.with_evidence(Evidence(ambiguous=True))
             solution = replace(solution, notes=(*solution.notes, AMBIGUITY_NOTE))
         return replace(solution, alternatives=self._alternatives(match, rivals))
 
-    def _find_symmetric_rivals(self, map_: Measured) -> list[Candidate]:
+    def find_symmetric_rivals(self, map_: Measured) -> list[Candidate]:
         """Compose the map with near-symmetries; return maps that fit about as well."""
         pair, config = self.pair, self.pair.config
         searches = self.refinement.searches_further and self.problem.starts is None
@@ -483,18 +488,24 @@ class Isometry(RefiningModel[Fit, Embedding]):
         limit = SYMMETRIC.max_first_score_ratio * first
         return [rival for rival, score in zip(rivals, scores) if score <= limit]
 
-    def _polish_points(
-        self, measured: Measured, timer: StageTimer
-    ) -> tuple[SmoothPair, PrecisePoints, tuple[str, ...]]:
-        """Polish images at the finest level of the shapes; return this level, the images and notes."""
-        pair, fit = self.pair, measured.fit
-        if not (pair.has_finer and fit and self.refinement.polishes):
-            return pair, measured.points, ()
-        timer.start("polish")
+    def polish(self, match: IsometricMatch) -> tuple[SmoothPair, Embedding]:
+        """Refine the selected map on a finer level, if a shape has one, and compute coordinates there."""
+        pair, fit = self.pair, match.ranking.best
+        if not (pair.has_finer and self.refinement.polishes):
+            return pair, match.coordinates
         finer, between = pair.polishable, self.target.refining
         image = fit.image if between is None else BodyVertices(between.nearest_members[fit.image])
         image, _ = refine_images(finer, image, fit.side, pair.config.refining.polished_sizes, True)
-        embedding = register_map(finer, image, fit.side, self.refinement.smooth)
+        return finer, register_map(finer, image, fit.side, self.refinement.smooth)
+
+    def _polish_points(
+        self, match: IsometricMatch, measured: Measured, timer: StageTimer
+    ) -> tuple[SmoothPair, PrecisePoints, tuple[str, ...]]:
+        """Polish images at the finest level of the shapes; return this level, the images and notes."""
+        if not (self.pair.has_finer and measured.fit and self.refinement.polishes):
+            return self.pair, measured.points, ()
+        timer.start("polish")
+        finer, embedding = match.polished
         points = finer.target.index.points(embedding.target, embedding.source)
         sizes = finer.source.body.n_vertices, finer.target.body.n_vertices
         return finer, points, ("polished on {} and {} vertices".format(*sizes),)
