@@ -13,8 +13,10 @@ GROUPS = {name: value for name, value in vars(parameters).items() if name.isuppe
 
 
 UNITS = (
-    r"√area|average distances|share|ratio|fraction|times|weight|cost|this many|this often|"
-    r"steps|vertices|samples|points|columns|functions|maps|regions|landmarks|distances|exchanges|candidates|starts|eigenvalues"
+    r"area|average distances|standard deviations|share|ratio|fraction|times|weight|cost|score|energy|energies|doubt|"
+    r"residual|exponent|cosine|logarithm|singular value|rank|sign|factor|this many|this often|iterations|steps|"
+    r"hypotheses|rotations|anchors|assignments|vertices|samples|points|columns|functions|maps|fits|regions|components|"
+    r"landmarks|distance|exchanges|candidates|starts|eigenvalue|variants|lengths"
 )
 
 
@@ -22,22 +24,16 @@ def test_each_number_tells_unit_meaning_and_source():
     for made in (
         node for node in ast.parse(PAGE.read_text(encoding="utf-8")).body if isinstance(node, ast.ClassDef)
     ):
-        shared = any(
-            "those without another source: " in line for line in LINES[made.lineno : made.body[1].lineno]
-        )
         for number in made.body[1:]:
-            comment = LINES[number.end_lineno - 1].partition("  # ")[2]
-            unit, _, meaning = comment.partition(": ")
-            if "; " in unit:  # one sentence with its unit
-                unit, meaning = " ".join(re.findall(UNITS, comment)), comment
-            above = number.lineno - 2
-            while not meaning and LINES[above].startswith("    # "):
-                above -= 1
-            meaning = meaning or " ".join(LINES[above + 1 : number.lineno - 1]) or comment
+            last = first = number.lineno - 1  # the comment is on the line of the number, or above it
+            while LINES[first - 1].startswith("    # "):
+                first -= 1
+            above = " ".join(line.strip(" #") for line in LINES[first:last])
+            comment = LINES[last].partition("  # ")[2] or above
             where = f"{made.name}.{number.target.id}"
-            assert unit, f"{where} has no unit"
-            assert len(meaning.split()) > 2, f"{where} has no meaning"
-            assert shared or "; " in meaning, f"{where} has no source"
+            assert re.search(UNITS, comment), f"{where} has no unit"
+            assert len(comment.split()) > 2, f"{where} has no meaning"
+            assert "; " in comment, f"{where} has no source"
 
 
 def test_each_number_is_used_and_frozen():

@@ -76,7 +76,7 @@ class SelectionSettings(Settings):
     orientation_threshold: float = setting(0.3, "right maps on 50 pairs have more than 0.54", least=0, most=1)
     """Mean cosine between normals of the target and its copy on the source, above which a map keeps the orientation."""
     mirrored_energy: float = setting(0.75, "chosen: lopsided shapes have up to 0.52", least=0)
-    """Energy of a map of the forbidden orientation over the least energy of the allowed one, below which it is refined."""
+    """Energy of a map of the forbidden orientation over the least energy of the allowed one, below which it is tried."""
     energy_limit: float = setting(3.0, "1.5 and 6 do as well", least=1)
     """Energy of a hypothesis over the least energy, up to which the hypothesis is refined."""
     most_contenders: int = setting(4, "with 6, the same maps win: decisions.md, refinement cost", least=1)
