@@ -1,9 +1,10 @@
 """Numbers of matching that no user sets: each with its unit, what it bounds, and why it has this value.
 
-A share is a fraction from 0 to 1. A cosine of normals compares normals of the target with those of the
-source laid on it by a map: it is near −1 for a mirror image. The reason for a value is a measurement, a
-paper, or "chosen". Numbers that studies vary are settings, see `isomatch.settings`, such as
-``search.same_map`` or ``parts.poor_doubt``; the numbers of `verify` stand in its module.
+A share is a fraction from 0 to 1. A cosine of normals compares normals of the target with normals of the
+source that a map lays on the target: it is near 1 if the map keeps the orientation of the faces, near −1
+for a mirror image. The reason for a value is a measurement, a paper, or "chosen". Numbers that studies
+vary are settings, see `isomatch.settings`, such as ``search.same_map`` or ``parts.poor_doubt``; the numbers
+of `verify` stand in its module.
 """
 
 from __future__ import annotations
@@ -41,9 +42,8 @@ class TiesParameters:
     # this share of the vertices farther than MAP_DISTANCE.other_limb from their images under the best map; it
     # is 0.08 for the wrong map of horse7–horse14
     exchanged_share: float = 0.05
-    # score of a map that exchanges limbs over the score of the best map, up to which the former is the
-    # runner-up; it is 1.002 where the best map of horse7–horse14 is wrong, and at least 1.059 where 111 best
-    # maps are right
+    # score of a map that exchanges limbs over the best map's, up to which the former is the runner-up; it is
+    # 1.002 where the best map of horse7–horse14 is wrong, at least 1.059 where 111 best maps are right
     exchanged_ratio: float = 1.05
     # √area of the target; two maps whose landmark errors differ by less agree equally well with the
     # landmarks; chosen: the spacing of the search vertices
@@ -63,8 +63,8 @@ class TiesParameters:
     # cost by `verify`; lower costs are raised to this; turns of a flat ring onto itself cost up to 5e-6, maps
     # between two poses 3e-4 and more
     cost_noise: float = 1e-5
-    # share of vertices; two maps that differ on fewer vertices are not compared by descriptors; chosen: 10 of
-    # 1000
+    # share of vertices; maps that differ on fewer are not compared by descriptors; chosen: 10 of 1000
+    # vertices
     min_region_share: float = 0.01
 
 
@@ -72,18 +72,15 @@ class TiesParameters:
 class ScreeningParameters:
     """Hypotheses and candidates of complete shapes."""
 
-    # iterations of closest points that improve a hypothesis from priors; chosen: further iterations change
-    # most maps little
+    # iterations of closest points that improve a hypothesis from priors; chosen: more change most maps little
     n_prior_steps: int = 8
     # hypotheses, at most, for shapes without limbs; chosen above search.n_hypotheses, because residuals tell
     # little before curvature is compared: lab/robustness.md, shapes without limbs
     max_hypotheses_without_limbs: int = 40
-    # numbers of functions in the steps by which the functional map of a hypothesis grows; steps of 5 as in
-    # Melzi et al. 2019
+    # numbers of functions by which the map of a hypothesis grows; steps of 5 as in Melzi et al. 2019
     upsampling_sizes: tuple[int, ...] = (20, 25, 30, 35, 40, 45, 50)
     # fraction of outcome.poor_spectral_residual, poor_residual and poor_descriptor_distance; a map is sure
-    # only if its three measures are below this fraction of these bounds: decisions.md, given up and tried
-    # again
+    # only if its measures are below this fraction of them: decisions.md, given up and tried again
     sure_fraction: float = 0.75
     # maps of the forbidden orientation, at most, that are refined for comparison only; chosen
     max_mirrored: int = 3
@@ -96,8 +93,7 @@ class ScreeningParameters:
 class AnchorsParameters:
     """First maps of shapes without limbs, from anchors: points far from each other."""
 
-    # points of the source that are assigned to points of the target; chosen: three determine an isometry,
-    # three test it
+    # points of the source that are assigned; chosen: three determine an isometry, three more test it
     n_anchors: int = 6
     # search vertices of the target that may be images of anchors; chosen as for symmetries
     n_candidates: int = 200
@@ -123,11 +119,9 @@ class StrategyParameters:
     # times, at most, that the shape with more handles is cut along creases and matched; after the first time,
     # only along creases that the map before tears: decisions.md, strategies that pay
     max_crease_cuts: int = 3
-    # √area of the other shape; a map tears a crease if it sends both sides of the crease farther apart than
-    # this; chosen
+    # √area of the other shape; a map tears a crease if it sends its two sides farther apart; chosen
     self_contact_distance: float = 0.1
-    # doubt of a part's map over parts.poor_doubt, up to which the map ends the search; a mirrored map had
-    # 0.94
+    # doubt of a part's map over parts.poor_doubt, up to which it ends the search; a mirrored map had 0.94
     final_doubt_fraction: float = 0.5
 
 
@@ -142,12 +136,10 @@ class ElasticSearchParameters:
     normal_weight: float = 0.05
     landmark_weight: float = 30.0  # number of samples for which a landmark counts in a fit; chosen
     n_anchors: int = 12  # points of the source that are assigned to candidates on the target; chosen
-    # samples of the target that are candidates besides its extremities; chosen on animals: the samples are
-    # 0.09 √area apart
+    # samples of the target that are candidates besides its extremities; chosen: they are 0.09 √area apart
     n_candidates: int = 150
     beam_width: int = 600  # number of partial assignments that the beam search keeps; chosen on animals
-    # average distances of the target, mean over anchors; two assignments whose images are nearer are one;
-    # chosen as for parts
+    # average distances, mean over anchors; assignments whose images are nearer are one; chosen as for parts
     same_assignment_distance: float = 0.12
     # average distances; larger errors of a distance are lowered to this (`most` of `IntervalCost`); chosen
     max_distance_cost: float = 0.6
@@ -156,16 +148,15 @@ class ElasticSearchParameters:
     # weight, in an assignment, of the difference between the remoteness of an anchor and of its image, where
     # remoteness is the share of the area that is less remote; chosen on animals
     remoteness_weight: float = 0.5
-    # weight, in an assignment, of the difference between signatures of an anchor and its image over the mean
-    # difference; chosen
+    # weight, in an assignment, of the difference between signatures of anchor and image, over its mean;
+    # chosen
     anchor_signature_weight: float = 0.1
     # weight, in an assignment, of the difference between the distances of an anchor and of its image from
     # their mirror images; chosen
     mirror_distance_weight: float = 1.0
     # average distances; longer distances of a point from its mirror image are lowered to this; chosen
     max_mirror_distance: float = 1.0
-    # further starts in each direction that ignore mirror images, if both shapes have them; decisions.md,
-    # elastic starts
+    # further starts each way, which ignore mirror images if there are any; decisions.md, elastic starts
     n_plain_starts: int = 30
     # spectral residual; if the best map of a shape to its mirror image has more, it is not used; chosen
     max_mirror_spectral_residual: float = 0.26
@@ -177,16 +168,14 @@ class ElasticSearchParameters:
     forgiven_of_mirror: float = 0.1
     # maps of a shape to its mirror image that are kept after each coarse step; decisions.md, elastic choice
     n_mirror_maps_kept: tuple[int, ...] = (12, 4, 4)
-    # coarse fits that are kept after each coarse step; those kept after the last step are bent: decisions.md,
-    # elastic choice
+    # fits that are kept after each coarse step; after the last one, they are bent: decisions.md, elastic
+    # choice
     n_maps_kept: tuple[int, ...] = (90, 40, 8)
-    # distance in canonical coordinates (√area); added to the asymmetry of a map, as shapes are asymmetric,
-    # too; chosen
+    # √area, in canonical coordinates; added to the asymmetry of a map, as shapes are asymmetric, too; chosen
     asymmetry_unit: float = 0.1
     # exponent of (asymmetry + asymmetry_unit) in the score of a coarse fit; chosen on animals
     asymmetry_exponent: float = 0.25
-    # mean cosine of normals; coarse fits with a lower one are dropped; chosen as
-    # selection.orientation_threshold
+    # mean cosine of normals; coarse fits below are dropped; chosen as selection.orientation_threshold
     min_orientation: float = 0.3
 
 
@@ -202,11 +191,9 @@ class ElasticFitParameters:
     fine_normal_weight: float = 0.15
     # cost of a map over the least cost, up to which the map wins that agrees best with an initial map; chosen
     prior_tie_ratio: float = 1.1
-    # lengths at the beginning of elastic.bending that the final bending skips, as the best map has been bent
-    # by them; chosen
+    # first lengths of elastic.bending that the final bending skips, as the best map was bent by them; chosen
     n_skipped_lengths: int = 2
-    # √area of the target; pieces that are shorter move almost rigidly when the source is bent at full
-    # resolution; chosen
+    # √area of the target; shorter pieces are almost rigid when the source is bent at full resolution; chosen
     full_lengths: tuple[float, ...] = (0.05, 0.04, 0.03)
     # √area; length of normals beside positions, so that sheets near each other are separate; chosen
     normal_weight: float = 0.05
@@ -235,8 +222,7 @@ class PartUnitParameters:
     # samples of the boundary of a part, at which paths on the whole may leave the part; chosen
     n_boundary_vertices: int = 60
     n_anchors: int = 50  # points of the part, besides landmarks, whose images make a start; chosen
-    # share of the pairs of anchors whose distance on the whole is known; below this, scale = "auto" keeps the
-    # files' unit; chosen
+    # share of pairs of anchors with known distances; below it, scale = "auto" keeps the files' unit; chosen
     min_known_share: float = 0.07
     # ratio of a tried unit to the previous one; chosen: a true unit is then within 5 % of a tried one
     unit_step_ratio: float = 1.1
@@ -245,7 +231,7 @@ class PartUnitParameters:
     min_area_share: float = 0.1
     # ratio of a tried unit to the files' unit, at most; remeshed bodies of one person in FAUST have up to 1.2
     max_unit_ratio: float = 1.4
-    # √area of the part over √area of the whole; larger units are lowered to this; chosen: 1 plus an error of
+    # √area of the part over the whole's; larger units are lowered to this; chosen: 1 plus errors of
     # measurement
     max_unit: float = 1.05
     # logarithm of the ratio of neighbouring units, to which measured units are rounded; chosen
@@ -305,8 +291,7 @@ class PartSearchParameters:
     # weight of an anchor's descriptor distance less the neutral one, in the gain of a region; distances that
     # agree exactly gain 1; chosen
     descriptor_gain: float = 2.0
-    # descriptor distance that speaks neither for an image nor against it; right images have about 0.4, random
-    # ones about 0.8
+    # descriptor distance that says nothing of an image; right images have about 0.4, random ones about 0.8
     neutral_descriptor_distance: float = 0.6
     # number of known radii for which the neutral descriptor distance counts; chosen on single views
     neutral_weight: float = 1.0
@@ -338,8 +323,7 @@ class PartFitParameters:
     n_anchor_functions: int = 200
     # times that the part is bent by a map, and the map refined from the bent part; lab/robustness.md, parts
     n_bending_rounds: int = 2
-    # exponent of the stress in the cost of a map; with 0.15 to 0.4 the same maps win: decisions.md, cost of a
-    # part
+    # exponent of the stress in a map's cost; with 0.15 to 0.4 the same maps win: decisions.md, cost of a part
     stress_exponent: float = 0.25
     # mean cosine of normals, whose root divides the rough cost; lower ones are raised to this; chosen
     min_orientation: float = 0.1
@@ -366,11 +350,10 @@ class SeedsParameters:
     moment_radii: tuple[float, ...] = (0.06, 0.09, 0.13, 0.18, 0.24)
     # √area of the body; a ball that reaches no farther across the boundary counts as whole; chosen
     max_overhang: float = 0.02
-    # descriptor distance that speaks neither for an image nor against it; chosen on parts in SHREC'16
+    # descriptor distance of two balls that says nothing of an image; chosen on parts in SHREC'16
     neutral_moment_distance: float = 0.25
     neutral_moment_weight: float = 1.5  # number of radii for which neutral_moment_distance counts; chosen
-    # difference between the logarithms of two balls' areas that speaks neither for an image nor against it;
-    # chosen
+    # difference between the logarithms of two balls' areas that says nothing of an image; chosen
     neutral_area_difference: float = 0.15
     # difference between the logarithms of two balls' areas; larger ones are lowered to this; chosen
     max_area_difference: float = 1.0
@@ -422,8 +405,7 @@ class SeedsParameters:
     # common; chosen on parts in SHREC'16
     same_map_overlap: float = 0.7
     max_screened: int = 400  # grown regions of most gain, at most, that are extended to more samples; chosen
-    # for each step: samples to which regions are extended, rounds of trilateration, and regions that are
-    # kept; chosen
+    # for each step: samples to which regions are extended, rounds of trilateration, regions kept; chosen
     extensions: tuple[tuple[int, int, int], ...] = ((150, 1, 80), (300, 2, 30))
     # mean cost of a sample's distances above which the sample is in no region; chosen
     max_sample_cost: float = 0.06
@@ -431,18 +413,16 @@ class SeedsParameters:
     max_sample_cost_with_landmarks: float = 0.12
     # √area of the body; a sample is in no region if its image maps back to a point farther from it; chosen
     max_round_trip: float = 0.12
-    # √area of the body; in trilateration, a distance d has the weight 1 / (trilateration_distance + d)²;
+    # √area of the body; distances d that place samples have the weight 1 / (trilateration_distance + d)²;
     # chosen
     trilateration_distance: float = 0.15
-    # samples of a region, at most, from which others are placed while the region is extended to some samples;
-    # chosen
+    # samples of a region, at most, from which others are placed while it is extended to some samples; chosen
     n_first_anchors: int = 50
     # samples of a region, at most, from which others are placed once it is extended to all samples; chosen
     n_next_anchors: int = 90
     min_accepted: int = 8  # samples; smaller regions are dropped while they are extended; chosen
     min_samples: int = 25  # samples; smaller regions are dropped in the end; chosen on parts in SHREC'16
-    # mean sign of a region's triangles, 1 or −1 for each, −1 if inverted; regions below this are dropped;
-    # chosen on SHREC'16
+    # mean sign of a region's triangles, −1 for inverted ones, else 1; regions with less are dropped; chosen
     min_orientation: float = 0.2
 
 
@@ -458,8 +438,7 @@ class TwoPartsParameters:
     landmark_tolerance: float = 0.1
     # descriptor distance between a sample and its image, from which the sample does not place others; chosen
     max_descriptor_distance: float = 0.6
-    # √area of the target; a vertex of the bent region is in common if it is at most this far from the target;
-    # chosen
+    # √area of the target; a vertex of the bent region at most this far from the target is in common; chosen
     surface_tolerance: float = 0.04
     # √area of the target; the same distance where the nearest point is on the target's boundary; chosen
     boundary_tolerance: float = 0.02
@@ -473,11 +452,10 @@ class TwoPartsParameters:
 class ComponentsParameters:
     """Shapes of several components."""
 
-    # largest components of each shape that are tried as partners of the other shape's largest ones; chosen:
-    # nine matches at most
+    # largest components of each shape that are tried as partners of each other; chosen: nine matches at most
     max_runners_up: int = 3
-    # area of a component over the area of the largest one, from which it is tried, too; brain hemispheres
-    # pass, clothes do not
+    # area of a component over the largest's, from which it is tried; hemispheres of brains pass, clothes do
+    # not
     min_runner_up_area: float = 0.5
     n_eigenvalues: int = 20  # first eigenvalues whose logarithms are compared; chosen
     # mean difference between logarithms of eigenvalues of two components, less the least such mean; up to
@@ -491,8 +469,7 @@ class ComponentsParameters:
     max_carried_distance: float = 0.7
     # ratio of √area of two components, up to which they are partners; chosen as for parts
     max_length_ratio: float = 1.4
-    # √area of the component; a component nearer to what carries it is held by it, and cannot turn by itself;
-    # chosen
+    # √area of the component; one nearer to what carries it is held by it, and cannot turn by itself; chosen
     max_held_distance: float = 1.0
 
 
@@ -520,11 +497,9 @@ class HeldLandmarksParameters:
 class ErrorsParameters:
     """Expected errors, regions of doubt and questions."""
 
-    # exponent of the ratio of two scores in the odds of two maps; chosen: at the bound of a tie, 1 of 10 is
-    # right
+    # exponent of the ratio of two scores in the odds of two maps; chosen: 1 in 10 is right at a tie's bound
     runner_up_exponent: float = 10.0
-    # √area; radius over which expected errors are smoothed; isomatch_lab.studies.vertex_confidence tried 0.05
-    # to 0.14
+    # √area; radius over which errors are smoothed; isomatch_lab.studies.vertex_confidence tried 0.05 to 0.14
     smoothing_radius: float = 0.08
     # factor of local errors with which their mean is the mean error of faust_r and creatures;
     # isomatch_lab.studies.vertex_confidence
@@ -541,8 +516,8 @@ class ErrorsParameters:
     # functions that smooth the surfaces whose normals are compared; chosen with outcome.poor_orientation
     n_normal_functions: int = 60
     n_question_vertices: int = 400  # vertices, far from each other, that questions may ask for; chosen
-    # √area of the target; a question separates two maps whose images are at least this far apart; chosen:
-    # twice a hand
+    # √area of the target; a question separates two maps with images at least this far apart; chosen: two
+    # hands
     other_place: float = 0.1
     # √area of each shape; a question nearer to an earlier one is worth less, and images farther apart are
     # worth no more; chosen
@@ -551,14 +526,13 @@ class ErrorsParameters:
 
 @dataclass(frozen=True)
 class ExchangeParameters:
-    """Maps found from the target, and regions that a map takes from others.
+    """Maps found by a search from the target, and regions that a map takes from other maps.
 
     See decisions.md, both sides.
     """
 
     max_maps_from_target: int = 2  # maps from the target, at most, that are compared with the others; chosen
-    # √area of the target; two images of one vertex that are farther apart are at different places; chosen:
-    # two thirds of a limb
+    # √area of the target; two images farther apart are at different places; chosen: two thirds of a limb
     other_place: float = 0.1
     min_region_area: float = 0.01  # share of the source's area; smaller regions are not exchanged; chosen
     # share of the source's area; larger regions are not exchanged, as they make another map; chosen
@@ -579,7 +553,7 @@ class ExchangeParameters:
 
 @dataclass(frozen=True)
 class SymmetricParameters:
-    """Maps composed with near-symmetries, which may fit as well as the winner.
+    """Maps composed with near-symmetries, which may fit as well as the selected map.
 
     See decisions.md, individuals.
     """
@@ -611,8 +585,7 @@ class SymmetricParameters:
 class JudgingParameters:
     """A map of any tool beside a reference, see `judge`."""
 
-    # share of the source's area; a map that sends no more of it elsewhere agrees with the reference; chosen:
-    # a hand
+    # share of the source's area; a map that sends no more elsewhere agrees with the reference; chosen: a hand
     min_region_area: float = 0.01
     # cost of a map that agrees with the reference over the reference's cost; up to this, the map is right,
     # above it doubtful; right maps known at 300 points have 2.6 to 21
@@ -633,8 +606,7 @@ class JudgingParameters:
 class SpectralParameters:
     """The refinements of the paper."""
 
-    # numbers of functions with which functional maps begin to grow, one map for each number; the best map is
-    # kept: lab/paper.md
+    # numbers of functions with which functional maps begin; the best of these maps is kept: lab/paper.md
     first_sizes: tuple[int, ...] = (15, 20, 30, 40)
     # functions of each of these maps when the best is chosen; chosen: equal to the rank
     choice_size: int = 50
