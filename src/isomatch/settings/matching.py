@@ -8,14 +8,14 @@ from functools import partial
 from isomatch._core.errors import SettingError
 from isomatch._core.settings import Settings, setting
 
-# A reason such as "with 6, errors grow by 10 %" says how the mean error of maps changes with another value, here 6:
-# lab/benchmarks.md, what each part contributes, and sensitivity. Lower scores, energies and residuals are better.
+# A reason such as "with 6, errors grow by 10 %" says how the mean error of maps changes with another value:
+# lab/benchmarks.md, what each part contributes, and sensitivity. Lower scores, energies, residuals are better.
 
-# √area of a surface; a vertex is covered if it is at most this far, along edges, from the nearest image; chosen:
-# the spacing of 400 search vertices.
+# √area of a surface; a vertex is covered if it is at most this far, along edges, from the nearest image;
+# chosen: the spacing of 400 search vertices.
 COVERAGE_RADIUS = 0.05
-# √area of the surface onto which a shape is bent, one length for each step of the bending; pieces of the shape
-# that are shorter than this move almost rigidly; chosen: limbs move first, and details last.
+# √area of the surface onto which a shape is bent, one length for each step of the bending; pieces of the
+# shape that are shorter than this move almost rigidly; chosen: limbs move first, and details last.
 BENDING_LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)
 
 
@@ -76,7 +76,7 @@ class SelectionSettings(Settings):
     orientation_threshold: float = setting(0.3, "right maps on 50 pairs have more than 0.54", least=0, most=1)
     """Mean cosine between normals of the target and its copy on the source, above which a map keeps the orientation."""
     mirrored_energy: float = setting(0.75, "chosen: lopsided shapes have up to 0.52", least=0)
-    """Energy of a map of the forbidden orientation over the least energy of the allowed one, below which it is tried."""
+    """Energy of a map of the forbidden orientation over the least of the allowed one, below which it is refined, too."""
     energy_limit: float = setting(3.0, "1.5 and 6 do as well", least=1)
     """Energy of a hypothesis over the least energy, up to which the hypothesis is refined."""
     most_contenders: int = setting(4, "with 6, the same maps win: decisions.md, refinement cost", least=1)
@@ -112,7 +112,7 @@ class RefinementSettings(Settings):
     sizes_with_positions: tuple[int, ...] = _sizes((50, 75, 100), "with one step, 9 of 124 pairs fail")
     """Numbers of functions in the steps of the second joint stage, with positions and normals."""
     final_sizes: tuple[int, ...] = _sizes((125, 150), "200 gain nothing: decisions.md, refinement cost")
-    """Numbers of functions in the steps of the last joint stage, with positions and normals, for maps left then."""
+    """Numbers of functions in the steps of the last joint stage, with positions and normals."""
     sizes_of_parts: tuple[int, ...] = _sizes(
         (70, 100, 140), "errors fall by 7 %: decisions.md, refinement steps"
     )
@@ -157,7 +157,7 @@ class PartSettings(Settings):
     """Settings of the match of a part to a whole."""
 
     hopeless: float = setting(3.0, "such maps end above 3.8 × the least cost: lab/robustness.md", least=1)
-    """Cost of a map over the least one, above which it is dropped when refined roughly, and not bent when refined."""
+    """Cost of a map over the least one, above which it is dropped after the rough refinement, not bent after the fine."""
     long_boundary: float = setting(0.15, "complete bodies have up to 0.08, those without a limb 0.2", least=0)
     """Length of the longest boundary loop, in √area of the shape, above which the shape is taken for a part."""
     close_holes: bool = setting(True, "wins or leads on 21 of 116 parts: decisions.md, strategies that pay")
