@@ -156,7 +156,7 @@ class Bending:
         start: Float[FloatArray, "n_coarse 3"],  # positions to which a map sends the vertices
         lengths: tuple[float, ...],  # ℓ, in √area of the surface
         landmarks: HardLandmarks,
-        most_scaled: float = 1.0,  # c, the factor by which pieces may grow or shrink
+        most_scaled: float = 1.0,  # c, the factor by which pieces are allowed to grow or shrink
     ) -> BentShape:
         """Bend the shape at the lower resolution."""
         vertices, points = landmarks

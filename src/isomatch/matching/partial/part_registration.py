@@ -267,10 +267,11 @@ class PartFit(Fit):
         #       o ≈ 1 − 2t. The fine refinement repairs small twists, so they are penalised only by
         #       1 / √o ≈ 1 + t. This is at most 1 / √0.1 ≈ 3.2, slightly above `PartSettings.hopeless`,
         #       from which a map is dropped. Mirror images, o < 0, were dropped before.
-        #   m   mean known descriptor distance, or 0, w = `PartSettings.descriptor_weight`. If the log ratio of
-        #       its densities at right and wrong images is linear in m, exp(w Δm) is the likelihood
-        #       ratio of two maps. The mean is over the whole part, because rough maps differ nearly
-        #       everywhere; fine maps are compared only where they differ (`weigh_costs`).
+        #   m   mean of the known descriptor distances, 0 without any; w is `PartSettings.descriptor_weight`.
+        #       If the log ratio of the densities of m at right and wrong images is linear in m, exp(w Δm) is
+        #       the likelihood ratio of two maps whose m differ by Δm. The mean is over the whole part, because
+        #       rough maps differ nearly everywhere; fine maps are compared only where they differ
+        #       (`weigh_costs`).
         twist = max(self.orientation, PART_FIT.min_orientation)
         known = self.descriptor_distances[np.isfinite(self.descriptor_distances)]
         unlike = self.pair.config.parts.descriptor_weight * float(known.mean()) if len(known) else 0.0
