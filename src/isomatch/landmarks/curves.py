@@ -11,12 +11,13 @@ from isomatch._core.settings import generator
 from isomatch.geodesics import euclidean_farthest_points
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surface, vertex_normals
 
-MAX_STEP_EDGES = 0.5  # mean edge lengths; longest step of a curve on triangles; chosen
-# mean edge lengths; longest step of a curve on points, whose edges join each point with the next 30; chosen
+MAX_STEP_EDGES = 0.5  # mean edge lengths; longest step of a curve on a mesh; chosen
+# mean edge lengths; longest step of a curve on points, where edges join neighbouring points; chosen
 MAX_STEP_EDGES_ON_POINTS = 1.5
 MAX_HALVINGS = 20  # largest number of times that the way between two points is halved; chosen
-MIN_SPACINGS = 0.4  # mean distances of neighbours; spread points are this far from given ones; chosen
-# mean distances of neighbours; length of normals beside positions: both sides of a wall get points; chosen
+# √(area / number of points), their spacing; points are spread at least this far from given points; chosen
+MIN_SPACINGS = 0.4
+# √(area / number of points); length of normals beside positions: both sides of a wall get points; chosen
 NORMAL_LENGTH_SPACINGS = 0.25
 
 
@@ -30,7 +31,7 @@ def spread_on_surface(surface: Mesh, n: int, around: FloatArray) -> FloatArray:
         raise LandmarkError(f"cannot spread {n} points over an area of {surface.area:g}; give 1 and more")
     random, count = generator(0), 8 * n
     face = random.choice(surface.n_faces, count, p=surface.face_areas / surface.area)
-    low, high = np.sort(random.random((2, count)), axis=0)  # two cuts of [0, 1] give three uniform weights
+    low, high = np.sort(random.random((2, count)), axis=0)  # two random cuts of [0, 1] give three weights
     points = PrecisePoints(surface.sound_faces[face], np.column_stack([low, high - low, 1 - high]))
     normals = points.interpolated(vertex_normals(surface.vertices, surface.faces))
     places, spacing = points.interpolated(surface.vertices), np.sqrt(surface.area / (n + len(around)))
@@ -62,7 +63,7 @@ def draw_curve(
     if len(points) < 2:
         raise LandmarkError(f"{name}: a curve goes through two points or more, not {len(points)}")
     path = _nearest_places(surface, np.concatenate([points, points[:1]]) if closed else points)
-    given_before = np.arange(len(path))  # last given point before each point of the path
+    given_before = np.arange(len(path))  # number of the given point at or before each point of the path
     step_edges = MAX_STEP_EDGES if isinstance(surface, Mesh) else MAX_STEP_EDGES_ON_POINTS
     longest = step_edges * float(surface.edge_lengths.mean())
     for _ in range(MAX_HALVINGS):

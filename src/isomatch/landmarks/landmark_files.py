@@ -21,20 +21,21 @@ from isomatch._core.texts import is_whole_number, read_text
 from isomatch.io import TURN, Axes, Frame
 from isomatch.surfaces import Mesh, PointCloud
 
-# what to write on a line of a file of pairs, and of a file of points, in messages
+# remedies in messages: what to write on a line of a file of pairs, and on a line of a file of points
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
 AXES = "x", "y", "z"  # titles of the columns of a table with positions
-# Titles of the columns with names of points, and with their vertices; the first one found counts.
+# titles of the columns with names of points, and with their vertices; the first that a file has is read
 NAME_TITLES, VERTEX_TITLES = ("name", "label", "id", "landmark"), ("vertex", "index")
 CURVES = "Curve", "ClosedCurve"  # types of markups of 3D Slicer
-NO_PLACE = 9999.0  # in programs for morphometrics, coordinates of a point without a position, up to sign
+NO_PLACE = 9999.0  # programs for morphometrics write ±9999 for each coordinate of a point without a position
 
 logger = logging.getLogger(__name__)
 
-# √area; a point farther from the surface than the first number is reported, than the second refused; chosen.
+# √area; points farther from the surface than the first distance are reported, than the second refused; chosen
 MAX_SILENT_DISTANCE, MAX_DISTANCE = 0.02, 0.1
-# Points are in RAS if their mean distance from the surface is below this fraction of that in LPS; chosen.
+# Points that fit in the likeliest axes are read in other axes only if their mean distance from the surface
+# then falls below this fraction of what it was; chosen.
 MAX_RAS_DISTANCE_RATIO = 0.5
 
 
@@ -43,7 +44,7 @@ class MarkedPoint:
     """One marked point: a vertex index, a position, or neither, if it was named but not placed."""
 
     name: str
-    at: tuple[float, ...]  # vertex or position, in LPS if it is of 3D Slicer; () without a place
+    at: tuple[float, ...]  # vertex, or position, in LPS in files of 3D Slicer; () without a place
     where: str  # the place in the file, for messages
     axes: Axes | None = None  # the axes that the file of 3D Slicer names
     curve: str = ""  # the name of the curve along which the points follow each other
@@ -248,7 +249,7 @@ def _place(words: list[str], where: str, line: str, remedy: str, may_miss: bool 
     return () if is_missing else tuple(numbers)
 
 
-READERS: dict[str, Callable[[Path], list[MarkedPoint]]] = {  # readers of files by suffix; others are tables
+READERS: dict[str, Callable[[Path], list[MarkedPoint]]] = {  # by suffix; files of other suffixes are tables
     ".json": _slicer_markups,
     ".fcsv": _slicer_fiducials,
     ".pp": _meshlab_points,
@@ -287,8 +288,8 @@ def place_points(
     gaps = [distance(reading) / unit for reading, _, _ in readings]
     means = [gap.mean() for gap in gaps]
     best = min(range(len(readings)), key=lambda i: (gaps[i].max() > MAX_DISTANCE, means[i]))
-    # The first reading stays if its points are on the surface, unless the axes are known and
-    # another fits much better.
+    # The first reading stays if its points are on the surface, unless the file names axes and another fits
+    # much better.
     is_clear = has_axes and means[best] < MAX_RAS_DISTANCE_RATIO * means[0]
     if gaps[0].max() <= MAX_SILENT_DISTANCE and not is_clear:
         best = 0
@@ -313,7 +314,7 @@ def _readings(
     positions: FloatArray, has_axes: bool, frame: Frame
 ) -> list[tuple[FloatArray, Axes | None, str]]:
     """Return what positions may mean, the most likely first: positions, axes, and the condition in words."""
-    # Positions of 3D Slicer with known axes are in LPS here; its meshes are in LPS, too, unless they say RAS.
+    # Positions with axes are in LPS here. Meshes of 3D Slicer are in LPS, too, unless they name RAS.
     turned = TURN * positions
     if not has_axes:
         after_turn = "after half a turn, from RAS to LPS or back"

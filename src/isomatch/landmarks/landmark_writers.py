@@ -22,11 +22,11 @@ from isomatch.landmarks.landmark_files import CURVES
 from isomatch.landmarks.landmarks import Landmarks
 from isomatch.landmarks.specimens import join_places
 
-MARKUPS_SCHEMA = (  # address in every file of markups, by which 3D Slicer knows its version
+MARKUPS_SCHEMA = (  # address in each file of markups, which tells 3D Slicer the version of the format
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
     "markups-schema-v1.0.3.json#"
 )
-# titles of the columns of .fcsv, in this order
+# titles of the columns of .fcsv files, in their order
 FIDUCIAL_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID"
 
 

@@ -24,7 +24,7 @@ from isomatch.landmarks.landmark_files import PAIRS, POINTS, MarkedPoint, marked
 from isomatch.landmarks.specimen_files import specimen_points
 from isomatch.surfaces import Graph, Mesh, PointCloud, nearest_on_surface
 
-# share of a template's expected error that all templates have in common, measured with 3, 6 and 19 templates
+# part of a template's expected error that is the same with all templates; measured with 3, 6 and 19 templates
 COMMON_ERROR_SHARE = 0.5
 
 
@@ -475,9 +475,9 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
         on_curve = list(members)
         if placed[on_curve].all() and len(on_curve) > 1:
             positions[on_curve] = respace_curve(shape, positions[on_curve], len(on_curve), closed, name)
-    # The error e of a template has a part c e, c = ½, that all templates share, and a part of its own. These
-    # own parts differ by the spread, so that the error of the median of t of them is spread / √t. Together
-    # this is √((c e)² + spread² / t).
+    # Let e be the expected error of a template. All templates share an error c e, c = COMMON_ERROR_SHARE. The
+    # rest differs from template to template by the spread, so the median of t templates has spread / √t of
+    # it. Both together are √((c e)² + spread² / t).
     distance = np.linalg.norm(points - positions, axis=2)
     count = np.isfinite(distance).sum(axis=0)
     distance[:, count == 1] = np.nan  # one template has no spread

@@ -124,7 +124,7 @@ def _dim(points: Sequence[MarkedPoint], usual: int, path: Path) -> int:
 
 
 def _ntsys(text: str, path: Path) -> Iterator[Specimen]:
-    """Read a matrix of NTSYS: ``1 n p×k 0 DIM=k``, or ``1 p k …`` for one specimen, labels, numbers."""
+    """Read a matrix of NTSYS: a line ``1 n p×k 0 DIM=k``, or ``1 p k …`` for one specimen; labels; numbers."""
     lines = [line.strip() for line in text.splitlines()]
     lines = [line for line in lines if line and line[0] not in "\"'"]
     head = re.fullmatch(

@@ -21,10 +21,11 @@ from isomatch.landmarks.landmark_files import MarkedPoint
 from isomatch.landmarks.landmarks import Curve, Landmarks, landmarks_of
 from isomatch.landmarks.specimen_files import SUFFIXES_OF_MANY, Specimen, landmark_numbers, specimens_in
 
-# share of a specimen's size (root mean square distance from the mean); nearer points are at one place; chosen
+# distance of two points over the specimen's size (root mean square distance from its mean point), up to which
+# the points are at one place; chosen
 SAME_PLACE_RATIO = 1e-4
 SUFFIXES_OF_ONE = ".mrk.json", ".json", ".fcsv", ".pts", ".pp"  # suffixes of files with one specimen
-SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"  # suffixes of tables, which may hold other things than landmarks
+SUFFIXES_OF_TABLES = ".txt", ".csv", ".tsv"  # suffixes of tables, which do not always hold landmarks
 FOLDER_FILES = "landmarks.csv", "landmarks.tps"  # names of files that hold all specimens of a folder
 INPUTS = "a .tps, .nts, .dta, morphologika or .csv file, or a folder of files such as .fcsv or .mrk.json"
 
@@ -108,7 +109,7 @@ def is_of_landmarks(path: str | PathLike[str]) -> bool:
 
 
 def _specimens_in_folder(folder: Path) -> Iterator[Specimen]:
-    """Read the files of the one kind in a folder; tables count if there is no other kind."""
+    """Read the files of a folder, all of one kind; tables are read only if there is no other kind."""
     kinds: dict[str, list[Path]] = {}
     for file in sorted(folder.iterdir(), key=lambda path: natural_order(path.name)):
         suffix = next((s for s in (*SUFFIXES_OF_ONE, *SUFFIXES_OF_MANY) if file.name.lower().endswith(s)), "")
@@ -122,7 +123,7 @@ def _specimens_in_folder(folder: Path) -> Iterator[Specimen]:
 
 
 def _in_order(name: str, points: list[MarkedPoint], first: Specimen, path: Path) -> list[MarkedPoint]:
-    """Return the points of a specimen in the order of the first, if they share names, else as they are."""
+    """Return the points of a specimen in the order of the first specimen if they share names, else as they are."""
     names, order = [point.name for point in points], [point.name for point in first.points]
     shared = {*names} & {*order} - {""}
     if names == order or (len(names) == len(order) and not shared):
@@ -187,13 +188,13 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     single = {*range(m)} - {row for curve in first.curves for row in curve.rows} - {*first.patch}
     landmarks, patch = {*head[sorted(single)].tolist()}, {*head[first.patch].tolist()}
     on_any = {row for rows in on_curves for row in rows}
-    rank = dict.fromkeys(head.tolist(), 0)  # landmarks come first, then points of curves, then the patch
+    rank = dict.fromkeys(head.tolist(), 0)  # 0 for landmarks, 1 for points of curves, 2 for the patch
     rank |= dict.fromkeys(patch, 2) | dict.fromkeys(on_any, 1) | dict.fromkeys(landmarks, 0)
     inner = set[int]()
     for rows, curve in zip(on_curves, first.curves):
         inner.update(rows if curve.closed else rows[1:-1])
     order = sorted(rank)
-    ranks = [rank[row] for row in order if row in inner or row not in on_any]  # curves' ends may be anywhere
+    ranks = [rank[row] for row in order if row in inner or row not in on_any]  # curves' ends have no order
     order = order if ranks == sorted(ranks) else sorted(rank, key=lambda row: (rank[row], row))
     place = np.full(m, -1)
     place[order] = np.arange(len(order))
@@ -207,7 +208,7 @@ def join_places(specimens: Mapping[str, Landmarks]) -> tuple[dict[str, Landmarks
     members = [np.flatnonzero(head == row) for row in order] if len(order) < m else [[row] for row in order]
     joined = {}
     for name, marks in specimens.items():
-        # Of points at one place, the first that has a position counts.
+        # of the points at one place, the first that has a position is taken
         rows = [int(group[int(marks.placed[group].argmax())]) for group in members]
         values = marks.positions[rows], [marks.names[row] for row in order], pieces
         errors = marks.expected_error[rows], marks.spread[rows]

@@ -24,7 +24,7 @@ from isomatch.matching.problem import Problem
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
 
-MIN_EDGE = 1e-9  # √area; shorter edges count as this long, so that logarithms are finite; chosen
+MIN_EDGE = 1e-9  # √area; lengths of edges below this are raised to it, so that logarithms are finite; chosen
 
 HardLandmarks: TypeAlias = tuple[Int[IntArray, "l"], Float[FloatArray, "l 3"]]
 """Vertices of the bent shape, and the positions to which they are drawn."""
@@ -43,7 +43,7 @@ class Surroundings:
 class BentShape:
     """A shape bent until it lies on a surface."""
 
-    rest: Mesh  # the shape before, in its own √area, perhaps at a lower resolution
+    rest: Mesh  # the shape before it was bent, in its own √area, at the resolution at which it was bent
     mesh: Mesh  # the bent shape, in √area of the surface
     onto: Surroundings
 
@@ -58,13 +58,14 @@ class BentShape:
         nearest = self.points.barycentric.argmax(axis=1)
         return BodyVertices(self.points.corners[np.arange(len(nearest)), nearest])
 
-    # Two measures tell how well a map can bend the shape, over edges e and vertices i:
+    # Two measures tell how well a map can bend the shape, means over its edges e and its vertices i, where
+    # y_i is the bent vertex and p_i the nearest point of the surface:
     #     s = mean_e |log(|e| bent / |e| at rest)|     stretch
     #     g = mean_i |y_i − p_i|                       gap between the bent shape and the surface
-    # A right map between poses stretches only joints. A map that exchanges limbs needs a large s,
-    # or, where the shape resists, leaves a large g. The product has one unit for all maps of a pair
-    # and needs no weight. Of the scores compared on elastic maps, it separates wrong maps from
-    # right ones by the largest ratio (decisions.md, elastic choice).
+    # A right map between poses stretches only joints. A map that exchanges limbs needs a large s, or, where
+    # the shape resists, leaves a large g. The product s g has one unit for all maps of a pair and needs no
+    # weight. Of the scores compared on elastic maps, s g of both shapes separates wrong maps from right ones
+    # by the largest ratio (decisions.md, elastic choice).
     @property
     def stretch(self) -> float:
         """Mean |log| of the stretch of the edges."""
@@ -73,10 +74,10 @@ class BentShape:
 
     @property
     def turning(self) -> float:
-        """Mean angle in radians between rotations of neighbours, each fitted to two rings."""
-        # How rotations vary from vertex to vertex is an energy in Levi & Gotsman, Smooth rotation enhanced
-        # as-rigid-as-possible mesh animation, 2015. A wrong map may stretch as little as a right one, but
-        # turns joints the other way.
+        """Mean angle in radians between rotations of neighbouring vertices, each fitted to two rings."""
+        # Levi & Gotsman, Smooth rotation enhanced as-rigid-as-possible mesh animation, 2015, have an energy
+        # of the differences between rotations of neighbours. A wrong map may stretch as little as a right
+        # one, but turns joints the wrong way.
         i, j = self.rest.edges.T
         before, after = (mesh.vertices[j] - mesh.vertices[i] for mesh in (self.rest, self.mesh))
         n, ends = self.rest.n_vertices, (np.concatenate([i, j]), np.concatenate([j, i]))
@@ -130,16 +131,17 @@ class Bending:
     # Let x_i be the vertices of the shape at rest, a_i their areas, and p_i the points of the
     # surface to which a map sends them. The bent shape y minimises
     #     Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − c_i R_i (x_i − x_j)|²,
-    # where R_i are rotations, and c_i = 1, or a scale in [1/c, c] if pieces may grow (as similar as possible
-    # instead of as rigid as possible). The second sum is from Sorkine & Alexa (As-rigid-as-possible surface
-    # modeling, SGP 2007). For fixed rotations, let x̂ minimise it. Then y satisfies
+    # where w_ij are weights of edges, R_i are rotations, and c_i is 1, or a scale in [1/c, c] if pieces are
+    # allowed to grow (as similar as possible instead of as rigid as possible). The second sum is from Sorkine
+    # & Alexa (As-rigid-as-possible surface modeling, SGP 2007). For fixed rotations, let x̂ minimise it. Then
+    # y satisfies
     #     (1 + ℓ² Δ) (y − x̂) = p − x̂,
-    # so y differs from x̂ only by a version of p − x̂ that is smooth on the scale ℓ, and errors of
-    # the map on smaller scales have no effect. The lengths ℓ decrease from a third of √area, where
+    # so y differs from x̂ only by p − x̂ smoothed over the length ℓ, and errors of the map on
+    # shorter lengths have no effect. The lengths ℓ decrease from a third of √area, where
     # limbs move as wholes, to a twentieth. Between two lengths, p_i moves to the nearest point of
     # the surface, in space and normals. A hard landmark has the weight π ℓ² of a disc of radius ℓ
     # instead of a_i, so that it moves the piece on which it lies.
-    def __init__(self, coarse: CoarseShape) -> None:  # the shape has area 1
+    def __init__(self, coarse: CoarseShape) -> None:  # of a shape of area 1
         self._coarse, self._coarse_registration = coarse.prolongation, coarse.registration
         self._full_registration = RigidRegistration(coarse.prolongation.fine)
 
@@ -154,7 +156,7 @@ class Bending:
         start: Float[FloatArray, "n_coarse 3"],  # positions to which a map sends the vertices
         lengths: tuple[float, ...],  # ℓ, in √area of the surface
         landmarks: HardLandmarks,
-        most_scaled: float = 1.0,  # c, the factor by which pieces may grow or shrink
+        most_scaled: float = 1.0,  # c, the factor by which pieces are allowed to grow or shrink
     ) -> BentShape:
         """Bend the shape at the lower resolution."""
         vertices, points = landmarks
@@ -197,7 +199,7 @@ def bend_onto(
 class ElasticBending(Bending):
     """Bends one shape of a pair onto the other one."""
 
-    # back: whether the target is bent onto the source; landmarks: pairs of source and target vertices
+    # ``back``: whether the target is bent onto the source; landmarks are pairs of source and target vertices
     def __init__(self, pair: Problem, n_vertices: int, back: bool, landmarks: BodyVertices) -> None:
         coarse = coarse_shapes(pair)
         super().__init__(coarse.at(int(back), n_vertices))

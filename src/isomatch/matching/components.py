@@ -34,8 +34,9 @@ from isomatch.matching.strategies import solve
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
 
-NO_PARTNERS = 1e6  # cost of two components that cannot be partners; chosen above all other costs
-MIN_DISTANCE = 1e-6  # √area; shorter distances of samples count as this, so that ratios are finite; chosen
+NO_PARTNERS = 1e6  # cost of two components that cannot be partners; chosen: far above any other cost
+# √area of the source; shorter distances between samples are raised to this, so that ratios are finite; chosen
+MIN_DISTANCE = 1e-6
 SIDES = "source", "target"  # names of the two shapes
 
 
@@ -62,7 +63,7 @@ class _Components:
         self.failed: list[str] = []  # notes on components between which no map was found
 
     def match_large(self) -> tuple[list[ComponentMatch], bool]:
-        """Match the large components; also say whether another assignment fits as well."""
+        """Match the large components; also say whether another assignment of partners fits equally well."""
         rows, columns = (self._runners_up(side) for side in (self.sources, self.targets))
         joined = self.priors.joined[: len(rows), : len(columns)]
         if len(rows) == len(columns) == 1:
@@ -145,8 +146,9 @@ class _Components:
 
     def _match_near_place(self, pair: Problem, carrier: Carrier) -> ComponentMatch:
         """Match two components that are close when one is carried along."""
-        # A rigid component, such as an eye or a helmet, lies where it is carried; any other map starts
-        # there. If the component is close to what carries it, its place decides between symmetric maps.
+        # The maps of other components carry the source's component along. A rigid component, such as an eye
+        # or a helmet, then lies on its partner. Otherwise, its map starts from this place. If the component
+        # is close to what carries it, its place decides between symmetric maps.
         is_held = carrier.gap(pair.target) <= COMPONENTS.max_held_distance
         placed = self._place_rigidly(pair, carrier)
         if placed and placed.outcome.is_called_right:
@@ -205,7 +207,7 @@ class ComponentMatch:
     """Two components that are partners."""
 
     solution: Solution  # in the users' vertices; its pair consists of the two components
-    remark: str = ""  # how the map was selected, if not by the components alone
+    remark: str = ""  # how the map was selected, if not by a match of the two components alone
     with_priors: bool = False  # whether the user gave priors for them
 
     @property
@@ -225,7 +227,7 @@ def compose_matches(
     """Sum up the maps of all pairs of components; the first match is the main one."""
     main, *others = matches
     bounds = pair.config.outcome
-    # the result is no surer than the map of any component that is large or has priors
+    # the result is at most as sure as the map of each component that is large or has priors
     deciding = (m for m in matches if m is main or m.share > bounds.large_component or m.with_priors)
     counted = [match.solution.all_evidence for match in deciding]
     sides = {side: [getattr(match.pair, side) for match in matches] for side in SIDES}
@@ -319,7 +321,7 @@ class ComponentPriors:
         joined = [self._inside(Problem(*sides, pair.config), self.joins) for sides in product(*self.sides)]
         self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
         if len(self.joins) and self.joined.max() < MIN_POINTS:
-            Priors.of(pair.source, pair.target, landmarks, initial_map)  # only raises the error
+            Priors.of(pair.source, pair.target, landmarks, initial_map)  # raises an error: too few priors
 
     @property
     def sides(self) -> tuple[tuple[PreparedShape, ...], tuple[PreparedShape, ...]]:
@@ -332,7 +334,7 @@ class ComponentPriors:
         return UserVertices(joins[on_source & (pair.target.body_vertex[joins[:, 1]] >= 0)])
 
     def on(self, pair: Problem) -> Priors:
-        """Priors on two components, without those that are too few to be used."""
+        """Priors on two components; landmarks or initial map are left out if they are too few to be used."""
         landmarks = self.landmarks_on(pair)
         all_pairs = np.column_stack([np.arange(len(self.image)), self.image])
         initial_pairs = self._inside(pair, UserVertices(all_pairs[self.image != UNMATCHED]))
@@ -361,7 +363,7 @@ class Carrier:
     images: Float[FloatArray, "m 3"]  # their images, in units of the target
     units: tuple[float, float]  # lengths of 1 of both shapes, in the users' units
     scale: float  # length between images over length between points
-    side: float  # −1 if the map mirrors, else 1
+    side: float  # −1 if the map reverses the orientation, else 1
 
     @classmethod
     def of(cls, maps: list[Solution]) -> Self | None:

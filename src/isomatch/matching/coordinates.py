@@ -68,9 +68,9 @@ class SmoothPair:
         return self.source.triangles is not None and self.target.triangles is not None
 
 
-SMOOTH_REGISTRATION_STEPS = 8  # steps of the last registration of "smooth": lab/benchmarks.md, smoothness
+SMOOTH_REGISTRATION_STEPS = 8  # number of registration steps that end "smooth": lab/benchmarks.md, smoothness
 
-# rows of all vertices, where a function takes rows of some
+# stands for all vertices where a function takes an array of vertices
 ALL_VERTICES = slice(None)
 S = TypeVar("S")
 M = TypeVar("M")
@@ -82,7 +82,7 @@ def iterate_images(
     coordinates: Callable[[M, S], Embedding],
     nearest: Callable[[Embedding, S], tuple[IntArray, M]],
 ) -> tuple[M, float]:
-    """Alternate coordinates and nearest points; return images and mean distance of vertices."""
+    """Alternate coordinates and nearest points; return images, and the mean distance of vertices from images."""
     spectral_residual = np.inf
     for step in steps:
         embedding = coordinates(image, step)
@@ -98,9 +98,9 @@ def refine_images(
 
     ``side`` is 1 for a map that preserves the orientation of the faces, and −1 for one that reverses it.
     """
-    # Without positions, images are samples of the target, and vertices in the last step. With them, images
-    # are points of its triangles, which follow the coordinates continuously, while nearest vertices jump: if
-    # coordinates are disturbed by 1e-9, fewer final images move (decisions.md, rounding).
+    # Without positions, images are samples of the target, and any of its vertices in the last step. With
+    # positions, images are points of its triangles. Points follow the coordinates continuously, while nearest
+    # vertices jump: if coordinates are disturbed by 1e-9, fewer final images move (decisions.md, rounding).
     samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]
 
@@ -131,7 +131,7 @@ def register_map(pair: SmoothPair, image: Int[BodyVertices, "r"], side: float, s
     all_vertices = np.arange(pair.source.body.n_vertices)
     embedding = joint_coordinates(pair, PrecisePoints.at_vertices(image), k, side, all_vertices)
     steps = settings.registration_steps
-    # signatures match details; without them, positions, normals and spectrum make a smoother map
+    # Signatures match details; without signatures, positions, normals and functions make a smoother map.
     if smooth:
         steps = SMOOTH_REGISTRATION_STEPS
         signatures = np.s_[k : k + pair.signatures.source.shape[1]]
@@ -154,18 +154,19 @@ def joint_coordinates(
     They are spectral coordinates of the first k functions, signatures, and, unless ``side`` is 0, positions and
     normals. O(n K²).
     """
-    # Let f be the map of the refinement vertices R, and Φ the Laplace–Beltrami functions (K columns).
+    # Let f be the map of the refinement vertices R, Φ_s and Φ_t the Laplace–Beltrami functions of source and
+    # target (K columns each), and x_t the positions of the target's vertices.
     #   F = arg min ‖Φ_s[R, :k] F − Φ_t[f, :k]‖   (k, k): functional map (Ovsjanikov et al. 2012)
     #   c = arg min ‖Φ_s[R, :k] c − x_t[f]‖       (k, 3): target positions on the source
-    # The indicator of a vertex has the row of Φ as coefficients, and F carries the row of f(i) to the row
-    # of i. So the spectral coordinates, for k grown by 5 as in ZoomOut (Melzi et al. 2019), are
+    # The indicator of a vertex has its row of Φ as coefficients, and F carries the row of f(i) to the row of
+    # i. So the spectral coordinates of i and f(i), for k grown by 5 as in ZoomOut (Melzi et al. 2019), are
     #   Φ_s[i]  and  Φ_t[f(i)] Fᵀ.
     # Positions and normals are further columns, as in Smooth Shells (Eisenberger et al. 2020):
     #   Φ_s c  and  Φ_t Φ_t⁺ x_t,
-    # which is the target drawn on the source, and the target, both smoothed to k functions. Both
-    # come from the target, so the pose of the source does not matter. A mirror image turns the
-    # drawn copy inside out, so side = −1 turns its normals. The factor 1/√k makes the mean square
-    # of the spectral columns independent of k.
+    # which are a copy of the target drawn on the source, and the target, both smoothed to k functions. As
+    # both come from the target, the pose of the source does not matter. A map that reverses the orientation
+    # turns the copy inside out, so side = −1 reverses the normals of the copy. The factor 1/√k makes the mean
+    # square of the spectral columns independent of k.
     settings, source, target = pair.config.refining, pair.source, pair.target
     basis, onto = pair.spectra.source, target.triangles
     with_positions = side != 0 and source.triangles is not None and onto is not None

@@ -44,7 +44,7 @@ def pin_landmarks(
     ends = target.body_vertex[np.column_stack([bent_map.vertices[landmarks[:, 0]], landmarks[:, 1]])]
     errors = target.distance(*ends[(ends >= 0).all(axis=1)].T)
     error = float(errors.mean()) if len(errors) else np.nan
-    # the other measures are not updated: they describe the map before it was bent
+    # other measures than these two are not updated: they describe the map before it was bent
     quality = replace(solution.quality, landmark_error=error, matched=float(bent_map.matched.mean()))
     return replace(
         solution,
@@ -134,12 +134,14 @@ def _coordinates(shape: PreparedShape) -> Float[FloatArray, "n_full q"]:
 def _weights(
     shape: PreparedShape, landmarks: Int[IntArray, "m"], gap: float
 ) -> Float[FloatArray, "n_full m"]:
-    """Weights with which vertices follow a landmark: 1 at it, 0 at others and far away."""
+    """Weight with which each vertex follows each landmark: 1 at the landmark, 0 far from it and at other landmarks."""
     # Shifts are interpolated by heat kernels of width w on the source,
     #     h(i, l) = Σ_j e^{−λ_j w² / 2} φ_j(i) φ_j(l),
-    # each column divided by its peak. With H the kernel between landmarks, W = h H⁺ is 1 at one landmark and
-    # 0 at the others. W ≥ 0 and Σ W ≤ 1 are enforced, so that no vertex moves farther than a landmark. The
-    # width grows with the gap, so that no face turns over, but is at most the distance between landmarks.
+    # where φ_j and λ_j are the Laplace–Beltrami functions and eigenvalues, and each column l is divided by
+    # its value at landmark l. With H the kernel between landmarks, column l of W = h H⁺ is 1 at landmark l
+    # and 0 at the other landmarks. W ≥ 0 and Σ_l W(i, l) ≤ 1 are enforced, so that no vertex moves farther
+    # than a landmark. The width w grows with the gap, so that no face turns over, but is at most the distance
+    # between landmarks.
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     points = PrecisePoints.at_vertices(landmarks)
     if shape.detail:

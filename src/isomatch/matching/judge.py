@@ -176,7 +176,7 @@ class _Comparison:
         distance[both] = self.pair.target.distance(given[both], reference[both])
         images, cell = np.unique(given, return_inverse=True)
         is_coarse = len(images) < JUDGING.coarse_image_share * len(given)
-        if is_coarse:  # an image that many vertices share is judged by the nearest of them
+        if is_coarse:  # all vertices that share an image get the least distance among them
             nearest = np.full(len(images), np.inf)
             np.fmin.at(nearest, cell, distance)
             distance = np.where(both, nearest[cell], np.nan)

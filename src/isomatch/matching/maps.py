@@ -27,9 +27,9 @@ class Candidate:
     energy : float
         Descriptor residual × curvature difference², from the descriptor columns of the search.
     orientation : float
-        Mean cosine between normals: 1 true map, −1 mirror image; 0 without normals.
+        Mean cosine between normals: near 1 for a true map, near −1 for a mirror image; 0 without normals.
     landmark_error : float
-        Mean distance of images of landmarks from their targets, in √area; 0 without.
+        Mean distance of images of landmarks from their targets, in √area; 0 without landmarks.
     prior_error : float
         The largest distance of an image of a landmark from its target, or the mean distance from the images of the
         initial map if that is larger. With neither, the mean distance from the nearest points in space, if the shapes

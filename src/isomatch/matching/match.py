@@ -212,7 +212,8 @@ def _note_stages(problem: Problem, refinement: Refinement | None) -> list[str]:
     return [f"stages handed in: {stages}"] if stages else []
 
 
-FIRST_DIRECTION_SHARE = 0.75  # share of the progress for the preparation and the first map; chosen
+# share of the reported progress for the preparation and the map from source to target; chosen
+FIRST_DIRECTION_SHARE = 0.75
 
 
 class BothDirections(NamedTuple):
@@ -346,7 +347,7 @@ def _reverse_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Pro
     others = [c for c in isometric.proposals.eligible if all(c.alignment is not other for other in tried)]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
-    # inverse: for each search vertex of the target, the source row with the nearest image
+    # a start of the map back: for each search vertex of the target, the source row whose image is nearest
     between = pair.target.distances.between
     starts = np.array([between(pair.target_vertices, image).argmin(axis=1) for image in images])
     aligned = iterative_closest_points(*pair_back.search_points, starts, SCREENING.n_prior_steps)
@@ -354,7 +355,7 @@ def _reverse_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Pro
     return [Candidate(alignment, origin) for alignment, origin in zip(aligned, origins, strict=True)]
 
 
-FORMER_PREFIX = "the map before, "  # begins the origin of a map that was replaced
+FORMER_PREFIX = "the map before, "  # begins the origin of a map that an alternative has replaced
 
 
 def continue_with(
@@ -401,7 +402,7 @@ def continue_with(
     chosen = others[number - 1]
     start: Any = chosen.map  # a `Correspondence`, so that its surfaces are checked
     config = replace(result.config, hypotheses="given", start="auto")
-    former_map = result.map  # so that the function below does not keep the whole result
+    former_map = result.map  # so that the function below keeps this map, not the whole result
     former = Alternative(lambda: former_map, nan, nan, FORMER_PREFIX + result.origin)
     result = match(
         source,

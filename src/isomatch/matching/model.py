@@ -30,7 +30,7 @@ from isomatch.shapes import PreparedShape
 
 M = TypeVar("M")  # a map that is being refined
 F = TypeVar("F", bound=Fit)
-C = TypeVar("C")  # coordinates, or a bent shape, from which images are computed
+C = TypeVar("C")  # coordinates, or a bent shape, from which the images of a map are computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class MatchingModel(ABC, Generic[M, C]):
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.pair = problem  # the problem in the direction of the maps: a part is the source
+        self.pair = problem  # the problem in the direction of the model's maps, in which a part is the source
 
     @property
     def priors(self) -> Priors:
@@ -184,7 +184,7 @@ class MatchingModel(ABC, Generic[M, C]):
         """Whether a part or elastic map is searched by anchors, not only other starts or priors."""
         starts, config, priors = self.problem.starts, self.pair.config, self.priors
         only_given = config.hypotheses == "given"
-        # landmarks are used as anchors, unless only a complete map that is also given may win
+        # landmarks are anchors, unless only given maps may win and a map of the whole shape is among them
         whole_map_given = not priors.only_landmarks or config.start == "pose"
         if len(priors.landmarks) and not (only_given and whole_map_given):
             return True
@@ -244,7 +244,7 @@ class RefiningModel(MatchingModel[F, C]):
         return SettingError(f"the refinement {type(self.refinement).__name__} {how}")
 
     def everywhere(self, fit: F, coordinates: Callable[[F], Embedding] | None = None) -> Embedding:
-        """Coordinates of all vertices by the refinement; `SettingError` if shapes are wrong.
+        """Coordinates of all vertices by the refinement; `SettingError` if arrays have wrong shapes.
 
         Unless the refinement has its own, they are ``coordinates`` of the fit, by default its `embedding`.
         """
@@ -303,6 +303,6 @@ class RefiningModel(MatchingModel[F, C]):
 
 
 def origin_of(problem: Problem, winner: Fit) -> str:
-    """Origin of a map; the initial map, if the map agrees with it."""
+    """Origin of a map: "initial map" if the map agrees with the user's initial map."""
     agrees = winner.prior_error <= problem.config.outcome.contradiction
     return "initial map" if len(problem.priors.initial_pairs) and agrees else winner.origin

@@ -32,6 +32,6 @@ def finish(match: Match[M, C], timer: StageTimer, is_last: bool = True) -> Solut
     """Compute precise images, measure and sum up the map; complete it if it is the last."""
     if match.model.last_stage:
         timer.start(match.model.last_stage)
-    _ = match.coordinates  # computed now, so that their time counts for this stage
+    _ = match.coordinates  # computed now, so that their time belongs to this stage
     timer.start("quality")
     return match.model.sum_up(match, replace(match.measured, is_last=is_last), timer)

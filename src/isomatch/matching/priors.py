@@ -20,11 +20,11 @@ from isomatch.surfaces import Surface
 # landmarks, initial map and initial descriptors, as given to `match`
 UserPriors = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
 
-# priors that were not given: landmarks on bodies, and on the users' shapes, and functions known on both
+# landmarks that were not given, as vertices of the bodies and of the users' shapes
 _NOTHING = np.zeros((0, 2), dtype=np.int64)
 NO_LANDMARKS, NO_USER_LANDMARKS = BodyVertices(_NOTHING), UserVertices(_NOTHING)
-NO_FUNCTIONS = np.zeros((0, 0)), np.zeros((0, 0))  # no functions known on both shapes
-MIN_POINTS = 3  # corresponding points; chosen: fewer determine no map
+NO_FUNCTIONS = np.zeros((0, 0)), np.zeros((0, 0))  # functions of both shapes that were not given
+MIN_POINTS = 3  # least number of landmarks, or of pairs of an initial map; chosen: fewer determine no map
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,8 @@ class Priors:
         if initial_map is not None:
             image = checked_initial_map(initial_map, *sizes)
             pairs = UserVertices(np.column_stack([np.arange(sizes[0]), image])[image != UNMATCHED])
-            # where vertices were merged into one of a coarser body, its nearest vertex counts, or the first
+            # Of vertices that a coarser body merges into one, the pair of the vertex nearest to it is kept,
+            # or the first pair.
             is_farther = source.user_vertex[source.body_vertex[pairs[:, 0]]] != pairs[:, 0]
             order = np.argsort(is_farther, kind="stable")
             _, joined = _on_bodies(source, target, UserVertices(pairs[order]))
@@ -236,7 +237,7 @@ def known_functions(
                 f"functions: values of the {side} are infinite, or one function is known at no vertex; give finite "
                 "numbers, and nan where nothing is known"
             )
-    both = np.concatenate(values)  # both shapes together, so that one value means the same on both
+    both = np.concatenate(values)  # standardised together, so that a value means the same on both shapes
     weight = config.refining.function_weight / np.sqrt(both.shape[1])
     mean, deviation = np.nanmean(both, axis=0), np.nanstd(both, axis=0)
     unit = weight / np.where(deviation > 0, deviation, 1.0)

@@ -301,7 +301,7 @@ class Problem(SmoothPair):
 
 def name_of(handed_in: object) -> str:
     """Name of a start or relation: its class, or its function without "starts_from_"."""
-    function = getattr(handed_in, "func", handed_in)  # the function of a `functools.partial`
+    function = getattr(handed_in, "func", handed_in)  # what a `functools.partial` calls
     return str(getattr(function, "__name__", type(function).__name__)).removeprefix("starts_from_")
 
 

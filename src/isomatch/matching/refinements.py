@@ -58,8 +58,9 @@ class LaplaceIcp(Descriptors):
 
 def descriptor_embedding(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Embedding:
     """Align distance descriptors by iterative closest points, from a map of the search vertices."""
-    # Shamai & Kimmel 2017: min over P, C of ‖X_s − P X_t C‖, C orthogonal within blocks of equal
-    # sign; first on the refinement vertices, then twice on all vertices
+    # Shamai & Kimmel 2017: min over P, C of ‖X_s − P X_t C‖, where X are descriptors, P maps vertices to
+    # vertices, and C is orthogonal within blocks of equal sign; first on the refinement vertices, then twice
+    # on all vertices
     source, target = pair.source.points, pair.target.points
 
     def align(source_vertex: BodyVertices, target_vertex: BodyVertices) -> FloatArray:
@@ -75,11 +76,11 @@ def descriptor_embedding(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> E
 
 def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
     """Post-process a map by iterative closest points in the Laplace–Beltrami basis."""
-    # In the post-processing of Shamai & Kimmel 2017, the functional map F is orthogonal and has its
-    # final size from the start. Here F is fitted by least squares, because it is not orthogonal
-    # where shapes stretch, and grows as in Melzi et al. 2019. Small first sizes repair large errors
-    # of the start, larger ones keep limbs separate. Several are tried up to a middle size; the map
-    # of least energy that keeps the orientation of the start grows on.
+    # In the post-processing of Shamai & Kimmel 2017, the functional map F is orthogonal and has its final
+    # size from the start. Here F is fitted by least squares, because it is not orthogonal where shapes
+    # stretch, and grows as in Melzi et al. 2019. Small first sizes repair large errors of the start, larger
+    # first sizes keep limbs separate. Maps from several first sizes grow to a middle size; of those that keep
+    # the orientation of the start, the one of least energy grows on.
     settings, spectra, vertices = pair.config.refining, pair.spectra, pair.refinement_vertices
     weights = pair.source.laplace.weights
     rows = spectra.nearest(start.target, start.source[vertices])
@@ -119,10 +120,10 @@ REFINEMENTS: dict[RefinementName, Refinement] = {
 """The refinements that settings can name."""
 
 
-N_VERTICES = 500  # vertices of the ball on which a refinement is tried; chosen: all laws take a second
-MAX_ERROR = 0.02  # √area; a refinement may move the true map by less, on average; half an edge is 0.025
-MAX_CHANGED_SHARE = 0.01  # share of the images that renumbering may change: points may tie; chosen
-MAX_ROUGH_ERROR = 0.1  # √area; images under a rough map are this near to the true ones; chosen
+N_VERTICES = 500  # vertices of the ball on which a refinement is tried; chosen: the three laws take a second
+MAX_ERROR = 0.02  # √area, mean; a refinement is allowed to move the true map this far; half an edge is 0.025
+MAX_CHANGED_SHARE = 0.01  # share of images that renumbering is allowed to change, as points might tie; chosen
+MAX_ROUGH_ERROR = 0.1  # √area; images under the rough map are at most this far from the true ones; chosen
 
 
 def check_refinement(refinement: Refinement, seed: int = 0) -> None:

@@ -30,7 +30,7 @@ from isomatch.surfaces import Mesh
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# kinds and shapes of the arrays of a map in a file
+# the arrays of a map in a file, each with its kind and shape; n is the number of source vertices
 MAP_ARRAYS = {
     "vertices": Stored("integer", ("n",)),
     "faces": Stored("integer", ("n", 3)),
@@ -40,7 +40,7 @@ HALF_CONFIDENCE_ERROR = 0.05  # √area; an image with this expected error has a
 FORMAT = ArrayFormat(  # contents of the file of a result
     what="a match result",
     writer="MatchResult.save",
-    version=1,  # raise it if earlier versions of isomatch cannot read the files
+    version=1,  # to be raised if earlier versions of isomatch cannot read new files
     arrays={
         **MAP_ARRAYS,
         "n_target": Stored("integer"),
@@ -147,7 +147,7 @@ def _give_map(map_: Correspondence) -> Correspondence:
     return map_
 
 
-# fields that a file holds as plain values
+# fields of `MatchResult` that a file holds as they are
 _PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "way", "evidence", "symmetries")
 
 

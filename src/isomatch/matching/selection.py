@@ -15,7 +15,7 @@ from isomatch.settings import Orientation, OutcomeSettings, SelectionSettings
 
 T = TypeVar("T")
 V = TypeVar("V", bound=IntArray)  # images, in any index space
-Distances: TypeAlias = Callable[[V, Sequence[V]], FloatArray]  # mean distances from one map to each of some
+Distances: TypeAlias = Callable[[V, Sequence[V]], FloatArray]  # mean distances from one map to several maps
 R = TypeVar("R", bound=Fit)
 M = TypeVar("M")
 H = TypeVar("H", bound=Candidate | Fit)
@@ -61,14 +61,14 @@ def rank_candidates(
     def rank(candidate: Candidate, wanted: Orientation = orientation) -> int:
         return _orientation_rank(candidate, wanted, settings)
 
-    # without landmarks: first the wanted orientation, then unclear ones, then the other
-    # orientation; within each group by energy
+    # without landmarks, candidates of the wanted orientation come first, then unclear ones, then candidates
+    # of the other orientation; within each group, they are ordered by energy
     if not landmarks:
         return sorted(candidates, key=lambda c: (rank(c), c.energy))
     slack = min((c.landmark_error for c in candidates), default=0.0) + TIES.landmark_slack
     agreeing = sorted((c for c in candidates if c.landmark_error <= slack), key=lambda c: (rank(c), c.energy))
-    # landmarks may require the other orientation: the wanted one comes first only if its energy is
-    # close to the least
+    # landmarks may require the other orientation: candidates of the wanted one come first only if their
+    # energy is close to the least
     limit = TIES.same_energy_ratio * min((c.energy for c in agreeing), default=0.0)
     return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, rank(c, "any"), c.energy))
 
@@ -79,14 +79,14 @@ def select_contenders(
     """Select candidates for refinement: comparable in energy, not of the other orientation."""
     if not order:
         return []
-    # where limbs touch, a right map may have a small orientation through few functions, so a
-    # positive one is enough: the refinement compares normals everywhere
+    # Where limbs touch, few functions may give a right map a small mean cosine of normals. So a positive
+    # cosine is enough here: the refinement compares normals everywhere.
     max_rank = max(1, _orientation_rank(order[0], orientation, settings))
     oriented = [c for c in order if _orientation_rank(c, orientation, settings) <= max_rank]
     oriented.sort(key=lambda candidate: candidate.energy)
     limit = settings.energy_limit * max(oriented[0].energy, TIES.energy_noise)
     kept = [c for c in oriented if c.energy <= limit][: settings.most_contenders]
-    # a candidate that agrees better with the priors than these is added, whatever its orientation
+    # a candidate that agrees better with the priors than the kept ones is added, whatever its orientation
     nearest = nearest_to_priors(order, TIES.landmark_slack)
     if not any(c in kept for c in nearest):
         kept.append(min(nearest, key=lambda c: c.energy))
@@ -114,13 +114,14 @@ def select_survivors(
 ) -> list[tuple[int, int]]:
     """Select the fits to refine further: index of each, and of the candidate it represents."""
     indices, oriented = range(len(fits)), settings.orientation_threshold
-    # without normals, a twisted map may fit well: it does not set the limit, and replaces no other
+    # Without normals, a twisted map may fit well. So maps of unclear orientation set no limit and replace no
+    # map.
     clear = [i for i in indices if with_normals or abs(fits[i].orientation) > oriented] or list(indices)
     least = min(fits[i].spectral_residual for i in clear)
     limit = settings.spectral_residual_limit * max(least, TIES.spectral_residual_noise)
     order = sorted(indices, key=lambda i: (i not in clear, fits[i].spectral_residual))
-    # the best fit among those nearest to the priors is always kept, and on request the best of
-    # each orientation
+    # of the fits nearest to the priors, the best is kept, and with ``both_sides`` the best of each
+    # orientation
     spared = [i for i in order if fits[i] in nearest_to_priors(fits, TIES.landmark_slack)][:1]
     if both_sides:
         spared += {fits[i].side: i for i in reversed(order)}.values()
@@ -132,8 +133,8 @@ def select_survivors(
         if same is None:
             kept.append((i, i))
         else:
-            # when fits coincide, the best is kept, but it represents the candidate of the same
-            # orientation with the least residual: later refinements may begin from a candidate
+            # Of fits that coincide, the best is kept. It represents the candidate of least residual among
+            # those of its orientation, because later refinements may begin from a candidate.
             j, represented = kept[same]
             if fits[i].side == fits[represented].side and fits[i].residual < fits[represented].residual:
                 kept[same] = j, i
@@ -149,9 +150,10 @@ def weigh_costs(
     weight: float,
 ) -> list[float]:
     """Weigh costs of maps by descriptor distances where they differ from the best map."""
-    # Let two maps i, j differ in a region R, where their images are > MAP_DISTANCE.other_place apart. With
-    # their costs c, and mean descriptor distances m̄ over R, they are compared by c_i / c_j · exp(w (m̄_i −
-    # m̄_j)), so that comparing j with i gives the inverse. decisions.md, descriptor weight
+    # Let two maps i, j differ in a region R, where their images are farther apart than
+    # MAP_DISTANCE.other_place. With their costs c_i, c_j, and their mean descriptor distances m̄_i, m̄_j over
+    # R, they are compared by c_i / c_j · exp(weight · (m̄_i − m̄_j)); comparing j with i gives the inverse:
+    # decisions.md, descriptor weight.
     n = len(costs)
     exponent = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
     for i in range(n):
@@ -161,13 +163,14 @@ def weigh_costs(
             if region.mean() >= TIES.min_region_share:
                 exponent[i, j] = weight * differences[region].mean()
                 exponent[j, i] = -exponent[i, j]
-    # R depends on the pair, so three maps may beat each other in a cycle. The best is the eligible map
-    # with the least worst ratio, min_i max_j c_i exp(e_ij) / c_j; all costs are weighed against it.
+    # R depends on the pair of maps, so three maps may beat each other in a cycle. The best map is the
+    # eligible map i whose largest ratio, max_j c_i exp(exponent_ij) / c_j, is least; all costs are weighed
+    # against this map.
     weighed = np.array(costs)[:, None] * np.exp(exponent)
     ratios = weighed / np.maximum(costs, np.finfo(float).tiny)
     may_win = sorted(np.flatnonzero(eligible).tolist(), key=lambda i: costs[i])
     best = min(may_win, key=lambda i: ratios[i, may_win].max())
-    # no other eligible map costs less than the best
+    # raise the weighed costs of other eligible maps, so that the best map also has the least cost
     least = np.nextafter(costs[best], np.inf)
     return [
         costs[best] if i == best else float(max(cost, least) if eligible[i] else cost)
@@ -179,19 +182,18 @@ def weigh_costs(
 class Rules:
     """Bounds that decide between refined maps."""
 
-    # maps whose images are farther apart on average, in √area, are different
-    runner_up_distance: float
-    tie: float = 1.0  # a map of the winner's orientation ties up to this ratio of scores
-    mirror_tie: float = 1.0  # a map of the other orientation ties up to this ratio of scores
-    landmark_slack: float = 0.0  # prior errors that differ by less, in √area, are equal
-    score_noise: float = 0.0  # smaller scores count as equal to this
-    # a closer map is different, too, if it sends this share of the vertices far away, and its score
-    # is at most this multiple of the winner's
+    runner_up_distance: float  # √area, mean; two maps whose images are farther apart are different
+    tie: float = 1.0  # score over the best map's, up to which a map of the same orientation ties with it
+    mirror_tie: float = 1.0  # the same ratio for a map of the other orientation
+    landmark_slack: float = 0.0  # √area; two prior errors that differ by less are equal
+    score_noise: float = 0.0  # lower scores are raised to this
+    # A map nearer to the winner is different, too, if it sends at least this share of the vertices far from
+    # their images under the winner, and its score is at most this multiple of the winner's.
     exchanged_share: float = np.inf
     exchanged_ratio: float = 1.0
-    # a map that is better by this factor is a runner-up whatever priors say, unless it is the same map
+    # score of the winner over a map's, from which this map is a runner-up whatever the priors say
     clearly_better_ratio: float = np.inf
-    same_map: float = 0.0  # maps that are closer, in √area, are the same
+    same_map: float = 0.0  # √area, mean; a map whose images are nearer to the winner's is no such runner-up
 
     @classmethod
     def of(cls, settings: SelectionSettings, bounds: OutcomeSettings) -> Self:
@@ -215,10 +217,11 @@ class Ranking(Generic[M]):
 
     best: M
     others: tuple[M, ...]  # all other maps, best first
-    runner_up: float  # score over the winner's; 1: tie, inf: no other map is close, nan: none was tried
-    mirrored: float  # score of the best map of the other orientation over the winner's
-    against: M | None = None  # the runner-up: the best map that differs from the winner
-    priors_decided: bool = False  # whether the best fit ties, but agrees less with the priors
+    # score of the runner-up over the best map's; 1: a tie, inf: no runner-up, nan: no other map was tried
+    runner_up: float
+    mirrored: float  # score of the best map of the other orientation over the best map's
+    against: M | None = None  # the runner-up: the map of least score that differs from the best map
+    priors_decided: bool = False  # whether a map of less score lost, because it agrees less with priors
     distinct: tuple[M, ...] = ()  # runners-up that a model selected as alternatives
 
 
@@ -242,24 +245,24 @@ def select(
         factor = rules.tie if fits[i].side == fits[best].side else rules.mirror_tie
         return noisy[i] <= factor * noisy[best]
 
-    # winner = arg min of cost over {i : c_i ≤ tie · c_best} of least prior error: priors decide only ties
+    # the winner is the map of least cost among the maps of least prior error that tie with the best
     tied = [i for i in may_win if ties(i)]
     nearest = nearest_to_priors([fits[i] for i in tied], rules.landmark_slack)
     winner = min((i for i in tied if fits[i] in nearest), key=lambda i: costs[i])
     others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: costs[i])
 
-    # ratio test (Lowe 2004, § 7.1, inverted): cost of the runner-up over the cost of the winner
+    # cost of the runner-up over the cost of the winner: the ratio test of Lowe 2004, § 7.1, inverted
     def ratio(runners_up: list[int]) -> float:
         if n_tried < 2:
             return np.nan
         if not runners_up:
             return np.inf
         ratio = noisy[runners_up[0]] / noisy[winner]
-        # an eligible map with a lower cost lost only by the priors, which is a tie
+        # an eligible map that costs less than the winner lost only because of the priors: this is a tie
         return max(1.0, ratio) if runners_up[0] in may_win else ratio
 
     def is_runner_up(i: int) -> bool:
-        # Costs are compared as they are: raised to the noise, they would tie.
+        # these costs are not raised to the noise, because they would then tie
         as_good = costs[i] <= rules.exchanged_ratio * costs[winner]
         exchanged = as_good and far_shares is not None and far_shares[i, winner] >= rules.exchanged_share
         distance = distances[i, winner]

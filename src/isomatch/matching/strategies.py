@@ -41,10 +41,12 @@ from isomatch.shapes import (
     turned_over,
 )
 
-# Each strategy claims something of the shapes, says when it is tried, and finds a map of the shapes
-# as they were given, with evidence. The first sure map ends the search. If several strategies found
-# maps, `verify` selects one of them; evidence decides only between maps that tie.
-USER_ENGINES = {"matrix", "function"}  # names of the engines of distances that the user computed
+# Each strategy claims something about the shapes, says when it is tried, and finds a map of the shapes as
+# they were given, with evidence. The first sure map ends the search. If several strategies found maps,
+# `verify` selects one of them; evidence decides only between maps whose costs tie.
+
+# names of the engines of distances that the user computed
+USER_ENGINES = {"matrix", "function"}
 
 
 @dataclass(eq=False)
@@ -53,13 +55,13 @@ class Attempts:
 
     problem: Problem
     timer: StageTimer
-    hypotheses: Sequence[Candidate] | None = None  # given ones replace the search of an isometry
-    inverse_of: IsometricMatch | None = None  # an isometry whose inverse is the map
+    hypotheses: Sequence[Candidate] | None = None  # if given, they replace the search for an isometry
+    inverse_of: IsometricMatch | None = None  # the isometry whose inverse is the map
     only: tuple[Strategy, ...] = ()  # strategies to try; by default all that suit the problem
     solutions: list[Solution] = field(default_factory=list)
     matches: dict[str, Match[Any, Any]] = field(default_factory=dict)  # by the name of the strategy
     failures: list[str] = field(default_factory=list)  # why strategies found no map
-    # names of strategies whose maps are completed only if they are returned
+    # names of strategies whose maps are completed only if the match returns them
     incomplete: list[str] = field(default_factory=list)
     costs: dict[str, float] = field(default_factory=dict)  # by `verify`, by the name of the strategy
 
@@ -91,25 +93,25 @@ class Strategy:
 
     name: str
     overlap: Overlap
-    why: str  # when it is tried, in words
+    why: str  # when the strategy is tried, in words
     # builds the model, perhaps of a variant of the shapes; None if there is no such variant
     model: Callable[[Attempts], MatchingModel[Any, Any] | None]
     # whether the shapes and the settings suit the strategy
     fits: Callable[[Problem], bool] = lambda problem: True
     # whether the results of other strategies call for this one
     applies: Callable[[Attempts], bool] = lambda tried: True
-    # whether the solution of this strategy ends the search
+    # whether the solution of this strategy is good enough to end the search
     is_enough: Callable[[Attempts, Solution], bool] = lambda tried, solution: not solution.outcome.is_doubtful
-    # whether another strategy is tried although the solution of this one is enough
+    # whether the search goes on although the solution of this strategy is good enough
     continues: Callable[[Attempts], bool] = lambda tried: False
-    most_models: int = 1  # models built one after the other; one without a better map ends this
+    most_models: int = 1  # models that are built one after the other, at most, while their maps get better
     is_guess: bool = False  # whether the map of this strategy is never taken as sure
     replaces: Strategy | None = None  # the strategy whose map this one improves and replaces
 
 
 def part_of(problem: Problem) -> PartSide | Literal["both"] | None:
     """Say which shape is a part of the other; "both" if they are parts of one body."""
-    # a part has a long boundary; maps of parts preserve the orientation
+    # with part = "auto", a shape with a long boundary is a part; maps of parts must preserve the orientation
     config, shapes = problem.config, (problem.source, problem.target)
     searches_further = problem.refinement.searches_further and config.orientation == "preserve"
     if config.part == "none" or not (problem.oriented and searches_further) or problem.priors.has_functions:
@@ -192,7 +194,7 @@ def _cut_self_contacts(tried: Attempts, most: tuple[int, int]) -> Isometry | Non
 
 def _cut_creases(tried: Attempts) -> Isometry | None:
     """Cut the shape with more handles along its creases, or those that the map before tears."""
-    # a natural fold is a crease, too; if both of its sides have close images, it is no self-contact
+    # a crease may also be a natural fold: if the images of its two sides are close, it is no self-contact
     problem, before = tried.problem, tried.matches.get(CUT_CREASES.name)
     surplus, shapes = surplus_of(problem), (problem.source, problem.target)
     side = int(surplus[1] > surplus[0])
@@ -206,9 +208,10 @@ def _cut_creases(tried: Attempts) -> Isometry | None:
 
 
 def _open_limbs(tried: Attempts) -> Part | None:
-    """Take a source with more handles for a part, with its self-contacts and creases opened."""
-    # Surface is missing where limbs touch, so distances are bounded by the distances on fused and
-    # on separated limbs. A target is not taken for a part: much of the source would have no image.
+    """Take a source with more handles for a part, after its self-contacts and creases were cut open."""
+    # Surface is missing where limbs touch, so a distance is at least the distance on the fused limbs, and at
+    # most the distance on the separated ones. A target is not opened: as a part, it would leave much of the
+    # source without image.
     tried.timer.start("prepare")
     opened = opened_shape(tried.problem.source, surplus_of(tried.problem)[0])
     return Part(replace(tried.problem, source=opened)) if opened else None
@@ -292,8 +295,8 @@ def _may_be_wrong_isometry(tried: Attempts) -> bool:
     return _may_be_searched_from_target(tried.problem) and _is_unsure_isometry(tried)
 
 
-# Each strategy has a name, a kind of overlap and a text, and then the functions `model`, `fits`, `applies`,
-# `is_enough` of `Strategy`, in this order.
+# The arguments of each strategy are its name, its kind of overlap, the text on when it is tried, and then the
+# functions `model`, `fits`, `applies`, `is_enough` of `Strategy`, in this order.
 ISOMETRIC = Strategy(
     "isometry",
     "whole",
@@ -302,7 +305,7 @@ ISOMETRIC = Strategy(
     continues=_may_be_wrong_isometry,
     most_models=2,
 )
-BOTH_SIDES = Strategy(  # improves an isometry by maps that are searched from the target
+BOTH_SIDES = Strategy(  # an isometry, improved by maps that are searched from the target
     "isometry from both sides",
     "whole",
     "if other isometries may be right, and nothing else is sure",
@@ -319,21 +322,21 @@ BOTH_SIDES_LAST = replace(
     ),
 )
 
-CUT_EXTRA_HANDLES = Strategy(  # an isometry once the handles are cut that one shape has more than the other
+CUT_EXTRA_HANDLES = Strategy(  # an isometry, once one shape's surplus of handles is cut
     "self-contacts cut",
     "whole",
     "if nothing before is sure, as one shape has more handles",
     lambda tried: _cut_self_contacts(tried, surplus_of(tried.problem)),
     lambda problem: max(surplus_of(problem)) > 0,
 )
-CUT_ALL_HANDLES = Strategy(  # an isometry once all handles of both shapes are cut
+CUT_ALL_HANDLES = Strategy(  # an isometry, once all handles of both shapes are cut
     "all self-contacts cut",
     "whole",
     "if nothing before is sure, as both shapes have handles",
     lambda tried: _cut_self_contacts(tried, handles_of(tried.problem)),
     lambda problem: min(handles_of(problem)) > 0,
 )
-CUT_CREASES = Strategy(  # an isometry once the shape with more handles is cut along creases
+CUT_CREASES = Strategy(  # an isometry, once the shape with more handles is cut along creases
     "creases cut",
     "whole",
     "if nothing is sure, as one shape has more handles",
@@ -396,13 +399,13 @@ OVERLAPPING = Strategy(  # a map between two parts that overlap
 )
 VIA = Strategy("via", "parts", "wholes are given", lambda tried: None)  # `solve_via` finds its maps
 
-# Strategies in the order in which they are tried: for complete shapes; with holes closed; for a part that
-# lacks much, or little; for two parts.
+# Strategies in the order in which they are tried, for two complete shapes; from the map with holes closed;
+# for a part that lacks much of the whole; for a part that lacks little; for two parts that overlap.
 COMPLETE = ISOMETRIC, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, OPEN_LIMBS, ELASTIC, BOTH_SIDES
-FROM_CLOSED = PART_FROM_CLOSED, PART_FROM_BOTH_SIDES  # start from the map with the holes closed
-MUCH_MISSING = PART, CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED  # for a small part
-LITTLE_MISSING = CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED, PART  # large parts
-TWO_PARTS = ISOMETRIC, BOTH_SIDES, OVERLAPPING, BOTH_SIDES_LAST  # for two parts that overlap
+FROM_CLOSED = PART_FROM_CLOSED, PART_FROM_BOTH_SIDES
+MUCH_MISSING = PART, CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED
+LITTLE_MISSING = CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED, PART
+TWO_PARTS = ISOMETRIC, BOTH_SIDES, OVERLAPPING, BOTH_SIDES_LAST
 STRATEGIES = {strategy.name: strategy for strategy in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS, VIA)}
 """What each strategy claims, by its name, which `MatchResult.way` records."""
 
@@ -462,7 +465,7 @@ def try_strategies(tried: Attempts) -> Solution:
                 solution = _attempt(strategy, tried)
         except (MeshError, NotConvergedError) as error:
             solution, reason = None, f"the way {strategy.name!r} found no map"
-            if strategy is CAPPED:  # a shape with caps may be no surface
+            if strategy is CAPPED:  # caps may make a shape that cannot be prepared
                 reason = "with the holes closed no map was found"
             elif isinstance(error, MeshError):
                 raise
@@ -525,7 +528,7 @@ def _select_verified(tried: Attempts) -> Solution:
     tied = [i for i, cost in enumerate(costs) if cost <= problem.config.outcome.tie * min(costs)]
 
     def rank(i: int) -> tuple[float, ...]:
-        # if no map is sure, a map of a part with little doubt wins: maps of capped shapes are rough
+        # of doubtful maps, the part's map of least doubt wins, because maps of capped shapes are rough
         outcome, doubt = solutions[i].outcome, np.nan_to_num(solutions[i].quality.doubt, nan=np.inf)
         return -outcome.sureness, float(doubt) if outcome.is_doubtful else 0.0, costs[i]
 
@@ -539,7 +542,7 @@ def _select_verified(tried: Attempts) -> Solution:
     second = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf)
     lead = relative_cost(second, costs[best])
     cost_list = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
-    # a lead of nan, where nothing can be verified, counts as 1
+    # the lead is nan where no cost can be verified, and then taken as 1
     solution = solutions[best].with_lead(lead if lead > 1.0 else 1.0)
     is_doubtful = solution.outcome.is_doubtful
     if CAPPED.name in tried.matches and is_doubtful and _mirror_image_fits(tried, costs[best]):
@@ -549,7 +552,7 @@ def _select_verified(tried: Attempts) -> Solution:
 
 def _mirror_image_fits(tried: Attempts, cost: float) -> bool:
     """Whether the mirror image of the source verifies clearly better, for a part."""
-    # the best map between the capped shapes that reverses the orientation is refined as a part
+    # of maps between capped shapes that reverse the orientation, the best is refined as a map of a part
     problem, capped = tried.problem, tried.matches[CAPPED.name]
     if problem.priors.any:
         return False
@@ -566,7 +569,7 @@ def _mirror_image_fits(tried: Attempts, cost: float) -> bool:
 
 
 def side_to_turn(problem: Problem) -> Literal["source", "target"] | None:
-    """Say which shape seems to be inside out, if only one of them does."""
+    """Say which shape seems to be inside out; None unless exactly one does."""
     if problem.config.orientation == "any" or not problem.oriented:
         return None
     source, target = problem.source.seems_inside_out, problem.target.seems_inside_out
@@ -574,7 +577,7 @@ def side_to_turn(problem: Problem) -> Literal["source", "target"] | None:
 
 
 def solve(problem: Problem, timer: StageTimer) -> Solution:
-    """Match two shapes; if one seems inside out, also turn its faces, and keep the better map."""
+    """Match two shapes; if one seems inside out, also with its faces turned over, and keep the better map."""
     side = side_to_turn(problem)
     if side is None:
         return try_strategies(Attempts(problem, timer))

@@ -27,21 +27,23 @@ from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, label_components
 
-# √area, one for each step; shapes resist stretching over this length; chosen: decisions.md, one verification
+# √area, one for each step of bending; shorter pieces move almost rigidly; decisions.md, one verification
 BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)
 N_BENT_VERTICES = 1000  # vertices of a bent shape; chosen: with 500, costs are 1.1 to 1.5 times as high
-# Weight and exponent in `Verification.cost`; from 3 to 10, and from 1 to 3, the same maps are chosen.
+# Weight of the descriptor distance, and exponent of the support, in `Verification.cost`. Weights from 3 to
+# 10, and exponents from 1 to 3, choose the same maps.
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0
-# Exponent of the turning in the cost, and the turning in radians that leaves the cost as it is; right maps
-# have it in the median: decisions.md, turning.
+# Exponent of the turning in the cost, and the turning in radians that neither raises nor lowers the cost; it
+# is the median of right maps: decisions.md, turning.
 TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
-COVERAGE_DISTANCE = 0.05  # √area; a target vertex farther from all images has no counterpart; chosen
+COVERAGE_DISTANCE = 0.05  # √area of the target; a vertex farther from all images has no counterpart; chosen
 MIN_DISTANCE, MAX_DISTANCE = 0.08, 0.3  # √area of the source; distances in between measure the unit; chosen
-N_SAMPLES, MIN_MEASURED = 300, 40  # samples that measure the unit, if they have this many distances; chosen
-MAX_UNIT_RATIO = 1.3  # ratio of a measured unit to the unit before, at most; it is limited to this; chosen
-MAX_LENGTH_RATIO = 4.0  # ratio of √area in the files' units, above which parts count as equally large; chosen
-MIN_PIECE = 30  # vertices; a smaller piece of a shape is not bent; chosen
-MIN_DIVISOR = 1e-9  # √area; shorter distances count as this, so that ratios are finite; chosen
+# N_SAMPLES samples, at most, measure the unit, if they have MIN_MEASURED distances in between; chosen.
+N_SAMPLES, MIN_MEASURED = 300, 40
+MAX_UNIT_RATIO = 1.3  # largest ratio of the measured unit to the files' unit, in either direction; chosen
+MAX_LENGTH_RATIO = 4.0  # ratio of √area in the files' units, above which parts are taken as equal; chosen
+MIN_PIECE = 30  # vertices; smaller pieces of a shape are not bent; chosen
+MIN_DIVISOR = 1e-9  # √area of the target; shorter distances are raised to this, so that no ratio is 0; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -231,7 +233,7 @@ class Verifier:
 
     def _support(self, *shares: float) -> float:
         """Combine the shares that have a counterpart, see `Verification.support`."""
-        # Both shares of wholes count: a map that sends two limbs to one covers only one of them.
+        # The smaller share of two wholes is taken: a map of two limbs to one leaves a limb uncovered.
         if all(self.is_whole):
             return min(shares)
         return max(shares) if not any(self.is_whole) else shares[self.is_whole.index(False)]
@@ -251,7 +253,7 @@ class Verifier:
         return np.where(image >= 0, distance, np.nan)
 
     def unit_of(self, image: Int[BodyVertices, "n_s"]) -> float:
-        """Measure the unit: median ratio of distances of images and of near samples."""
+        """Measure the unit: median ratio of the distance between images to the distance between near samples."""
         source, target = self.shapes
         if self.are_whole:
             return self.unit
@@ -265,7 +267,7 @@ class Verifier:
         return float(np.clip(measured, self.unit / MAX_UNIT_RATIO, self.unit * MAX_UNIT_RATIO))
 
     def _bend(self, image: Int[BodyVertices, "n"], unit: float, way: int) -> tuple[float, float]:
-        """Bend the largest mapped piece of one shape: bending and turning, or nan."""
+        """Bend the largest mapped piece of one shape; return bending and turning, nan if the piece is too small."""
         coarse = self.coarse.at(way, self.n_bent)
         mesh = coarse.prolongation.coarse.mesh
         onto = Surroundings(self.coarse.meshes[1 - way], self.shapes[1 - way].index, unit)
@@ -293,7 +295,7 @@ def _ball_signature(shape: PreparedShape, length: float) -> BallSignature:
 def invert_map(
     target: PreparedShape, image: Int[BodyVertices, "n_s"]
 ) -> tuple[Int[BodyVertices, "n_t"], Float[FloatArray, "n_t"]]:
-    """Find the source vertex whose image is nearest to each target vertex; its distance."""
+    """Find the source vertex whose image is nearest to each target vertex, and the distance of that image."""
     known = np.flatnonzero(image >= 0)[::-1]
     source_vertex = np.zeros(target.body.n_vertices, dtype=np.int64)
     source_vertex[image[known]] = known

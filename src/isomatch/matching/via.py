@@ -62,10 +62,10 @@ def _match_along_chain(
     legs = [solve(replace(problem, source=source, target=target)) for source, target in pairwise(shapes)]
     image, errors = legs[0].map, legs[0].expected_error
     for leg in legs[1:]:
-        # Errors of both maps are independent. The first are in √area of the shape between, which is ``unit``
-        # times as long on the next one.
+        # Errors of the maps composed so far, and of the next map, are independent. The former are in √area of
+        # the shape between both, which is ``unit`` √area of the next shape.
         unit = verifier_of(leg.pair).unit_of(on_bodies(leg.pair, UserVertices(leg.map.vertices)))
-        largest = np.nanmax(leg.expected_error, initial=0.0)  # the error where a vertex has no image
+        largest = np.nanmax(leg.expected_error, initial=0.0)  # taken where a vertex has no image
         leg_errors = image.pull_back(leg.expected_error)
         errors = np.hypot(unit * errors, np.where(np.isnan(leg_errors), largest, leg_errors))
         image = image.then(leg.map, leg.pair.source.surface, leg.pair.target.surface)

@@ -48,7 +48,8 @@ class MatchSettings(Protocol):
         """Return the settings that differ from their defaults."""
 
 
-MAX_FILE_BYTES = 2**14  # bytes; a larger file of settings is refused; chosen: all settings take a fifth of it
+# bytes; larger files of settings are refused; chosen: a file with all settings has a fifth of this size
+MAX_FILE_BYTES = 2**14
 
 
 @dataclass(frozen=True)
@@ -118,14 +119,14 @@ class Config(Settings, Shown):
     n_functions: int = setting(150, "200 functions gain nothing: decisions.md, refinement cost", least=20)
     weights: Weighting = setting("area", "chosen: vertices then count by the area around them")
     engine: str | None = setting(None, "fast marching is the most exact of the fast: lab/benchmarks.md")
-    n_search: int = setting(400, "600 vertices are no better on 17 pairs, 300 fail on 2 of 50", least=100)
-    n_refine: int = setting(1000, "1000 vertices err by 1.63 % of √area on 50 pairs, all by 1.59", least=100)
+    n_search: int = setting(400, "600 vertices are no better on 17 pairs; with 300, 2 of 50 fail", least=100)
+    n_refine: int = setting(1000, "error on 50 pairs 1.63 % of √area, with all vertices 1.59", least=100)
     hypotheses: Hypotheses = setting("all", "a prior can be wrong, so automatic hypotheses compete")
     search_runners_up: bool | None = setting(None, "by the refinement: the paper's methods need no search")
     refinement: RefinementName = setting("joint", "error in % of √area: none 2.9, laplace_icp 2.5, joint 1.5")
     orientation: Orientation = setting("preserve", "with 'any', 3 of 14 pairs fail")
     start: Start = setting("auto", "shapes need not be aligned in space")
-    pin: float | None = setting(None, "√area; by default none is exact, as clicks are inexact", least=0)
+    pin: float | None = setting(None, "√area; by default no landmark holds, as clicks are inexact", least=0)
     part: PartRole = setting("auto", "a long boundary tells a part: lab/robustness.md, parts")
     scale: Scale = setting("auto", "in FAUST, sizes of one person differ by factors up to 1.2")
     resolution: Resolution = setting("auto", "fewer vertices are faster and as exact: `LevelSettings`")

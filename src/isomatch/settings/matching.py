@@ -8,12 +8,14 @@ from functools import partial
 from isomatch._core.errors import SettingError
 from isomatch._core.settings import Settings, setting
 
-# A reason such as "6 err by 10 % more" says how the mean error changes with another value: lab/benchmarks.md, what
-# each part contributes, and sensitivity. Lower scores, energies and residuals are better.
+# A reason such as "with 6, errors grow by 10 %" says how the mean error of maps changes with another value:
+# lab/benchmarks.md, what each part contributes, and sensitivity. Lower scores, energies, residuals are better.
 
-# √area; a target vertex is covered up to this distance from an image; chosen: the spacing of search vertices.
+# √area of a surface; a vertex is covered if it is at most this far, along edges, from the nearest image;
+# chosen: the spacing of 400 search vertices.
 COVERAGE_RADIUS = 0.05
-# √area, one length for each step of a registration; a shape moves rigidly over shorter lengths; chosen.
+# √area of the surface onto which a shape is bent, one length for each step of the bending; pieces of the
+# shape that are shorter than this move almost rigidly; chosen: limbs move first, and details last.
 BENDING_LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)
 
 
@@ -21,42 +23,44 @@ BENDING_LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)
 class SearchSettings(Settings):
     """Settings of first maps and of the search among them."""
 
-    rank: int = setting(30, "50 are no better on 50 pairs", least=4)
-    """Number of descriptor columns that are compared."""
+    rank: int = setting(30, "50 columns are no better on 50 pairs", least=4)
+    """Number of leading columns of the distance descriptors that the search compares."""
     start_columns: int = setting(20, "10 and 30 gain nothing", least=4)
-    """Number of leading descriptor columns that are aligned by a few points, as landmarks or extremities."""
-    near_rigid: float = setting(0.05, "bones of one kind have 0.034 to 0.043", least=0)
-    """Mean distance of two shapes after a rigid motion, in √area, up to which nearest points are a first map."""
-    off_diagonal: tuple[float, ...] = setting((0.01, 0.001, 0.0001), "error 4.3 → 2.6: lab/paper.md", least=0)
-    """Penalties on mixing descriptor columns; all are tried for landmarks, the first one for extremities."""
+    """Number of leading descriptor columns that are aligned at a few points, such as landmarks or extremities."""
+    near_rigid: float = setting(0.05, "two bones of one kind have 0.034 to 0.043", least=0)
+    """Mean distance of nearest points after a rigid motion, in √area, up to which these points make a first map."""
+    off_diagonal: tuple[float, ...] = setting(
+        (0.01, 0.001, 0.0001), "the error of one pair falls from 4.3 to 2.6: lab/paper.md", least=0
+    )
+    """Penalties on mixing descriptor columns; landmarks are aligned with each of them, extremities with the first."""
     ridge: float = setting(0.001, "0.0001 and 0.01 do as well", least=0)
     """Penalty on every entry of the matrix that aligns descriptor columns, see `alignments_from_points`."""
-    extremity_counts: tuple[int, ...] = setting((4, 5, 6), "one count errs by 1 % more", least=1)
+    extremity_counts: tuple[int, ...] = setting((4, 5, 6), "with one count, errors grow by 1 %", least=1)
     """Numbers of extremities of one shape that are assigned together."""
-    n_candidate_extremities: int = setting(7, "6 err by 10 % more, 8 do as well", least=1)
-    """Number of extremities of a shape among which the images of the other shape's are chosen."""
-    assignments: int = setting(8, "8 contain the right map on 86 of 86 pairs", least=1)
-    """Number of best assignments of extremities that are kept for each of ``extremity_counts`` and direction."""
+    n_candidate_extremities: int = setting(7, "with 6, errors grow by 10 %; 8 do as well", least=1)
+    """Number of extremities of one shape among which the images of the other shape's extremities are chosen."""
+    assignments: int = setting(8, "the best 8 contain the right map on 86 of 86 pairs", least=1)
+    """Number of best assignments of extremities that are kept, for each count in ``extremity_counts`` and direction."""
     eccentricity_weight: float = setting(0.3, "0 and 1 do as well", least=0)
-    """Weight of differences of average distance in the cost of an assignment; mutual distances have 1."""
-    start_steps: int = setting(12, "6 err by 6 % more, 24 do as well", least=1)
-    """Iterations of closest points from a first map by extremities."""
+    """Weight, in an assignment, of differences in average distance; differences in mutual distance have weight 1."""
+    start_steps: int = setting(12, "with 6, errors grow by 6 %; 24 do as well", least=1)
+    """Number of iterations of closest points that improve a first map, for example one from extremities."""
     flip_steps: int = setting(4, "2 and 8 gain nothing", least=1)
-    """Iterations of closest points from a flipped map."""
-    unchanged: float = setting(0.99, "0.95 errs by 2 % more, 1 does as well", least=0, most=1)
-    """Share of unchanged images from which an iteration of closest points has converged."""
+    """Number of iterations of closest points that improve a flipped map."""
+    unchanged: float = setting(0.99, "with 0.95, errors grow by 2 %; 1 does as well", least=0, most=1)
+    """Share of the images that an iteration of closest points leaves unchanged, from which it has converged."""
     compare_every: int = setting(2, "1 and 4 do as well", least=1)
-    """Iterations of closest points between two comparisons of the maps, which drop repeated ones."""
-    same_start: float = setting(0.02, "chosen: half the spacing of 400 samples", least=0)
-    """Mean distance of images, in √area, below which two starts are one."""
-    same_map: float = setting(0.05, "chosen: the spacing of 400 samples", least=0)
-    """Mean distance of images, in √area, below which two converged maps are one."""
+    """Number of iterations of closest points after which the maps are compared, and repeated maps dropped."""
+    same_start: float = setting(0.02, "chosen: about half the spacing of 400 search vertices", least=0)
+    """Mean distance between images under two first maps, in √area, below which one of the maps is dropped."""
+    same_map: float = setting(0.05, "chosen: the spacing of 400 search vertices", least=0)
+    """Mean distance between images under two converged maps, in √area, below which one of the maps is dropped."""
     n_hypotheses: int = setting(14, "12 contain the right map on 86 of 86 pairs", least=1)
-    """Largest number of hypotheses, which are maps that compete."""
+    """Largest number of hypotheses: maps of the search vertices that compete."""
     flipped: int = setting(3, "without flips, 15 of 124 pairs fail", least=0)
-    """Number of best hypotheses that are flipped: the sign of a Laplace–Beltrami function is changed."""
-    flipped_functions: int = setting(20, "12 err by 7 % more, 30 by 4 %", least=0)
-    """Number of leading Laplace–Beltrami functions whose signs are flipped."""
+    """Number of best hypotheses that are flipped: the sign of one Laplace–Beltrami function is changed."""
+    flipped_functions: int = setting(20, "with 12, errors grow by 7 %, with 30 by 4 %", least=0)
+    """Number of leading Laplace–Beltrami functions whose signs are changed, one function at a time."""
     flip_landmarks: bool = setting(True, "error of one pair 7.9 % of √area without, 4.2 with: lab/paper.md")
     """Whether flips of the map from landmarks are tried if no automatic hypotheses compete."""
 
@@ -67,33 +71,34 @@ class SelectionSettings(Settings):
 
     normal_functions: int = setting(40, "20 and 80 do as well", least=4)
     """Number of Laplace–Beltrami functions that smooth the surfaces whose normals are compared."""
-    curvature_exponent: float = setting(2.0, "1 chooses right on 86 pairs, too, but narrowly", least=0)
+    curvature_exponent: float = setting(2.0, "with 1, right maps also win on 86 pairs, but narrowly", least=0)
     """Exponent: the energy of a map is descriptor residual × curvature difference ** curvature_exponent."""
-    orientation_threshold: float = setting(0.3, "right maps on 50 pairs have above 0.54", least=0, most=1)
-    """Mean cosine between normals above which a map preserves the orientation."""
+    orientation_threshold: float = setting(0.3, "right maps on 50 pairs have more than 0.54", least=0, most=1)
+    """Mean cosine between normals of the target and its copy on the source, above which a map keeps the orientation."""
     mirrored_energy: float = setting(0.75, "chosen: lopsided shapes have up to 0.52", least=0)
-    """Energy over the least one, below which a map of the orientation not allowed is refined to compare it."""
+    """Energy of a map of the forbidden orientation over the least of the allowed one, below which it is refined, too."""
     energy_limit: float = setting(3.0, "1.5 and 6 do as well", least=1)
-    """Energy over the least one, up to which hypotheses are refined and compared again."""
-    most_contenders: int = setting(4, "6 give no other map: decisions.md, refinement cost", least=1)
+    """Energy of a hypothesis over the least energy, up to which the hypothesis is refined."""
+    most_contenders: int = setting(4, "with 6, the same maps win: decisions.md, refinement cost", least=1)
     """Largest number of hypotheses that are refined."""
-    extension_functions: int = setting(50, "25 do as well, 100 err by 4 % more", least=4)
-    """Number of functions through which a hypothesis is extended to further vertices."""
+    extension_functions: int = setting(50, "25 do as well; with 100, errors grow by 4 %", least=4)
+    """Number of Laplace–Beltrami functions by which a map of the search vertices is extended to other vertices."""
     spectral_residual_limit: float = setting(1.15, "1.05 and 1.3 do as well", least=1)
-    """Spectral residual over the least one, above which a map is given up after a stage of the refinement."""
-    same_map: float = setting(0.02, "chosen: half of what one turned limb makes", least=0)
-    """Mean distance of images, in √area, up to which two refined maps are the same."""
+    """Spectral residual of a map over the least one, above which the map is dropped after a stage of the refinement."""
+    same_map: float = setting(0.02, "chosen: one limb turned in place makes twice as much", least=0)
+    """Mean distance between images under two refined maps, in √area, up to which the maps are the same."""
     energy_exponent: float = setting(0.25, "with 0, 3 of 124 pairs get worse maps, 1 a better one", least=0)
     """Exponent: the score of a refined map is spectral residual × energy ** energy_exponent."""
     runner_up_distance: float = setting(0.15, "one turned limb makes less, a turned body more", least=0)
-    """Mean distance of images, in √area, above which two maps are different, not variants of one."""
+    """Mean distance between images under two maps, in √area, above which they are different, not variants of one."""
     descriptor_weight: float = setting(1.5, "decisions.md, descriptor weight", least=0)
-    """Costs of two maps are compared after exp(weight × difference of their mean descriptor distances)."""
+    """Weight w: the ratio of two costs is multiplied by exp(w × difference of the mean descriptor distances)."""
     most_alternatives: int = setting(2, "chosen", least=0)
-    """Largest number of alternatives in the result."""
+    """Largest number of other maps in the result."""
 
 
-_sizes = partial(setting, least=4, empty=True)  # sizes of the steps of a stage; an empty stage is left out
+# numbers of functions in the steps of a stage; an empty tuple leaves the stage out
+_sizes = partial(setting, least=4, empty=True)
 
 
 @dataclass(frozen=True)
@@ -103,27 +108,29 @@ class RefinementSettings(Settings):
     sizes_without_positions: tuple[int, ...] = _sizes(
         (20, 25, 30, 35, 40, 45, 50), "as in Melzi et al. 2019; decisions.md, refinement steps"
     )
-    """Functions in each step of the first stage of the joint refinement, without positions and normals."""
-    sizes_with_positions: tuple[int, ...] = _sizes((50, 75, 100), "in one step, 9 of 124 pairs fail")
-    """Functions in each step of the second stage, with positions and normals."""
+    """Numbers of functions in the steps of the first joint stage, which uses neither positions nor normals."""
+    sizes_with_positions: tuple[int, ...] = _sizes((50, 75, 100), "with one step, 9 of 124 pairs fail")
+    """Numbers of functions in the steps of the second joint stage, with positions and normals."""
     final_sizes: tuple[int, ...] = _sizes((125, 150), "200 gain nothing: decisions.md, refinement cost")
-    """Functions in each step of the last stage, with positions and normals, of the maps that fit best."""
-    sizes_of_parts: tuple[int, ...] = _sizes((70, 100, 140), "7 % less error: decisions.md, refinement steps")
-    """Functions in each further step, without positions, for the map of a part."""
+    """Numbers of functions in the steps of the last joint stage, with positions and normals."""
+    sizes_of_parts: tuple[int, ...] = _sizes(
+        (70, 100, 140), "errors fall by 7 %: decisions.md, refinement steps"
+    )
+    """Numbers of functions in the steps that follow the first stage for the map of a part, without positions."""
     sizes_again: tuple[int, ...] = _sizes((20, 30, 50, 80, 130), "decisions.md, second refinement")
-    """Functions in the steps that refine a map once more if it ties with the best; the lower score stays."""
+    """Numbers of functions in the steps that refine a map again if it ties with the best; the better of both is kept."""
     polished_sizes: tuple[int, ...] = setting((100, 150), "chosen", least=4)
-    """Functions in the steps that polish the map of a large mesh on more vertices."""
-    position_unit: float = setting(0.08, "error on 9 pairs 2.06 % of √area, with 0.3 2.14", least=1e-6)
-    """Distance between positions, in √area, that counts as one unit of the spectral coordinates."""
-    normal_weight: float = setting(0.3, "0.15 errs by 4 % more, 0.6 does as well", least=0)
-    """Root mean square of normals as further coordinates."""
+    """Numbers of functions in the steps that polish the map of a large mesh on more vertices."""
+    position_unit: float = setting(0.08, "the error on 9 pairs is 2.06 % of √area, with 0.3 2.14", least=1e-6)
+    """Distance between positions, in √area, that weighs as much as the distance 1 in spectral coordinates."""
+    normal_weight: float = setting(0.3, "with 0.15, errors grow by 4 %; 0.6 does as well", least=0)
+    """Length to which normals are scaled as further coordinates."""
     function_weight: float = setting(0.2, "docs/priors.md, known functions", least=0)
-    """Root mean square, as further coordinates, of functions known on both shapes (see `match`)."""
+    """Root mean square to which functions known on both shapes (see `match`) are scaled as further coordinates."""
     registration_steps: int = setting(3, "4 gain nothing: decisions.md, refinement cost", least=0)
-    """Steps of the non-rigid registration that ends "joint"."""
-    laplace_steps_at_once: int = setting(0, "all at once errs more: lab/paper.md", least=0)
-    """If above 0, most iterations of "laplace_icp" as in the paper: all functions at once, F orthogonal."""
+    """Number of steps of the non-rigid registration that ends "joint"."""
+    laplace_steps_at_once: int = setting(0, "errors grow with all at once: lab/paper.md", least=0)
+    """Largest number of iterations of "laplace_icp" as in the paper, with all functions at once; 0: in steps."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -149,42 +156,42 @@ class RefinementSettings(Settings):
 class PartSettings(Settings):
     """Settings of the match of a part to a whole."""
 
-    hopeless: float = setting(3.0, "such maps end above 3.8 × the best score: lab/robustness.md", least=1)
-    """Score over the best one above which a map is dropped, after the short refinement and before bending."""
-    long_boundary: float = setting(0.15, "complete bodies have up to 0.08, without a limb 0.2", least=0)
-    """Length of a piece of the boundary, in √area, above which a shape may be a part."""
+    hopeless: float = setting(3.0, "such maps end above 3.8 × the least cost: lab/robustness.md", least=1)
+    """Cost of a map over the least one, above which it is dropped after the rough refinement, not bent after the fine."""
+    long_boundary: float = setting(0.15, "complete bodies have up to 0.08, those without a limb 0.2", least=0)
+    """Length of the longest boundary loop, in √area of the shape, above which the shape is taken for a part."""
     close_holes: bool = setting(True, "wins or leads on 21 of 116 parts: decisions.md, strategies that pay")
     """Whether the shapes are also matched with their holes closed, as complete ones."""
     little_missing: float = setting(0.85, "decisions.md, part first or second", least=0)
-    """Share of the whole's area from which a part is first matched as complete, with its holes closed."""
+    """Area of a part over the area of the whole, from which it is first matched as complete, with holes closed."""
     most_there: float = setting(0.6, "chosen", least=0)
-    """The share of ``little_missing`` if few distances are known, see ``little_trusted``."""
+    """The bound used in place of ``little_missing`` where few distances are known, see ``little_trusted``."""
     bending: tuple[float, ...] = setting(BENDING_LENGTHS, "chosen: coarse to fine", least=1e-3)
     """Lengths, in √area of the whole, below which the part moves rigidly when it is bent, see `RigidRegistration`."""
-    boundary_tolerance: float = setting(0.04, "1.2 % of true images are farther", least=0)
-    """Largest distance, in √area, of a vertex of the whole that is matched to the boundary of the bent part."""
-    surface_tolerance: float = setting(0.1, "five views err by 4.3 % of √area, with 0.04 by 9.0", least=0)
-    """Largest distance, in √area, to other points of the bent part, or to all if few distances are known."""
-    n_bent_vertices: int = setting(1000, "2000 err by 3 % less in 1.2 × the time", least=50)
+    boundary_tolerance: float = setting(0.04, "1.2 % of vertices with a true image are farther", least=0)
+    """Largest distance, in √area, between a vertex of the whole and the boundary point of the bent part matched to it."""
+    surface_tolerance: float = setting(0.1, "the error of 5 views is 4.3 % of √area, with 0.04 9.0", least=0)
+    """The same distance to inner points of the bent part, and to boundary points, too, if few distances are known."""
+    n_bent_vertices: int = setting(1000, "with 2000, errors fall by 3 % in 1.2 × the time", least=50)
     """Number of vertices of the bent part while contenders are compared."""
     n_settled: int = setting(3, "lab/robustness.md, parts", least=0)
-    """Number of best maps from which the part is bent, to refine the map from the bent part."""
-    poor_doubt: float = setting(8.5e-5, "31 of 40 right maps have less, wrong ones ≥ 1.8e-4", least=0)
+    """Number of best maps by which the part is bent, and which are refined again from the bent part."""
+    poor_doubt: float = setting(8.5e-5, "31 of 40 right maps have less, wrong maps at least 1.8e-4", least=0)
     """Doubt of a map (see `Quality`) above which it is not sure."""
     little_trusted: float = setting(0.15, "lab/robustness.md, parts", least=0, most=1)
-    """Share of known distances between anchors on the whole, below which a sure map needs ``clear_lead``."""
-    clear_lead: float = setting(2.0, "1.10 to 1.39 beside wrong maps: lab/robustness.md", least=1)
-    """Score of the best alternative over the map's own, from which a map is sure if few distances are known."""
+    """Share of the pairs of anchors with known distances, below which a map is sure only with ``clear_lead``."""
+    clear_lead: float = setting(2.0, "for wrong maps, it is 1.10 to 1.39: lab/robustness.md", least=1)
+    """Cost of the best alternative over the map's cost, from which the map is sure though few distances are known."""
     descriptor_weight: float = setting(6.0, "decisions.md, cost of a part", least=0)
-    """`SelectionSettings.descriptor_weight` where parts, or roughly refined maps, are compared."""
+    """The weight `SelectionSettings.descriptor_weight` where maps of a part are compared, also rough ones."""
     n_common: int = setting(8, "chosen", least=1)
     """Number of likeliest common regions of two overlapping parts that are refined."""
     sure_common: float = setting(0.5, "wrong maps have up to 0.44: decisions.md, two parts", least=0)
-    """Least evidence for a sure common region: area that looks alike, less what lacks an image."""
-    tie: float = setting(1.2, "chosen on cuts and holes, with the other bounds", least=1)
-    """Score of an alternative over the map's own, below which the map is not sure."""
+    """Least evidence for a sure common region: area that looks alike less area that lacks an image, over the body's."""
+    tie: float = setting(1.2, "chosen on cuts and holes, together with the other bounds", least=1)
+    """Cost of an alternative over the cost of the map, below which the map is not sure."""
     poor_via: float = setting(0.03, "wrong maps have 0.033 or more: decisions.md, by way of a whole", least=0)
-    """Cost by `verify` above which a composed map is not sure."""
+    """Cost by `verify` above which a map composed by way of other shapes is not sure."""
 
 
 @dataclass(frozen=True)
@@ -193,20 +200,20 @@ class ElasticSettings(Settings):
 
     min_spectral_residual: float = setting(0.54, "decisions.md, elastic outcome", least=0)
     """Spectral residual of the best isometric map above which a map that lets limbs stretch is sought."""
-    n_coordinates: int = setting(8, "Ezuz et al. 2019", least=3)
+    n_coordinates: int = setting(8, "as in Ezuz et al. 2019", least=3)
     """Number of canonical coordinates of each shape."""
     distance_tolerance: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
-    """Share by which a distance may change at a lower cost (``tolerance`` of `IntervalCost`)."""
-    deviation_weight: float = setting(0.1, "best start 10 % of √area off, with 0.3 12 %", least=0)
-    """Weight of a change of a distance, beside what exceeds ``distance_tolerance`` (``inside`` of `IntervalCost`)."""
+    """Share by which a distance is allowed to change at a low cost (``tolerance`` of `IntervalCost`)."""
+    deviation_weight: float = setting(0.1, "the best start errs by 10 % of √area, with 0.3 by 12 %", least=0)
+    """Weight of a whole change of distance; its excess over the tolerance has weight 1 (``inside`` of `IntervalCost`)."""
     n_starts: int = setting(60, "decisions.md, elastic starts", least=1)
-    """Number of best assignments of either shape's points that are tried."""
+    """Number of best assignments of anchors that become first maps, in each direction."""
     bending: tuple[float, ...] = setting(BENDING_LENGTHS, "chosen: coarse to fine", least=1e-3)
     """Lengths, in √area, below which either shape moves rigidly when it is bent onto the other."""
     n_bent_vertices: int = setting(1000, "chosen as for parts", least=100)
     """Number of vertices of the bent shapes while contenders are compared."""
     most_scaled: float = setting(2.0, "chosen: half to twice the size", least=1)
-    """Factor by which a piece of a shape may grow or shrink at no cost (`RigidRegistration`)."""
+    """Factor by which a piece of a shape is allowed to grow or shrink at no cost (`RigidRegistration`)."""
 
 
 @dataclass(frozen=True)
@@ -214,17 +221,19 @@ class OutcomeSettings(Settings):
     """Bounds of the measures that decide the outcome."""
 
     coverage_radius: float = setting(COVERAGE_RADIUS, "chosen: the spacing of the search vertices", least=0)
-    """Largest distance along edges, in √area, of a covered target vertex from an image."""
+    """Largest distance along edges, in √area, between a covered target vertex and the nearest image."""
     tie: float = setting(1.25, "5 right maps of 63 are flagged: decisions.md, descriptor weight", least=1)
-    """Score of an alternative over the map's own, below which the map is not sure."""
+    """Score of an alternative over the score of the map, below which the map is ambiguous."""
     elastic_tie: float = setting(1.15, "chosen: decisions.md, descriptor bounds", least=1)
-    """The bound ``tie`` between shapes far from isometric, whose spectral residuals are nearly equal."""
+    """The bound ``tie`` for shapes far from isometric, between which all maps have nearly equal spectral residuals."""
     mirror_tie: float = setting(1.5, "lab/benchmarks.md, confidence", least=1)
-    """The bound ``tie`` for a map of the other orientation, if both are allowed: poses alone may differ as much."""
-    mirror_image: float = setting(0.6, "lopsided creatures up to 0.52, bodies from 0.67", least=0, most=1)
-    """Score of a map of the orientation not allowed, over the map's own, below which it fits clearly better."""
+    """The bound ``tie`` for a map of the other orientation, if both are allowed; poses alone change scores as much."""
+    mirror_image: float = setting(
+        0.6, "lopsided creatures have up to 0.52, bodies from 0.67", least=0, most=1
+    )
+    """Score of a map of the forbidden orientation over the score of the map, below which it fits clearly better."""
     max_counted_growth: float = setting(4.0, "chosen: torn faces must not outweigh all others", least=1)
-    """Ratio of the squared lengths of an edge's image and the edge; larger ones count as this in the stretch."""
+    """Squared length of an edge's image over the edge's own; the stretch lowers larger ratios to this."""
     poor_spectral_residual: float = setting(0.66, "set on FAUST and creatures: lab/benchmarks.md", least=0)
     """`Quality.spectral_residual` above which a map is poor."""
     poor_residual: float = setting(0.38, "set on FAUST and creatures: lab/benchmarks.md", least=0)
@@ -235,23 +244,27 @@ class OutcomeSettings(Settings):
     """`Quality.bending_cost` above which a map is poor, for shapes far from isometric."""
     poor_far_residual: float = setting(0.45, "a wrong map has 0.59: decisions.md, elastic outcome", least=0)
     """`Quality.residual` above which a map is poor, for shapes far from isometric."""
-    poor_far_descriptor_distance: float = setting(0.465, "right ≤ 0.46: decisions.md, individuals", least=0)
+    poor_far_descriptor_distance: float = setting(
+        0.465, "right maps have at most 0.46: decisions.md, individuals", least=0
+    )
     """`Quality.descriptor_distance` above which a map is poor, for shapes far from isometric."""
-    poor_descriptor_distance: float = setting(0.42, "wrong ≥ 0.44: decisions.md, descriptor bounds", least=0)
-    """Bound: further strategies are tried unless the mean descriptor distance is well below this."""
-    doubtful_descriptor_distance: float = setting(0.65, "right maps but one ≤ 0.54, wrong ≥ 0.78", least=0)
-    """Mean descriptor distance around a vertex, above the map's median, from which its image is doubtful."""
+    poor_descriptor_distance: float = setting(0.42, "chosen: decisions.md, descriptor bounds", least=0)
+    """A map is sure, and ends the search, only below three quarters of this mean descriptor distance."""
+    doubtful_descriptor_distance: float = setting(
+        0.65, "right maps but one have up to 0.54, wrong ones from 0.78", least=0
+    )
+    """Mean descriptor distance around a vertex, less the median over all vertices, above which its image is doubtful."""
     doubtful_area: float = setting(0.02, "chosen: a forearm of a body", least=0, most=1)
-    """Share of the surface above which a region of doubtful images lowers the outcome."""
+    """Share of the source's area above which a region of doubtful images lowers the outcome."""
     torn_growth: float = setting(0.1, "0.07 to 0.15 do as well: lab/benchmarks.md", least=0)
-    """Growth of an edge, in √area, above which the map tears it."""
-    poor_torn_off: float = setting(0.005, "half a hand; right maps have up to 0.2 %", least=0)
+    """Length of an edge's image less the edge's own, each in √area of its shape, above which the edge is torn."""
+    poor_torn_off: float = setting(0.005, "half a hand has this area; right maps have up to 0.002", least=0)
     """`Quality.torn_off`, a share of the area, above which a map is poor."""
     poor_orientation: float = setting(0.65, "chosen", least=-1, most=1)
     """`Quality.orientation`, a mean cosine of normals, below which a map is poor."""
     contradiction: float = setting(0.1, "right priors have up to 0.05, wrong ones 0.12", least=0)
-    """Distance of images from where priors ask for them, in √area, above which they contradict the map."""
+    """Distance between images and the places that priors ask for, in √area, above which both contradict each other."""
     out_of_pose: float = setting(0.25, "a turn by 40° makes 0.22, by 90° 0.29: docs/priors.md", least=0)
     """Mean distance of images from the nearest points in space, in √area, above which the pose misleads."""
     large_component: float = setting(0.05, "chosen: a hand has 1 %, a head 8 % of a body", least=0, most=1)
-    """Share of area or vertices above which a component without a partner makes a match partial."""
+    """Share of a shape, by area or vertices, above which a component without a partner makes the match partial."""

@@ -18,9 +18,9 @@ class PreparationSettings(Settings):
     extremity_spacing: float = setting(0.25, "with 0.15, thumbs displaced feet on 4 of 50 pairs", least=0)
     """Distance, in √area, below which two extremities count as one: a hand, and not its fingers."""
     n_extremities: int = setting(8, "7 to 12 give the same errors: lab/benchmarks.md", least=0)
-    """Largest number of extremities."""
-    signature_step: int = setting(5, "chosen: neighbouring energies overlap", least=1)
-    """Step from one used energy to the next, among the hundred of the wave kernel signature."""
+    """Largest number of extremities of a shape."""
+    signature_step: int = setting(5, "chosen: filters at neighbouring energies overlap", least=1)
+    """Of the hundred energies of the wave kernel signature, every fifth one is used if this is 5."""
     curvature_functions: tuple[int, ...] = setting((50, 100, 150), "chosen: coarse to fine", least=4)
     """Numbers of Laplace–Beltrami functions that smooth the surfaces whose mean curvatures are signatures."""
     energy_curvature_functions: int = setting(100, "chosen: the middle of curvature_functions", least=4)
@@ -30,16 +30,17 @@ class PreparationSettings(Settings):
     block_diagonal: bool = setting(True, "mixing columns of different sign harms: lab/paper.md")
     """Whether an alignment never mixes descriptor columns of different sign."""
     sheet_distance: float = setting(0.1, "decisions.md, separated sheets", least=0)
-    """Least distance along the surface, in √area, at which glued or merged sheets are parted; ``inf``: never."""
+    """Least distance along the surface, in √area, between glued or merged sheets that are separated; ``inf``: none."""
     self_contact_concavity: float = setting(0.5, "true contacts have 0.16 to 0.36", least=0)
-    """Largest ratio of cost and length of a loop along which fused limbs are cut (`cut_self_contacts`); 0: none."""
+    """Largest cost over length of a loop along which fused limbs are cut apart (`cut_self_contacts`); 0: none."""
     most_self_contacts: int = setting(24, "bodies have up to 9: decisions.md, self-contacts", least=0)
-    """Largest number of handles of a shape that is cut; with more, its handles are no touching limbs."""
+    """Largest number of handles of a shape whose self-contacts are cut; more handles cannot all be touching limbs."""
     most_components: int = setting(12, "chosen: each component takes as long as a small match", least=0)
-    """Largest number of components of a mesh that are matched separately, beside the largest component."""
+    """Largest number of components of a mesh that are matched separately, besides the largest component."""
 
 
-# Reason for the four sizes below: mean error in % of √area, and CPU time, of 8 pairs with 12,500 vertices.
+# Reason for the four sizes below: mean error in % of √area, and CPU time, of 8 pairs of SCAPE with 12,500
+# vertices, matched on all vertices, or with the sizes of resolution = "auto" or "fast".
 LEVEL_ERRORS = "SCAPE: all 1.58 % in 4.9 s, auto 1.54 % in 2.8 s, fast 1.54 % in 1.9 s"
 
 
@@ -55,8 +56,8 @@ class LevelSettings(Settings):
     """Number of vertices on which shapes are matched with ``resolution="fast"``."""
     fast_polished: int = setting(5000, LEVEL_ERRORS, least=200)
     """Number of vertices on which the map is polished after the match with ``resolution="fast"``."""
-    spared: float = setting(1.25, "chosen: to decimate by less hardly saves time", least=1)
-    """Largest ratio of the vertices of a mesh to the vertices of a level at which it is not decimated."""
+    spared: float = setting(1.25, "chosen: a smaller decimation hardly saves time", least=1)
+    """Number of vertices of a mesh over the number of a level, up to which the mesh is not decimated to it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -14,10 +14,11 @@ from isomatch.repair import LARGE_MESH, VertexTrace, find_outliers, prepare_for_
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
-MIN_VERTICES = 50  # vertices of a body, at least; chosen for 8 distance columns and 20 functions
-LEFT_UNMATCHED = "are left unmatched"  # end of notes on parts of a shape that are not matched
-GRAPH_AVERAGE_DISTANCE = 0.75  # mean distance to which a graph, without area, is scaled; as in people
-MIN_COMPONENT_SHARE = 0.001  # share of the area; smaller components, as an eye, are not matched; chosen
+MIN_VERTICES = 50  # vertices of a body, at least; chosen: enough for 8 distance columns and 20 functions
+LEFT_UNMATCHED = "are left unmatched"  # occurs in notes on parts of a shape that are not matched
+# mean distance to which a graph is scaled, as it has no area; chosen: a body of FAUST has 0.58 √area
+GRAPH_AVERAGE_DISTANCE = 0.75
+MIN_COMPONENT_SHARE = 0.001  # share of the area; smaller components, such as eyes, are not matched; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +30,11 @@ class Body:
     surface: Surface
     scale: float  # length of a unit of the body in the units of the shape
     body_vertex: IntArray  # (n,) body vertex of each vertex of the shape; −1 if left out
-    # (n_body,) vertex of the shape for each body vertex: the same one for copies at separated sheets, the
-    # nearest one on caps
+    # (n_body,) vertex of the shape for each body vertex: copies of a vertex at separated sheets have the same
+    # one, vertices of caps the nearest one
     user_vertex: IntArray
     left_out: float  # share of the shape that lies in other components, see `body_of`
-    notes: tuple[str, ...]  # parts left out, and repairs
+    notes: tuple[str, ...]  # sentences on what was left out or repaired
     share: float = 1.0  # area of the body over the area of the whole shape
     others: tuple[Body, ...] = ()  # other components of a mesh to match, largest first
 
@@ -76,7 +77,7 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
     large = others & (sizes >= MIN_VERTICES)
     matchable = np.flatnonzero(large & (shares >= MIN_COMPONENT_SHARE) & isinstance(whole, Mesh))
     largest_first = matchable[np.argsort(-shares[matchable], kind="stable")]
-    # The share left out is measured by area, and by vertices of large components; the larger one counts.
+    # The share left out is the larger one of two: by area, and by the vertices of large components.
     return replace(
         component(largest),
         left_out=float(max(shares[others].sum(), sizes[large].sum() / len(labels))),
@@ -136,8 +137,8 @@ def _normalise(whole: Surface, kept: BoolArray, graph_average_distance: float) -
     points = (part.vertices - np.average(part.vertices, axis=0, weights=part.vertex_areas)) / length
     if isinstance(part, PointCloud):
         return PointCloud(points, part.n_neighbours), length
-    # the edges of a large mesh take twice the memory of its faces and are rarely needed again, so
-    # they are not kept
+    # The edges of a large mesh take twice the memory of its faces and are rarely needed again. So they are
+    # not kept.
     return Mesh(points, part.faces) if part.n_vertices > LARGE_MESH else part.moved(points), length
 
 
@@ -150,7 +151,7 @@ class Level:
     body_vertex: IntArray  # (n,) vertex of this level for each vertex of the shape; −1 if left out
     user_vertex: IntArray  # (n_level,) vertex of the shape, the nearest one, for each vertex of this level
     detail: Detail | None = None  # the body in full, if this level is coarser
-    refining: Prolongation | None = None  # from the finer level, or the body in full, to this one
+    refining: Prolongation | None = None  # between this level and the finer one, or the body in full
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,9 +81,9 @@ def prepare(
         timer = StageTimer(progress, PREPARATION_SHARES)
         timer.start("body")
         shape = surface_from(surface)
-        generator(seed)  # only to raise the error about a wrong seed before work begins
+        generator(seed)  # raises the error about a wrong seed before work begins
         settings = config.preparation
-        if distances is not None:  # given distances hold for the whole, unchanged surface
+        if distances is not None:  # given distances are only right on the whole, unchanged surface
             settings = replace(settings, sheet_distance=np.inf, most_components=0)
         prepared = prepare_body(shape, body_of(shape, settings), config, seed, timer, distances)
         timer.reach("done", 1.0)
@@ -172,7 +172,7 @@ def _restricted_engine(distances: MetricSpace, surface: Surface, component: Body
 
 
 def _spread_samples(body: Surface, engine: DistanceEngine, count: int, start: int) -> IntArray:
-    """Choose farthest points in space, beginning far from the centroid; along the edges of a graph."""
+    """Choose farthest points in space, beginning far from the centroid; on a graph, along its edges."""
     if isinstance(body, Graph):
         return farthest_point_sampling(engine, count, start).vertices
     centred = body.vertices - np.average(body.vertices, axis=0, weights=body.vertex_areas)
@@ -183,9 +183,9 @@ def extremal_points(
     surface: Surface, engine: DistanceEngine, average_distance: FloatArray, spacing: float, limit: int
 ) -> tuple[IntArray, FloatArray]:
     """Find the local maxima of the average geodesic distance, the most remote first."""
-    # In any pose, the average distance of a vertex to the surface is large at the tips of limbs and
-    # least in the middle: its local maxima (no neighbour is higher) are the extremities. They are
-    # taken from the most remote on; maxima too near to a previous one are passed over.
+    # In any pose, the average distance from a vertex to all others is large at the tips of limbs and least in
+    # the middle of the shape. So its local maxima, where no neighbour has more, are the extremities. The
+    # largest maximum comes first; a maximum nearer than ``spacing`` to an extremity is passed over.
     i, j = surface.edges.T
     highest = np.full(surface.n_vertices, -np.inf)
     np.maximum.at(highest, i, average_distance[j])

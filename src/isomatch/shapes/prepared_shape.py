@@ -39,7 +39,7 @@ from isomatch.surfaces import Graph, Mesh, PointCloud
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-N_BALLS = 500  # vertices whose balls are computed; other vertices get means of near balls; chosen
+N_BALLS = 500  # vertices whose balls are computed; other vertices get means of nearby balls; chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -304,8 +304,9 @@ class PreparedShape(SmoothShape, Shown):
     @cached_property
     def points(self) -> SignedPoints:
         """Geodesic distance descriptors of the body, in the intrinsic unit, as a signed point cloud."""
-        # The points are rows p(x) with d(x, y) = Σ_c s_c p_c(x) p_c(y), s_c = ±1. They are divided by
-        # √(average distance), so that products are distances over the average distance, whatever the size.
+        # The point of vertex x is the row p(x) of the descriptor, with s_c = ±1 and d(x, y) = Σ_c s_c p_c(x)
+        # p_c(y). Rows are divided by √(average distance), so that these sums are distances over the average
+        # distance.
         descriptor = geodesic_distance_descriptor(self.distances)
         signed = self.config.preparation.block_diagonal
         signs = descriptor.signature if signed else np.ones_like(descriptor.signature)
@@ -327,7 +328,7 @@ class PreparedShape(SmoothShape, Shown):
             return None
         balls = ball_signature(self.triangles, unit=1.0, samples=self.sample_vertices[:N_BALLS], weld=False)
         if self.origin is not None and (self.origin < 0).any():
-            # a ball that reaches a cap is unknown, as a ball that reaches the boundary
+            # a ball that reaches a cap is unknown, like a ball that reaches the boundary
             to_caps, _ = distance_along_edges_to_nearest(self.triangles, np.flatnonzero(self.origin < 0))
             balls = replace(balls, to_boundary=np.minimum(balls.to_boundary, to_caps))
         return balls
@@ -359,17 +360,17 @@ class PreparedShape(SmoothShape, Shown):
 FORMAT = ArrayFormat(  # contents of the file of a prepared shape
     what="a prepared shape",
     writer="PreparedShape.save",
-    version=3,  # raise it whenever shapes are prepared in another way: files of other versions are refused
+    version=3,  # to be raised when shapes are prepared in another way: files of other versions are refused
     arrays={"about": Stored("text"), "digest": Stored("text")},
 )
 _ARRAY = re.compile(r"array_[0-9]{1,9}")  # matches the names of the arrays in a file
-# Classes of the objects that a file may hold; KINDS makes an object from the name of its class.
+# classes of the objects that a file may hold, except graphs
 _SURFACES, _BASES = (Mesh, PointCloud), (DistanceBasis, LaplaceBasis, Sampling)
-_STORED = *_SURFACES, *_BASES, Body, Detail, Level, Decimated, Prolongation  # all but graphs
-KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}  # classes by their name
-KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # parameters have other names than fields
+_STORED = *_SURFACES, *_BASES, Body, Detail, Level, Decimated, Prolongation
+KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}  # makes an object, by the name of its class
+KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # its parameters have other names than its fields
 
-# Fields that hold numbers of vertices: the lowest number allowed, and the number of vertices.
+# for each field that holds vertices: the lowest number allowed, and how many vertices there are
 NUMBERED: dict[str, tuple[int, Callable[[Any], int]]] = {
     "body_vertex": (-1, lambda part: len(part.user_vertex)),
     "user_vertex": (0, lambda part: len(part.body_vertex)),
@@ -383,7 +384,7 @@ NUMBERED: dict[str, tuple[int, Callable[[Any], int]]] = {
 def write_prepared(path: Path, shape: Any) -> None:
     """Write a prepared shape; an object that occurs several times is written once."""
     arrays: list[AnyArray] = []
-    numbers: dict[int, int] = {}  # number of each object, by its id, in order of completion
+    numbers: dict[int, int] = {}  # number of each object written, by its id
 
     def to_plain(value: Any) -> Any:
         if value is None or isinstance(value, str | int | float):

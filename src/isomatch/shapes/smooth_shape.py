@@ -27,11 +27,11 @@ from isomatch.shapes.body import Detail
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh, Surface, vertex_normals
 
-SIGNATURE_FUNCTIONS = 100  # functions in the wave kernel signature; chosen: Aubry et al. 2011 take 100 to 300
-# Root mean squares of the wave kernel signature, and of the curvatures, in the point signatures. The mean
-# error on 9 pairs is 2.43 % of √area; with 0.8 for waves it is 2.41, with 0.6 for curvatures 2.70.
+SIGNATURE_FUNCTIONS = 100  # functions of the wave kernel signature; chosen: Aubry et al. 2011 take 100 to 300
+# Root mean squares to which the wave kernel signature, and the curvatures, are scaled in point signatures.
+# The mean error on 9 pairs is 2.43 % of √area; with WAVE_WEIGHT 0.8 2.41, with CURVATURE_WEIGHT 0.6 2.70.
 WAVE_WEIGHT, CURVATURE_WEIGHT = 0.6, 0.4
-# values in a logarithm or a denominator are raised to this, the least positive float, so that none is 0
+# values in logarithms and denominators are raised to this, the least normal positive float, so that none is 0
 MIN_POSITIVE = np.finfo(float).tiny
 
 
@@ -97,11 +97,11 @@ class SmoothShape:
     @cached_property
     def signatures(self) -> FloatArray:
         """(n_body, 23) point signatures; (n_body, 20) for points and graphs, which have no curvature."""
-        # The 20 columns of the wave kernel signature (Aubry et al. 2011) differ by orders of
-        # magnitude; their logarithms count alike. The 3 curvatures of the body smoothed by some
-        # first functions tell bumps from dents, a chest from a back, as no intrinsic measure does.
-        # Each column is standardised by area, and the columns of each kind are scaled so that together
-        # they have the weight of the kind as root mean square.
+        # The 20 columns of the wave kernel signature (Aubry et al. 2011) differ by orders of magnitude, so
+        # their logarithms are taken. The body is smoothed to three numbers of functions; the 3 mean
+        # curvatures then tell bumps from dents, a chest from a back, as no intrinsic measure does. Each
+        # column is standardised by area. Together, the columns of each kind are scaled to the root mean
+        # square WAVE_WEIGHT or CURVATURE_WEIGHT.
         settings, laplace = self.config.preparation, self.laplace
         kernel = wave_kernel_signature(laplace, k=SIGNATURE_FUNCTIONS)[:, :: settings.signature_step]
         parts = [(np.log(np.maximum(kernel, MIN_POSITIVE)), WAVE_WEIGHT)]
@@ -138,8 +138,9 @@ class SmoothShape:
     @cached_property
     def index(self) -> SurfaceIndex:
         """Triangles and cells of the body, for nearest vertices and points."""
-        # With c cells a query costs c distances by matrix product, and n / c distances in each of about eight
-        # cells, which take four times as long. d/dc (c + 4 · 8 n / c) = 0 at c = √(32 n).
+        # With c cells of n vertices, a query computes c distances by a matrix product, and n / c distances in
+        # each of about eight cells; one of the latter takes four times as long. The sum c + 4 · 8 n / c is
+        # least at c = √(32 n).
         centres = self.sample_vertices[: int(np.sqrt(32 * self.body.n_vertices))]
         number = np.zeros(self.body.n_vertices, dtype=np.int64)
         number[centres] = np.arange(len(centres))
@@ -199,11 +200,11 @@ class SmoothShape:
         self, target: SmoothShape, points: PrecisePoints, matched: BoolArray
     ) -> tuple[PrecisePoints, BoolArray]:
         """Carry a map of coarse bodies to the bodies in full."""
-        # A vertex of the source in full lies in a coarse triangle, at x = Σ_k w_k x_k. Its image is
-        # the point of the target in full nearest to Σ_k w_k T(x_k). Where T tears the triangle,
-        # this point could be in the void between two limbs, and a corner may have no image: such
-        # corners get w_k = 0, and the other weights grow in proportion (`_leave_out`). The first
-        # corner has the largest weight, and always stays.
+        # A vertex of the source in full lies in a coarse triangle with corners x_k, at x = Σ_k w_k x_k. Its
+        # image is the point of the target in full nearest to Σ_k w_k T(x_k), where T is the coarse map. Where
+        # T tears the triangle, this sum could be in the void between two limbs. Corners that are torn from
+        # the first one, or have no image, get w_k = 0, and the other weights grow in proportion
+        # (`_leave_out`). The first corner has the largest weight, and always stays.
         if self.detail is None and target.detail is None:
             return points, matched
         all_vertices = np.arange(self.body.n_vertices)
@@ -286,9 +287,9 @@ def orientation_of(
         Near 1 if the map preserves the orientation of the faces, near −1 if it reverses it, and 0
         where a shape has no triangles.
     """
-    # The positions y(T(x)) of the images, fitted by k functions of the source, lay the source's
-    # faces on the target. Where the map preserves the orientation, their normals agree with the
-    # target's normals at the images; otherwise they are opposite.
+    # The positions of the images, fitted by k functions of the source, lay the source's faces on the target.
+    # Where the map preserves the orientation, the normals of these faces agree with the target's normals at
+    # the images; where it reverses the orientation, they are opposite.
     source_mesh, target_mesh = source.triangles, target.triangles
     if source_mesh is None or target_mesh is None:
         return 0.0

@@ -30,23 +30,23 @@ from isomatch.settings import SymmetrySettings
 
 N_SAMPLES = 200  # samples of the search; chosen: their spacing of 0.08 √area is below SAME_SYMMETRY
 N_ANCHORS = 5  # samples that are assigned; chosen: three determine an isometry, two more test it
-BEAM_WIDTH = 60  # partial assignments of the anchors that are kept; 200 find no more symmetries
-N_ROUNDS, STEPS_PER_ROUND = 3, 4  # rounds of closest points from an assignment, and steps of each; chosen
-SAME_START = 0.04  # √area, mean; nearer maps become one between rounds; chosen: half the spacing
-N_GENERATORS = 6  # best symmetries whose products, of any two, are tried; chosen
-MIN_ORIENTATION = 0.7  # least mean cosine, up to its sign, between normals; mirror images of bodies have more
-MIN_MOVED = 0.15  # √area, mean; a map that moves less is the identity; selection.runner_up_distance
-SAME_SYMMETRY = 0.1  # √area, mean; nearer maps are one symmetry; chosen: about the spacing of the samples
-# Largest residuals, over the largest residual of a symmetry: of maps that are multiplied, and of maps whose
-# orientation need not be clear, as on one-sided surfaces; chosen.
+BEAM_WIDTH = 60  # partial assignments of the anchors that are kept; chosen: 200 find no more symmetries
+N_ROUNDS, STEPS_PER_ROUND = 3, 4  # rounds of closest points from an assignment, and steps in each; chosen
+SAME_START = 0.04  # √area, mean; of two maps with nearer images, one is dropped; chosen: half the spacing
+N_GENERATORS = 6  # best symmetries that are composed with each other; chosen
+MIN_ORIENTATION = 0.7  # least |mean cosine| of normals under a symmetry; mirror images of bodies have more
+MIN_MOVED = 0.15  # √area, mean; maps that move less are the identity; chosen as selection.runner_up_distance
+SAME_SYMMETRY = 0.1  # √area, mean; maps with nearer images are one symmetry; chosen: about the spacing
+# Two largest residuals, over the largest residual of a symmetry: of maps that are composed with each other,
+# and of maps whose orientation need not be clear, as on one-sided surfaces; chosen.
 GENERATOR_RESIDUAL_RATIO, EXACT_RESIDUAL_RATIO = 1.5, 0.75
-# Largest residual among the samples of the search over the residual among all samples. Bodies whose residual
-# is near the bound have 1.03 to 1.08, in six of FAUST.
+# Residual of a map on the samples of the search over the largest residual on all samples, up to which the map
+# is tried. The ratio is 1.03 to 1.08 for maps near the bound, in six bodies of FAUST.
 SEARCH_RESIDUAL_RATIO = 1.2
-# Largest residual of a near-symmetry over the largest residual of a symmetry, and the number of assignments
-# over the number for symmetries. Half turns of ants have 1.3, and are missed with as few assignments.
+# Largest residual of a near-symmetry, and number of assignments from which near-symmetries are sought, over
+# those of symmetries. Half turns of ants have residuals of 1.3, and need more assignments.
 NEAR_RESIDUAL_RATIO, NEAR_ASSIGNMENTS_RATIO = 2.0, 2.5
-EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)  # a cost in which any difference of two distances counts
+EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)  # a cost in which every difference of two distances counts
 
 Orientation = Callable[[IntArray], float]
 """Orientation, from −1 to 1, of a map of samples (r,) to samples."""
@@ -57,25 +57,25 @@ class Symmetry:
     """A map of a shape onto itself that nearly keeps distances."""
 
     image_row: IntArray  # (r,) image of each sample
-    residual: float  # mean descriptor difference, in √(average distance); 0.1 for exact symmetries
+    residual: float  # mean descriptor difference, in √(average distance); about 0.1 for exact symmetries
     orientation: float  # near 1 for a rotation, −1 for a mirror image; 0 if the shape has no triangles
     moved: float  # mean distance between a sample and its image, in √area
 
 
 @dataclass(frozen=True, eq=False)
 class SymmetrySearch:
-    """Maps of a shape onto itself that nearly keep its distances; some of them for a continuous group."""
+    """Maps of a shape onto itself that nearly keep its distances; if these are infinitely many, some of them."""
 
-    # A symmetry σ keeps all distances, d(σ x, σ y) = d(x, y). Three points determine it, so that
-    # few anchors a_i, far from each other, are assigned to samples b_i by a beam of partial
-    # assignments that differ. They minimise
+    # A symmetry σ keeps all distances, d(σ x, σ y) = d(x, y). Images of three points determine σ. So a few
+    # anchors a_i, far from each other, are assigned to samples b_i by a beam search, which keeps partial
+    # assignments that differ. The assignments minimise
     #     Σ_{i<j} |d(b_i, b_j) − d(a_i, a_j)|, each term bounded and relative to the distance, see `IntervalCost`.
     # The image of any other sample has the same distances from the b_i as the sample from the a_i. In the
     # distance basis D = P S Pᵀ, S = diag(±1), rows p(x) of P are the descriptors, and d(x, y) = p(x) S p(y)ᵀ;
     # if σ keeps d, then p(σ x) = p(x) R with R S Rᵀ = S (Shamai & Kimmel, Geodesic distance descriptors, CVPR
-    # 2017). So each first map is improved by iterative closest points of the descriptors with themselves. The
-    # identity is such a map, too; maps that move samples little are left out. O(beam · samples · log) for the
-    # assignments, O(starts · samples² · rank) for the rest.
+    # 2017). So each first map is improved by iterative closest points of the descriptors with themselves. As
+    # the identity keeps distances, too, maps that move samples little are left out. O(beam · samples · log)
+    # for the assignments, O(starts · samples² · rank) for the rest.
 
     points: SignedPoints  # descriptors of r samples, evenly spread, as is every prefix
     distances: FloatArray  # (r, r) geodesic distances between the samples, in √area
@@ -93,7 +93,7 @@ class SymmetrySearch:
 
     @property
     def _largest(self) -> float:
-        """Largest residual of a symmetry, a multiple of √(area / r), the spacing of r samples."""
+        """Largest residual of a symmetry; it falls with the number r of samples as 1 / √r, like their spacing."""
         return float(self.settings.largest_residual / np.sqrt(len(self.distances)))
 
     @property
@@ -162,18 +162,18 @@ class SymmetrySearch:
             if residual > largest_tried:
                 return
             side = orientation(image_row)
-            # σ either preserves the orientation everywhere or reverses it. A map that does both is no
-            # symmetry, although the distances of a limb that is turned in its place hardly show it.
+            # A symmetry preserves the orientation everywhere, or reverses it everywhere. A map that turns a
+            # limb in its place does both: it is no symmetry, although distances hardly show it.
             if side == 0 or abs(side) >= MIN_ORIENTATION or residual <= EXACT_RESIDUAL_RATIO * largest:
                 self_maps.append((Symmetry(image_row, residual, side, float(moved)), rotation, sample_map))
 
         for alignment in sorted(alignments, key=attrgetter("residual")):
             if alignment.residual <= SEARCH_RESIDUAL_RATIO * largest_tried:
                 add(alignment.rotation)
-        # Symmetries are a group: the product σ τ is a symmetry, too, which the beam may have missed. Two
-        # mirror images make a rotation.
+        # Symmetries are a group: the composition of two, for example of two mirror images, is a symmetry,
+        # too, which the beam search may have missed.
         generators = [rotation for _, rotation, _ in self_maps[:n_generators]]
-        # included, so that products may mend maps that were rejected
+        # rejected maps are forgotten, so that a composition that comes close to one of them can be accepted
         tried[1:] = [sample_map for *_, sample_map in self_maps]
         for first, second in product(generators, repeat=2):
             add(second @ first)
@@ -200,7 +200,7 @@ def farthest_rows(distances: FloatArray, count: int, first: Sequence[int] = ()) 
 
 
 def _distinct_maps(image_rows: IntArray, distances: FloatArray) -> IntArray:
-    """Keep the first of maps (h, r) that nearly coincide, and none that is nearly the identity."""
+    """Keep the first of the maps (h, r) that nearly coincide; drop maps that are nearly the identity."""
     remaining = np.arange(len(image_rows))
     kept, last = [], np.arange(len(distances))
     while len(remaining := remaining[distances[last, image_rows[remaining]].mean(axis=1) >= SAME_START]):

@@ -26,13 +26,13 @@ def _names(*properties: Any) -> tuple[str, ...]:
     return tuple(cached.func.__name__ for cached in properties)
 
 
-# Names of cached properties that a variant takes over from its original. Those that are not listed are
-# computed anew, which is correct, but slower. First: where both have the same body.
+# Names of cached properties that a variant takes over from its original. Other properties are computed anew,
+# which is correct, but slower. These are taken over if both shapes have the same body.
 OF_BODY = _names(
     PreparedShape.functions, PreparedShape.index, PreparedShape.signatures, PreparedShape.curvature
 )
-OF_DISTANCES = _names(PreparedShape.symmetries, PreparedShape.symmetry_search)  # for equal distances
-# for shapes whose faces are wound the other way
+OF_DISTANCES = _names(PreparedShape.symmetries, PreparedShape.symmetry_search)  # if distances are equal
+# if only the winding of the faces differs
 OF_EITHER_WINDING = _names(PreparedShape.functions, PreparedShape.points, PreparedShape.handles)
 
 
@@ -50,7 +50,7 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
         return _variant(shape, close_holes(shape.triangles), everything)
     same = replace(shape, others=(), finer=None, refining=None, origin=everything, original=replace(shape))
     for name in (names := (*OF_BODY, *OF_DISTANCES)):
-        getattr(shape, name)  # computed for the original shape, which needs them again
+        getattr(shape, name)  # computes them for the original shape, which needs them, too
     return _with_properties_of(shape, same, names)
 
 
@@ -131,7 +131,7 @@ def _cut_open(
 
 def _variant(shape: PreparedShape, mesh: Mesh, origin: IntArray, *notes: str) -> PreparedShape:
     """Prepare a mesh made from the body of a shape, whose vertices come first, as a variant of the shape."""
-    # ``origin`` is the body vertex of each vertex; vertices of caps come last and have no body vertex
+    # ``origin`` is the body vertex of each vertex; vertices of caps, which come last, have none
     variant = _prepare_again(shape, mesh, shape.requested)
     on_caps = np.full(mesh.n_vertices - len(origin), UNMATCHED)
     variant = replace(variant, origin=np.concatenate([origin, on_caps]), original=replace(shape))

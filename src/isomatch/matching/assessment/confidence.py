@@ -20,7 +20,8 @@ from isomatch.matching.problem import Problem
 from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import connected_regions
 
-MIN_LENGTH = 1e-12  # lengths in √area, and squared slopes, are raised to this before they divide; chosen
+# √area for lengths, 1 / area for squared slopes; lower values are raised to this before they divide; chosen
+MIN_LENGTH = 1e-12
 
 
 def expected_errors(
@@ -28,16 +29,18 @@ def expected_errors(
 ) -> Float[FloatArray, "n_s"]:
     """Estimate the geodesic error of a map at each vertex, in √area of the source. O(n K²).
 
-    ``doubt`` is added to it: the error expected because another map may be right. ``unit`` is what √area of the source
-    is worth in √area of the target, 1 except for parts. If a map is wrong as a whole, for example exchanges left and
-    right, the estimate covers only what does not fit.
+    ``doubt`` is added to the estimate: the error expected because another map may be right. ``unit`` is what √area of
+    the source is worth in √area of the target, 1 except for parts. If a map is wrong as a whole, for example exchanges
+    left and right, the estimate covers only what does not fit.
     """
-    # Let Φ_s, Φ_t be K Laplace–Beltrami functions of both shapes, and f the map. The smooth part of Φ_t ∘ f is
-    # the fit Φ_s F. For an isometry both are equal, and F is orthogonal. If an image is displaced by δ, the
-    # residual r = Φ_t(f(i)) − Φ_s(i) F has to first order the size |∇(Φ_s F)| · δ. So
-    #   δ(i) = ‖r‖ / |∇(Φ_s F)|                  is a length,
+    # Let Φ_s, Φ_t be K Laplace–Beltrami functions of both shapes, and f the map. The smooth part of Φ_t ∘ f
+    # is the fit Φ_s F. For an isometry, Φ_t ∘ f = Φ_s F, and F is orthogonal. If the image of vertex i is
+    # displaced by δ(i), the residual r(i) = Φ_t(f(i)) − Φ_s(i) F has, to first order, the size |∇(Φ_s F)|
+    # δ(i). So
+    #   δ(i) = ‖r(i)‖ / |∇(Φ_s F)|               is a length,
     #   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)        is a strain, 0 if F is orthogonal,
-    # and the expected error is scale · √(δ |ε|), smoothed by the heat kernel. lab/benchmarks.md, confidence
+    # and the expected error is error_scale · √(δ |ε|), smoothed by the heat kernel: lab/benchmarks.md,
+    # confidence.
     source = pair.source
     k = pair.n_functions
     functions = source.functions[:, :k]
@@ -56,7 +59,8 @@ def doubt_of(
     pair: Problem, image: Int[BodyVertices, "r"], runner_up: Int[BodyVertices, "r"], ratio: float
 ) -> Float[FloatArray, "n_s"]:
     """Distance between two maps that tie, times the chance that the other is right, in √area."""
-    # if P(map) ∝ score^−10, the other map has chance 1 / (1 + ratio^10), which is ½ at a tie
+    # If the probability of a map is proportional to score^−10, the other map, with ``ratio`` times the score,
+    # has the chance 1 / (1 + ratio^10), which is ½ at a tie.
     chance = 1 / (1 + ratio**ERRORS.runner_up_exponent)
     rows = nearest_of(pair.source, pair.refinement_vertices)
     return np.asarray(chance * pair.target.distance(image, runner_up)[rows])
@@ -72,7 +76,7 @@ def nearest_of(shape: SmoothShape, vertices: Int[IntArray, "m"]) -> Int[SampleRo
 def _squared_slopes(
     x: Float[FloatArray, "n k"], edges: Int[IntArray, "e 2"], lengths: Float[FloatArray, "e"]
 ) -> Float[FloatArray, "n"]:
-    """Sum of squared slopes of all functions along edges, averaged over edges at each vertex."""
+    """Sum the squared slopes of all functions along an edge, and average the sums over the edges at each vertex."""
     squared = np.zeros(len(edges))
     _fill_squared(x, edges, squared)
     ends = edges.ravel()
@@ -91,17 +95,17 @@ def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
 
 
 def diffuse(shape: SmoothShape, values: Float[FloatArray, "n"], radius: float) -> Float[FloatArray, "n"]:
-    """Smooth values by heat diffusion over a radius; none falls below half the least value."""
-    # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean
-    # square distance 4 t
+    """Smooth values by heat diffusion over a radius; results below half the least value are raised to it."""
+    # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation. In the plane, heat spreads in the time t to
+    # a mean square distance of 4 t, so t is radius² / 4.
     laplace, time = shape.laplace, radius**2 / 4
     coefficients = np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
     return np.asarray(np.maximum(laplace.vectors @ coefficients, 0.5 * values.min()))
 
 
-# reasons, as notes say them, why a region is doubtful
+# first reason why a region is doubtful, as notes say it
 ANOTHER_MAP = "another map that fits nearly as well sends it elsewhere"
-UNLIKE_ITS_IMAGE = "it looks unlike its image"  # the second of two reasons for doubt
+UNLIKE_ITS_IMAGE = "it looks unlike its image"  # second reason why a region is doubtful
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,17 +154,17 @@ class DoubtfulRegion:
 
 def regions_of_doubt(
     pair: Problem,
-    descriptor_distance: Float[FloatArray, "n_s"] | None = None,  # of each vertex and its image
-    tied_images: tuple[Int[BodyVertices, "r"], Int[BodyVertices, "r"]] | None = None,  # images under two maps
+    descriptor_distance: Float[FloatArray, "n_s"] | None = None,  # between each vertex and its image
+    tied_images: tuple[Int[BodyVertices, "r"], Int[BodyVertices, "r"]] | None = None,  # under tied maps
 ) -> tuple[DoubtfulRegion, ...]:
     """Find the connected regions of the source's body where a map is doubtful, largest first."""
     source, target, bounds = pair.source, pair.target, pair.config.outcome
-    doubts, runner_up = {}, None  # doubt of each vertex, by reason; a vertex is doubtful above 1
+    doubts, runner_up = {}, None  # doubt of each vertex, for each reason; above 1, a vertex is doubtful
     if tied_images is not None:
         image, runner_up = (x[nearest_of(source, pair.refinement_vertices)] for x in tied_images)
         doubts[ANOTHER_MAP] = target.distance(image, runner_up) / pair.config.selection.runner_up_distance
     if descriptor_distance is not None and np.isfinite(descriptor_distance[pair.refinement_vertices]).any():
-        # the median is subtracted, because two people look more different everywhere than two poses
+        # the median is subtracted, because two people look different everywhere, two poses do not
         usual = np.nanmedian(descriptor_distance[pair.refinement_vertices])
         excess = average_around(source, descriptor_distance) - usual
         doubts[UNLIKE_ITS_IMAGE] = np.nan_to_num(excess / bounds.doubtful_descriptor_distance)
@@ -230,7 +234,7 @@ def pack_regions(regions: Sequence[DoubtfulRegion]) -> dict[str, IntArray]:
 
 
 def unpack_regions(arrays: dict[str, Any], about: Sequence[tuple[float, str]]) -> tuple[DoubtfulRegion, ...]:
-    """Take regions out of the arrays of a file; there are none in files of early versions."""
+    """Take regions out of the arrays of a file; files of early versions have no regions."""
     if "region_sizes" not in arrays:
         return ()
     ends = np.cumsum(arrays.pop("region_sizes"))

@@ -25,7 +25,9 @@ from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries
 
-MIN_LEAD = 1e-9  # leads below this count as this, so that the doubt of a tie is finite; chosen
+# least lead of a map, 1 − cost / cost of the best different map; lower leads are raised to this, so that the
+# doubt of a tie is finite; chosen
+MIN_LEAD = 1e-9
 
 # the outcome of each flag of evidence, the least sure first
 OUTCOME_OF_FLAG = {
@@ -42,7 +44,7 @@ class Evidence:
     """Flags that speak against a map being right and complete."""
 
     contradicted: bool = False  # the map contradicts priors
-    mirrored: bool = False  # a map to the mirror image of a shape fits clearly better
+    mirrored: bool = False  # a map of one shape to the other's mirror image fits clearly better
     poor: bool = False  # the map fits badly
     ambiguous: bool = False  # another map fits as well
     partial: bool = False  # a part of a shape has no counterpart
@@ -136,7 +138,8 @@ def contradicts(quality: Quality, bound: float) -> bool:
 
 def part_contradicts(landmark_errors: Float[FloatArray, "m"], initial_map_error: float, bound: float) -> bool:
     """Whether the map of a part is far from most of its landmarks, or from the initial map."""
-    # a right map may miss single landmarks: where limbs touch, the nearest vertex may be on another limb
+    # A right map may miss single landmarks: where limbs touch, the vertex nearest to a landmark may be on the
+    # wrong limb. So the median of the errors counts.
     misses_most = len(landmark_errors) and np.median(landmark_errors) > bound
     return bool(initial_map_error > bound or misses_most)
 
@@ -152,9 +155,9 @@ class PartDoubt:
 
     @property
     def doubt(self) -> float:
-        """The score if no other map is close; it grows to infinity towards a tie."""
-        # 1 / doubt = 1 / score − 1 / score′ with score′ the score of the best different map: the
-        # evidence 1 / score for this map, less the evidence for the other
+        """The score, if no different map has a score close to it; towards a tie, the doubt grows to infinity."""
+        # 1 / doubt = 1 / score − 1 / score′, where score′ is the score of the best different map: the
+        # evidence 1 / score for this map, less the evidence for the best different one.
         return self.score / max(1 - 1 / self.runner_up, MIN_LEAD)
 
     @property
@@ -194,14 +197,15 @@ class PartDoubt:
 class CommonDoubt:
     """How sure the map of a region is that two parts have in common."""
 
-    net_evidence: float  # area that looks alike, less what is left out: `CommonRegions`
-    runner_up: float  # cost over the cost of the best different map, both negative; inf if there is none
+    net_evidence: float  # area that looks alike, less area that lacks an image: `CommonRegions`
+    # cost of the map over the cost of the best different map, both negative; inf if there is none
+    runner_up: float
     landmarks_hold: bool  # whether landmarks were given and all hold, which is enough to be sure
     settings: PartSettings
 
     @property
     def doubt(self) -> float:
-        """nan: nothing that compares with the doubt of a part."""
+        """nan: two parts have no number that compares with the doubt of a part."""
         return np.nan
 
     def with_lead(self, lead: float) -> Self:
@@ -248,9 +252,10 @@ class Solution:
     config: MatchSettings | None = None  # settings of the method, if it is not `match`
     descriptor_distance: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
-    descriptors_count: bool = True  # whether regions unlike their images are evidence; species have some
+    # whether regions that look unlike their images are evidence; right maps between species have some
+    descriptors_count: bool = True
     doubt: PartDoubt | CommonDoubt | None = None  # how sure the map of a part is
-    way: str = ""  # the strategy that found it, see `isomatch.matching.strategies`
+    way: str = ""  # name of the strategy that found the map, see `isomatch.matching.strategies`
 
     @property
     def outcome(self) -> Outcome:
@@ -298,7 +303,7 @@ class Measured:
     matched: Bool[BoolArray, "n_s"] | None = None  # vertices that have an image, if not all have one
     fit: Fit | None = None  # the refined map from which polishing starts; None for elastic maps
     note: str = ""  # a note if the shapes are far from isometric
-    is_last: bool = True  # whether no other strategy follows, so that the map is completed at once
+    is_last: bool = True  # whether no other strategy is tried next, so that the map is completed now
 
     def evidence(self, pair: Problem, far: bool) -> Evidence:
         """Compare the measures with the bounds, see `measured_evidence`."""

@@ -26,7 +26,7 @@ def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] 
     image = BodyVertices(points.corners[:, 0])
     vertices = pair.refinement_vertices
     unit = 1.0
-    if any(isinstance(shape.body, Graph) for shape in (source, target)):  # a graph has no area as a unit
+    if any(isinstance(shape.body, Graph) for shape in (source, target)):  # a graph has no √area as unit
         unit = source.intrinsic_scale / target.intrinsic_scale
     of_images = unit * target.distances.between(image[source.column_vertices], image[vertices])
     distortion = np.abs(source.columns[:, vertices] - of_images)
@@ -66,7 +66,7 @@ def descriptor_distance_of(
     image: Int[IntArray, "n_s"],
     matched: Bool[BoolArray, "n_s"] | None = None,
 ) -> Float[FloatArray, "n_s"] | None:
-    """Descriptor distance of each vertex and its image, or nan; None without triangles."""
+    """Descriptor distance between each vertex and its image, nan if unknown; None without triangles."""
     if source is None or target is None:
         return None
     distance = source.descriptor_distance(target.at(image), deviation_of(source, target))
@@ -89,7 +89,7 @@ def covered_share(surface: Surface, images: Int[IntArray, "q"], radius: float = 
 
 
 def _coverage(pair: Problem, points: PrecisePoints) -> float:
-    """Coverage of the target by the images of source vertices; for variants, of and by their originals."""
+    """Share of the target that images of source vertices cover; for variants, between their originals."""
     source, target, radius = pair.source, pair.target, pair.config.outcome.coverage_radius
     if source.original:
         n = source.original.body.n_vertices
@@ -117,8 +117,8 @@ def edge_stretch(
     matched: Bool[BoolArray, "n_s"] | None = None,
 ) -> float:
     """Dirichlet energy of a map: squared lengths of edges' images over their own, or nan."""
-    # The stretch is Σ_e min(|f(e)|², torn |e|²) / Σ_e |e|² over the edges e between matched vertices, where
-    # lengths of the source are multiplied by the unit.
+    # Let the edges e join matched vertices, and let f map them to segments between images. The stretch is
+    # Σ_e min(|f(e)|², torn |e|²) / Σ_e |e|², where lengths |e| on the source are multiplied by the unit.
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = (source.edges if matched is None else source.edges[matched[source.edges].all(axis=1)]).T
@@ -130,7 +130,8 @@ def torn_off_share(
     source: Surface, target_area: float, images: FloatArray | None, max_growth: float
 ) -> float:
     """Share of the area in the largest piece that a map tears from the rest, or nan."""
-    # an edge is torn if |f(e)| / √A_t − |e| / √A_s > max_growth; other edges connect a piece
+    # An edge e with image f(e) is torn if |f(e)| / √(area of the target) − |e| / √(area of the source) >
+    # max_growth. A piece is connected by edges that are not torn.
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = source.edges.T
@@ -155,7 +156,7 @@ def prior_errors(
     landmarks: Int[BodyVertices, "m 2"],
     initial_pairs: Int[BodyVertices, "q 2"],
 ) -> tuple[float, float]:
-    """Mean distance from the targets of landmarks, and median from the initial map; nan without."""
+    """Mean distance of images from the targets of landmarks, and median from the initial map; nan without them."""
     errors = distances_to_priors(pair, target_vertex, landmarks)
     initial_errors = distances_to_priors(pair, target_vertex, initial_pairs)
     mean = float(errors.mean()) if len(errors) else np.nan

@@ -75,14 +75,15 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
         return ()
     size = np.sqrt(source.area), np.sqrt(target.area)
     vertices = _spread_vertices(source, result.map.matched)
-    images = np.stack([map_.vertices[vertices] for map_ in maps])  # a row for each map
+    images = np.stack([map_.vertices[vertices] for map_ in maps])  # (maps, vertices)
     pairs = list(combinations(range(len(maps)), 2))
     gap = np.stack([_gaps(target, images[i], images[j]) for i, j in pairs]) / size[1]
     separation = np.where(gap < ERRORS.other_place, 0.0, np.minimum(gap, ERRORS.question_distance))
     open_pairs, asked = np.ones(len(pairs), dtype=bool), list[int]()
-    to_questions = np.full(len(vertices), np.inf)  # distance of each vertex from the nearest one asked for
+    to_questions = np.full(len(vertices), np.inf)  # distance of each vertex from the nearest question
     for _ in range(most):
-        # pairs not yet separated count most, and all pairs a little, so that answers confirm each other
+        # Pairs of maps that no question separates yet have the most weight. All pairs have a little, so that
+        # answers confirm each other.
         gain = separation[open_pairs].sum(axis=0) + separation.mean(axis=0)
         gain = gain * np.minimum(to_questions / (ERRORS.question_distance * size[0]), 1.0)
         best = int(gain.argmax())
@@ -107,7 +108,7 @@ def _spread_vertices(source: Mesh, matched: BoolArray) -> IntArray:
 
 
 def _gaps(target: Mesh, one: IntArray, other: IntArray) -> FloatArray:
-    """Distance between two images of each vertex; 0 if a map has no image."""
+    """Distance between two images of each vertex; 0 if a vertex lacks one of them."""
     both = (one != UNMATCHED) & (other != UNMATCHED)
     gap: FloatArray = np.linalg.norm(target.vertices[one] - target.vertices[other], axis=1)
     return np.where(both, gap, 0.0)

@@ -39,10 +39,10 @@ from isomatch.matching.proposals.starts import starts_from_priors
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import Ranking, Rules, distances_between, keep_distinct, select
 
-# the fit before shapes are bent in full: functions, squared length of smoothing (of area 1), iterations,
-# whether mirror images are respected: decisions.md, elastic steps
+# step of the fit before shapes are bent at full resolution: number of functions, squared length of smoothing
+# in areas of the shape, iterations, whether mirror images are respected: decisions.md, elastic steps
 LAST_STEP = Step(200, 0.0005, 2, False)
-MIN_SCORE = 1e-12  # lower scores count as this, so that ratios of scores are finite; chosen
+MIN_SCORE = 1e-12  # √area; lower scores are raised to this, so that ratios of scores are finite; chosen
 
 FAR_NOTE = (  # note on a map of shapes that are far from isometric
     "the shapes are far from isometric, so a map was sought that lets limbs stretch; it may be wrong in places: look at "
@@ -63,7 +63,7 @@ class StretchedFit(Fit):
     # the source bent onto the target, and the target bent onto the source; empty before they are bent
     bent: tuple[BentShape, ...] = ()
     is_isometric: bool = False  # whether this is the map found under the isometric model
-    is_initial_map: bool = False  # whether this is the user's initial map, which holds large pieces
+    is_initial_map: bool = False  # whether this is the user's initial map, held while large pieces move
 
     @property
     def stretch(self) -> float:
@@ -108,7 +108,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         super().__init__(problem)
         self.found = found
         self.isometric_map: Fit | None = None  # the map of ``found``
-        self.isometric_map_fits = False  # whether this map fits as well as maps between isometric shapes
+        self.isometric_map_fits = False  # whether this map fits like a right map between isometric shapes
         self._other_starts: list[tuple[BodyVertices, str]] = []  # candidates of ``found``, with origins
         self._rivals: list[Fit] = []  # other refined maps of ``found``
         if found:
@@ -163,7 +163,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         rules = Rules(runner_up_distance=least, tie=tie, landmark_slack=TIES.landmark_slack)
         costs = parallel_map(self.cost, fits)
         ranking = select(fits, distances, rules, scores=costs)
-        # the winner leads only if different maps have neither lower costs nor lower scores
+        # the best map leads only if both the costs and the scores of different maps are higher
         from_winner = distances[fits.index(ranking.best)]
         scores = [fit.score for fit, distance in zip(fits, from_winner) if distance > least]
         ratio = max(min(scores, default=np.inf) / ranking.best.score, 1.0)
@@ -202,7 +202,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return BodyVertices(np.column_stack([self.vertices, image]))
 
     def _starts(self) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
-        """First maps with their origins; an isometric map has already used the priors."""
+        """First maps with their origins; maps from priors only if no isometric map, which used them, is known."""
         pair, landmarks = self.pair, self.priors.landmarks
         first_maps: list[tuple[BodyVertices, str]] = []
         if self.searches_by_anchors:
@@ -247,7 +247,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         return of_source, of_target
 
     def _step(self, fit: StretchedFit, step: Step) -> StretchedFit | None:
-        """Take a coarse step; None if the map reverses the orientation or is then twisted."""
+        """Take a coarse step; None if the map reverses the orientation before it, or is twisted after it."""
         coarse = self._coarse
         images = fit.images or coarse.images(fit.coefficients)
         if images.orientation < 0:
@@ -255,8 +255,9 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         coefficients, images = coarse.run(fit.coefficients, (step,), images)
         if images.orientation < ELASTIC_SEARCH.min_orientation:
             return None
-        # score = spectral residual × (unit + asymmetry)^exponent: among equally good fits, a map that
-        # commutes with the mirror images is right; an asymmetry below the unit may come from the shapes
+        # score = spectral residual × (asymmetry_unit + asymmetry)^asymmetry_exponent: of equally good fits,
+        # the map is right that sends mirror images to mirror images. An asymmetry below the unit may come
+        # from the shapes.
         asymmetry = ELASTIC_SEARCH.asymmetry_unit + coarse.asymmetry(images)
         penalty = asymmetry**ELASTIC_SEARCH.asymmetry_exponent
         image, residual = BodyVertices(coarse.target.targets[images.forth]), images.spectral_residual
@@ -286,7 +287,7 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
     def refine_jointly(self, fits: Sequence[StretchedFit]) -> list[StretchedFit]:
         """Bend both shapes onto each other, at a low resolution; images are nearest points."""
-        # halfway, maps with much worse scores are dropped, unless they were known before
+        # halfway, maps with much worse scores are dropped, except the isometric map and the initial map
         halfway = parallel_map(self._bend_halfway, fits)
         most = ELASTIC_FIT.hopeless_ratio * min((fit.score for fit in halfway), default=0.0)
         kept = [fit for fit in halfway if fit.score <= most or fit.is_isometric or fit.is_initial_map]
@@ -400,8 +401,8 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
 
 
 def _score(bent: tuple[BentShape, ...]) -> float:
-    # √(s g · s′ g′), see `BentShape`. Both directions count: the source bends well onto a target
-    # even if one limb of the target is left out
+    # √(s g · s′ g′) with the stretch and gap of both bent shapes, see `BentShape`. Both directions are
+    # needed: the source bends well onto a target even if one limb of the target has no counterpart.
     source, target = bent
     return max(float(np.sqrt(source.bending_cost * target.bending_cost)), MIN_SCORE)
 

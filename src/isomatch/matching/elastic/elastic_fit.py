@@ -30,7 +30,7 @@ from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.surfaces import vertex_normals
 
-RIDGE = 1e-9  # added to the diagonal of normal equations, so that they can be solved; chosen
+RIDGE = 1e-9  # added to the diagonal of the normal equations, so that their solution is unique; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,17 +39,18 @@ class ElasticShape:
 
     prepared: PreparedShape  # its body is a mesh of n vertices
     settings: ElasticSettings
-    # ``values`` at the mirror image of each vertex, smoothed; None without mirror images
+    # ``values`` at the mirror image of each vertex, smoothed; None if no mirror images were found
     mirrored: Float[FloatArray, "n values"] | None = None
 
     @cached_property
     def canonical(self) -> Float[FloatArray, "n d"]:
         """Canonical coordinates: classical scaling of farthest points, extended to all vertices."""
-        # De Silva & Tenenbaum, Sparse multidimensional scaling using landmark points, 2004. Let D²
-        # be the squared distances between p points, and −½ J D² J = V Λ Vᵀ with J = 1 − 1/p. The
-        # points have the coordinates V Λ^½. A vertex with squared distances δ from the points has
+        # De Silva & Tenenbaum, Sparse multidimensional scaling using landmark points, 2004. Let D² be the
+        # squared distances between p points, and −½ J D² J = V Λ Vᵀ, where J subtracts the mean over the
+        # points. The points have the coordinates V Λ^½. A vertex with squared distances δ from the points has
+        # the coordinates
         #     −½ Λ^−½ Vᵀ (δ − δ̄),   δ̄ the mean of D² over the points,
-        # which agrees at the points. Only axes of the largest positive eigenvalues are kept.
+        # which at the points agree with V Λ^½. Only axes of the largest positive eigenvalues are kept.
         squares = self.prepared.columns.astype(np.float64) ** 2
         among = squares[:, self.prepared.column_vertices]
         among = (among + among.T) / 2
@@ -140,9 +141,9 @@ class Step(NamedTuple):
     symmetric: bool
 
 
-# Steps of the coarse fit: functions, squared length of smoothing (of area 1), iterations, whether mirror
-# images are respected. After each step, only the best maps are kept. The functions represent limbs but no
-# details, and the smoothness was chosen with them; decisions.md, elastic choice
+# Steps of the coarse fit: number of functions, squared length of smoothing in areas of the shape, iterations,
+# whether mirror images are respected. After each step, only the best maps are kept. So few functions
+# represent limbs but no details; the smoothing was chosen together with them: decisions.md, elastic choice
 COARSE_STEPS = Step(20, 0.01, 2, True), Step(20, 0.01, 2, True), Step(30, 0.007, 4, True)
 
 
@@ -152,12 +153,12 @@ class Images(NamedTuple):
     forth: Int[SoughtRows, "samples_s"]
     back: Int[SoughtRows, "samples_t"]
     spectral_residual: float  # mean distance to the images, summed over both directions
-    # mean cosine between normals of each shape and of its copy on the other; for a map that should
-    # reverse the orientation, the negative
+    # mean cosine between normals of each shape and of its copy on the other shape, times the side of the fit:
+    # 1 if the maps have the orientation that they should have
     orientation: float
 
 
-# canonical coordinates and normals of a shape, copied to the candidates of another by a smooth map
+# canonical coordinates and normals of a shape, copied by a smooth map to the candidates of the other shape
 _Copy: TypeAlias = tuple[Float[FloatArray, "_ d"], Float[FloatArray, "_ 3"]]
 
 
@@ -176,10 +177,10 @@ class ElasticFit:
     # Here ∫ |∇X|² = tr Aᵀ Λ A, because ∫ ∇φ_i · ∇φ_j = λ_i δ_ij. Given the images, A and B are two
     # linear fits (`_fit_smooth`). Given A and B, the image of x is the y with the least
     #     |X(x) − c(y)|² + |c(x) − Y(y)|²,
-    # which is the nearest point in the coordinates (X, c) of the source and (c, Y) of the target.
-    # Both terms of x are in it, so each half of an iteration decreases the sum. Normals, signatures
-    # and landmarks are added with their own weights, to separate sheets that are close. Positions
-    # are fitted only to compute normals.
+    # which is the nearest point in the coordinates (X, c) of the source and (c, Y) of the target. These are
+    # the two terms of x in the sum, so each half of an iteration decreases the sum. Normals, signatures and
+    # landmarks are added with their own weights; normals separate sheets that are close. Positions are fitted
+    # only to compute normals.
     source: Samples
     target: Samples
     signatures: Embedding  # signatures of all vertices of both shapes
@@ -213,13 +214,13 @@ class ElasticFit:
         def fit_one(
             onto: Samples, other: Samples, forth: SoughtRows, back: SoughtRows, held: IntArray
         ) -> FloatArray:
-            # X should be c(T x) at x, c(y) at S y, and c of the given image at landmarks
+            # X should be c(T x) at samples x, c(y) at S y, and c of the target's landmark at each landmark
             vertices = [onto.vertices, onto.targets[back], held[:, 0]]
             images = [other.targets[forth], other.vertices, held[:, 1]]
             values = [other.shape.values[image] for image in images]
             if symmetric:
-                # Let σ map each shape to its mirror image. A map that respects σ has T = σ T σ, so
-                # at x, X should also be the value at σ T σ x.
+                # Let σ send each point of a shape to its mirror image. A map that respects mirror images has
+                # T = σ T σ, so at x, X should also be c(σ T σ x).
                 mirrored = other.shape.mirrored
                 assert mirrored is not None
                 vertices += [onto.vertices]
@@ -287,7 +288,7 @@ class ElasticFit:
 
     def _nearest_samples(self, copies: tuple[_Copy, _Copy]) -> tuple[SoughtRows, SoughtRows, float]:
         """Find images in both directions among the samples, by one matrix product."""
-        # |a − b|² = |a|² − 2 a·b + |b|², plus the distances of signatures, which no map changes
+        # |a − b|² = |a|² − 2 a·b + |b|², plus squared distances of signatures, which do not depend on the map
         a, b = self._embedding_by_maps(copies)
         squared = single(a) @ single(-2 * b).T
         squared += self._squared_signature_distances
@@ -328,8 +329,8 @@ def _fit_smooth(
     step: Step,
 ) -> Float[FloatArray, "k v"]:
     """Minimise mean weighted squared error from values + μ × Dirichlet energy."""
-    # the gradient of Σ_i w_i |Φ_i A − v_i|² / Σ w + μ tr Aᵀ Λ A vanishes where
-    #     (Φᵀ W Φ + μ Λ) A = Φᵀ W V,   W = diag(w / Σ w)
+    # The gradient of Σ_i w_i |Φ_i A − v_i|² / Σ_i w_i + μ tr Aᵀ Λ A, where V has the rows v_i, vanishes where
+    #     (Φᵀ W Φ + μ Λ) A = Φᵀ W V,   W = diag(w / Σ_i w_i).
     laplace, k = shape.prepared.laplace, step.n_functions
     functions = laplace.vectors[vertices, :k]
     weighted = functions * (weights / weights.sum())[:, None]
@@ -349,11 +350,11 @@ def anchor_starts(
     """Assign anchors of the source to points of the target."""
     # A distance d that should be u costs (`IntervalCost` with lower = upper = u, in average distances)
     #     min(max(|d − u| − tolerance u, 0) + weight |d − u|, most) / (soft + u).
-    # It is small up to a factor, because limbs stretch, and bounded, so that a tail of twice the
-    # length does not outweigh everything else. Limbs of any length agree in their remoteness, as a
-    # share of the area. If both shapes are symmetric, they also agree in the distance from their
-    # mirror image: heads and tails lie in the plane of symmetry, legs do not. Some starts ignore
-    # this distance, because mirror images may be wrong in places.
+    # The cost is small while d agrees with u up to a factor, because limbs stretch. It is bounded, so that a
+    # tail of twice the length does not outweigh everything else. The tips of limbs of any length agree in
+    # their remoteness, a share of the area. If both shapes are symmetric, an anchor and its image also agree
+    # in the distance from their mirror images: heads and tails lie in the plane of symmetry, legs do not.
+    # Some starts ignore this distance, because mirror images may be wrong in places.
     source, target, settings = pair.source, pair.target, pair.config.elastic
     anchors, between = _anchors(source, BodyVertices(landmarks[:, 0]), ELASTIC_SEARCH.n_anchors)
     samples = target.sample_vertices[: ELASTIC_SEARCH.n_candidates]
@@ -399,7 +400,7 @@ def _anchors(
 
 
 def _remoteness(shape: PreparedShape) -> Float[FloatArray, "n"]:
-    """Share of the area less remote than each vertex, whatever the length of limbs."""
+    """Share of the area that is less remote than each vertex; it does not depend on the length of limbs."""
     order = np.argsort(shape.average_distance, kind="stable")
     share = np.zeros(len(order))
     share[order] = np.cumsum(shape.body.vertex_areas[order]) / shape.body.area
@@ -408,7 +409,7 @@ def _remoteness(shape: PreparedShape) -> Float[FloatArray, "n"]:
 
 def find_mirror_images(prepared: PreparedShape, config: Config) -> ElasticShape:
     """Find the mirror images of a shape by its best orientation-reversing self-map."""
-    # side = −1 excludes the identity
+    # The identity preserves the orientation, so side = −1 excludes it.
     settings = config.elastic
     shape = ElasticShape(prepared, settings)
     samples = shape.sample(ELASTIC_SEARCH.n_coarse_samples, False)

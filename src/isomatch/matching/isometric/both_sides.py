@@ -33,7 +33,7 @@ class VerifiedFit:
 
 
 class BothSides(Isometry):
-    """An unsure isometry, improved by maps found from the target and by regions of others.
+    """An unsure isometry, improved by maps found from the target, and by regions of other maps.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class BothSides(Isometry):
     def _compare(
         self, ranking: Ranking[Fit], best: VerifiedFit, verified: Sequence[VerifiedFit]
     ) -> tuple[float, Fit | None]:
-        """Compare the best with another map: by scores, and by costs if these tie more closely."""
+        """Compare the best map with the runner-up, by scores, and with other maps by costs; return the least ratio."""
         first, ratio, against = ranking.best, ranking.runner_up, ranking.against
         if best.fit is not first:
             against = first if against in (None, best.fit) else against
@@ -147,7 +147,7 @@ class _Exchange:
         self.mesh, self.areas = pair.source.mesh_body, pair.source.body.vertex_areas / pair.source.body.area
 
     def moves(self, image: BodyVertices) -> Iterator[BodyVertices]:
-        """Take regions from other maps, unless images look unlike them or the coarse cost rises."""
+        """Take regions from other maps, unless they then look less like their images, or the coarse cost rises."""
         cost, distances = self.coarse(image).cost, self.verifier.descriptor_distances(image)
         for other, other_distances in self.others:
             for region in self._regions(image, other):
@@ -161,7 +161,7 @@ class _Exchange:
                         yield BodyVertices(moved)
 
     def _regions(self, image: BodyVertices, other: BodyVertices) -> list[IntArray]:
-        """Find regions in which maps differ, joining those that take each other's images."""
+        """Find regions in which two maps differ; regions that exchange their images are also joined."""
         both = (image >= 0) & (other >= 0)
         differs = np.zeros(len(image), dtype=bool)
         differs[both] = self.pair.target.distance(image[both], other[both]) > EXCHANGE.other_place
@@ -180,7 +180,7 @@ class _Exchange:
         return joined + [regions[i] for members in together if len(members) > 1 for i in members]
 
     def _lies_on(self, images: IntArray, others: IntArray) -> bool:
-        """Whether enough of some images lie where others do."""
+        """Whether many of a region's images lie where the images of another region do."""
         few, among = (x[:: max(1, len(x) // EXCHANGE.n_compared_vertices)] for x in (images, others))
         unit = np.sqrt(self.pair.target.body.area)
         distances: FloatArray = self.pair.target.distances.between(few, among) / unit

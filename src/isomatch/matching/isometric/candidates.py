@@ -39,8 +39,8 @@ from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
 
 def hypotheses_from_priors(pair: Problem) -> list[Candidate]:
     """Hypotheses from priors, improved by iterative closest points."""
-    # landmarks at extremities do not separate front and back of a thin body: with hypotheses =
-    # "given", flips of the map from landmarks contend, otherwise automatic hypotheses do
+    # Landmarks at extremities do not tell the front of a thin body from its back. So further maps contend
+    # with the map from landmarks: flips of it with hypotheses = "given", automatic hypotheses otherwise.
     settings = pair.config.search
     from_priors = []
     for start, origin in starts_from_priors(pair):
@@ -62,8 +62,8 @@ def search(
     pool.merge(from_priors)
     for start in starts:
         rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
-        # Starts from anchors, of round shapes, take no steps: closest points do not converge there, and
-        # `relax_spectrally` has improved them.
+        # Starts from anchors, on shapes without limbs, take no steps: closest points do not converge there,
+        # and `relax_spectrally` has improved these starts.
         pool.add(rows, 0 if start is starts_from_anchors else settings.start_steps, name_of(start))
     if any(start in default_starts for start in starts):  # a user's own starts are not flipped
         pool.flip(pool.hypotheses[: settings.flipped], "flip")
@@ -129,11 +129,11 @@ def energy_of(
     rank: int | None = None,
 ) -> float:
     """Energy of a map of body vertices: descriptor residual × curvature difference²."""
-    # E = R · M². The residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors (Shamai & Kimmel
-    # 2017) finds every error except near-symmetries, which keep distances. These are found by
-    #   M = mean |H_t(f(i)) − H_s(i)| + mean ‖known_t(f(i)) − known_s(i)‖₁ / weight,
-    # H the standardised signed mean curvature, because a mirror image or a twist puts hollows on
-    # bumps. Without curvature, the first term is 1. The weight is the one of the joint refinement.
+    # E = R · M² for a map f. The residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors X (Shamai &
+    # Kimmel 2017) finds every error except near-symmetries, which keep distances. Those are found by
+    #   M = mean |H_t(f(i)) − H_s(i)| + mean ‖known_t(f(i)) − known_s(i)‖₁ / CURVATURE_WEIGHT,
+    # where H is the standardised signed mean curvature, because a mirror image or a twist puts hollows on
+    # bumps. Without curvature, the first term is 1. The second term compares functions known on both shapes.
     source, target = pair.source, pair.target
     residual = residual_of(pair, source_vertex, target_vertex, rank)
     difference = 1.0
@@ -159,7 +159,7 @@ def extend_map(
     pair: Problem, target_row: Int[SearchRows, "m_s"], source_vertex: Int[BodyVertices, "q"]
 ) -> Int[BodyVertices, "q"]:
     """Extend a map of the search vertices to given source vertices, through a few functions."""
-    # F = Φ_s⁺ Φ_t(f) (k, k) on the search vertices; the image of i is the row of Φ_t Fᵀ nearest to Φ_s(i)
+    # F = Φ_s⁺ Φ_t(f) (k, k) on the search vertices; vertex i goes to the row of Φ_t Fᵀ nearest to Φ_s(i)
     k = min(pair.config.selection.extension_functions, pair.n_functions)
     functional_map = pair.search_spectra.functional_map(target_row, k)
     functions = pair.source.laplace.vectors[source_vertex], pair.target.laplace.vectors
@@ -170,7 +170,7 @@ def extend_map(
 def first_map(
     pair: Problem, source_vertex: Int[IntArray, "q"], orientation: Orientation
 ) -> tuple[Int[BodyVertices, "q"], str]:
-    """Map source vertices by the best hypothesis, of priors if there are any; its origin."""
+    """Map source vertices by the best hypothesis, from priors if there are any; also return its origin."""
     hypotheses = hypotheses_from_priors(pair) if pair.priors.any else search(pair, [])
     candidates, with_landmarks = Screening(pair)(hypotheses), bool(len(pair.priors.landmarks))
     order = rank_candidates(candidates, orientation, pair.config.selection, with_landmarks)
@@ -179,7 +179,7 @@ def first_map(
 
 
 def is_sure(model: RefiningModel[Fit, Embedding], ranking: Ranking[Fit]) -> bool:
-    """Whether no map ties with the winner, and every measure of the winner is far from poor."""
+    """Whether no map ties with the best map, and three measures of the best map are far from poor."""
     winner, bounds = ranking.best, model.pair.config.outcome
     areas = model.source.body.vertex_areas[model.vertices]
     return (

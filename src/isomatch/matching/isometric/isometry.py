@@ -51,7 +51,7 @@ from isomatch.matching.selection import (
     select_survivors,
 )
 
-# note on a symmetry that the shapes themselves have
+# note on a map that is ambiguous because a shape has a near-symmetry
 AMBIGUITY_NOTE = (
     "a shape has a symmetry about as near to exact as the shapes are alike, and the map composed with it fits about as "
     "well: look at the first of the alternatives, and give three to five landmarks if it is right"
@@ -62,7 +62,7 @@ IsometricMatch: TypeAlias = Match[Fit, Embedding]
 
 
 def image_of(match: IsometricMatch, side: str) -> BodyVertices:
-    """Other shape's vertex for each vertex of a ``side``; of variants, between originals."""
+    """Image on the other shape for each vertex of the shape on a ``side``; for variants, between their originals."""
     sides = zip((match.model.source, match.model.target), match.coordinates)
     (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
     n = (part.original or part).body.n_vertices
@@ -203,7 +203,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _refine_ties_again(self, fits: Sequence[Fit]) -> list[Fit]:
         """Refine maps that tie with the best from few functions; keep the better ones."""
-        # a limb that is twisted in its place can turn back when few functions are used
+        # few functions let a limb that is twisted in its place turn back
         settings = self.pair.config.refining
         last, with_positions = settings.last_step
         limit = self.pair.config.outcome.tie * min((fit.score for fit in fits), default=0.0)
@@ -253,8 +253,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         )
 
     def _reconsider_dropped(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
-        """If the winner is not sure, refine dropped candidates, and add maps that differ."""
-        # A dropped map may tie: half turns of ants have 1.15 × the least spectral residual, yet tie by score.
+        """If the best map is not sure, refine candidates that were dropped, and add maps that differ from it."""
+        # A candidate that was dropped might tie: half turns of ants have 1.15 × the least spectral residual,
+        # and so are dropped, yet their scores tie.
         first, config = ranking.best, self.pair.config
         if not self.pair.is_sided or first.candidate is None or is_sure(self, ranking):
             return ranking
@@ -267,12 +268,12 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _verify_tied(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
         """Select the best verified map among ties."""
-        # capped shapes are not verified: their distances cross the caps; decisions.md, both sides
+        # maps of capped shapes are not verified: their distances cross the caps; decisions.md, both sides
         if not self.pair.is_sided or any(shape.original for shape in (self.source, self.target)):
             return ranking
         first, limit = ranking.best, self.pair.config.elastic.min_spectral_residual
         is_far = first.spectral_residual > limit and self.problem.allows_elastic
-        if is_far and self._searches_freely:  # `Elastic` or `BothSides` verifies its maps next
+        if is_far and self._searches_freely:  # then `Elastic` or `BothSides` verifies maps
             return ranking
         tied = self.find_tied(ranking)
         best = min(tied, key=lambda fit: self.verified(fit).cost) if len(tied) > 1 else first
@@ -285,18 +286,18 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return ranking
 
     def find_tied(self, ranking: Ranking[Fit]) -> list[Fit]:
-        """Return the winner and the maps of its orientation whose scores tie with it."""
+        """Return the best map and the maps of its orientation whose scores tie with it."""
         first, tie = ranking.best, self.pair.config.outcome.tie
         if self.source.handles or self.target.handles:  # handles shorten distances
             return [first]
         fits = (first, *ranking.others)
         tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
-        # With start = "pose", the prior error of a map is the mean distance of its images in space.
+        # With start = "pose", the prior error is the mean distance of images from nearest points in space.
         return nearest_to_priors(tied, TIES.landmark_slack)
 
     def image(self, best: Fit) -> Int[BodyVertices, "n_s"]:
         """Vertex of the target's body for each vertex of the source's."""
-        # the registration is omitted, because it takes two thirds of the time of a verification
+        # These coordinates have no registration, which would take two thirds of the time of a verification.
         embedding = self.everywhere(best, self._unregistered)
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source))
 
@@ -308,7 +309,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
     def _compare_with_mirror_image(
         self, ranking: Ranking[Fit], candidates: Sequence[Candidate]
     ) -> Ranking[Fit]:
-        """Compare the winner with the best map of the other orientation if that seems better."""
+        """Compare the best map with the best one of the other orientation, if the latter has much less energy."""
         if not self.pair.is_sided:
             return ranking
         config = self.pair.config
@@ -420,7 +421,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return replace(solution, alternatives=self._alternatives(match, rivals))
 
     def find_symmetric_rivals(self, map_: Measured) -> list[Candidate]:
-        """Compose the map with near-symmetries; return maps that fit about as well."""
+        """Compose the map with near-symmetries; return the composed maps that fit about as well."""
         pair, config = self.pair, self.pair.config
         searches = self.refinement.searches_further and self.problem.starts is None
         if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
@@ -444,7 +445,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         promising = self._keep_promising(winner, turned) if turned else []
         if not promising:
             return []
-        # the winner and its rivals are compared after the same refinement, even if the winner was bent
+        # the map and its rivals are compared after the same refinement, even if the map is elastic
         first = map_.fit or self.refine(self.begin([winner]))[0]
         fits = self.refine(self.begin(promising))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
@@ -459,10 +460,10 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return [candidate for _, i in tied if (candidate := fits[i].candidate)]
 
     def _half_turns(self, winner: Candidate) -> list[Candidate]:
-        """Compose a map with a mirror image of a shape, and turn it over, if that hardly shows in few functions."""
-        # A mirror image σ exchanges left and right, and f ∘ σ reverses the orientation. The refinement preserves
-        # it, so it exchanges back and belly, too. A half turn of curled legs is too far from an isometry to be
-        # found among the near-symmetries.
+        """Compose a map with a mirror image of a shape, and turn it over; keep the result if few functions fit well."""
+        # A mirror image σ exchanges left and right, so f ∘ σ reverses the orientation. The refinement
+        # preserves the orientation, so it exchanges back and belly, too, which makes f ∘ σ a half turn. With
+        # curled legs, a half turn is too far from an isometry to be found among the near-symmetries.
         begun = self.begin([winner, *mirrored_variants(self.pair, winner.target_row)])
         if len(begun) == 1:
             return []
@@ -478,7 +479,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return [Candidate(Alignment(row, np.eye(1), 0.0), "symmetry") for row in rows]
 
     def _keep_promising(self, winner: Candidate, rivals: list[Candidate]) -> list[Candidate]:
-        """Keep distinct rivals that are about as good as the winner after the first round of the refinement."""
+        """Keep distinct rivals that score about as well as the map after the first round of the refinement."""
         rivals = keep_distinct_maps(self.pair, rivals, SYMMETRIC.max_maps)
         if not self.refinement.in_rounds:
             return rivals
@@ -527,7 +528,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return notes
 
     def _alternatives(self, match: IsometricMatch, rivals: list[Candidate]) -> tuple[Alternative, ...]:
-        """Rivals and runners-up that differ from the winner and from each other, not refined."""
+        """Rivals and runners-up that differ from the best map and from each other; they are not refined."""
         pair, settings, ranking = self.pair, self.pair.config.selection, match.ranking
         refined = [fit.candidate for fit in (ranking.best, *ranking.others) if fit.candidate]
         order = [*refined[:1], *rivals, *refined[1:], *match.proposals.eligible, *match.proposals.runners_up]

@@ -22,8 +22,9 @@ from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.selection import keep_distinct
 from isomatch.shapes import PreparedShape
 
-AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # √area of the body; radii of compared balls; chosen
-# cost of a distance outside its interval; chosen on pairs of parts of SHREC'16, with the numbers of `SEEDS`
+# √area of the body; radii of the balls whose areas are compared; chosen
+AREA_RADII = tuple(0.05 * i for i in range(1, 13))
+# cost of a distance between two images; chosen with the numbers of `SEEDS`, on pairs of parts of SHREC'16
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
 
 
@@ -56,8 +57,9 @@ class BothSide:
     @cached_property
     def intervals(self) -> Intervals:
         """Bounds of distances on the body between the samples."""
-        # `PartPair.of` explains the bounds. Both shapes are parts, so both have intervals of distances, and
-        # images of two samples are possible if their intervals overlap.
+        # `PartPair.of` explains the bounds. Both shapes are parts, so both have intervals of distances: two
+        # images are possible for two samples if the interval between the images overlaps the interval between
+        # the samples.
         vertices = self.vertices
         along = np.maximum(self.shape.distances.between(vertices, vertices), 0.0)
         along = np.where(vertices[:, None] == vertices, 0.0, along)
@@ -119,7 +121,7 @@ def signed_triangles(
     for mesh, vertices in ((source.shape.mesh_body, source.vertices[rows]), (target.shape.mesh_body, images)):
         points, normals = mesh.vertices[vertices], mesh.vertex_normals[vertices]
         around = points[near] - points[:, None]
-        # (a × b) · n = (n × a) · b, for all pairs at once
+        # (a × b) · n = (n × a) · b for all pairs of edges a, b to neighbours; n is the normal
         signs.append(np.cross(normals[:, None], around) @ around.transpose(0, 2, 1))
     weights = np.abs(signs[0])
     return float((np.sign(signs[0] * signs[1]) * weights).sum() / max(weights.sum(), 1e-12))
@@ -144,7 +146,7 @@ class CommonRegion:
     regions: CommonRegions
     images: Int[BodyVertices, "s"]  # vertex of the target for each sample
     accepted: Bool[BoolArray, "s"]  # which samples are in the region
-    # see `CommonRegions.net_evidence`; only the evidence while the region is extended
+    # see `CommonRegions.net_evidence`; `CommonRegions.evidence` while the region has only some of the samples
     net_evidence: float
     origin: str
 
@@ -176,7 +178,8 @@ class CommonRegions:
         self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]
     ) -> Float[FloatArray, "q"]:
         """Descriptor distance in the neighbourhood of samples of the source and their images."""
-        # means over close samples of the region, with neutral values where little is known
+        # weighted means over nearby samples of the region; with few known radii, they tend to the neutral
+        # value
         of_source = self.source.moments.at(self.source.vertices[rows])
         of_target = self.target.moments.at(images)
         count = (of_source.known & of_target.known).sum(axis=1)
@@ -194,20 +197,20 @@ class CommonRegions:
 
     @cached_property
     def _surprise(self) -> Float[FloatArray, "s_s s_t"]:
-        """−log of the rank (0 to 1) of each target sample by similarity to a source sample."""
+        """−log of the rank, from 0 to 1, of each target sample by its descriptor distance from a source sample."""
         distances = self._pair_distances
         rank = distances.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
         return np.asarray(-np.log((rank + SEEDS.rank_offset) / distances.shape[1]))
 
     def evidence(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Measure how much more alike a region looks than a random one, as an area."""
-        # Let u be the rank, from 0 to 1, of the image of a sample x among all samples of the
-        # target, by descriptor distance. For a random image u is uniform, so −log u has mean 1 (as
-        # in Fisher's sum of log p-values). The evidence is
+        # Let u(x) be the rank, from 0 to 1, of the image of a sample x among all samples of the target, by
+        # descriptor distance from x. For a random image u is uniform, so −log u has mean 1 (as in Fisher's
+        # sum of log p-values). The evidence is
         #     Σ_x area(x) max(mean_{x′ near x} −log u(x′) − chance_surprise, 0),
-        # where the mean averages errors of single samples. A common appearance has no low rank, so
-        # it is no evidence. Ranks also work for shapes of two kinds, which look unlike everywhere.
-        # A larger region wins only if the additional area itself looks alike.
+        # where the mean evens out errors of single samples. An image that looks like many other samples has
+        # no low rank, so it is no evidence. Ranks also work for shapes of two kinds, which look unlike
+        # everywhere. A larger region wins only if the additional area itself looks alike.
         surprise = self._surprise[rows, self.target.nearest_sample[images]]
         around = self._around[np.ix_(rows, rows)]
         mean = around @ surprise / around.sum(axis=1)
@@ -215,11 +218,11 @@ class CommonRegions:
 
     def net_evidence(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Evidence for a region, less the area that should belong to it and does not."""
-        # Let x be in the region, with an image T(x) at distance b(T x) from the boundary of the
-        # target. The target contains the whole ball of this radius around T(x), so each sample y of
-        # the source with d(x, y) < b(T x) must have an image. In the same way, each sample of the
-        # target that is closer to T(x) than x is to the boundary of the source must be an image.
-        # The area of samples that violate this is subtracted.
+        # Let x be in the region, with an image T(x) at distance b(T x) from the boundary of the target. The
+        # target contains the whole ball of radius b(T x) around T(x), so each sample y of the source with
+        # d(x, y) < b(T x) must have an image. In the same way, each sample of the target that is closer to
+        # T(x) than x is to the boundary of the source must be near an image. The area of samples that violate
+        # this is subtracted.
         source, target = self.source, self.target
         if not len(rows):
             return 0.0
@@ -246,7 +249,7 @@ class CommonRegions:
         return SEEDS.moment_weight * self._pair_distances[np.ix_(rows, columns)] + SEEDS.area_weight * areas
 
     def grow(self) -> list[Int[SampleRows, "m"]]:
-        """Grow distinct regions; each is given by the candidates of its anchors, −1 for none."""
+        """Grow distinct regions; each is given by the candidates of the anchors, −1 for anchors without one."""
         source, target = self.source, self.target
         rows = SampleRows(np.arange(min(SEEDS.n_anchors, len(source.vertices))))
         columns = SampleRows(np.arange(min(SEEDS.n_candidates, len(target.vertices))))
@@ -300,7 +303,7 @@ class CommonRegions:
         source, target = self.source, self.target
         all_rows, all_columns = (np.arange(min(n, len(side.vertices))) for side in (source, target))
         of_source, of_target = source.intervals.at(rows, all_rows), target.intervals.at(columns, all_columns)
-        # a sample whose true image is missing is placed somewhere, but this point does not map back to it
+        # a sample without an image on the target is placed somewhere, but that point does not map back to it
         placed, costs = trilaterate(of_source, of_target, COST, SEEDS.trilateration_distance)
         accepted = costs < most
         images, of_image = np.unique(placed[accepted], return_inverse=True)

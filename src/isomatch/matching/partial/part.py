@@ -155,7 +155,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         rough = [] if only_given else self._rough_fits(first_maps)
         kept = self._keep_distinct(rough, PART_FIT.n_contenders)
         hopeful = [fit for fit in kept if fit.rough_cost <= settings.hopeless * kept[0].rough_cost]
-        hopeful = kept[: max(len(hopeful), 2)]  # the best map and a runner-up are kept in any case
+        hopeful = kept[: max(len(hopeful), 2)]  # the two best maps are kept in any case
         contenders = [*((fit.pair, fit.image, fit.origin) for fit in hopeful), *first_maps]
         if not contenders:
             raise NotConvergedError(
@@ -183,7 +183,7 @@ class Part(RefiningModel[PartFit, BentPart]):
             landmark_slack=TIES.landmark_slack,
         )
         ranking = select(fits, distances, rules, scores=costs)
-        if self.known_map:  # the lead over maps that the other method found counts, too
+        if self.known_map:  # the lead that it had when it was found limits its lead here
             ranking = replace(ranking, runner_up=min(ranking.runner_up, self.known_map[2]))
         return self._verify_if_in_doubt(ranking)
 
@@ -196,7 +196,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         ranking = replace(ranking, distinct=tuple(fits[1:]))
         if fits[0] is best:
             return ranking
-        ratio = min(best.cost / fits[0].cost, 1.0)  # at most 1, as the map before may cost less
+        ratio = min(best.cost / fits[0].cost, 1.0)  # at most 1: another map was best by cost
         return replace(ranking, best=fits[0], runner_up=ratio)
 
     def _doubt_of(self, ranking: Ranking[PartFit]) -> PartDoubt:
@@ -288,7 +288,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         return [fits[i] for i in np.argsort(costs, kind="stable")]
 
     def _alternatives(self, fits: Sequence[PartFit]) -> tuple[Alternative, ...]:
-        """Return other maps that were refined to the end; each is computed at first use."""
+        """Return other maps that were refined to the end; the part is bent by each at its first use."""
         return tuple(
             Alternative(partial(self._map_of, fit), fit.cost, fit.orientation, origin_of(self.problem, fit))
             for fit in fits[: self.pair.config.selection.most_alternatives]
@@ -395,7 +395,7 @@ def contradiction_evidence(problem: Problem, measured: Measured) -> Evidence:
 def fill_images(
     part: PreparedShape, pairs: Int[IntArray, "q 2"]
 ) -> tuple[Int[BodyVertices, "n_part"], Float[FloatArray, "n_part"]]:
-    """Image of each vertex, taken from the nearest mapped vertex, and its distance."""
+    """Give each vertex the image of the nearest mapped vertex; also return the distance of the latter."""
     gap, nearest = distance_along_edges_to_nearest(part.body, np.unique(pairs[:, 0]))
     image = np.zeros(part.body.n_vertices, dtype=np.int64)
     image[pairs[::-1, 0]] = pairs[::-1, 1]

@@ -22,7 +22,7 @@ from isomatch.shapes import CURVATURE_WEIGHT, N_BALLS, WAVE_WEIGHT, PreparedShap
 
 @dataclass(frozen=True)
 class PartPair:
-    """A part with ``m`` anchors and a whole, of √area 1. Equal if shapes and units are."""
+    """A part with ``m`` anchors and a whole, each of area 1; pairs are equal if their shapes and units are."""
 
     part: PreparedShape
     whole: PreparedShape
@@ -55,11 +55,11 @@ class PartPair:
         # The distance D(x, y) on the whole between two points of the part is unknown, but bounded.
         # A path along the part is a path on the whole, so
         #     D(x, y) ≤ d(x, y).
-        # A shorter path leaves the part at a boundary point b and returns at c, and is not shorter
-        # in between than the straight line, so
+        # A shorter path leaves the part at a boundary point b and returns at a boundary point c, and in
+        # between is not shorter than the straight line, so
         #     D(x, y) ≥ min(d(x, y), min_{b, c} d(x, b) + |b − c| + d(c, y))
-        # (a criterion of Bracha, Dagès & Kimmel, Wormhole loss for partial shape matching, 2024,
-        # used as a bound). If both bounds agree, D is known.
+        # (a criterion of Bracha, Dagès & Kimmel, Wormhole loss for partial shape matching, 2024, used as a
+        # bound). If both bounds agree, D(x, y) is known.
         along = part.columns[:n].astype(np.float64)
         if len(landmarks):
             along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
@@ -67,8 +67,8 @@ class PartPair:
         if part.origin is None:
             lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
         else:
-            # Fused limbs were separated by a cut of no width. A path through the cut continues on its
-            # other side, so D is at least the distance on the fused surface, whose vertices are welded.
+            # Fused limbs were separated by a cut of no width. A path on the whole may cross the cut, so D is
+            # at least the distance on the fused surface, whose two sides are welded at the cut.
             fused = distance_engine(mesh, part.config.engine)
             lower = np.minimum(fused.distances_from(anchors), along)
         functions = functions or SmoothPair(part, whole, config).known
@@ -90,8 +90,10 @@ class PartPair:
     @property
     def cost(self) -> IntervalCost:
         """Cost of distances on the whole."""
-        # c(D; l, u) = min(v + inside |D − u|, most) / (soft + u). As most and soft are multiplied by the
-        # unit t like l and u, c(t D; t l, t u) = c(D; l, u), so costs in different units can be compared.
+        # `IntervalCost` of a distance D with bounds l and u is
+        #     c(D; l, u) = min(v + inside |D − u|, most) / (soft + u).
+        # As most and soft are multiplied by the unit t like l and u, c(t D; t l, t u) = c(D; l, u), so costs in
+        # different units can be compared.
         unit = self.unit
         return IntervalCost(most=PART_UNIT.max_distance_cost * unit, soft=PART_UNIT.short_distance * unit)
 
@@ -154,23 +156,22 @@ class PartPair:
         """Units of the part in which maps are searched."""
         if self.keeps_unit:
             return (min(self.unit, 1.0),)
-        # The true unit is √(area of the part / area of the whole) ≤ 1. If the files have no
-        # plausible unit, the share of the area is at least `min_area_share`. Otherwise the unit
-        # differs from the one of the files at most by the factor `max_unit_ratio`, because people
-        # grow and scanners differ.
+        # The true unit is √(area of the part / area of the whole) ≤ 1. If the files have no plausible unit,
+        # it is searched from √min_area_share to 1. Otherwise the true unit is taken to differ from the unit
+        # of the files by at most the factor `max_unit_ratio`, because people grow and scanners differ.
         first, last = np.sqrt(PART_UNIT.min_area_share), 1.0
         if self.knows_unit:
             first = self.unit / PART_UNIT.max_unit_ratio
             last = min(self.unit * PART_UNIT.max_unit_ratio, 1.0)
-        # In a geometric series of ratio q = 1.1, any unit is within a factor √q = 1.05 of one that
-        # is tried, which is the tolerance of `IntervalCost`. Then `unit_of` measures the unit.
+        # In a geometric series of ratio `unit_step_ratio` = 1.1, any unit is within a factor √1.1 = 1.05 of a
+        # tried unit: the tolerance of `IntervalCost`. Later, `unit_of` measures the unit.
         count = 1 + max(round(np.log(last / first) / np.log(PART_UNIT.unit_step_ratio)), 0)
         return tuple(float(unit) for unit in np.geomspace(first, last, count))
 
     def unit_of(self, images: Int[BodyVertices, "m"]) -> float:
         """Measure the unit by images of anchors whose distances on the whole are known."""
-        # If a distance is known, its ratio to the distance of the images is the error of the unit. The
-        # median tolerates up to half of the images being wrong. Short distances are mostly noise.
+        # The distance between two images over a known distance is the error of the unit. The median of these
+        # ratios tolerates up to half of them being wrong. Short distances are mostly noise.
         lower, upper = self.anchor_intervals
         exact = (lower >= PART_UNIT.known_ratio * upper) & (upper > PART_UNIT.min_distance * self.unit)
         if exact.sum() < PART_UNIT.min_known_distances:
@@ -187,7 +188,7 @@ class PartPair:
         """Round a unit to the grid of allowed units, at most slightly above 1."""
         if self.keeps_unit:
             return self.unit
-        # maps that measure nearly the same unit share what is computed in the rounded unit
+        # the unit is rounded so that maps of nearly the same unit share what is computed in it
         steps = np.round(np.log(unit / self.unit) / PART_UNIT.unit_spacing)
         return min(self.unit * float(np.exp(PART_UNIT.unit_spacing * steps)), PART_UNIT.max_unit)
 
@@ -230,7 +231,7 @@ class WholeSignatures:
 
     # The wave kernel signature of Aubry, Schlickewei & Cremers (ICCV Workshops 2011) is
     #     Σ_k φ_k(x)² f_e(λ_k) / Σ_k f_e(λ_k),   f_e(λ) = exp(−(e − log λ)² / 2σ²).
-    # The denominator is a sum over the spectrum, which differs between part and whole; it is omitted.
+    # The denominator is omitted: it is a sum over the spectrum, which differs between part and whole.
     def _waves(
         self, vectors: Float[FloatArray, "n k"], values: Float[FloatArray, "k"]
     ) -> Float[FloatArray, "n 20"]:
@@ -278,13 +279,13 @@ class WholeSignatures:
         whole_values, distance = self.whole.laplace.values[1:], pair.to_boundary[vertices, None]
         waves, curvatures = self._raw
         vectors, values = part.laplace.vectors[vertices, 1:], part.laplace.values[1:]
-        # If the part is scaled by the unit u, then ∫ φ² = 1 requires φ / u, eigenvalues are divided
-        # by u² and curvatures by u. By Weyl's law, λ_k ≈ 4πk / area, the part has about u² k
-        # functions up to the k-th eigenvalue of the whole.
+        # If the part is scaled by the unit u, its functions φ are divided by u, as ∫ φ² = 1, eigenvalues by
+        # u², and curvatures by u. By Weyl's law, λ_k ≈ 4πk / area, the part has about u² k functions up to
+        # the k-th eigenvalue of the whole.
         of_part = self._waves(vectors / pair.unit, values / pair.share)
         signatures = [self._weights[0] * _standardise(of_part, waves)]
-        # A function of eigenvalue λ = exp(energy) has wavelength 2π / √λ. Up to about this distance
-        # from the boundary it differs from the function of the whole, so its weight there is small:
+        # A function of eigenvalue λ = exp(energy) has wavelength 2π / √λ. Up to about this distance from the
+        # boundary, it differs from a function of the whole. So its weight is small there:
         # 1 − exp(−(distance √λ / reach)²).
         weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / PART_UNIT.boundary_reach) ** 2))]
         for column, size in zip(curvatures.T, sizes):

@@ -31,14 +31,15 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
 
 ALL_FUNCTIONS = 10**6  # more functions than any basis has, so that all are used
-MIN_COST = 1e-12  # a lower cost, as of a part mapped onto itself, counts as this: ratios stay finite; chosen
+# lower costs, as of a part mapped onto itself, are raised to this, so that ratios of costs are finite; chosen
+MIN_COST = 1e-12
 
 
 class WholeCoordinates:
     """Coordinates of a whole in which images are searched; they do not depend on a map."""
 
-    # The cache holds coordinates for each number of functions in the settings, and features for
-    # each unit of a part, which are few because units are rounded (`PartPair.nearest_allowed_unit`).
+    # The cache holds coordinates for each number of functions in the settings, and features for each unit of
+    # a part; there are few units, because they are rounded (`PartPair.nearest_allowed_unit`).
     def __init__(
         self,
         whole: PreparedShape,
@@ -53,7 +54,7 @@ class WholeCoordinates:
     def features(self) -> Float[FloatArray, "n_whole k"]:
         """Signatures, and distances from the landmarks."""
         all_vertices = np.arange(self._whole.body.n_vertices)
-        # longer distances are cut off: a twisted limb or an unknown detour would disturb them
+        # longer distances are lowered to landmark_reach: twisted limbs or unknown detours would disturb them
         distances = self._whole.distances.between(all_vertices, self._landmarks)
         distances = np.clip(distances, 0.0, PART_FIT.landmark_reach)
         return np.hstack([self.signatures.values, distances / self._settings.position_unit])
@@ -89,12 +90,12 @@ class WholeCoordinates:
 class PartRefinement:
     """Refines maps of some vertices of the part in one unit."""
 
-    # A map T: part → whole pulls the first k functions Φ of the whole back to the part, Φ ∘ T ≈ Ψ
-    # F, where Ψ are functions of the part, and F is the functional map, fitted at the samples. Then
-    # T(x) is the point of the whole nearest to Ψ(x) F in Φ, with more functions each time (ZoomOut:
-    # Melzi et al. 2019; partial functional maps: Rodolà et al. 2017). Functions are pulled from the
-    # whole to the part, because functions of the part have no values beyond its boundary. So
-    # coordinates of the whole do not depend on the map.
+    # A map T: part → whole pulls the first k functions Φ of the whole back to the part, Φ ∘ T ≈ Ψ F, where Ψ
+    # are functions of the part, and F is the functional map, fitted at the samples. Then T(x) is the vertex
+    # of the whole whose row of Φ is nearest to Ψ(x) F; both steps are repeated with more functions (ZoomOut:
+    # Melzi et al. 2019; partial functional maps: Rodolà et al. 2017). Functions are pulled from the whole to
+    # the part, because functions of the part have no values beyond its boundary. So coordinates of the whole
+    # do not depend on the map.
     def __init__(self, pair: PartPair, coordinates: WholeCoordinates, n_rows: int) -> None:
         self._pair, self._whole = pair, coordinates
         self._features = coordinates.features_of_part(pair)
@@ -103,9 +104,10 @@ class PartRefinement:
 
     def n_functions(self, k: int) -> int:
         """Count the functions of the part that correspond to the first k functions of the whole."""
-        # The functional map of a part is not diagonal: by Weyl's law, λ_j ≈ 4πj / area, its slope
-        # is the share of the area (Rodolà et al., Partial functional correspondence, 2017).
-        # Counting functions up to an eigenvalue, in units of the whole, does not need this slope.
+        # The large entries of the functional map of a part lie along a slanted line, not along the diagonal:
+        # by Weyl's law, λ_j ≈ 4πj / area, its slope is the share of the area (Rodolà et al., Partial
+        # functional correspondence, 2017). Counting functions up to an eigenvalue, in units of the whole,
+        # does not need this slope.
         part, whole = self._pair.part.laplace, self._pair.whole.laplace
         top = PART_FIT.function_ratio * whole.values[min(k, len(whole.values)) - 1]
         most = min(len(part.values), len(self.vertices) // 3)
@@ -152,8 +154,9 @@ class PartRefinement:
         # Ψ F: (q, k_part) @ (k_part, k)
         pulled_back = pair.part.laplace.vectors[vertices, :k_part] @ self._basis.fit(functions[image], k_part)
         nearest = image if vertices is self.vertices else pair.whole.index.vertices(functions, pulled_back)
-        # Where the boundary makes a signature s unreliable (weight w < 1), it is replaced by
-        # w s + (1 − w) s(T(x)): then it penalises only a deviation from the present image T(x).
+        # Where the boundary makes the signature s(x) of the part unreliable (weight w < 1), it is replaced by
+        # w s(x) + (1 − w) s(T(x)), with the whole's signature at the present image T(x): at w = 0, it only
+        # holds the image in its place.
         weights, on_part = self._features.weights[vertices], self._features.values[vertices]
         on_whole = self._whole.features[nearest]
         columns = [pulled_back / np.sqrt(k), weights * on_part + (1 - weights) * on_whole]
@@ -182,9 +185,9 @@ class BentPart(BentShape):
         bent, whole, settings = self.mesh, self.onto.mesh, self.pair.config.parts
         points = nearest_with_normals(whole, bent, self.pair.part.index)
         gap = np.linalg.norm(points.interpolated(bent.vertices) - whole.vertices, axis=1)
-        # A vertex beyond the boundary has its nearest point on the boundary, and may be close to
-        # it. A vertex over the interior is off only by the error of bending. So the tolerance is
-        # smaller at the boundary, unless too few distances are known for an exact map.
+        # A vertex of the whole that the part lacks has its nearest point on the boundary of the bent part,
+        # and may be close to it. A vertex with its nearest point inside is off only by the error of bending.
+        # So the tolerance is smaller at the boundary, unless too few distances are known for an exact map.
         inside = settings.surface_tolerance
         at_boundary = inside if self.pair.is_hardly_known else settings.boundary_tolerance
         return points, gap <= np.where(Boundary(bent).holds(points), at_boundary, inside)
@@ -193,10 +196,10 @@ class BentPart(BentShape):
 class PartBending(Bending):
     """Bends a part onto a whole by maps."""
 
-    # The energy of `Bending`, with lengths of the part times the unit. A map by functions crowds
-    # images at the boundary, because functions of the part have Neumann conditions there and
-    # functions of the whole do not. The bent part keeps its spacing up to the boundary, so its
-    # nearest points are better images than the map that bent it.
+    # The energy is as in `Bending`, with lengths of the part times the unit. A map by functions crowds images
+    # at the boundary, because functions of the part satisfy Neumann conditions there, and functions of the
+    # whole do not. The bent part keeps the spacing of its vertices up to the boundary, so their nearest
+    # points on the whole are better images than those of the map that bent it.
     def lay(
         self, pair: PartPair, refinement: PartRefinement, image: BodyVertices, lengths: tuple[float, ...]
     ) -> BentPart:
@@ -225,8 +228,7 @@ class PartFit(Fit):
     refinement: PartRefinement  # refines the images of the same vertices
     bending: PartBending
     stress: float = np.nan  # mean cost of the images of the anchors, see `PartPair.stress`
-    # lengths by which the part is bent, see `PartSettings`
-    lengths: tuple[float, ...] = ()
+    lengths: tuple[float, ...] = ()  # lengths by which the part is bent, see ``PartSettings.bending``
 
     @cached_property
     def descriptor_distances(self) -> Float[FloatArray, "r"]:
@@ -245,30 +247,31 @@ class PartFit(Fit):
     @property
     def cost(self) -> float:
         """Cost among other maps: spectral residual × a power of the stress of distances."""
-        # r σ^¼ with the spectral residual r and the stress σ. Only ratios of costs are compared, so log
-        # cost = log r + ¼ log σ can weigh two quantities with different units. The residual measures
-        # detail after a smooth fit; the stress measures distances, to which no map was fitted.
+        # The cost is r σ^¼ with the spectral residual r and the stress σ. Only ratios of costs are compared,
+        # so log r + ¼ log σ can weigh two quantities of different units. The residual measures detail after a
+        # smooth fit; the stress measures distances, to which no map was fitted.
         return max(float(self.spectral_residual * self.stress**PART_FIT.stress_exponent), MIN_COST)
 
     @property
     def cost_with_bending(self) -> float:
         """Cost of the map by itself, if no other is close: the cost × the cost of bending."""
-        # With the spectral residual r and the stress σ: r σ^¼ × (stretch × gap). No map was selected by the
-        # last factor, so it is independent evidence about the best one.
+        # With the spectral residual r and the stress σ, this is r σ^¼ × (stretch × gap). No map was selected
+        # by stretch × gap, so this factor is independent evidence about the selected map.
         return max(self.cost * self.bent.bending_cost, MIN_COST)
 
     @property
     def rough_cost(self) -> float:
         """Cost of a roughly refined map, which may be twisted in places and still become right."""
-        # cost / √o × exp(w m), with
+        # The rough cost is cost / √o × exp(w m), with
         #   o   mean cosine of the normals. A map that is inside out over a share t of the part has
         #       o ≈ 1 − 2t. The fine refinement repairs small twists, so they are penalised only by
         #       1 / √o ≈ 1 + t. This is at most 1 / √0.1 ≈ 3.2, slightly above `PartSettings.hopeless`,
         #       from which a map is dropped. Mirror images, o < 0, were dropped before.
-        #   m   mean known descriptor distance, or 0, w = `PartSettings.descriptor_weight`. If the log ratio of
-        #       its densities at right and wrong images is linear in m, exp(w Δm) is the likelihood
-        #       ratio of two maps. The mean is over the whole part, because rough maps differ nearly
-        #       everywhere; fine maps are compared only where they differ (`weigh_costs`).
+        #   m   mean of the known descriptor distances, 0 without any; w is `PartSettings.descriptor_weight`.
+        #       If the log ratio of the densities of m at right and wrong images is linear in m, exp(w Δm) is
+        #       the likelihood ratio of two maps whose m differ by Δm. The mean is over the whole part, because
+        #       rough maps differ nearly everywhere; fine maps are compared only where they differ
+        #       (`weigh_costs`).
         twist = max(self.orientation, PART_FIT.min_orientation)
         known = self.descriptor_distances[np.isfinite(self.descriptor_distances)]
         unlike = self.pair.config.parts.descriptor_weight * float(known.mean()) if len(known) else 0.0

@@ -119,7 +119,7 @@ class PartStarts:
             for image_row in self._self_maps
         ]
         more = parallel_map(lambda start: self._complete_start(*start, 2), mirrored)
-        # starts that exchange sides are as likely as right ones; later steps tell them apart
+        # starts that exchange sides cost as little as right starts; later steps decide between them
         both = sorted([*kept, *more], key=attrgetter("cost"))
         return [*self._keep_distinct(both, PART_SEARCH.n_starts_with_composed), *self._grow_starts()]
 
@@ -167,8 +167,8 @@ class PartStarts:
         rows, costs = assign_points(
             *self._sides(pair), unary, pair.cost, PART_SEARCH.beam_width, self._same_distance
         )
-        # Σ_a unary_a + Σ_{a<b} c_ab divided by the number of pairs m (m − 1) / 2 is the mean of c
-        # plus 2 / (m − 1) × the mean of the unary costs. `_complete_start` uses the same weights.
+        # For n anchors, the cost Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs, n (n − 1) / 2, is the
+        # mean of c_ab plus 2 / (n − 1) × the mean of unary_a. `_complete_start` uses the same weights.
         costs = costs / (n * (n - 1) / 2) + self._unit_cost(unit)
         return [PartStart(pair, BodyVertices(candidates[row]), float(cost)) for row, cost in zip(rows, costs)]
 
@@ -201,8 +201,8 @@ class PartStarts:
     def _unary(self, pair: PartPair, anchors: IntArray, places: IntArray) -> FloatArray:
         """Cost of sending anchors to places (numbers), by areas of balls and signatures."""
         least, most = self._balls_of_part(pair)
-        # the error of ball areas is divided by the mean area, and the distance of signatures,
-        # weighted by how little the boundary disturbs them, by twice their mean size
+        # The error of the area of a ball is divided by the mean area of such balls. The difference between
+        # signatures is weighted by how little the boundary disturbs them, and divided by twice the mean size.
         below = least[anchors] * (1 - PART_SEARCH.ball_tolerance) - self._balls[places]
         above = self._balls[places] - most[anchors] * (1 + PART_SEARCH.ball_tolerance)
         violation = np.maximum(np.maximum(below, above), 0.0) / self._balls.mean(axis=0)
@@ -216,10 +216,10 @@ class PartStarts:
     @cached_method
     def _balls_of_part(self, pair: PartPair) -> tuple[Float[FloatArray, "m q"], Float[FloatArray, "m q"]]:
         """Least and greatest areas of the balls of all radii around the anchors."""
-        # The ball of radius r around x on the whole consists of all y with D(x, y) < r. As
-        # lower ≤ D ≤ upper,
-        #     area{upper < r} ≤ area of the ball ≤ area{lower < r} + missing area,
-        # where missing area counts only if the boundary is closer than r.
+        # The ball of radius r around x on the whole consists of all y with D(x, y) < r, where lower ≤ D ≤
+        # upper. So
+        #     area{upper < r} ≤ area of the ball ≤ area{lower < r} + area missing from the part,
+        # where the last term is added only if the boundary is closer to x than r.
         radii, samples = np.array(PART_SEARCH.ball_radii), PartVertices(pair.part.sample_vertices)
         areas = self._areas * pair.share
         lower, upper = pair.intervals(samples)

@@ -67,7 +67,7 @@ class RefinedRegion:
     @cached_property
     def matched(self) -> Bool[BoolArray, "n_s"]:
         """Which source vertices lie near the target, bent at the lower resolution."""
-        # a bent region keeps its lengths beyond the boundary of the target, and so lies off the target
+        # beyond the boundary of the target, the bent region keeps its lengths, and so lies off the target
         near = self.fit.bending.interpolate(lies_on_target(self.fit.bent).astype(np.float64)) > 0.5
         matched = np.zeros(len(self.image), dtype=bool)
         matched[self.vertices] = near
@@ -102,15 +102,15 @@ class RefinedRegion:
     @property
     def cost(self) -> float:
         """Cost among other maps: −net evidence × orientation; 0 if the region has neither."""
-        # A mean per-point cost would favour tiny, perfectly fitting regions, because unmatched area
-        # is not penalised; net evidence is an area. The orientation is 1 − 2t if a share t of the
-        # region is turned inside out. A power of the spectral residual as a further factor selected
-        # no better maps, decisions.md, two parts.
+        # A mean cost of vertices would favour tiny regions that fit perfectly, because it does not penalise
+        # area without an image; the net evidence is an area. The orientation is 1 − 2t if a share t of the
+        # region is turned inside out. A power of the spectral residual as a further factor selected no better
+        # maps: decisions.md, two parts.
         return -max(self.net_evidence, 0.0) * max(self.fit.orientation, 0.0)
 
     def grow_again(self, most: float) -> CommonRegion:
         """Extend the region from its samples to all samples that cost at most ``most``."""
-        # samples that look unlike their images do not place others, but may be placed by others again
+        # samples that look unlike their images do not place other samples, but may be placed by them again
         source, target = self.regions.source, self.regions.target
         at_samples = np.full(len(source.vertices), UNMATCHED)
         alike = self.rows[self.descriptor_distances < TWO_PARTS.max_descriptor_distance]
@@ -199,7 +199,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         def refine_or_explain(region: CommonRegion) -> RefinedRegion | str:
             try:
                 return self._refine_region(region, roughly)
-            except MeshError as error:  # for example too small to be prepared
+            except MeshError as error:  # for example, the region is too small to be prepared
                 return str(error)
 
         tried = parallel_map(refine_or_explain, regions)
@@ -217,7 +217,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         config = replace(pair.config, scale="same", preparation=without_extremities)
         config = rough_config(config) if roughly else config
         part = region_of(source.shape, vertices, config)
-        # unit of the source on the target, from the unit of both parts
+        # √area of the region over √area of the target, from lengths in the common unit of both shapes
         length = part.scale / source.shape.scale * source.unit / target.unit
         part = replace(part, scale=length * target.shape.scale)
         images, number = np.full(n, -1), np.full(n, -1)

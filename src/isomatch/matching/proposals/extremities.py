@@ -17,7 +17,7 @@ def extremity_assignments(
     source: PreparedShape, target: PreparedShape, settings: SearchSettings
 ) -> list[Int[BodyVertices, "q 2"]]:
     """Assign extremal points of both shapes so that distances agree, best first."""
-    # For each number of points, in both directions; a dict keeps the order, and has no repetitions.
+    # the keys are assignments, for each number of points and in both directions, without repetitions
     assignments: dict[tuple[tuple[int, int], ...], None] = {}
     for count in settings.extremity_counts:
         for forward in (True, False):
@@ -37,7 +37,8 @@ def _consistent_assignments(
         return []
     # All injective assignments σ of m points a_i to n points b are compared by
     #   Σ_{i≠j} |d_a(a_i, a_j) − d_b(b_σi, b_σj)| / m² + w Σ_i |ē_a(a_i) − ē_b(b_σi)| / m,
-    # d in units of the average distance, ē the mean of d from a point. The least are kept.
+    # where d_a and d_b are distances in units of the average distance, ē_a and ē_b their means from a point,
+    # and w is ``eccentricity_weight``. The assignments of least cost are kept.
     choices = _choices(len(among), count)
     d_few = a.extremity_columns[:count][:, few] / a.intrinsic_scale
     d_among = b.extremity_columns[: len(among)][:, among] / b.intrinsic_scale

@@ -18,7 +18,7 @@ from isomatch.shapes import Symmetry
 
 T = TypeVar("T")
 M = TypeVar("M", Alignment, Candidate)
-GROUP_SIZE = 4  # maps that a thread handles; chosen and fixed: the number of threads changes no result
+GROUP_SIZE = 4  # maps that a thread moves at once; chosen, and fixed so that threads do not change results
 
 
 def find_flips(pair: Problem, hypothesis: Candidate, others: list[Candidate]) -> list[Candidate]:
@@ -59,24 +59,24 @@ class Pool:
 
     def flip(self, parents: list[Candidate], origin: str) -> None:
         """Turn the sign of one of the first functions in each map, and add the results."""
-        # The sign of Φ_j is arbitrary, and a symmetric shape has even and odd functions. So D F,
-        # with D = diag(1, …, −1 at j, …, 1), is close to the functional map of a mirror image, or
-        # of the map that exchanges front and back.
+        # The sign of the function Φ_j is arbitrary, and on a symmetric shape functions are even or odd. With
+        # the functional map F and D = diag(1, …, −1 at j, …, 1), the product D·F is close to the functional
+        # map of a mirror image, or of the map that exchanges front and back.
         pair = self.pair
         n = min(self._settings.flipped_functions, pair.n_functions)
         grown = [pair.search_spectra.fit_and_upsample(parent.target_row, (n,) * 4) for parent in parents if n]
-        # the first function is constant; omitting the second is chosen, not measured
+        # function 0 is constant; that function 1 is not flipped either is chosen, not measured
         flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
         starts = parallel_map(lambda flip: _flip_function(pair, *flip), flips)
         self.add(starts, self._settings.flip_steps, origin)
 
     def converge(self, starts: list[Int[SearchRows, "m_s"]], steps: int) -> list[Alignment]:
-        """Run iterative closest points from many first maps; drop those that meet others."""
+        """Run iterative closest points from many first maps; drop maps that come close to other ones."""
         settings, points = self._settings, self.pair.search_points
         bounds = settings.compare_every, settings.unchanged
         known, converged = [h.target_row for h in self.hypotheses], list[SearchRows]()
-        # most starts converge to few maps, so comparing them often, and moving converged maps no
-        # further, saves most of the work
+        # Many starts converge to few maps. So most of the work is saved if repeated maps are dropped early,
+        # and maps that have converged are moved no further.
         for _ in range(0, steps, settings.compare_every):
             before, distances = [*known, *converged], self.pair.distances_between_maps
             starts = keep_distinct(starts, lambda rows: rows, distances, settings.same_start, before=before)
@@ -95,8 +95,8 @@ def _map_in_groups(move: Callable[[Int[IntArray, "h m_s"]], Iterable[T]], maps: 
 
 def _flip_function(pair: Problem, functional_map: FloatArray, function: int) -> Int[SearchRows, "m_s"]:
     """Turn the sign of one function in the leading block, and upsample to the same size."""
-    # upsampling as in ZoomOut, two functions at a time: the j × j block of F gives a map of points,
-    # from which the (j + 2) × (j + 2) block is fitted
+    # upsampling as in ZoomOut, two functions at a time: the j × j block of the functional map gives a map of
+    # vertices, to which the (j + 2) × (j + 2) block is fitted
     size, spectra = max(function + 1, 4), pair.search_spectra
     flipped = functional_map[:size, :size].copy()
     flipped[function] *= -1
@@ -106,15 +106,15 @@ def _flip_function(pair: Problem, functional_map: FloatArray, function: int) -> 
 
 def symmetric_variants(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> list[Candidate]:
     """Compose a map of the search vertices with the symmetries of the target."""
-    # σ ∘ f keeps distances as well as f does if σ is a self-isometry
+    # σ ∘ f keeps distances as well as the map f does if the symmetry σ keeps them
     return _compose(pair, target_row, pair.target.symmetries)
 
 
 def near_symmetric_variants(pair: Problem, target_row: SearchRows, most: float) -> list[Candidate]:
     """Compose a map with near-symmetries of either shape whose residuals are at most ``most``."""
-    # σ ∘ f distorts distances at most as much as f and σ together, so it may be the true map if σ
-    # distorts less than f. Closest points repair errors of σ better on the target, so symmetries of
-    # the source are composed with the inverse of f.
+    # The map f composed with a near-symmetry σ distorts distances at most as much as f and σ together, so it
+    # might be the true map if σ distorts less than f. Closest points repair errors of σ better if σ acts
+    # after the map, so near-symmetries of the source are composed with the inverse of f.
     back, both = pair.turned, (pair.source, pair.target)
     of_source, of_target = parallel_map(lambda shape: shape.near_symmetries(most), both)
     composed = _compose(back, pair.inverted(target_row), of_source)

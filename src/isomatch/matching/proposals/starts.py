@@ -30,8 +30,9 @@ def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
     # A beam search assigns anchors a_1 … a_6 to points b_1 … b_6 of the target, one after the other. Its
     # cost is the error of d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each point p
     #   w_e |ē(a_p) − ē(b_p)| + w_σ ‖σ(a_p) − σ(b_p)‖,
-    # d in units of the average distance, ē the mean of d (eccentricity), σ the signatures. Each
-    # other vertex goes where its distances to the anchors fit best; the map is then relaxed.
+    # where d is in units of the average distance, ē is the mean of d (eccentricity), σ the signature, and w_e
+    # and w_σ are weights. Other vertices go where their distances to the anchors fit best; the map is then
+    # relaxed.
     if not pair.limbless:
         return []
     source, target = pair.source, pair.target
@@ -53,9 +54,10 @@ def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
 
 def relax_spectrally(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_s"]:
     """Improve a map of the search vertices by signatures and a few functions."""
-    # Many maps between round shapes keep distances, and iterative closest points stop at any of
-    # them. A few functions leave a map free to move towards agreeing signatures: the image of i is
-    # the nearest row of (Φ_t Fᵀ / √k, σ_t) to row i of (Φ_s / √k, σ_s).
+    # Many maps between shapes without limbs keep distances, and iterative closest points stop at any of them.
+    # A few functions leave a map free to move towards agreeing signatures: the image of vertex i is the row
+    # of (Φ_t Fᵀ / √k, σ_t) nearest to row i of (Φ_s / √k, σ_s), with k functions Φ, signatures σ and the
+    # functional map F.
     spectra, signatures = pair.search_spectra, pair.search_signatures
     k = min(ANCHORS.n_relaxation_functions, pair.n_functions)
     for _ in range(ANCHORS.n_relaxation_steps):
@@ -69,7 +71,7 @@ def relax_spectrally(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[S
 def starts_from_pose(pair: Problem) -> list[Int[SearchRows, "m_s"]]:
     """First maps to the nearest point in space; `SettingError` if a shape is a graph."""
     sides = (pair.source, pair.source_vertices), (pair.target, pair.target_vertices)
-    # bodies are centred and of unit area; the user's surfaces are not
+    # nearest points between the bodies, which are centred and of unit area, then between the user's surfaces
     bodies = [_positions(shape.body)[vertices] for shape, vertices in sides]
     surfaces = [_positions(shape.surface)[shape.user_vertex[vertices]] for shape, vertices in sides]
     return [
@@ -146,11 +148,11 @@ def starts_from_priors(pair: Problem) -> Iterator[tuple[Int[SearchRows, "m_s"], 
 
 def start_from_pairs(pair: Problem, pairs: Int[BodyVertices, "_ 2"]) -> Int[SearchRows, "m_s"]:
     """First map of the search vertices from a map that is known at some vertices."""
-    # A search vertex without an image takes the image of the vertex that is nearest in descriptors.
-    # An image that is no search vertex of the target is replaced by the nearest one.
+    # A search vertex without an image takes the image of the vertex nearest to it in descriptors. An image
+    # that is no search vertex of the target is replaced by the search vertex nearest to it in descriptors.
     source, target = pair.search_points
     image, row = np.full(pair.source.body.n_vertices, -1), np.full(pair.target.body.n_vertices, -1)
-    image[pairs[::-1, 0]] = pairs[::-1, 1]  # the first of welded vertices counts
+    image[pairs[::-1, 0]] = pairs[::-1, 1]  # of several pairs with one source vertex, the first wins
     row[pair.target_vertices] = np.arange(len(pair.target_vertices))
     target_vertex = image[pair.source_vertices]
     held = np.flatnonzero(target_vertex >= 0)
