@@ -10,6 +10,8 @@ DOCS = Path(__file__).parents[1] / "docs"
 PAGE = (DOCS / "when_not.md").read_text(encoding="utf-8")
 ROW = re.compile(r"^\| (\d+) \| (.+) \| `(\w+)` \| ([\d.]+) \|$", re.MULTILINE)
 HALF_TURNS = 2, 8  # numbers of maps of shapes that half a turn carries onto themselves
+# a wrong map may break landmarks by a little less or more than their bound, by machine
+DOUBTS = {"LOW_CONFIDENCE", "PRIORS_CONTRADICTED"}
 FIRST, ADVICE = (
     ROW.findall(part)
     for part in (PAGE.partition("### After the advice")[0], PAGE.partition("### After the advice")[2])
@@ -34,7 +36,8 @@ def test_a_map_comes_out_as_told(number):
     for (_, text, outcome, error), (after, answer) in zip(told, found.items(), strict=True):
         if number in HALF_TURNS and text is not FIRST[number][1]:
             continue  # the advice is for the other map
-        assert answer.outcome == outcome, (text, after)
+        is_doubt = float(error) > drawing["WRONG"] and {answer.outcome, outcome} == DOUBTS
+        assert answer.outcome == outcome or is_doubt, (text, after)
         if number in HALF_TURNS:
             continue  # two maps fit equally well, and which one comes out hangs on rounding
         assert (answer.error > drawing["WRONG"]) == (float(error) > drawing["WRONG"]), (text, after)

@@ -9,7 +9,8 @@ import pytest
 from isomatch import Config, LandmarkError, MapError, Mesh, Outcome, SettingError, match, match_both
 from isomatch.datasets import ground_truth
 from isomatch.evaluation import cycle_errors, geodesic_errors
-from isomatch.matching import Isometry, prepare_pair, search_under
+from isomatch.matching import Isometry, prepare_pair, search_under, strategies
+from isomatch.matching.isometric.inverse import Inverse
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -49,6 +50,24 @@ def test_the_result_says_what_was_done(both):
     assert "nearest points in the coordinates of the other direction" in both.target_to_source.notes[0]
     assert "alternatives to it, turned around" in both.target_to_source.notes[0]
     assert "prepare" not in both.target_to_source.timings
+
+
+def test_the_inverse_says_that_nothing_was_compared(both):
+    assert both.target_to_source.reason == "nearest points in the coordinates of the other direction"
+    assert all(
+        (other.map.vertices != both.target_to_source.map.vertices).any()
+        for other in both.target_to_source.alternatives
+    )
+
+
+def test_a_doubtful_inverse_is_searched_from_the_hypotheses(prepared_example, monkeypatch):
+    monkeypatch.setattr(strategies, "_is_doubtful", lambda match: True)
+    monkeypatch.setattr(
+        Inverse, "measure_fit", lambda self, fit, image: replace(fit, image=image, score=np.inf)
+    )
+    found = match_both(*prepared_example).target_to_source
+    assert "the hypotheses are the map of the other direction" in found.notes[0]
+    assert "refined to the end" in found.reason
 
 
 def test_maps_of_the_other_direction_are_verified_though_no_isometry_fits(prepared_example):

@@ -7,8 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from isomatch import Outcome, Verification, match
-from isomatch.correspondence import SurfaceIndex, VertexCells
+from isomatch._core.arrays import BodyVertices
+from isomatch.correspondence import Alignment, SurfaceIndex, VertexCells
+from isomatch.matching import Isometry, prepare_pair
 from isomatch.matching.bending import BentShape, Surroundings
+from isomatch.matching.isometric.candidates import Screening, extend_map
+from isomatch.matching.maps import Candidate
+from isomatch.matching.problem import target_rows_near
+from isomatch.matching.proposals.flips import mirrored_variants
 from isomatch_lab.procedural.implicit import Skin
 from isomatch_lab.procedural.tessellation import tessellate
 from shapes import disguised, flat_grid
@@ -80,6 +86,26 @@ def octopus(seed):
     return individual(bones, seed, marks)
 
 
+def insect(seed, bends):
+    """A body of three segments on six legs, which rise by ``bends`` from piece to piece; marked are their tips."""
+    rng = np.random.default_rng(seed)
+    bones = [
+        ([[-0.9, 0, 0], [-0.35, 0, 0]], [rng.uniform(0.2, 0.24), 0.14]),
+        ([[-0.25, 0, 0], [0.25, 0, 0]], [0.1, 0.1]),
+        ([[0.25, 0, 0], [0.5, 0, 0]], [0.07, rng.uniform(0.16, 0.2)]),
+    ]
+    marks = []
+    for side in (1, -1):
+        for x, forward in ((-0.2, -0.5), (0.02, 0.0), (0.24, 0.5)):
+            points, way = [np.array([x, 0.06 * side, 0.0])], np.array([forward, side, 0.0])
+            for bend in bends:
+                points.append(points[-1] + 0.22 * way / np.linalg.norm(way))
+                way = way / np.linalg.norm(way) + [0, 0, bend]
+            bones.append((points, [0.05, 0.045, 0.04, 0.035, 0.03]))
+            marks.append(points[-1])
+    return individual(bones, seed, marks)
+
+
 def off(image, marks, truth, target):
     """Mean distance between images of marks and where they belong, in √area."""
     offset = target.vertices[image[marks]] - target.vertices[truth]
@@ -96,6 +122,25 @@ def test_a_half_turn_of_pliers_is_told_and_offered(first, second):
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
     maps = [found.map, *(other.map for other in found.alternatives)]
     assert min(off(map_.vertices, marks, copy.new_vertex[truth], copy.mesh) for map_ in maps) < 0.05
+
+
+@pytest.mark.long
+def test_a_mirror_image_that_is_turned_over_is_a_half_turn():
+    """Left and right are exchanged, and so are back and belly: the orientation is kept."""
+    (source, marks), (target, _) = insect(1, (0, -0.2, -0.3, -0.3)), insect(2, (0.5, 0.1, -0.5, -0.8))
+    pair = prepare_pair(source, target)
+    image = pair.target.body_vertex[match(source, target).map.vertices[pair.source.user_vertex]]
+    rows = target_rows_near(pair, image[pair.source_vertices])
+    screen = Screening(pair)
+    (winner,) = screen([Candidate(Alignment(rows, np.eye(1), 0.0), "found")])
+    (mirrored,) = screen(mirrored_variants(pair, winner.target_row))
+    (turned,) = screen(Isometry(pair)._half_turns(winner))
+    assert winner.orientation > 0.5
+    assert mirrored.orientation < -0.5
+    assert turned.orientation > 0.5
+    found, exchanged = (extend_map(pair, c.target_row, BodyVertices(marks)) for c in (winner, turned))
+    assert pair.target.mean_distance(exchanged, np.roll(found, 3)) < 0.1
+    assert pair.target.mean_distance(exchanged, found) > 0.5
 
 
 @pytest.mark.long

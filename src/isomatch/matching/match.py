@@ -19,6 +19,7 @@ from isomatch.io import SurfaceLike
 from isomatch.matching.assessment.evidence import Evidence, Solution, result_of
 from isomatch.matching.components import match_components
 from isomatch.matching.hard_landmarks import pin_landmarks
+from isomatch.matching.isometric.inverse import Inverse
 from isomatch.matching.isometric.isometry import IsometricMatch
 from isomatch.matching.maps import Candidate
 from isomatch.matching.model import MatchingModel
@@ -312,8 +313,9 @@ def _match_both_ways(
         inverse_of = found if is_sure and way_back == (ISOMETRIC,) and problem.refinement.polishes else None
         tried = Attempts(problem_back, timer_back, hypotheses, inverse_of, way_back)
         solution = try_strategies(tried).with_evidence(Evidence.of(first_solution.outcome))
-        how = "images are nearest points in the coordinates of the other direction; listed are"
-        how = how if inverse_of else "the hypotheses are the map of the other direction and"
+        how = "the hypotheses are the map of the other direction and"
+        if inverse_of and isinstance(tried.matches[ISOMETRIC.name].model, Inverse):
+            how = "images are nearest points in the coordinates of the other direction; listed are"
         note = (
             f"the shapes were prepared for both directions at once; {how} {len(hypotheses) - 1} alternatives to it, "
             "turned around, and the outcome is at most as sure as there"

@@ -87,17 +87,6 @@ class ScreeningParameters:
     # rotations of a shape onto itself; if both shapes have at least this many, they are round, and no map
     # found without priors is sure; discs and balls have 11 to 40, bodies at most 6
     min_rotations_of_round: int = 11
-    # distance after the next rigid motion over the best one's, from which two shapes are alike after one motion;
-    # bones of one kind have 1.25 to 2.4, teddies 1.0 to 1.2
-    min_pose_ratio: float = 1.2
-    # the same ratio for the nearest reflection; bodies with two like sides have 0.95 to 1.05, mirror images 0.7
-    min_mirrored_pose_ratio: float = 0.9
-    # ratio of the lengths of a principal axis and the next shorter one, below which a turn about the third axis
-    # hardly shows; kneecaps have 1.06 and more
-    min_axis_ratio: float = 1.05
-    # √area, mean over points, normals included, below which distances of two shapes are equal; chosen: 400
-    # points of a copy with other vertices have 0.02
-    min_pose_distance: float = 0.01
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,7 @@ from isomatch._core.cached import cached_property
 from isomatch._core.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError
 from isomatch._core.stage_timer import MATCHING_SHARES, StageTimer
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import (
-    Embedding,
-    Pose,
-    SignedPoints,
-    SpectralPair,
-    nearest_of_few,
-    poses_between,
-    with_normals,
-)
+from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.io import SurfaceLike
 from isomatch.matching.coordinates import SmoothPair, refine_images
 from isomatch.matching.maps import Fit
@@ -208,20 +200,6 @@ class Problem(SmoothPair):
         """The Laplace–Beltrami bases of both shapes, for maps between search vertices."""
         source = self.source.sampled_basis(self.source.config.n_search)
         return SpectralPair(source, self.target.laplace.vectors[self.target_vertices], nearest_of_few)
-
-    @cached_property
-    def poses(self) -> list[Pose]:
-        """At most four similarities that bring the source near the target, nearest first; both are meshes."""
-        return self._poses(mirrored=False)
-
-    @cached_property
-    def mirrored_poses(self) -> list[Pose]:
-        """The same with a reflection."""
-        return self._poses(mirrored=True)
-
-    def _poses(self, mirrored: bool) -> list[Pose]:
-        source = with_normals(self.source.mesh_body)[self.source_vertices]
-        return poses_between(source, with_normals(self.target.mesh_body)[self.target_vertices], mirrored)
 
     @property
     def is_sided(self) -> bool:

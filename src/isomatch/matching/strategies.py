@@ -17,7 +17,7 @@ from isomatch._core.threads import parallel_map
 from isomatch.matching.assessment.evidence import Evidence, Solution, outcome_of
 from isomatch.matching.elastic.elastic import Elastic, far_from_isometric
 from isomatch.matching.isometric.both_sides import BothSides
-from isomatch.matching.isometric.candidates import hypotheses_if_alike, is_sure
+from isomatch.matching.isometric.candidates import is_sure
 from isomatch.matching.isometric.inverse import Inverse
 from isomatch.matching.isometric.isometry import IsometricMatch, Isometry, find_torn_vertices, image_of
 from isomatch.matching.maps import Candidate
@@ -155,21 +155,18 @@ def _isometry_of(
 
 
 def _find_isometry(tried: Attempts) -> Isometry | None:
-    """Take shapes that are alike as one motion lays them; search others, and where that map is doubtful."""
-    problem, before = tried.problem, tried.matches.get(ISOMETRIC.name)
-    if before is not None:
-        return Isometry(problem) if tried.hypotheses is None and _is_doubtful_in_pose(before) else None
-    if tried.hypotheses is not None and tried.inverse_of is not None:
-        return Inverse(problem, tried.hypotheses, tried.inverse_of)
-    if tried.hypotheses is not None:
-        return Isometry(problem, tried.hypotheses)
-    return Isometry(problem, hypotheses_if_alike(problem) or None)
+    """Search an isometry; the inverse of a known one is taken first, and kept unless it is doubtful."""
+    before = tried.matches.get(ISOMETRIC.name)
+    if before is None and tried.inverse_of is not None and tried.hypotheses is not None:
+        return Inverse(tried.problem, tried.hypotheses, tried.inverse_of)
+    if before is None or (isinstance(before.model, Inverse) and _is_doubtful(before)):
+        return Isometry(tried.problem, tried.hypotheses)
+    return None
 
 
-def _is_doubtful_in_pose(match: Match[Any, Any]) -> bool:
-    """Whether a map was not searched, since shapes are alike, and its measures are doubtful."""
-    is_found = cast(Isometry, match.model).is_given
-    return is_found and outcome_of([match.measured.evidence(match.model.pair, far=False)]).is_doubtful
+def _is_doubtful(match: Match[Any, Any]) -> bool:
+    """Whether the measures of a map make it doubtful."""
+    return outcome_of([match.measured.evidence(match.model.pair, far=False)]).is_doubtful
 
 
 def _cap_holes(tried: Attempts) -> Isometry:
@@ -257,8 +254,6 @@ def _is_unsure_isometry(tried: Attempts) -> bool:
     if match is None or tried.hypotheses is not None:
         return False
     others = (solution for solution in tried.solutions if solution.way != ISOMETRIC.name)
-    if cast(Isometry, match.model).is_given and not _is_doubtful_in_pose(match):
-        return False
     nothing_else_is_sure = all(solution.outcome.is_doubtful for solution in others)
     return nothing_else_is_sure and not is_sure(cast(Isometry, match.model), match.ranking)
 
@@ -271,6 +266,7 @@ def _is_poor_of_two_parts(tried: Attempts) -> bool:
 
 def _may_win(tried: Attempts, name: str) -> bool:
     """Whether the map of a strategy, once improved, may verify better than the maps of others."""
+    tried.timer.start("quality")
     costs = {solution.way: tried.cost(solution) for solution in tried.solutions}
     cost = costs.pop(name, None)
     return cost is not None and not cost > STRATEGY.hopeless_cost_ratio * min(costs.values(), default=np.inf)
@@ -316,7 +312,7 @@ BOTH_SIDES = Strategy(  # an isometry, improved by maps that are searched from t
 )
 BOTH_SIDES_LAST = replace(
     BOTH_SIDES,
-    why="the same for a poor isometry, unless the two parts cost far less",
+    why="for two parts, after them, if the isometry is poor and may still win",
     applies=lambda tried: (
         _is_unsure_isometry(tried) and _is_poor_of_two_parts(tried) and _may_win(tried, ISOMETRIC.name)
     ),
@@ -406,7 +402,7 @@ FROM_CLOSED = PART_FROM_CLOSED, PART_FROM_BOTH_SIDES
 MUCH_MISSING = PART, CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED
 LITTLE_MISSING = CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED, PART
 TWO_PARTS = ISOMETRIC, BOTH_SIDES, OVERLAPPING, BOTH_SIDES_LAST
-STRATEGIES = {strategy.name: strategy for strategy in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS, VIA)}
+STRATEGIES = {strategy.name: strategy for strategy in (*TWO_PARTS, *MUCH_MISSING, *COMPLETE, VIA)}
 """What each strategy claims, by its name, which `MatchResult.way` records."""
 
 
@@ -483,7 +479,8 @@ def try_strategies(tried: Attempts) -> Solution:
     solution = tried.solutions[0] if len(tried.solutions) == 1 else _select_verified(tried)
     if solution.way in tried.incomplete:
         match = tried.matches[solution.way]
-        solution = match.model.complete(match, match.measured, solution, timer)
+        with nullcontext() if solution.way == ISOMETRIC.name else timer.within(solution.way):
+            solution = match.model.complete(match, match.measured, solution, timer)
     return replace(solution, notes=(*solution.notes, *tried.failures))
 
 

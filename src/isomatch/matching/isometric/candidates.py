@@ -30,7 +30,6 @@ from isomatch.matching.proposals.starts import (
     starts_from_anchors,
     starts_from_pose,
     starts_from_priors,
-    starts_if_alike,
 )
 from isomatch.matching.selection import Ranking, rank_candidates
 from isomatch.settings import Orientation
@@ -67,13 +66,6 @@ def search(
         pool.add(rows, 0 if start is starts_from_anchors else settings.start_steps, name_of(start))
     if any(start in default_starts for start in starts):  # a user's own starts are not flipped
         pool.flip(pool.hypotheses[: settings.flipped], "flip")
-    return pool.hypotheses
-
-
-def hypotheses_if_alike(pair: Problem) -> list[Candidate]:
-    """Hypotheses from motions of shapes that are alike, instead of a search; none of other shapes."""
-    pool = Pool(pair, pair.config.search.n_hypotheses)
-    pool.add(starts_if_alike(pair), pair.config.search.start_steps, "poses")
     return pool.hypotheses
 
 

@@ -32,7 +32,7 @@ class Inverse(Isometry):
 
     def __init__(self, problem: Problem, hypotheses: Sequence[Candidate], found: IsometricMatch) -> None:
         super().__init__(problem, hypotheses)
-        self.found = found
+        self.found, self._hypotheses = found, hypotheses
 
     def propose(self, timer: StageTimer) -> Proposals[Fit]:
         """List the alternatives; nothing is left to refine."""
@@ -44,7 +44,9 @@ class Inverse(Isometry):
         """Take the nearest points, and measure them."""
         known, (of_source, of_target) = self.found.ranking, self._turned(self.found.coordinates)
         image = BodyVertices(self.target.index.vertices(of_target, of_source[self.vertices]))
-        first = replace(known.best, candidate=proposals.eligible[0])
+        alignment = self._hypotheses[0].alignment
+        candidate = next(c for c in proposals.eligible if c.alignment is alignment)
+        first = replace(known.best, candidate=candidate)
         return Ranking(self.measure_fit(first, image), (), known.runner_up, known.mirrored)
 
     def coordinates(self, best: Fit) -> Embedding:
@@ -55,8 +57,13 @@ class Inverse(Isometry):
         """Return the finer level, and the coordinates there."""
         if not self.pair.has_finer:
             return self.pair, match.coordinates
-        level, embedding = self.found.polished
-        return replace(level, source=level.target, target=level.source), self._turned(embedding)
+        return self.pair.polishable, self._turned(self.found.polished[1])
+
+    def measure(self, match: IsometricMatch) -> Measured:
+        """Measure the map; nothing was compared."""
+        return replace(
+            super().measure(match), reason="nearest points in the coordinates of the other direction"
+        )
 
     def find_symmetric_rivals(self, map_: Measured) -> list[Candidate]:
         """Return none, as none was found in the first direction."""

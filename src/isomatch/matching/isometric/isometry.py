@@ -140,14 +140,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return from_priors, search(pair, from_priors, starts) if self.searches_runners_up else []
 
     @property
-    def is_given(self) -> bool:
-        """Whether the hypotheses were given, so that none is searched."""
-        return self._found is not None
-
-    @property
     def _searches_freely(self) -> bool:
         """Whether neither hypotheses nor the user's starts are given."""
-        return not self.is_given and self.problem.starts is None
+        return self._found is None and self.problem.starts is None
 
     @property
     def searches_runners_up(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import chain
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -17,8 +18,10 @@ from isomatch.correspondence import (
     assign_points,
     nearest_rows,
     nearest_under_rotation,
+    poses_between,
+    with_normals,
 )
-from isomatch.matching.parameters import ANCHORS, SCREENING
+from isomatch.matching.parameters import ANCHORS
 from isomatch.matching.priors import MIN_POINTS
 from isomatch.matching.problem import Problem, Start, name_of, search_pairs
 from isomatch.shapes import EXACTLY, PreparedShape, farthest_rows
@@ -85,35 +88,11 @@ def starts_from_poses(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
     limit, orientation = pair.config.search.near_rigid, pair.config.orientation
     if not (limit and pair.oriented):
         return []
-    poses = [] if orientation == "reverse" else [*pair.poses]
-    poses += [] if orientation == "preserve" else pair.mirrored_poses
+    sides = {"preserve": (False,), "reverse": (True,), "any": (False, True)}[orientation]
+    source = with_normals(pair.source.mesh_body)[pair.source_vertices]
+    target = with_normals(pair.target.mesh_body)[pair.target_vertices]
+    poses = chain(*parallel_map(lambda mirrored: poses_between(source, target, mirrored), sides))
     return [search_pairs(pair, SearchRows(pose.nearest)) for pose in poses if pose.distance <= limit]
-
-
-def starts_if_alike(pair: Problem) -> list[SearchRows]:
-    """First maps to the nearest points after rigid motions, if one of these makes two meshes coincide nearly."""
-    # Two bones of one kind, or a body in one pose, nearly coincide after one motion, and after no other
-    # one. Reflections must not bring them nearer either: a left bone is the mirror image of a right one.
-    # The other motions and reflections are first maps that lose, and show by how much.
-    limit = pair.config.search.near_rigid
-    if not (limit and pair.is_sided and pair.config.orientation == "preserve"):
-        return []
-    if pair.poses[0].distance > limit or not (_has_axes(pair.source) and _has_axes(pair.target)):
-        return []
-    # two copies of a symmetric shape coincide exactly after several motions, so short distances count as equal
-    poses = *pair.poses[:2], pair.mirrored_poses[0]
-    first, second, mirrored = (max(pose.distance, SCREENING.min_pose_distance) for pose in poses)
-    ratios = second / first, mirrored / first
-    if ratios[0] < SCREENING.min_pose_ratio or ratios[1] < SCREENING.min_mirrored_pose_ratio:
-        return []
-    return [SearchRows(pose.nearest) for pose in (*pair.poses, *pair.mirrored_poses)]
-
-
-def _has_axes(shape: PreparedShape) -> bool:
-    """Whether the principal axes of a mesh have different lengths, so that motions can be told from turns."""
-    body = shape.mesh_body
-    lengths = np.sqrt(np.linalg.eigvalsh(np.cov(body.vertices.T, aweights=body.vertex_areas)))
-    return bool((lengths[1:] >= SCREENING.min_axis_ratio * lengths[:-1]).all())
 
 
 def nearest_in_pose(
