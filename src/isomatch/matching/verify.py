@@ -233,7 +233,7 @@ class Verifier:
 
     def _support(self, *shares: float) -> float:
         """Combine the shares that have a counterpart, see `Verification.support`."""
-        # The smaller share of two wholes is taken: a map of two limbs to one leaves a limb uncovered.
+        # Of two wholes, the smaller share is taken: a map of two limbs to one limb leaves a limb uncovered.
         if all(self.is_whole):
             return min(shares)
         return max(shares) if not any(self.is_whole) else shares[self.is_whole.index(False)]

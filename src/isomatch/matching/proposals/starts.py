@@ -100,7 +100,8 @@ def starts_if_alike(pair: Problem) -> list[SearchRows]:
         return []
     if pair.poses[0].distance > limit or not (_has_axes(pair.source) and _has_axes(pair.target)):
         return []
-    # two copies of a symmetric shape coincide exactly after several motions, so short distances count as equal
+    # two copies of a symmetric shape coincide exactly in several poses: short distances are raised to one value,
+    # so that these poses tie
     poses = *pair.poses[:2], pair.mirrored_poses[0]
     first, second, mirrored = (max(pose.distance, SCREENING.min_pose_distance) for pose in poses)
     ratios = second / first, mirrored / first
