@@ -20,8 +20,8 @@ QUERIES_PER_PRODUCT = 1024  # number of queries in each matrix product of `neare
 QUERIES_PER_TASK, POINTS_PER_TASK = 512, 2048
 # bound on the rounding error of a squared distance in single precision, over the squared norms of both points
 ROUNDING_RATIO = 1e-5
-# In `nearest_rows`, candidates whose score is this near to the best, as a share of the largest squared norm,
-# are compared in double precision; chosen.
+# In `nearest_rows`, candidates whose score is below the best score by at most this share of the largest squared
+# norm are compared in double precision; chosen.
 TIE_RATIO = 1e-6
 
 

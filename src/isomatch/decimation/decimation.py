@@ -27,9 +27,9 @@ from isomatch.surfaces import Mesh, in_spatial_order
 MAX_CACHED_VERTICES = 2**16
 BLOCK_VERTICES = 2048  # vertices in a block; chosen: at about 250 bytes each, half of a cache of 1 MB
 MAX_BLOCK_SHARE = 0.5  # largest share of the vertices of a block that one round merges; chosen
-# shares of the edges, the cheapest, that rounds are allowed to collapse, one share after the other; chosen
+# Rounds are allowed to collapse the cheapest edges: at first this share of all edges, later the next; chosen.
 EDGE_SHARES = (0.4, 0.6, 0.8, 1.0)
-# share of the vertices; the next of EDGE_SHARES follows a round that merges no more; chosen
+# After a round that merges at most this share of the vertices, the next of EDGE_SHARES applies; chosen.
 MIN_PROGRESS_SHARE = 0.02
 # Weights of the squared distance to each merged vertex, where the squared distance to the plane of each face
 # has the weight 1. The first is chosen. The second is for decimation in which the vertices left keep their

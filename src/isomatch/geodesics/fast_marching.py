@@ -13,7 +13,8 @@ from isomatch._core.threads import parallel_map, parallel_rows
 from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite, require_in_range
 from isomatch.surfaces import Mesh
 
-MAX_SHIFT_EDGES = 0.02  # largest shift of a distance for curvature, over the shorter of edge and ray; chosen
+# largest correction of a distance for the curvature of the front, over the shorter of edge and ray; chosen
+MAX_SHIFT_EDGES = 0.02
 # largest curvature of a converging front, in 1 / step: its focus is at least 3.3 steps away; chosen
 MAX_FOCUS = 0.3
 # A path to a vertex replaces another if it is shorter by more than this share of its last segment; chosen.

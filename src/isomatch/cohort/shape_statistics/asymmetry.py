@@ -34,7 +34,7 @@ MIN_VARIANCE = 1e-12
 # plane than this; chosen.
 MIN_SIDE_DISTANCE = 0.02
 # If the left–right map of the mean is not sure, the maps of at most this many shapes are tried; chosen: if none of these
-# is sure, the maps of others hardly are.
+# is sure, the maps of other shapes hardly are.
 MAX_TRIED_SHAPES = 5
 VARIATION_SOURCES = ("individuals", "sides", "individuals × sides", "error")  # rows of `Asymmetry.anova`
 
