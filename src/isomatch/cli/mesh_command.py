@@ -27,7 +27,8 @@ from isomatch.repair import Repair, without_seams
 
 NUMBER_COLUMNS = 50  # columns of the terminal for the numbers of a table, besides the names; chosen
 MIN_NAME_COLUMNS = 12  # columns of the terminal for names in a table, even in a narrow terminal; chosen
-# `repair` warns if a weld leaves a smaller share of the vertices; chosen: separate triangles keep a sixth
+# `repair` warns if the number of vertices after welding, over the number before, is below this; chosen: a mesh stored as
+# separate triangles keeps a sixth, as six triangles meet at a vertex on average
 MIN_SHARE_LEFT = 0.1
 
 Verb = Literal["distance", "basis", "match"]  # commands that might refuse a mesh

@@ -110,7 +110,7 @@ def transfer(
         side_files = () if holds_values(output) else files_beside(output, carried.asset)
         other_files = [path for path in side_files if path != picture]
         pictures = {picture: baked.png} if picture else {}
-        if picture and len(baked.tiles) > 1:  # The files of tiles have their UDIM numbers.
+        if picture and len(baked.tiles) > 1:  # each tile in a file named by its UDIM number, as NAME.1002.png
             pictures = {picture.with_suffix(f".{i}.png"): png_of(tile) for i, tile in baked.tiles.items()}
             other_files += [path for path in pictures if path not in other_files]
         with claimed_files(*other_files, force=force):

@@ -61,9 +61,9 @@ class Agreement(NamedTuple):
     """
 
     compared: int  # number of pairs whose maps were compared: those in a triangle of matched pairs
-    contradicted: list[Pair]  # pairs whose maps the others still contradict
+    contradicted: list[Pair]  # pairs whose maps the maps of other pairs still contradict
     replaced: list[Pair]  # pairs whose maps were replaced
-    turned: list[str]  # shapes whose maps to the others mostly reverse the orientation
+    turned: list[str]  # shapes whose maps to other shapes mostly reverse the orientation
 
 
 def agree(
@@ -422,7 +422,7 @@ def _smaller_side(links: FloatArray, members: IntArray) -> IntArray:
 
 
 def _triangles(readings: FloatArray) -> FloatArray:
-    """Mean of the known readings of each triangle, at most six; nan for none, or a shape twice."""
+    """Mean of the known readings of each triangle, at most six; nan without any, or if a shape occurs twice."""
     permuted = [readings.transpose(order) for order in permutations(range(3))]
     n_measured = sum(np.isfinite(reading).astype(np.int64) for reading in permuted)
     total = sum(np.nan_to_num(reading) for reading in permuted)

@@ -59,7 +59,9 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Graph, Mesh, reflected
 
-MAX_TILE_PAIRS = 64  # largest number of pairs in a task, which returns when all are matched; chosen
+# Largest number of pairs of shapes in a task of a worker, whose results are recorded once all its pairs are matched;
+# chosen.
+MAX_TILE_PAIRS = 64
 # number of tasks over number of workers; chosen: with fewer, some would be idle at the end
 TILES_PER_WORKER = 4
 # largest size, in bytes of their files, of the prepared shapes that a worker keeps in memory for later pairs; chosen

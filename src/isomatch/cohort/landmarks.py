@@ -101,7 +101,8 @@ class LandmarkTables:
     check_first: dict[str, float]  # median errors of the least sure landmarks, then semilandmarks
     mean_spread: dict[str, float]  # mean spread of each shape over the templates
     largest_spread: dict[str, str]  # landmark with the largest spread
-    left_out_errors: dict[str, LeftOutError]  # errors of each template's landmarks as carried from the others
+    # errors of the landmarks of each template, as carried to it from the other templates
+    left_out_errors: dict[str, LeftOutError]
     not_written: list[str]  # attributes that the format cannot hold
     other_landmarks: list[str]  # shapes with other landmarks than the first, which are not in the tables
     misread_names: list[str]  # shapes whose names the R package geomorph takes for lines of landmarks.tps
@@ -112,7 +113,9 @@ class LandmarkTables:
     slid: list[Slid]
     not_slid: list[str]  # shapes with other landmarks, or with a position for fewer than half of them
     left_out: list[str]  # shapes that failed, or that no sure map leads to
-    look_at: str  # file of the page of the least sure shape, which links the others; "" for none
+    # file of the page of the shape with the largest expected error, with links to the pages of the previous and the
+    # next shape; "" if no page was written
+    look_at: str
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""

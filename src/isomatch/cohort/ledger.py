@@ -21,8 +21,8 @@ from isomatch.matching import MatchResult, Outcome
 State = Literal["todo", "failed", "done"]  # state of a shape or a pair
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""
-# √area; other maps contradict a map if the mean distance of its images from the images under compositions of two
-# others exceeds this. Right maps have at most 0.03 to 0.16 in four sets, wrong ones at least 0.14 to 0.21: decisions.md,
+# √area; other maps contradict a map if the mean distance of its images from the images under compositions of two other
+# maps exceeds this. Right maps have at most 0.03 to 0.16 in four sets, wrong maps at least 0.14 to 0.21: decisions.md,
 # contradicted maps
 MAX_INCONSISTENCY = 0.1
 # Numbers of Laplace eigenvalues, and of quantiles of geodesic distances, that describe a shape; chosen.

@@ -375,7 +375,7 @@ def common_unit(units: Mapping[str, str], rows: Rows) -> str | None:
         return Counter(named.values()).most_common(1)[0][0]
     if not in_metres:
         return None
-    ratio = float(np.median(in_metres)) / float(np.median(others))  # metres in the unit of the others
+    ratio = float(np.median(in_metres)) / float(np.median(others))  # metres in the unit of the other shapes
     nearest = min(METRES, key=lambda unit: abs(np.log(ratio / METRES[unit])))
     return nearest if abs(np.log(ratio / METRES[nearest])) < np.log(MAX_SIZE_RATIO) else None
 

@@ -70,7 +70,7 @@ class Snapshot:
         shown = [pair for pair in pairs if rows.pairs[pair].is_mirrored]
         if not shown:
             return {}
-        if self.plan.pairs == "star":  # the template counts as right, other shapes as mirrored
+        if self.plan.pairs == "star":  # the template is taken as right, its partners as mirrored
             mirrored = {name for pair in shown for name in pair} - {self.template}
         else:
             mirrored = set(self._mirrored_group(pairs))

@@ -386,7 +386,7 @@ def series(
 
 
 def _labels(path: Path, mesh: Mesh) -> list[str]:
-    """Read the name of the region of each vertex, "" for none."""
+    """Read the name of the region of each vertex, "" without a region."""
     found = read_attributes(path, Asset.of_mesh(mesh)) if holds_values(path) else read_asset(path).attributes
     labels = [x for x in found if x.domain == "point" and x.name != MEASURED and x.seems_labels]
     if len(labels) != 1 or len(labels[0]) != mesh.n_vertices:

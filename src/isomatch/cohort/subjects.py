@@ -31,12 +31,13 @@ from isomatch.spectral import factorise_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface, reflected
 
 Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
-# √area of the smaller of two structures: its vertices touch the larger one where they are nearer to it; chosen
+# √area of the smaller of two structures: a vertex of the smaller structure touches the larger structure if it is less
+# than this away from it; chosen.
 CONTACT_DISTANCE = 0.1
-# Two structures are in contact if at least this share of the area of the smaller one touches the larger one; chosen.
+# Gaps between two structures are measured if at least this share of the area of the smaller touches the larger; chosen.
 MIN_CONTACT_SHARE = 0.2
-# A structure is a sheet on a larger one, and follows it (cartilage on bone, but not the bones of a joint), if at least
-# this share of its area touches it; chosen.
+# A structure is a sheet on a larger structure, and is moved along with it (cartilage on bone, but not the bones of a
+# joint), if at least this share of the sheet's area touches the larger structure; chosen.
 MIN_SHEET_SHARE = 0.6
 # √area of a sheet: outside the contact, its movement falls to 1/e over this length; chosen
 MOVEMENT_REACH = 0.1
@@ -44,7 +45,8 @@ N_ROUNDS = 4  # times that a sheet is moved; chosen: more times hardly reduce th
 # √(mean area of a vertex): a touching vertex of a moved sheet has no counterpart if its nearest point on the larger
 # structure is farther than this from the point that it should touch; chosen
 MAX_SLIP = 0.5
-# a sheet stays if a larger share of its touching vertices has no counterpart; chosen
+# A sheet is left where its own matching put it if more than this share of the vertices with which it touches the larger
+# structure would have no counterpart there after the move; chosen.
 MAX_UNPAIRED_SHARE = 0.5
 
 
@@ -231,9 +233,9 @@ class Gap(NamedTuple):
     subject: str
     structure: str
     other: str
-    gap_before: float  # largest distance from the other structure of the touching points outside it
-    overlap_before: float  # the same for the touching points inside it
-    # mean distance of the nearest points on it from the counterparts of the touching points
+    gap_before: float  # largest distance of a touching point outside the other structure from that structure
+    overlap_before: float  # the same for touching points inside the other structure
+    # mean distance, on the other structure, between the nearest point and the counterpart of a touching point
     slip_before: float
     gap_after: float  # the same three after points were moved
     overlap_after: float
@@ -270,17 +272,18 @@ def measure_contacts(
     shapes: CorrespondedShapes, of: str | None = None, *, move: bool = True
 ) -> tuple[CorrespondedShapes, list[Gap]]:
     """Measure gaps where structures touch in a subject; ``move`` points to keep them together."""
-    # Contacts are those in the subject ``of``, by default the first with most structures. There, a
-    # structure, such as cartilage, that touches a larger one by 0.6 of its area or more follows it.
-    # Points beyond the edge of the larger one have no counterpart: they continue it, and are not
-    # measured. Let p be the point of the larger structure that is nearest to a vertex in this subject.
-    # In another subject, where q is nearest to the vertex, the vertex moves by p − q, and then back to
-    # its surface, four times. Movements u are smooth: they minimise
+    # Contacts are those in the subject ``of``, by default the first with most structures. A structure,
+    # such as cartilage, that touches a larger structure there with 0.6 of its area or more is moved along
+    # with the larger structure. Its touching points that then lie beyond the edge of the larger structure
+    # have no counterpart: they continue that surface, and are not measured. Let p be the point of the
+    # larger structure that is nearest to a vertex in this subject. In another subject, where q is nearest
+    # to the vertex, the vertex moves by p − q, and then back to its surface, four times. Movements u are
+    # smooth: they minimise
     #     Σ w ‖u − (p − q)‖² + Σ ‖u_i − u_j‖² + μ Σ ‖u‖²
     # with weights w that fall to 0 at twice the contact distance, and μ so that u falls off within
-    # 0.1 √area. Gaps are measured where structures touch by a fifth of the smaller one's area. They
-    # are the largest distances of the touching points, outside and inside the larger structure, and
-    # the mean distance of q from p.
+    # 0.1 √area. Gaps are measured where a fifth of the area of the smaller structure, or more, touches the
+    # larger one. They are the largest distances of the touching points, outside and inside the larger
+    # structure, and the mean distance of q from p.
     parts = shape_statistics.slices_of(shapes.structures)
     vertices, measured = shapes.vertices.copy(), shapes.seen.copy()
     has = {name: np.asarray(measured[:, part].any(axis=1)) for name, part in parts.items()}
@@ -318,7 +321,7 @@ def measure_contacts(
 
 
 def _contacts_of(meshes: Mapping[str, Mesh], least: float) -> dict[str, list[_Contact]]:
-    """Find where each structure touches a larger one by a share of its area; largest ones first."""
+    """Find where each structure touches a larger one with at least a share of its own area; largest first."""
     ordered = sorted(meshes, key=lambda name: -meshes[name].area)
     found = dict[str, list[_Contact]]()
     for i, name in enumerate(ordered):

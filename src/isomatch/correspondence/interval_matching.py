@@ -263,8 +263,8 @@ def grow_regions(
     weight 1 / (near + u). Unary costs (m, c) are negative for likely assignments; seeds (s, 2) are
     pairs of a point and its candidate. At the mean cost ``dearest`` nothing is gained, beyond
     ``refused`` nothing is assigned. Each region grows in ``width`` variants, in which candidates of
-    a point are at least ``min_distance``. Returns the candidate of each point, (s, m), −1 for none,
-    and the gain of each region, (s,). O(s width m² c), on all threads, in single precision.
+    a point are at least ``min_distance``. Returns the candidate of each point, (s, m), −1 without
+    one, and the gain of each region, (s,). O(s width m² c), on all threads, in single precision.
 
     Examples
     --------

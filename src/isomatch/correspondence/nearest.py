@@ -14,14 +14,14 @@ from isomatch._core.threads import parallel_map
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
 MIN_SQUARED_DISTANCE = np.float32(1e-30)  # squared distances in denominators are raised to this; chosen
-QUERIES_PER_PRODUCT = 1024  # queries whose distances one matrix product of `nearest_of_few` gives; chosen
+QUERIES_PER_PRODUCT = 1024  # number of queries in each matrix product of `nearest_of_few`; chosen
 # Number of queries of a parallel task of `nearest_rows` and `nearest_in_cells`, and number of points of one
 # of `nearest_points`; chosen, and the same for any number of threads, so that results do not depend on it.
 QUERIES_PER_TASK, POINTS_PER_TASK = 512, 2048
 # bound on the rounding error of a squared distance in single precision, over the squared norms of both points
 ROUNDING_RATIO = 1e-5
-# In `nearest_rows`, candidates whose score is this near to the best, as a share of the largest squared norm,
-# are compared in double precision; chosen.
+# In `nearest_rows`, candidates whose score is below the best score by at most this share of the largest squared
+# norm are compared in double precision; chosen.
 TIE_RATIO = 1e-6
 
 

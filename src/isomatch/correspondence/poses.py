@@ -22,15 +22,15 @@ MAX_REFINEMENT_STEPS = 30  # largest number of steps of closest points that refi
 FALLOFF_EXPONENT = 4.0
 # `carry_along` raises distances to this share of the largest one, so that weights are finite; chosen
 MIN_DISTANCE_RATIO = 1e-6
-# A pose has converged once a step leaves more than this share of the least mean distance before it; chosen.
+# A pose has converged once a step leaves the mean distance above this share of the least one so far; chosen.
 MIN_PROGRESS_RATIO = 0.999
 
 
 def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray:
     """Find the rotation (..., d, d) nearest to each matrix, or the nearest mirror image, of determinant −1.
 
-    ``points @ R`` is nearest to others, row by row, for the rotation R nearest to ``points.T @
-    others``. O(d³) for each.
+    For the rotation R nearest to ``points.T @ others``, the sum of the squared distances between the
+    rows of ``points @ R`` and of ``others``, (n, d) both, is least. O(d³) for each.
 
     Examples
     --------
@@ -39,10 +39,10 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
            [-1.  ,  0.02]])
     """
     # Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Crystallographica A 32,
-    # 1976. With M = U Σ Vᵀ, ‖R − M‖² is least where tr(Rᵀ M) = tr((Uᵀ R V)ᵀ Σ) is greatest: at R = U Vᵀ among
-    # orthogonal matrices, and at R = U diag(1, …, 1, ±1) Vᵀ for a given determinant; the sign −1 lowers the
-    # trace by twice the least singular value. For M = XᵀY, tr(Rᵀ M) is the sum of the products of X R and Y,
-    # so that R also minimises ‖X R − Y‖.
+    # 1976. With the singular value decomposition M = U Σ Vᵀ of a matrix, ‖R − M‖² is least where tr(Rᵀ M) =
+    # tr((Uᵀ R V)ᵀ Σ) is greatest: at R = U Vᵀ among orthogonal matrices R, and at R = U diag(1, …, 1, ±1) Vᵀ if
+    # the determinant is given; the sign −1 lowers the trace by twice the least singular value. For M = Xᵀ Y,
+    # tr(Rᵀ M) is the sum of the products of the entries of X R and Y, so that R also minimises ‖X R − Y‖.
     if matrices.ndim == 3 and len(matrices) > MATRICES_PER_TASK:
         blocks = np.array_split(matrices, -(-len(matrices) // MATRICES_PER_TASK))
         return np.concatenate(parallel_map(lambda block: nearest_rotation(block, mirrored), blocks))
@@ -58,9 +58,10 @@ def carry_along(
     """Carry points of space (n, 3) along with a map, each by the rigid motion of the nearest surface points.
 
     ``before`` and ``after`` are points of the surface and their images, (m, 3) with m ≥ 4. Lengths
-    change by the factor ``scale``, and a ``mirrored`` map mirrors. Returns the images p → ȳ + s R (p
-    − x̄), (n, 3), by moving least squares (Schaefer, McPhail, Warren 2006), with the weights
-    1 / distance⁴. O(n m).
+    change by the factor ``scale``, and a ``mirrored`` map mirrors. Returns the image of each point p,
+    (n, 3), which is ȳ + s R (p − x̄), by moving least squares (Schaefer, McPhail, Warren 2006): x̄ and ȳ
+    are means of ``before`` and ``after`` with the weights 1 / (distance from p)⁴, s is the scale, and R
+    turns the offsets of ``before`` from x̄ as near as possible to those of ``after`` from ȳ. O(n m).
 
     Examples
     --------
@@ -68,9 +69,9 @@ def carry_along(
     >>> carry_along(np.array([[2, 0, 0.0]]), corners, corners @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]).round(9) + 0
     array([[0., 2., 0.]])
     """
-    # Surface points x_j move to y_j. With the weights w_j of a point of space and the weighted means x̄ and
-    # ȳ, its rotation R minimises Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|²: it is the rotation nearest to Σ_j w_j
-    # x_j y_jᵀ − x̄ ȳᵀ.
+    # Surface points x_j move to y_j. For a point of space, with the weights w_j of sum 1, R minimises
+    # Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|². The transpose of R, which multiplies rows from the
+    # right, is the rotation nearest to (Σ_j w_j x_j y_jᵀ) − x̄ ȳᵀ.
     distances = cdist(points, before)
     weights = np.maximum(distances, MIN_DISTANCE_RATIO * distances.max()) ** -FALLOFF_EXPONENT
     weights /= weights.sum(axis=1, keepdims=True)

@@ -18,7 +18,8 @@ MIN_TURN_ANGLE = 1e-4  # radians; a correction of a rotation by a smaller angle 
 MIN_DENOMINATOR = 1e-30  # areas and lengths in a denominator are raised to this, so that none is 0; chosen
 EDGE_FACTOR = 2 / 3  # factor in the weight of an edge; 2/3 gives equilateral triangles cotangent weights
 MAX_EDGE_WEIGHT = 20.0  # larger edge weights, as of short edges of slivers, are lowered to this; chosen
-# Conjugate gradients end at this share of the first residual; chosen: the next step starts from the result.
+# Conjugate gradients end once the residual, over the first residual, is at most this; chosen: the next step
+# starts from the result.
 MAX_RESIDUAL_RATIO = 1e-2
 MAX_ITERATIONS = 100  # largest number of iterations of conjugate gradients; chosen
 

@@ -34,7 +34,9 @@ BOUNDARY_DISTANCE = 0.025
 # weight with which a point of the boundary attracts a vertex, where other points have 1; chosen
 BOUNDARY_PULL = 4.0
 REST_PULL = 0.02  # weight with which a vertex's present place attracts it, where its new point has 1; chosen
-RELEASED_RINGS = 2  # number of rings of vertices around inverted faces that no point attracts; chosen
+# Vertices of inverted faces, and of this many rings of faces around them, are attracted only by their present
+# places, not by images or points of the target, so that they follow the rest as rigidly as possible; chosen.
+RELEASED_RINGS = 2
 # largest number of rounds of `repair_inverted`, and number of rounds between two fits of rotations; chosen
 MAX_ROUNDS, ROUNDS_PER_FIT = 60, 10
 # weight of the corner positions that an inverted face wants, where other faces have 1; chosen
@@ -107,7 +109,7 @@ class _Bending:
         length: float,
         scales: bool = False,
     ) -> FloatArray:
-        """Move vertices to a lower energy; points (n, 3) attract them with a strength (n,), 0 for none."""
+        """Move vertices to a lower energy; points (n, 3) attract them with a strength (n,), 0 where none does."""
         # ∇E = 0, divided by ℓ², see `RigidRegistration`; κ = REST_PULL makes the matrix positive definite:
         #   (L + diag(d)) y = (a / ℓ²) (strength p + κ y_before) + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j),
         #   d = (a / ℓ²) (strength + κ)

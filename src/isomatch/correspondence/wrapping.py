@@ -21,7 +21,8 @@ from isomatch.decimation import normalised
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-N_GUIDES = 30  # number of placed vertices, nearest to a component without images, with which it moves; chosen
+# A component without images moves along with this number of vertices, those with a place nearest to it; chosen.
+N_GUIDES = 30
 # quantile over the edges of their growth or shrinking, reported as ``stretch``; chosen
 STRETCH_QUANTILE = 0.99
 

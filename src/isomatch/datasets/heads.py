@@ -34,15 +34,18 @@ FEATURES = {
     "ear": ((0.62, 0.78, -0.05), 0.17, (0.3, 0.75, -0.05)),
     "neck": ((0.0, -0.85, -0.55), 0.5, (0.0, -0.65, -0.5)),
 }
-# factors of x, y, z that put points of the left side on the left or right side of the head
+# Features are given on the left side of the head. These factors of x, y and z keep them there, or mirror them to
+# the right side.
 LEFT, RIGHT = np.array([1, 1, 1]), np.array([-1, 1, 1])
-SKULL = np.array([0.85, 0.9, 1.0])  # half the width, height and length of the skull; the last is the unit
+# half the width (x), height (y) and length (z) of the skull, an ellipsoid; its half length is the unit of length
+SKULL = np.array([0.85, 0.9, 1.0])
 # For each species: factors for the displacements of FEATURES, in order, and for the axes of SKULL; chosen.
 PROPORTIONS: dict[str, tuple[tuple[float, ...], tuple[float, float, float]]] = {
     "cat": ((0.6, 0.7, 0.7, 1.0, 0.8, 1.0, 1.1, 1.0, 0.8), (1.05, 1.0, 0.9)),
     "lion": ((1.4, 1.2, 1.6, 0.7, 1.3, 0.9, 0.8, 0.45, 1.3), (0.95, 0.95, 1.1)),
 }
-# Factors of an individual differ from those of its species by at most this share, axes by half of it; chosen.
+# The factors of an individual for FEATURES differ from those of its species by at most this share, the factors
+# for SKULL by at most half this share; chosen.
 VARIATION = 0.2
 # line of the mouth on the unit sphere, y = MOUTH[0] + MOUTH[1] x², then width and depth of its groove; chosen
 MOUTH = (-0.46, 0.35, 0.05, 0.1)

@@ -21,11 +21,12 @@ Index: TypeAlias = int | np.int64
 
 FIRST, KIND, VERSION, MARK, PARENT = range(5)  # columns of ``marks``, the integers of a vertex
 INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices; a vertex of a higher kind is less free to move
-# weight of the plane through a boundary edge, over the squared edge; the plane of a face has its area; chosen
+# weight of the plane through a boundary edge, over the edge's squared length, where the weight of the plane of a
+# face is the face's area; chosen
 BOUNDARY_WEIGHT = 1.0
 MIN_TURN_COSINE = 0.2  # least cosine of the angle by which a collapse turns the normal of a face; chosen
-# A collapse does not more than halve the quality of a face, 4 √3 area / (sum of squared edges), to less than
-# this; chosen.
+# No collapse lowers the quality of a face, 4 √3 area / (sum of squared edges), below this and also below half
+# of what the quality was; chosen.
 SLIVER_SHAPE = 0.2
 N_BUCKETS = 128  # number of buckets by which the queue sorts edges by cost; 1024 give no better result
 

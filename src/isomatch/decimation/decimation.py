@@ -27,13 +27,14 @@ from isomatch.surfaces import Mesh, in_spatial_order
 MAX_CACHED_VERTICES = 2**16
 BLOCK_VERTICES = 2048  # vertices in a block; chosen: at about 250 bytes each, half of a cache of 1 MB
 MAX_BLOCK_SHARE = 0.5  # largest share of the vertices of a block that one round merges; chosen
-# shares of the edges, the cheapest, that rounds are allowed to collapse, one share after the other; chosen
+# Rounds are allowed to collapse the cheapest edges: at first this share of all edges, later the next; chosen.
 EDGE_SHARES = (0.4, 0.6, 0.8, 1.0)
-# share of the vertices; the next of EDGE_SHARES follows a round that merges no more; chosen
+# After a round that merges at most this share of the vertices, the next of EDGE_SHARES applies; chosen.
 MIN_PROGRESS_SHARE = 0.02
-# Weights of squared distances to merged vertices, where squared distances to planes of faces have 1. The
-# second is for vertices that keep their places: with a tenth of their vertices, four shapes of TOSCA are too
-# small by 0.5 to 2.3 % of their volume, with 1e-2 by 0.7 to 2.9 %.
+# Weights of the squared distance to each merged vertex, where the squared distance to the plane of each face
+# has the weight 1. The first is chosen. The second is for decimation in which the vertices left keep their
+# places: four shapes of TOSCA, decimated to a tenth of their vertices, lose 0.5 to 2.3 % of their volume with
+# the weight 1e-3, and 0.7 to 2.9 % with the weight 1e-2.
 POINT_WEIGHT, IN_PLACE_POINT_WEIGHT = 1e-2, 1e-3
 N_SAMPLED_FACES = 20_000  # number of faces whose edges give the distribution of costs; chosen
 

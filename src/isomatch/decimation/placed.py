@@ -30,7 +30,7 @@ class VertexGroups(NamedTuple):
 
     @classmethod
     def of(cls, group: IntArray, n_groups: int) -> VertexGroups:
-        """Sort vertices by their group (n,), −1 for none."""
+        """Sort vertices by their group (n,), −1 without a group."""
         order = np.argsort(group, kind="stable")
         start = np.searchsorted(group, np.arange(n_groups + 1), sorter=order)
         return cls(start - start[0], order[start[0] :].astype(np.int32))

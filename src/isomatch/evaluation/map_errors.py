@@ -21,7 +21,7 @@ CURVE_LIMIT = 0.25  # largest error that curves show, in √(target area); as in
 THRESHOLDS = np.linspace(0.0, CURVE_LIMIT, 101)  # errors of the points of a curve, in √(target area); chosen
 # tables have the shares of points with at most these errors, in √(target area); chosen
 TABLE_THRESHOLDS = (0.05, 0.10, 0.25)
-# error that means take for a vertex without an image, in √(target area); chosen: about the size of the shape
+# error of a vertex without an image in mean errors, in √(target area); chosen: about the size of the shape
 UNMATCHED_ERROR = 1.0
 
 

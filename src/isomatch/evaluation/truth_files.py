@@ -15,7 +15,8 @@ from isomatch._core.errors import FormatError, some
 from isomatch.correspondence import IndexBase, index_base, read_map
 from isomatch.surfaces import Mesh, PrecisePoints
 
-# largest distance of a weight below 0, and of their sum from 1: published weights have few digits; chosen
+# A weight is allowed to lie this far below 0, and the sum of three weights this far from 1, as published weights
+# have few digits; chosen.
 MAX_ROUNDING = 1e-2
 # suffix of the maps of PARTIALSMAL: indices from 0, then a mask of the target vertices with a counterpart
 MASKED_SUFFIX = ".map"

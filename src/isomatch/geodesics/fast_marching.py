@@ -13,7 +13,8 @@ from isomatch._core.threads import parallel_map, parallel_rows
 from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite, require_in_range
 from isomatch.surfaces import Mesh
 
-MAX_SHIFT_EDGES = 0.02  # largest shift of a distance for curvature, over the shorter of edge and ray; chosen
+# largest correction of a distance for the curvature of the front, over the shorter of edge and ray; chosen
+MAX_SHIFT_EDGES = 0.02
 # largest curvature of a converging front, in 1 / step: its focus is at least 3.3 steps away; chosen
 MAX_FOCUS = 0.3
 # A path to a vertex replaces another if it is shorter by more than this share of its last segment; chosen.
@@ -281,7 +282,7 @@ def _excess(before: float, radius: float, step: float, gauss: float) -> float:
     start = radius - step
     if step <= 0.0:  # the target is on the edge, or coincides with v
         return before
-    spread = before * start  # κ start − 1: excess of the curvature over a circle's, at the start
+    spread = before * start  # κ start − 1, where κ is the curvature at the distance ``start``
     share = start / radius
     # κ' = −κ²: the radius of curvature 1/κ grows by the step. A front that converges stays before its focus.
     bent = (1.0 + spread) / max(radius + spread * step, 0.5 * start)
@@ -363,17 +364,18 @@ def _advance(
                 dw = settled[w]
                 if dw != np.inf and dw >= 0.0 and shape[u, 0] > 0.0:
                     length, x, y = np.float64(shape[u, 0]), np.float64(shape[u, 1]), np.float64(shape[u, 2])
-                    # The update of Kimmel & Sethian, for spherical instead of plane fronts (Novotni
-                    # & Klein 2002): the *virtual source* is the point of the triangle's plane at
-                    # the distances dv and dw from v and w, on the other side of their edge. With v
-                    # = (0, 0), w = (length, 0), c = (x, y), y > 0, it is (sx, −√squared) where
+                    # Update c from the edge v w of the triangle v w c, as Kimmel & Sethian do, but with a
+                    # circular front (Novotni & Klein 2002). Its centre, the *virtual source*, lies in the
+                    # plane of the triangle at the distances dv from v and dw from w, and c lies on the other
+                    # side of the edge. With v = (0, 0), w = (length, 0), c = (x, y), y > 0, the virtual
+                    # source is (sx, −√squared), where
                     #   sx² + squared = dv²,  (sx − length)² + squared = dw²
-                    # and the difference of the two gives sx. c lies height = y + √squared above it.
-                    # If the straight line from there to c crosses the edge, c gets its length as
-                    # distance; otherwise the way along the edge from v.
+                    # and the difference of the two equations gives sx. c lies height = y + √squared above
+                    # the virtual source. If the straight line from the virtual source to c crosses the edge,
+                    # its length is the distance of c; otherwise the way along the edge from v is.
                     sx = 0.5 * (length + (dv * dv - dw * dw) / length)
                     squared = dv * dv - sx * sx
-                    if squared > 0.0:  # otherwise, as curvature allows, |dv − dw| > length
+                    if squared > 0.0:  # otherwise, no point has both distances
                         height = y + np.sqrt(squared)
                         # abscissa at which the ray from there to c crosses the edge, times height
                         crossing = sx * y + x * (height - y)

@@ -22,7 +22,7 @@ from isomatch.io import SurfaceLike, mesh_from
 from isomatch.repair import repair
 from isomatch.surfaces import Mesh, PrecisePoints
 
-# share by which an exact length exceeds the length along edges, up to which it is rounding; chosen
+# an exact length may exceed the length along edges, by rounding, by at most this share; chosen
 MAX_EXCESS_RATIO = 1e-9
 MIN_SEGMENT_RATIO = 1e-12  # segments shorter than this share of their path are rounding and left out; chosen
 PATH_SUFFIXES = (".obj", ".vtp")  # formats in which paths are written

@@ -258,7 +258,7 @@ def _without_texture_numbers(asset: Asset) -> Asset:
 
 
 def _with_material_labels(asset: Asset, of_triangle: IntArray, names: tuple[str, ...]) -> Asset:
-    """Label the faces by materials, −1 for none."""
+    """Label the faces by materials, −1 without a material."""
     of_polygon = asset.polygons.from_triangles(of_triangle)
     words = {-1: "", **dict(enumerate(names))}
     return asset.with_attributes(Attribute(_MATERIAL_LABEL, "face", "label", of_polygon, names=words))

@@ -24,7 +24,7 @@ UNKNOWN, SCANNER = "unknown", "scanner_anat"  # names of coordinate spaces, as i
 # directions of the axes of FreeSurfer's voxels, one in each column, with x right, y anterior and z superior
 _VOXEL_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 _SCANNER_HEAD = [2, 1, 20]  # first integers in the footer of a FreeSurfer surface in scanner coordinates
-# largest difference between entries of matrices that count as equal; millimetres for offsets; chosen
+# matrices are taken as equal if their entries differ by at most this, in millimetres for offsets; chosen
 _MATRIX_TOLERANCE = 1e-4
 # first entries of nibabel's ``volume_info``, the data on a FreeSurfer volume, if it names no file
 NEW_VOLUME: Mapping[str, Any] = {
@@ -257,7 +257,7 @@ class Asset:
         return cls(mesh.vertices, Polygons.of_triangles(mesh.faces), tuple(attributes))
 
     def attribute(self, name: str, domain: Domain | None = None) -> Attribute:
-        """Return an attribute by its name and, if several have it, domain; `DescriptorError` for none."""
+        """Return an attribute by its name and, if several have it, domain; `DescriptorError` if none has."""
         for attribute in self.attributes:
             if attribute.name == name and domain in (None, attribute.domain):
                 return attribute

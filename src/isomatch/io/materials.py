@@ -125,7 +125,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Looks:
-    """The material of each triangle, (m,), −1 for none, and the materials.
+    """The material of each triangle, (m,), −1 without one, and the materials.
 
     If ``tinted``, as in glTF, base colours are multiplied by the colours of points.
     """

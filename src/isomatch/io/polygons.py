@@ -17,9 +17,9 @@ from isomatch.surfaces import first_equal, weld_points
 
 # rounding error of a corner's position, over the largest coordinate; chosen: 16 units in the last place
 _CORNER_ROUNDING = 16 * np.finfo(np.float64).eps
-# cross products and incircle determinants up to this count as 0, in polygons of extent 1; chosen
+# cross products and incircle determinants up to this are taken as 0, in polygons scaled to the extent 1; chosen
 _COCIRCULAR_TOLERANCE = 1e-12
-_MAX_OVERLAP_SHARE = 1e-9  # share of a polygon's area that triangles may cover twice; chosen above rounding
+_MAX_OVERLAP_SHARE = 1e-9  # share of a polygon's area that may be covered twice; chosen above rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -147,8 +147,9 @@ class _Components:
     def _match_near_place(self, pair: Problem, carrier: Carrier) -> ComponentMatch:
         """Match two components that are close when one is carried along."""
         # The maps of other components carry the source's component along. A rigid component, such as an eye
-        # or a helmet, then lies on its partner. Otherwise, its map starts from this place. If the component
-        # is close to what carries it, its place decides between symmetric maps.
+        # or a helmet, then lies on its partner. The match of any other component starts from the place to which
+        # the component was carried. If the component is close to what carries it, this place decides between
+        # symmetric maps.
         is_held = carrier.gap(pair.target) <= COMPONENTS.max_held_distance
         placed = self._place_rigidly(pair, carrier)
         if placed and placed.outcome.is_called_right:

@@ -88,7 +88,7 @@ def match(
     refinement : Refinement, optional
         Your own subclass of `Refinement`, instead of ``config.refinement``.
     starts : sequence of callable, optional
-        Propose first maps, beside priors: functions of the problem that return arrays (q, 2) of vertices of both
+        Propose first maps, besides priors: functions of the problem that return arrays (q, 2) of vertices of both
         bodies; ``[yours, *default_starts]`` adds one to the defaults. Landmarks and an initial map always contend, too;
         with ``Config(hypotheses="given")`` no start may win.
     relation : callable, optional
@@ -349,7 +349,7 @@ def _reverse_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Pro
     others = [c for c in isometric.proposals.eligible if all(c.alignment is not other for other in tried)]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
-    # a start of the map back: for each search vertex of the target, the source row whose image is nearest
+    # first maps of the match back: for each search vertex of the target, the source row whose image is nearest
     between = pair.target.distances.between
     starts = np.array([between(pair.target_vertices, image).argmin(axis=1) for image in images])
     aligned = iterative_closest_points(*pair_back.search_points, starts, SCREENING.n_prior_steps)

@@ -114,7 +114,7 @@ class Problem(SmoothPair):
     refinement : Refinement
         Refines maps; by default `Joint`.
     starts : sequence of callable, optional
-        Propose first maps, beside priors; by default `default_starts`.
+        Propose first maps, besides priors; by default `default_starts`.
     relation : callable, optional
         Builds the `MatchingModel` of the problem; by default every model that suits the shapes is tried.
 

@@ -78,9 +78,9 @@ def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
     """Post-process a map by iterative closest points in the Laplace–Beltrami basis."""
     # In the post-processing of Shamai & Kimmel 2017, the functional map F is orthogonal and has its final
     # size from the start. Here F is fitted by least squares, because it is not orthogonal where shapes
-    # stretch, and grows as in Melzi et al. 2019. Small first sizes repair large errors of the start, larger
-    # first sizes keep limbs separate. Maps from several first sizes grow to a middle size; of those that keep
-    # the orientation of the start, the one of least energy grows on.
+    # stretch, and grows as in Melzi et al. 2019. Small first sizes repair large errors of the given map, larger
+    # first sizes keep limbs separate. Maps from several first sizes grow to a middle size; of the maps that keep
+    # the orientation of the given map, the map of least energy grows on.
     settings, spectra, vertices = pair.config.refining, pair.spectra, pair.refinement_vertices
     weights = pair.source.laplace.weights
     rows = spectra.nearest(start.target, start.source[vertices])

@@ -170,7 +170,8 @@ def weigh_costs(
     ratios = weighed / np.maximum(costs, np.finfo(float).tiny)
     may_win = sorted(np.flatnonzero(eligible).tolist(), key=lambda i: costs[i])
     best = min(may_win, key=lambda i: ratios[i, may_win].max())
-    # raise the weighed costs of other eligible maps, so that the best map also has the least cost
+    # An eligible map whose weighed cost is not above the cost of the best map gets the number just above that
+    # cost, so that the best map has the least cost.
     least = np.nextafter(costs[best], np.inf)
     return [
         costs[best] if i == best else float(max(cost, least) if eligible[i] else cost)
@@ -262,7 +263,7 @@ def select(
         return max(1.0, ratio) if runners_up[0] in may_win else ratio
 
     def is_runner_up(i: int) -> bool:
-        # these costs are not raised to the noise, because they would then tie
+        # these costs are compared as they are: raised to ``score_noise``, they might be equal
         as_good = costs[i] <= rules.exchanged_ratio * costs[winner]
         exchanged = as_good and far_shares is not None and far_shares[i, winner] >= rules.exchanged_share
         distance = distances[i, winner]

@@ -369,7 +369,7 @@ CAPPED = Strategy(  # an isometry between shapes whose holes are closed by caps
     lambda problem: problem.config.parts.close_holes and not has_own_distances(problem),
     is_enough=lambda tried, solution: False,
 )
-PART_FROM_CLOSED = Strategy(  # a map of a part that starts from the map with the holes closed
+PART_FROM_CLOSED = Strategy(  # a map of a part, refined from the map that CAPPED found
     "part, from the holes closed",
     "part",
     "as a part, from the map with its holes capped",
@@ -378,7 +378,7 @@ PART_FROM_CLOSED = Strategy(  # a map of a part that starts from the map with th
     lambda tried: CAPPED.name in tried.matches,
     lambda tried, solution: tried.is_called_right,
 )
-PART_FROM_BOTH_SIDES = Strategy(  # a map of a part that starts from a map searched from the other shape
+PART_FROM_BOTH_SIDES = Strategy(  # as PART_FROM_CLOSED, from a map of capped shapes searched from the target
     "part, from both sides",
     "part",
     "if nothing before is called right: with the holes capped, the map is searched from the other shape",
@@ -395,8 +395,9 @@ OVERLAPPING = Strategy(  # a map between two parts that overlap
 )
 VIA = Strategy("via", "parts", "wholes are given", lambda tried: None)  # `solve_via` finds its maps
 
-# Strategies in the order in which they are tried, for two complete shapes; from the map with holes closed;
-# for a part that lacks much of the whole; for a part that lacks little; for two parts that overlap.
+# Strategies in the order in which they are tried: COMPLETE for two complete shapes, MUCH_MISSING for a part that
+# lacks much of the whole, LITTLE_MISSING for a part that lacks little, TWO_PARTS for two parts that overlap.
+# FROM_CLOSED, a piece of two of these, has the strategies that refine maps of shapes whose holes are closed.
 COMPLETE = ISOMETRIC, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, OPEN_LIMBS, ELASTIC, BOTH_SIDES
 FROM_CLOSED = PART_FROM_CLOSED, PART_FROM_BOTH_SIDES
 MUCH_MISSING = PART, CAPPED, CUT_EXTRA_HANDLES, CUT_ALL_HANDLES, CUT_CREASES, *FROM_CLOSED

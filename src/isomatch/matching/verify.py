@@ -27,7 +27,8 @@ from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, label_components
 
-# √area, one for each step of bending; shorter pieces move almost rigidly; decisions.md, one verification
+# √area, one length for each step of bending: shorter pieces of the shape move almost rigidly; decisions.md, one
+# verification
 BENDING_LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)
 N_BENT_VERTICES = 1000  # vertices of a bent shape; chosen: with 500, costs are 1.1 to 1.5 times as high
 # Weight of the descriptor distance, and exponent of the support, in `Verification.cost`. Weights from 3 to
@@ -41,7 +42,9 @@ MIN_DISTANCE, MAX_DISTANCE = 0.08, 0.3  # √area of the source; distances in be
 # N_SAMPLES samples, at most, measure the unit, if they have MIN_MEASURED distances in between; chosen.
 N_SAMPLES, MIN_MEASURED = 300, 40
 MAX_UNIT_RATIO = 1.3  # largest ratio of the measured unit to the files' unit, in either direction; chosen
-MAX_LENGTH_RATIO = 4.0  # ratio of √area in the files' units, above which parts are taken as equal; chosen
+# If the √area of the source in the files' units, over the √area of the target, or the reverse, exceeds this, the units
+# of the files are not trusted, and both shapes are taken to have one area; chosen.
+MAX_LENGTH_RATIO = 4.0
 MIN_PIECE = 30  # vertices; smaller pieces of a shape are not bent; chosen
 MIN_DIVISOR = 1e-9  # √area of the target; shorter distances are raised to this, so that no ratio is 0; chosen
 
@@ -233,7 +236,7 @@ class Verifier:
 
     def _support(self, *shares: float) -> float:
         """Combine the shares that have a counterpart, see `Verification.support`."""
-        # The smaller share of two wholes is taken: a map of two limbs to one leaves a limb uncovered.
+        # Of two wholes, the smaller share is taken: a map of two limbs to one limb leaves a limb uncovered.
         if all(self.is_whole):
             return min(shares)
         return max(shares) if not any(self.is_whole) else shares[self.is_whole.index(False)]

@@ -140,10 +140,10 @@ def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, fla
             flatness[f] = doubled[f] / longest
 
 
-# Smallest altitude of a face over its longest edge: up to the first number, the face counts as without area,
-# below the second as a sliver; chosen.
+# Smallest altitude of a face over its longest edge: a face is taken to have no area if this ratio is at most
+# the first number, and is a sliver if it is below the second; chosen.
 ZERO_AREA_RATIO, SLIVER_RATIO = 1e-10, 1e-3
-# √area; smallest diameter of an opening through which a chamber counts as outside; openings of six mouse
+# √area; a chamber of a mesh lies outside if it has an opening of at least this diameter; openings of six mouse
 # skulls have 0.08 to 0.1: decisions.md, double walls
 OPENING_DIAMETER = 0.1
 # least share of the area that has another sheet close behind if the surface is called double-walled; bodies,

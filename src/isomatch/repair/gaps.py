@@ -14,19 +14,27 @@ from isomatch.surfaces import label_components
 
 ON_SIDE_RATIO = 1e-3  # largest distance of a vertex from its side, over the side's length; chosen
 SIDE_END_SHARE = 1e-2  # least distance of an inserted vertex from the side's ends, over its length; chosen
-MIN_GAP_RATIO = 3.0  # least ratio of shortest side to distance of vertices that nearly coincide; chosen
-MAX_CLOSE_RATIO = 0.3  # largest distance of vertices that nearly coincide, over the median side; chosen
-# Least share and number of boundary vertices that are reported as nearly coincident; fewer may be by chance;
-# chosen.
+# Close vertices nearly coincide only if the shortest side of the boundary, over the largest distance between two
+# close vertices, is at least this; chosen.
+MIN_GAP_RATIO = 3.0
+# Two boundary vertices are close if their distance, over the median length of the boundary's sides, is at most
+# this; chosen.
+MAX_CLOSE_RATIO = 0.3
+# Close vertices nearly coincide only if they are at least this share of the boundary vertices, and this many;
+# fewer might be close by chance; chosen.
 MIN_CLOSE_SHARE, MIN_CLOSE_VERTICES = 0.05, 4
-# The first quantile of the lengths is taken as the shortest side; if the largest distance of vertices that
-# nearly coincide is too large, the second quantile stands for it; single values might be exceptions; chosen.
+# The first quantile of the lengths of the boundary's sides is taken as the shortest side. If the largest
+# distance between close vertices is too large for `MIN_GAP_RATIO`, the second quantile of these distances
+# replaces it. Both leave out single exceptions; chosen.
 SHORT_SIDE_QUANTILE, CLOSE_DISTANCE_QUANTILE = 0.02, 0.95
 # A piece of a side is halved if more points than this are near it, unless it is at most this share of the
 # side; chosen for speed.
 MAX_POINTS_NEAR_PIECE, MIN_PIECE_SHARE = 16, 1 / 64
-POINTS_AT_ONCE = 2**22  # number of points compared with sides at once, which bounds the memory; chosen
-N_NEIGHBOURS = 8  # number of nearest vertices among which one without a common side is sought; chosen
+# number of pairs of a side and a point near it that are compared at once, which bounds the memory; chosen
+POINTS_AT_ONCE = 2**22
+# number of boundary vertices nearest to a vertex, itself included, among which one is sought that shares no side
+# with the vertex; chosen
+N_NEIGHBOURS = 8
 
 
 class Sides(NamedTuple):
@@ -50,8 +58,8 @@ class TJunctions(NamedTuple):
 def close_vertices(positions: FloatArray, sides: IntArray) -> tuple[IntArray, float]:
     """Find boundary vertices that nearly coincide, and the largest distance at which they do, or nan."""
     # For each vertex, the distance from the nearest vertex without a common side is compared with the lengths
-    # of sides. If many distances are far below all lengths, the tolerance is the geometric mean of largest
-    # distance and shortest side.
+    # of sides. If many distances are far below all lengths, the tolerance is the geometric mean of the largest
+    # of these distances and the shortest side.
     nothing_found = np.zeros(0, dtype=np.int64), np.nan
     vertices = np.unique(sides)
     if len(vertices) < MIN_CLOSE_VERTICES:

@@ -20,7 +20,7 @@ from isomatch.surfaces import Mesh, label_components, meetings
 
 T = TypeVar("T", FloatArray, IntArray, BoolArray)
 CELLS_PER_RADIUS = 4.0  # number of cells per radius of the ball; chosen: a cell is 1/8 of the opening wide
-MARGIN_CELLS = 1.5  # cells; largest gap between the ball and a surface that counts as touched; chosen
+MARGIN_CELLS = 1.5  # cells; the ball touches a surface if the gap between them is at most this; chosen
 # cells by which the least distance from the surface falls in each step of `_flood`; chosen
 NARROWING_CELLS = 0.25
 SPACING_CELLS = 0.5  # cells; largest distance between the points that represent a face; chosen

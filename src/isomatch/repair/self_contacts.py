@@ -27,7 +27,8 @@ ROOT_ANGLE = -30.0  # degrees; loops begin at roots, ends of edges that bend mor
 MAX_ROOTS = 100  # largest number of roots; chosen: one root near each cut path is enough
 MAX_PATH_COST = 0.4  # √area; largest cost of a path from a root; chosen: half the longest cut path's cost
 LOOPS_PER_ROOT = 4  # number of cheapest loops through a root that are tried; chosen
-# √area; a shorter cut path may cost as much as one of this length, as it need not be all concave; chosen
+# √area; the largest cost of a cut path grows with its length, but shorter paths are taken as this long, because
+# some of their edges might not be concave; chosen
 MIN_CUT_PATH_LENGTH = 0.06
 
 

@@ -27,7 +27,9 @@ from isomatch.surfaces import (
 # √area; copies of a vertex that are farther apart along the surface are on two sheets: decisions.md,
 # separated sheets
 SHEET_DISTANCE = 0.1
-PROBES_PER_SEAM = 8  # number of vertices of a seam at which the distance between copies is measured; chosen
+# Largest number of vertices of a seam, evenly chosen, for which the distance between their copies, one on each
+# sheet, is measured along edges; chosen.
+PROBES_PER_SEAM = 8
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -219,7 +219,8 @@ def smallest_eigenpairs(
     """Compute the smallest k eigenpairs of a sparse semidefinite matrix H: values (k,), vectors (n, k)."""
     # Rayleigh–Ritz for B = (H + σ)⁻¹ on the block Krylov space spanned by X, B X, B² X, … with a random block
     # X (n, w) (Grimes, Lewis & Simon, *A shifted block Lanczos algorithm*, SIMAX 1994): the smallest
-    # eigenvalues λ of H are the largest 1 / (λ + σ) of B, far from the others, so that they converge first.
+    # eigenvalues λ of H give the largest eigenvalues 1 / (λ + σ) of B, which are far from all others of B, so
+    # that they converge first.
     # With the space Q = [Q_1 … Q_j], orthonormal,
     #   B Q_j = Σ_i Q_i T_ij + Q_{j+1} R_{j+1},  T = Qᵀ B Q,
     # each new block Q_{j+1} R_{j+1} is the remainder of B Q_j, made orthonormal. In exact arithmetic, T is

@@ -10,8 +10,10 @@ from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, rea
 from isomatch._core.compiled import compiled
 from isomatch._core.errors import MeshError, some
 
-OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)  # numbers of defects; a sound face has 0
-NO_CROSS, NO_AREAS = np.zeros((0, 3)), np.zeros(0)  # empty outputs, which `_measure` does not compute
+# number of each kind of defect of a face; a sound face has 0
+OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)
+# Outputs without rows, which tell `_measure` not to compute cross products (or normals) and areas.
+NO_CROSS, NO_AREAS = np.zeros((0, 3)), np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
 def _list_sound(
     vertices: FloatArray, faces: IntArray, kind: AnyArray, start: IntArray, keys: IntArray, numbers: AnyArray
 ) -> None:
-    """Set the kind of defect of each face, 0 for none, and list the others by their smallest vertex.
+    """Set the kind of defect of each face, 0 if sound, and list the sound faces by their smallest vertex.
 
     The key of a face is made of its other two vertices.
     """

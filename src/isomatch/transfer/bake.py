@@ -34,8 +34,10 @@ TEXELS_PER_CHUNK = 2**18  # texels whose colours are computed at once, which bou
 UNPAINTED_COLOUR = (0.5, 0.5, 0.5, 1.0)  # grey for unmatched places and for pictures that cannot be read
 SIZE_LIMITS = (8, 16384)  # least and largest width of a picture in texels; chosen
 FIRST_UDIM_TILE = 1001  # number of the UDIM tile of texture coordinates from 0 to 1, by convention
-MAX_TILES = 16  # largest number of UDIM tiles; with more, one picture is repeated in all of them; chosen
-# share of the surface that is hidden under other parts in the picture, from which a note tells of it; chosen
+# largest number of UDIM tiles with a picture each; for more tiles, one picture is repeated in all of them; chosen
+MAX_TILES = 16
+# A note is made if at least this share of the surface's area shares its place in the picture with another part, for
+# which the picture is painted; chosen.
 MIN_HIDDEN_SHARE = 5e-4
 SAME_PLACE_DISTANCE = 0.01  # largest distance of points of one texel, in √area, that are at one place; chosen
 

@@ -17,7 +17,8 @@ from isomatch.io import Asset, Attribute
 from isomatch.spectral import factorise_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-# a search for a corner's image that ends farther from it, in half extents of the giver, met a seam; chosen
+# The search for the image of a corner met a seam if it ends farther from the image than this, in half extents of
+# the giver; chosen.
 ACROSS_SEAM_DISTANCE = 1e-6
 # ratio below which sizes are taken as equal: bending and errors of the map explain it; chosen
 SAME_SIZE_RATIO = 1.1

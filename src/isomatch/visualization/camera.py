@@ -21,8 +21,8 @@ SHEET_RATIO = 0.1
 # A shape, such as a person, stands along the y or z axis if it would not fall and its extent along this axis, over its
 # extent along the other of the two, exceeds this; chosen.
 UPRIGHT_RATIO = 1.6
-# Share of the shape's height: the shape stands on the vertices that are at most this far above its lowest vertex, and
-# on the floor if its lowest vertex is at most this far from height 0; chosen.
+# The shape stands on the vertices whose height above its lowest vertex, over the height of the shape, is below this. It
+# stands on the floor if its lowest vertex is nearer to height 0 than this share of the height of the shape; chosen.
 GROUND_SHARE = 0.06
 # Share of the shape's height: a shape falls if its centroid, seen from above, is farther than this outside the convex
 # hull of the vertices on which it stands; chosen.

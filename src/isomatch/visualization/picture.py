@@ -174,7 +174,8 @@ OUTLIER_SHARE = 0.01
 # A colour bar is symmetric around 0 if its lowest value is negative, its highest positive, and the smaller of their
 # absolute values exceeds this share of the larger; chosen.
 BOTH_SIGNS_RATIO = 0.2
-# A colour bar of positive values begins at 0 if its lowest over its highest value would be below this; chosen.
+# A colour bar of positive values begins at 0, not at the lowest value, if the lowest over the highest value is below
+# this; chosen.
 ZERO_START_RATIO = 0.5
 # colour maps for values of one sign, and of both signs; the colour-blind can read them
 ONE_SIGN_MAP, BOTH_SIGNS_MAP = "cividis", "PuOr_r"

@@ -265,8 +265,8 @@ def _label_axes(axes: Axes, x: str, y: str) -> None:
 
 
 N_NEIGHBOURS = 8  # number of nearest neighbours with which each point of a cloud forms triangles; chosen
-# Radians, about 150°: largest angle, at a point, between two successive neighbours that form a triangle with it; a wider
-# one is taken for a hole or a border of the surface; chosen.
+# Radians, about 150°: largest angle, at a point, between two successive neighbours that form a triangle with the point;
+# a wider angle is taken for a hole or a border of the surface; chosen.
 MAX_GAP_ANGLE = 2.6
 
 

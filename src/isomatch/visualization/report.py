@@ -33,7 +33,7 @@ from isomatch.visualization.summary import (
     summary_of,
 )
 
-# command, shown on a page, by which the user matches again with the landmarks saved from it
+# command, shown on a page, by which the user matches again with the landmarks saved from that page
 MATCH_COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 SIDES = ("source", "target")  # names of shapes that have no other name
 GIVEN = "the map that was given"  # name of the map that a match started from, or that was judged

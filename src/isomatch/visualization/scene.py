@@ -111,16 +111,17 @@ class DrawnPair:
         return self._camera @ turn.T @ self._camera.T
 
 
-# Names of the layers of colours that reports make by themselves: the first two for each map, the others for the map of
-# the result.
+# Names of the layers of colours that reports make by themselves: the first two for each map, the last three only for
+# the map of the result.
 BUILT_IN_LAYERS = ("position", "stretch", "expected error", "descriptor distance", "doubt")
 # number of colours of a scale sent to the browser, which interpolates between them; chosen
 N_RAMP_COLOURS = 9
-# level sent for the highest value (0: lowest), and where there is no value
+# byte sent to the browser for the upper end of a scale (0 is the lower end), and for a vertex without a value
 MAX_LEVEL, NO_VALUE_LEVEL = 254, 255
 # √(target area); the scale of expected errors ends here or higher; an image with this error has a confidence of ½
 MIN_ERROR_RANGE = 0.05
-# standard deviations; upper end of the scale of descriptor distances: two random points have about 0.8 on average
+# upper end of the colours of descriptor distances, in standard deviations of the descriptor; chosen: two random points
+# have a distance of about 0.8 on average
 DESCRIPTOR_RANGE = 1.0
 # largest share of the values below the lower end of a scale, or above its upper end; chosen
 OUTLIER_SHARE = 0.02

@@ -55,7 +55,8 @@ _HEADLINES_AND_ADVICE = {
 HEADLINES = {outcome: headline for outcome, (headline, _) in _HEADLINES_AND_ADVICE.items()}
 """The headline of each outcome."""
 
-# headlines of special cases: the first replaces the headline of CONVERGED, the others replace the one of LOW_CONFIDENCE
+# Headlines of special cases: the first replaces the headline of CONVERGED, the second and the third replace the headline
+# of LOW_CONFIDENCE.
 PARTLY_SURE = "The shapes match, but parts of this map are uncertain."
 MOSTLY_RIGHT = "Most of this map looks right, but not all of it."
 ANOTHER_IS_BETTER = "This map is doubtful: another one fits as well or better."

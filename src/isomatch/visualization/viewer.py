@@ -119,7 +119,7 @@ class DrawnSurface:
         self.index = np.concatenate([shown, np.setdiff1d(kept, shown).astype(np.int64)])
 
     def packed_points(self, positions: FloatArray) -> dict[str, Any]:
-        """Return positions (k, 3) on the surface, nan for none, with its normals there, as `packed` does vertices."""
+        """Return positions (k, 3) on the surface, nan if unknown, with its normals there, as `packed` does vertices."""
         points = seen_from(self._camera, self._mesh, positions)
         placed = np.isfinite(points).all(axis=1)
         normals = np.zeros(points.shape)

@@ -18,7 +18,7 @@ from isomatch.visualization.scene import DrawnPair, Layer, layers_of
 from isomatch.visualization.summary import outcome_colour, share_elsewhere, summary_of
 from isomatch.visualization.viewer import template, text_of
 
-# maps that differ on a smaller share of the source's area are called the same; chosen
+# two maps are called the same if the share of the source's area on which they differ is below this; chosen
 MIN_CHANGED_SHARE = 0.001
 MAP_BEFORE = "before"  # name of the map that the present map replaced
 

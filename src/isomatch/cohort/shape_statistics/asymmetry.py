@@ -34,7 +34,7 @@ MIN_VARIANCE = 1e-12
 # plane than this; chosen.
 MIN_SIDE_DISTANCE = 0.02
 # If the left–right map of the mean is not sure, the maps of at most this many shapes are tried; chosen: if none of these
-# is sure, the maps of others hardly are.
+# is sure, the maps of other shapes hardly are.
 MAX_TRIED_SHAPES = 5
 VARIATION_SOURCES = ("individuals", "sides", "individuals × sides", "error")  # rows of `Asymmetry.anova`
 
@@ -64,7 +64,7 @@ class Asymmetry:
     #: (fluctuating asymmetry), and error, if individuals were measured repeatedly
     anova: tuple[SumOfSquares, ...]
     share: float  #: share of the squared asymmetry that is directional
-    #: probability of as large a share if the sides of random individuals are exchanged; nan for one
+    #: probability of as large a share if the sides of random individuals are exchanged; nan for one individual
     p_value: float
     n_permutations: int  #: number of choices of individuals that were mirrored
     seed: int  #: seed that draws these choices
@@ -156,8 +156,9 @@ def asymmetry(
     with np.errstate(divide="ignore", invalid="ignore"):
         mean_squares = values / degrees
         ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # ratios to the error terms
-    # If individual i is mirrored, its mean component āᵢ becomes −āᵢ. With signs s, −1 for mirrored individuals, and the
-    # scalar products P of the rᵢ āᵢ, the directional share is sᵀ P s / (m Σ |a|²).
+    # Let aⱼ be the asymmetric component of shape j, one of m, and āᵢ the mean component of the rᵢ shapes of individual i.
+    # If individual i is mirrored, āᵢ becomes −āᵢ. With sᵢ = −1 for mirrored individuals, 1 for others, and the scalar
+    # products P (k, k) of the displacements rᵢ āᵢ, the directional share is (sᵀ P s) / (m Σⱼ |aⱼ|²).
     products = scalar_products(repeats[:, None, None] * means[1], share)
     total = m * float(squares(parts[1]).sum())
     share_of_mean, p_value, drawn = float(products.sum()) / total if total > 0 else 0.0, np.nan, 0
@@ -174,8 +175,9 @@ def asymmetry(
         p_value, drawn = float(test.pvalue), len(test.null_distribution)
     p_values = np.array([np.nan, p_value, np.nan, np.nan])
     if k > 1 and m > k:
-        # The squares among individuals are Σᵢ |Σⱼ (aⱼ − ā)|² / rᵢ, summed over the rᵢ shapes j of each individual i.
-        # Their sum with the squares within individuals is fixed, so that F grows with them.
+        # The components aⱼ are exchanged between shapes. With their mean ā over all m shapes, the squares of individuals
+        # × sides are 2 Q, where Q = Σᵢ (|Σⱼ (aⱼ − ā)|² / rᵢ), and j runs over the rᵢ shapes of individual i. No exchange
+        # changes the sum of 2 Q and the squares of the error, so that F grows with Q. Therefore Q is compared.
         belongs = (of[:, None] == np.arange(k)) / np.sqrt(repeats)
         orders = permutations_of(m, n_permutations, seed)
         drawn_among = explained_squares(belongs, scalar_products(parts[1] - middles[1], share), orders)

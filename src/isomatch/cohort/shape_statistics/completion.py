@@ -36,7 +36,8 @@ MAX_STEPS = 200  # number of steps after which a fit fails if the shape still mo
 MAX_ROUNDS = 30  # largest number of times that nearest points are found anew; chosen: about 10 are enough
 # Nearest points are final once finding them anew moves the shape by at most this share of its size; chosen.
 MAX_MOVEMENT = 1e-3
-# Points are on a line, which fixes no turn around it, if their width over their length is at most this; chosen.
+# Points are on a line, and any turn around the line fits them equally, if the second singular value of their weighted
+# offsets from their mean, over the first, is at most this; chosen.
 MAX_WIDTH = 1e-3
 # √area: all vertices in a square of this width count as one observation, as their errors are alike: docs/statistics.md
 PATCH_LENGTH = 0.2

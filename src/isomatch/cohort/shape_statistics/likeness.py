@@ -18,10 +18,11 @@ from isomatch.cohort.shape_statistics.procrustes import generalised_procrustes, 
 from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 
-# The agreement of two shapes is from −1 (one fits the mirror image of the other) to 1, see `_find_mirrored`. Below the
-# first median over all pairs, with mirrored shapes turned over, poses differ too much to find mirror images; below the
-# second median of a shape with the others, its side is unclear. In seven sets, 202 of 208 mirror images are found with
-# these bounds, and no other shape is called mirrored.
+# The agreement of two shapes is from −1 (one fits the mirror image of the other) to 1, see `_find_mirrored`. Once the
+# shapes that seem mirrored are turned over, the agreement is measured again. If its median over all pairs is at most the
+# first bound, poses differ too much, and no shape is called mirrored; nor is a shape whose median agreement with the
+# other shapes is at most the second bound. With these bounds, 202 of 208 mirror images are found in seven sets, and no
+# other shape is called mirrored.
 MIN_SAMPLE_AGREEMENT = 0.35
 MIN_SHAPE_AGREEMENT = 0.15
 # Among fewer than `MIN_SHAPES` shapes, a shape is mirrored only if the distance of its mirror image from another shape,
@@ -31,10 +32,11 @@ MIRROR_RATIO = 0.7
 # agreement 0 if the geometric mean of their thicknesses is below this; chosen.
 MIN_THICKNESS = 0.01
 SAME_SHAPE = 1e-5  # two shapes are the same up to this Procrustes distance over their size; chosen
-# a shape is far only if its centroid is farther from the median centroid than this number of median sizes; chosen
+# A shape is called far only if the distance of its centroid from the median of all centroids, over the median size of
+# the shapes (root mean square distance of the vertices from the centroid), exceeds this; chosen.
 FAR_SIZES = 10.0
-# A shape is unlike only if its median distance from the others, over the median of this over all shapes, exceeds this;
-# chosen.
+# Take the median Procrustes distance of each shape from the other shapes. A shape is called unlike only if its median,
+# over the median of the medians of all shapes, exceeds this; chosen.
 UNLIKE_RATIO = 2.0
 MIN_SHAPES = 4  # among fewer shapes, it is not known what is usual, and none is called far or unlike; chosen
 DoubtKind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]  # kinds of doubt about a shape
@@ -157,10 +159,10 @@ METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}  # metres 
 # A size might be in another unit if it is more than this times the median size, or if the median is more than this times
 # the size; units explain a ratio of sizes if they give it within this factor; chosen.
 MIN_SIZE_RATIO = 2.0
-MIN_SIZE_GAP = 5.0  # sizes are in two units if a size, over the next smaller one, exceeds this; chosen
+MIN_SIZE_GAP = 5.0  # sizes are in two units if a size, over the next smaller size, exceeds this; chosen
 MAX_DEVIATIONS = 6.0  # standard deviations from the median, beyond which a value is an outlier; chosen
 MAD_TO_SD = 1.4826  # standard deviation over median absolute deviation, in a normal distribution
-# (unit of a shape, unit of the others), or the reverse: the first of these is taken if several explain a ratio equally
+# (unit of a shape, unit of the other shapes), or the reverse; the first pair is taken if several explain a ratio equally
 USUAL_UNITS = ("mm", "m"), ("mm", "cm"), ("cm", "m"), ("mm", "in")
 
 

@@ -28,8 +28,8 @@ N_PERMUTATIONS = 4999  # random permutations of a test; chosen: p-values then ha
 MAX_NUMBERS = 2**21  # largest number of floats (16 MiB) in the permuted bases of one block; chosen
 MIN_SHAPES = 3  # least number of shapes for a regression, as a line fits two shapes exactly
 BOX_COX_RANGE = (-5.0, 5.0)  # least and largest power of a Box–Cox transformation; chosen
-# A variable does not vary, or depends on others, if what remains of it without them is below this share of its size;
-# chosen.
+# A variable is constant if its range, over its largest absolute value, is at most this. It depends on other variables
+# if the norm of its residual after a regression on them, over its own norm, is at most this; chosen.
 MIN_SINGULAR = 1e-9
 # the modes that classify shapes are the first that hold this share of the variance; chosen
 CLASSIFIED_VARIANCE = 0.95
@@ -69,7 +69,7 @@ class ShapeDesign:
 
     formula: str
     terms: Terms  #: variables of each term, terms of one variable first
-    #: (m, q) numbers of each variable; a factor has a column of 0 and 1 for each level but the first
+    #: (m, q) numbers of each variable; a factor has a column of 0 and 1 for each group but the first
     codes: Mapping[str, FloatArray]
     levels: Mapping[str, tuple[str, ...]]  #: names of the groups of each factor
 

@@ -36,7 +36,7 @@ MIRRORED = "_mirrored"  # ending of the names of shapes that are mirror images
 
 T = TypeVar("T")
 MEASURED = "measured"  # attribute of points: 1 where a surface was measured, 0 where it is interpolated
-MIN_MEASURED = 0.5  # a shape is left out if a smaller share of its vertices was measured; chosen
+MIN_MEASURED = 0.5  # a shape is left out if the share of its measured vertices is below this; chosen
 CORRESPONDED = "corresponded"  # folder, inside the folder of a collection, of its shapes in one topology
 STRUCTURES = "structures.csv"  # name of the table of the number of vertices of each structure of subjects
 # missing vertices are in place once none moves by more than this share of the mean's size; chosen

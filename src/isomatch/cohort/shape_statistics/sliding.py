@@ -26,13 +26,14 @@ MAX_ROUNDS = 4  # largest number of times that the mean is taken and points slid
 # another round follows if the last one lowered the criterion by at least this share; chosen
 MIN_GAIN = 0.02
 MAX_ITERATIONS = 30  # largest number of iterations of conjugate gradients to `MAX_RESIDUAL`; chosen
-# conjugate gradients end if the residual, over the one at the start, is at most this; chosen
+# conjugate gradients end once the norm of the residual, over the first residual's, is at most this; chosen
 MAX_RESIDUAL = 0.01
 # a point moves by the first of these shares of its step that turns its normal by less than a right angle; chosen
 STEP_SHARES = 1.0, 0.5, 0.25
 # number of nearest points, itself among them, to which the tangent plane of a point is fitted; chosen
 N_NEIGHBOURS = 5
-# weight of affine functions beside the kernel, over m × its mean absolute entry; chosen: 1 takes twice the iterations
+# Weight of the affine functions that are added to the kernel of m points, over m × the kernel's mean absolute entry;
+# chosen: with 1, conjugate gradients take twice the iterations.
 AFFINE_WEIGHT = 0.01
 # share of the kernel's mean absolute entry that is added to its diagonal, as two points might coincide; chosen
 RIDGE = 1e-10
@@ -128,7 +129,7 @@ def slid_semilandmarks(
         raise LandmarkError(f"{len(positions)} specimens have no mean shape to slide to; give 2 or more")
     placed: BoolArray = np.asarray(np.isfinite(positions).all(axis=2))
     known = np.where(placed[:, :, None], positions, np.nanmean(positions, axis=1, keepdims=True))
-    # Points without a place start on the mean.
+    # Points without a position are first put where the mean shape has them.
     names = tuple(map(str, range(len(known))))
     now = filled(CorrespondedShapes(names, known, measured=placed), scale="remove").vertices
     sizes, energies = centroid_sizes(now)[:, None, None], list[FloatArray]()

@@ -102,7 +102,7 @@ def take_looks(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
 
 
 def _used_materials(document: GltfDocument) -> tuple[IntArray, list[int]]:
-    """Return the used material of each triangle, (m,), −1 for none, and the used materials."""
+    """Return the used material of each triangle, (m,), −1 without one, and the used materials."""
     n, number_of = len(document.json.get("materials", [])), dict[int, int]()
     of_place = []
     for mesh, i, _ in document.places:

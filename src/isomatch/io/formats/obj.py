@@ -34,9 +34,9 @@ _NUMBER_OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 """Options of a picture, with the largest number of numbers after each."""
 _WORD_OPTIONS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
 """Options of a picture with one word after each."""
-_UDIM = re.compile("<udim>", re.IGNORECASE)  # stands for the number of a tile in the name of a picture
+_UDIM = re.compile("<udim>", re.IGNORECASE)  # stands for the UDIM number of a tile in the name of a picture
 TILES = range(1001, 1101)
-"""UDIM numbers of the tiles of texture coordinates, unit squares: 1001 + column + 10 row, with 10 columns."""
+"""Numbers of tiles by the UDIM convention: coordinates u from i to i + 1, v from j to j + 1 are tile 1001 + i + 10 j."""
 # beginnings of the keywords after which a material library names a picture
 _PICTURE_KEYWORDS = ("map_", "bump", "disp", "decal", "norm", "refl")
 
@@ -156,7 +156,7 @@ def _vertices(asset: Asset) -> bytes:
 
 
 def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
-    """Return the different values of an attribute, and the index of each corner, −1 for none."""
+    """Return the different values of an attribute, and the index of each corner, −1 without a value."""
     corners, attributes = asset.polygons.corners, asset.of_kind(kind)
     if not attributes:
         return np.zeros((0, width)), np.full(len(corners), -1)
@@ -189,7 +189,7 @@ def _faces(asset: Asset, indices: list[IntArray], encoding: str) -> bytes:
 
 
 def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines, which: int) -> FloatArray:
-    """Read the rows that a field of the corners refers to, (c, width), with nan for none."""
+    """Read the rows that a field of the corners refers to, (c, width), nan without a reference."""
     numbers = table_lines.parse()
     least = 1 if keyword == "vt" else width  # a texture coordinate may lack its last numbers, which are 0
     numbers.require(numbers.counts >= least, f"at least {least} numbers after {keyword}")

@@ -320,7 +320,8 @@ class Measured:
         errors: Float[FloatArray, "n_s"],  # expected errors in √area of the source
         evidence: tuple[Evidence, ...],
         notes: Sequence[str],
-        level: SmoothPair | None = None,  # the level to which the points belong; by default the pair
+        # the shapes at the resolution at which ``points`` were computed; by default ``pair``
+        level: SmoothPair | None = None,
         points: PrecisePoints | None = None,
         regions: Sequence[DoubtfulRegion] = (),
     ) -> Solution:

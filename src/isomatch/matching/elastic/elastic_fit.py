@@ -186,7 +186,7 @@ class ElasticFit:
     signatures: Embedding  # signatures of all vertices of both shapes
     landmarks: Int[BodyVertices, "l 2"]  # vertices of source and target that correspond
     side: float = 1.0  # 1 for maps that preserve the orientation of the faces, −1 for those that reverse it
-    normal_weight: float = ELASTIC_SEARCH.normal_weight  # weight of normals beside canonical coordinates
+    normal_weight: float = ELASTIC_SEARCH.normal_weight  # weight of normals besides canonical coordinates
 
     def from_pairs(self, pairs: Int[BodyVertices, "q 2"], step: Step) -> Coefficients:
         """Fit smooth maps to pairs of vertices."""
@@ -214,13 +214,16 @@ class ElasticFit:
         def fit_one(
             onto: Samples, other: Samples, forth: SoughtRows, back: SoughtRows, held: IntArray
         ) -> FloatArray:
-            # X should be c(T x) at samples x, c(y) at S y, and c of the target's landmark at each landmark
+            # The map of ``onto`` should have, at each sample of ``onto``, the values of its image (``forth``);
+            # at the image (``back``) of each sample of ``other``, the values of that sample; and at each
+            # landmark, the values of the corresponding landmark of ``other``.
             vertices = [onto.vertices, onto.targets[back], held[:, 0]]
             images = [other.targets[forth], other.vertices, held[:, 1]]
             values = [other.shape.values[image] for image in images]
             if symmetric:
-                # Let σ send each point of a shape to its mirror image. A map that respects mirror images has
-                # T = σ T σ, so at x, X should also be c(σ T σ x).
+                # A map that respects mirror images sends the mirror image of a sample to the mirror image of
+                # the sample's image. So at each sample, the map should also have the values of the mirror
+                # image of the image of the sample's mirror image.
                 mirrored = other.shape.mirrored
                 assert mirrored is not None
                 vertices += [onto.vertices]
@@ -300,7 +303,7 @@ class ElasticFit:
         return forth, back, float(spectral_residual)
 
     def asymmetry(self, images: Images) -> float:
-        """Mean distance between T σ x and σ T x, or 0 without mirror images of both shapes."""
+        """Mean distance between the image of a mirror image and the mirror image of the image; 0 without these."""
         distances = []
         both = (self.source, self.target, images.forth), (self.target, self.source, images.back)
         for onto, other, image in both:
@@ -354,7 +357,7 @@ def anchor_starts(
     # tail of twice the length does not outweigh everything else. The tips of limbs of any length agree in
     # their remoteness, a share of the area. If both shapes are symmetric, an anchor and its image also agree
     # in the distance from their mirror images: heads and tails lie in the plane of symmetry, legs do not.
-    # Some starts ignore this distance, because mirror images may be wrong in places.
+    # Some first maps are assigned without this distance, because mirror images might be wrong in places.
     source, target, settings = pair.source, pair.target, pair.config.elastic
     anchors, between = _anchors(source, BodyVertices(landmarks[:, 0]), ELASTIC_SEARCH.n_anchors)
     samples = target.sample_vertices[: ELASTIC_SEARCH.n_candidates]

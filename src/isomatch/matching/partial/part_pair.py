@@ -171,7 +171,7 @@ class PartPair:
     def unit_of(self, images: Int[BodyVertices, "m"]) -> float:
         """Measure the unit by images of anchors whose distances on the whole are known."""
         # The distance between two images over a known distance is the error of the unit. The median of these
-        # ratios tolerates up to half of them being wrong. Short distances are mostly noise.
+        # ratios tolerates that up to half of the ratios are wrong. Short distances are mostly noise.
         lower, upper = self.anchor_intervals
         exact = (lower >= PART_UNIT.known_ratio * upper) & (upper > PART_UNIT.min_distance * self.unit)
         if exact.sum() < PART_UNIT.min_known_distances:

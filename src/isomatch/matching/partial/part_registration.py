@@ -186,7 +186,7 @@ class BentPart(BentShape):
         points = nearest_with_normals(whole, bent, self.pair.part.index)
         gap = np.linalg.norm(points.interpolated(bent.vertices) - whole.vertices, axis=1)
         # A vertex of the whole that the part lacks has its nearest point on the boundary of the bent part,
-        # and may be close to it. A vertex with its nearest point inside is off only by the error of bending.
+        # and might be close to this point. A vertex with its nearest point inside is off only by the error of bending.
         # So the tolerance is smaller at the boundary, unless too few distances are known for an exact map.
         inside = settings.surface_tolerance
         at_boundary = inside if self.pair.is_hardly_known else settings.boundary_tolerance

@@ -119,7 +119,7 @@ class PartStarts:
             for image_row in self._self_maps
         ]
         more = parallel_map(lambda start: self._complete_start(*start, 2), mirrored)
-        # starts that exchange sides cost as little as right starts; later steps decide between them
+        # first maps that exchange left and right cost as little as right ones; later steps decide between them
         both = sorted([*kept, *more], key=attrgetter("cost"))
         return [*self._keep_distinct(both, PART_SEARCH.n_starts_with_composed), *self._grow_starts()]
 

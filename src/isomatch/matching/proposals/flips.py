@@ -75,7 +75,7 @@ class Pool:
         settings, points = self._settings, self.pair.search_points
         bounds = settings.compare_every, settings.unchanged
         known, converged = [h.target_row for h in self.hypotheses], list[SearchRows]()
-        # Many starts converge to few maps. So most of the work is saved if repeated maps are dropped early,
+        # Many first maps converge to few maps. So most of the work is saved if repeated maps are dropped early,
         # and maps that have converged are moved no further.
         for _ in range(0, steps, settings.compare_every):
             before, distances = [*known, *converged], self.pair.distances_between_maps
