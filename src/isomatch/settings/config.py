@@ -48,7 +48,7 @@ class MatchSettings(Protocol):
         """Return the settings that differ from their defaults."""
 
 
-# bytes; larger files of settings are refused; chosen: a file with all settings has a fifth of this size
+# largest size of a file of settings, in bytes; chosen: a file with all settings has a fifth of this size
 MAX_FILE_BYTES = 2**14
 
 
@@ -59,16 +59,16 @@ class Config(Settings, Shown):
     Parameters
     ----------
     n_columns, rank, n_functions : int
-        Distance columns p of each shape; rank k of the distance basis, and length of the
-        descriptor; Laplace–Beltrami functions of each shape.
+        Number p of distance columns of each shape; rank k of the distance basis, which is the
+        length of the descriptors; number of Laplace–Beltrami eigenfunctions of each shape.
     weights : {"area", "uniform"}
         Inner product of the distance basis; the paper uses "uniform".
     engine : str, optional
         How geodesic distances are computed, by a name of `engine_names`; by default fast marching
         on meshes, Dijkstra on point clouds and graphs.
     n_search, n_refine : int
-        Vertices of each shape on which hypotheses are tried and compared; vertices of the source on
-        which the refinement iterates before its last, full step.
+        Number of vertices of each shape on which hypotheses are tried and compared; number of vertices
+        of the source on which the refinement iterates before its last step on all vertices.
     hypotheses : {"all", "given"}
         Choose among automatic and given hypotheses, or only among given ones and flips of the map
         from landmarks. With "all", an automatic hypothesis wins if it fits better than the priors;
