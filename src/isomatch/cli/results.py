@@ -24,7 +24,7 @@ from isomatch.cli.terminal import INDENT, in_shell, say, say_rows, say_table, wa
 # Names of files in the folder of a result: the result in plain values; the map of the other direction; a page
 # to pick landmarks, written where no map was found.
 RESULT, BACK, PICKER = "result.json", "map_back.npz", "picker.html"
-# names of the other files in the folder of a result, by what they hold
+# names of the files in the folder of a result, by what they hold
 _FILES = {"map": "map.npz", "text": "map.txt", "result": RESULT, "picture": "map.png"}
 _FILES |= {"report": "report.html", "map back": BACK}
 # what is said when the chosen alternative makes the map of the other direction obsolete

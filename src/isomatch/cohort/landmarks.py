@@ -104,7 +104,7 @@ class LandmarkTables:
     # errors of the landmarks of each template, as carried to it from the other templates
     left_out_errors: dict[str, LeftOutError]
     not_written: list[str]  # attributes that the format cannot hold
-    other_landmarks: list[str]  # shapes with other landmarks than the first, which are not in the tables
+    other_landmarks: list[str]  # shapes left out: their landmarks are not those of the first shape
     misread_names: list[str]  # shapes whose names the R package geomorph takes for lines of landmarks.tps
     reflected: list[str]  # shapes whose mirror images are in the tables
     axes: str | None  # axes of the space in which the tables are, such as RAS

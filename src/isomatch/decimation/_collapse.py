@@ -19,7 +19,9 @@ from isomatch._core.compiled import compiled
 
 Index: TypeAlias = int | np.int64
 
-FIRST, KIND, VERSION, MARK, PARENT = range(5)  # columns of ``marks``, the integers of a vertex
+FIRST, KIND, VERSION, MARK, PARENT = range(
+    5
+)  # columns of ``marks``, which has a row of integers for each vertex
 INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices; a vertex of a higher kind is less free to move
 # weight of the plane through a boundary edge, over the edge's squared length, where the weight of the plane of a
 # face is the face's area; chosen

@@ -27,7 +27,9 @@ from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
 # less, the squared distance of the face grows by NORMAL_WEIGHT × area of the coarse vertex × missing cosine;
 # chosen.
 MIN_FACING_COSINE, NORMAL_WEIGHT = 0.5, 0.2
-MAX_ROUNDING = 1e-6  # added to radii of faces' balls; chosen above the rounding of positions in [−1, 1], 6e-8
+# Length added to the radius of each face's bounding ball, so that rounding excludes no face, where positions lie
+# in [−1, 1]; chosen above their rounding, 6e-8.
+MAX_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)

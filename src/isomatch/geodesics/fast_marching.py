@@ -234,7 +234,8 @@ def _split_obtuse(
         to_d = points[d] - corner
         along = _products(points[right] - corner, to_d) / safe
         away = np.sqrt(np.maximum(_products(to_d, to_d) - along * along, 0.0))
-        # unit normal of the unfolded edge; where it points towards c, d is on its negative side
+        # (nx, ny): unit normal of the unfolded edge. Corner d is on the other side of the edge than c, so that the
+        # offset of d along the normal is negative where the normal points towards c.
         nx, ny = ey / safe, -ex / safe
         away *= np.where(nx * -lx + ny * -ly > 0.0, -1.0, 1.0)
         dx, dy = lx + along * ex / safe + away * nx, ly + along * ey / safe + away * ny

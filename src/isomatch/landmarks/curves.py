@@ -17,8 +17,8 @@ MAX_STEP_EDGES_ON_POINTS = 1.5
 MAX_HALVINGS = 20  # largest number of times that the way between two points is halved; chosen
 # √(area / number of points), their spacing; points are spread at least this far from given points; chosen
 MIN_SPACINGS = 0.4
-# √(area / number of points); length of the normals that are appended to positions, so that both sides of a wall get
-# points; chosen
+# Length of normals, in √(area / number of points). Points are spread by positions with normals appended, so that both
+# sides of a thin wall get points; chosen.
 NORMAL_LENGTH_SPACINGS = 0.25
 
 

@@ -301,8 +301,8 @@ class PartSearchParameters:
     n_assigned_anchors: int = 16  # number of anchors that the beam search assigns to candidate points; chosen
     n_candidates: int = 300  # number of samples of the whole that are candidate points; chosen
     beam_width: int = 1000  # largest number of partial assignments that the beam search keeps; chosen
-    # Least mean distance over anchors, in √area of the whole, between the images under two assignments that
-    # are both kept if landmarks are given (else MAP_DISTANCE.other_map); chosen on a twisted body
+    # If landmarks are given, two assignments are both kept only if the distance between their images, mean over
+    # anchors, is at least this, in √area of the whole; else MAP_DISTANCE.other_map; chosen on a twisted body
     same_assignment_with_landmarks: float = 0.04
     n_trilaterated: int = 80  # number of assignments of least cost that trilateration extends; chosen
     n_starts: int = 16  # largest number of distinct starts from trilateration; chosen
@@ -390,7 +390,7 @@ class SeedsParameters:
     # Radii, in √area of the body, of balls for descriptor distances; chosen: smaller balls are noise, larger
     # ones cross the boundary
     moment_radii: tuple[float, ...] = (0.06, 0.09, 0.13, 0.18, 0.24)
-    # Largest length, in √area of the body, by which a ball of known area crosses the boundary; chosen
+    # A ball counts as known if it reaches beyond the boundary by at most this, in √area of the body; chosen
     max_overhang: float = 0.02
     # Neutral descriptor distance, which speaks neither for nor against a candidate point; chosen
     neutral_moment_distance: float = 0.25
@@ -548,7 +548,7 @@ class ErrorsParameters:
     min_reason_share: float = 0.25
     # Least share of the surroundings of a vertex with known values, from which their mean is known; chosen
     min_known_share: float = 0.5
-    # Least share of the source's area in a region of doubt that is named; chosen: half a hand
+    # Least share of the source's area that a region of doubt covers if the result lists it; chosen: half a hand
     min_region_area: float = 0.005
     # Expected error, over √area of a region that looks unlike its images; lab/benchmarks.md, regions of doubt
     unlike_error: float = 0.5

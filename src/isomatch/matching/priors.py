@@ -20,10 +20,10 @@ from isomatch.surfaces import Surface
 # landmarks, initial map and initial descriptors, as given to `match`
 UserPriors = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
 
-# landmarks that were not given, as vertices of the bodies and of the users' shapes
+# stand for the landmarks if none are given, as vertices of the bodies and of the users' shapes
 _NOTHING = np.zeros((0, 2), dtype=np.int64)
 NO_LANDMARKS, NO_USER_LANDMARKS = BodyVertices(_NOTHING), UserVertices(_NOTHING)
-NO_FUNCTIONS = np.zeros((0, 0)), np.zeros((0, 0))  # functions of both shapes that were not given
+NO_FUNCTIONS = np.zeros((0, 0)), np.zeros((0, 0))  # stands for the functions on both shapes if none are given
 MIN_POINTS = 3  # least number of landmarks, or of pairs of an initial map; chosen: fewer determine no map
 
 

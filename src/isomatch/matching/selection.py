@@ -184,8 +184,9 @@ class Rules:
     """Bounds that decide between refined maps."""
 
     runner_up_distance: float  # √area, mean; two maps whose images are farther apart are different
-    tie: float = 1.0  # score over the best map's, up to which a map of the same orientation ties with it
-    mirror_tie: float = 1.0  # the same ratio for a map of the other orientation
+    # a map of the best map's orientation ties with it if the ratio of their scores is at most this
+    tie: float = 1.0
+    mirror_tie: float = 1.0  # the same bound for a map of the other orientation
     landmark_slack: float = 0.0  # √area; two prior errors that differ by less are equal
     score_noise: float = 0.0  # lower scores are raised to this
     # A map nearer to the winner is different, too, if it sends at least this share of the vertices far from

@@ -56,7 +56,7 @@ class Attempts:
     problem: Problem
     timer: StageTimer
     hypotheses: Sequence[Candidate] | None = None  # if given, they replace the search for an isometry
-    inverse_of: IsometricMatch | None = None  # the isometry whose inverse is the map
+    inverse_of: IsometricMatch | None = None  # if given, its inverse is the map that is sought
     only: tuple[Strategy, ...] = ()  # strategies to try; by default all that suit the problem
     solutions: list[Solution] = field(default_factory=list)
     matches: dict[str, Match[Any, Any]] = field(default_factory=dict)  # by the name of the strategy
@@ -526,7 +526,8 @@ def _select_verified(tried: Attempts) -> Solution:
     tied = [i for i, cost in enumerate(costs) if cost <= problem.config.outcome.tie * min(costs)]
 
     def rank(i: int) -> tuple[float, ...]:
-        # of doubtful maps, the part's map of least doubt wins, because maps of capped shapes are rough
+        # Doubtful maps are ranked by their doubt before their cost, as only maps of parts have a doubt. Maps found with
+        # the holes closed by caps are rough and come after these.
         outcome, doubt = solutions[i].outcome, np.nan_to_num(solutions[i].quality.doubt, nan=np.inf)
         return -outcome.sureness, float(doubt) if outcome.is_doubtful else 0.0, costs[i]
 

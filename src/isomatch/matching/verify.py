@@ -39,7 +39,8 @@ DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0
 TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
 COVERAGE_DISTANCE = 0.05  # √area of the target; a vertex farther from all images has no counterpart; chosen
 MIN_DISTANCE, MAX_DISTANCE = 0.08, 0.3  # √area of the source; distances in between measure the unit; chosen
-# N_SAMPLES samples, at most, measure the unit, if they have MIN_MEASURED distances in between; chosen.
+# The unit is measured on the distances between N_SAMPLES samples at most, if at least MIN_MEASURED of these lie
+# between MIN_DISTANCE and MAX_DISTANCE; both chosen.
 N_SAMPLES, MIN_MEASURED = 300, 40
 MAX_UNIT_RATIO = 1.3  # largest ratio of the measured unit to the files' unit, in either direction; chosen
 # If the √area of the source in the files' units, over the √area of the target, or the reverse, exceeds this, the units

@@ -11,8 +11,8 @@ from isomatch._core.settings import Settings, setting
 # A reason such as "with 6, errors grow by 10 %" says how the mean error of maps changes with another value:
 # lab/benchmarks.md, what each part contributes, and sensitivity. Lower scores, energies, residuals are better.
 
-# Largest distance along edges, in √area of the target, of a vertex from the nearest image, if it is covered;
-# chosen: the spacing of 400 search vertices.
+# A vertex of the target is covered if its distance along edges from the nearest image is at most this, in √area of
+# the target; chosen: the spacing of 400 search vertices.
 COVERAGE_RADIUS = 0.05
 # Lengths, in √area of the surface onto which a shape is bent, one for each step of the bending; pieces of
 # the shape that are shorter than this move almost rigidly; chosen: limbs move first, and details last.

@@ -73,7 +73,7 @@ class LevelSettings(Settings):
 class SymmetrySettings(Settings):
     """Settings of the search for symmetries: maps of a shape onto itself that keep distances."""
 
-    n_assignments: int = setting(24, "a body takes 15 to 60 ms: lab/benchmarks.md, symmetry", least=0)
-    """Largest number of assignments, of a few far vertices to others, that are improved; 0 searches no symmetries."""
+    n_assignments: int = setting(24, "chosen: all 24 take 15 to 60 ms: lab/benchmarks.md, symmetry", least=0)
+    """Largest number of first self-maps, from images of a few vertices, that are improved; 0: no symmetries."""
     largest_residual: float = setting(3.2, "the spacing of vertices alone gives 2.4", least=0)
     """Largest descriptor residual of a symmetry, in √(average distance / number of search vertices)."""

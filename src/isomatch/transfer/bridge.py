@@ -20,7 +20,8 @@ from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 # The search for the image of a corner met a seam if it ends farther from the image than this, in half extents of
 # the giver; chosen.
 ACROSS_SEAM_DISTANCE = 1e-6
-# ratio below which sizes are taken as equal: bending and errors of the map explain it; chosen
+# ratio of the sizes of giver and receiver below which they are taken as equal, as bending and errors of the map
+# explain such a ratio; chosen
 SAME_SIZE_RATIO = 1.1
 # Length in √area of the receiver over which the rotations of shape keys are averaged. On bodies and heads of
 # different people, for keys whose displacements have one direction, the median angle between the

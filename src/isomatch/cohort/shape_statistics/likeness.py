@@ -28,8 +28,8 @@ MIN_SHAPE_AGREEMENT = 0.15
 # Among fewer than `MIN_SHAPES` shapes, a shape is mirrored only if the distance of its mirror image from another shape,
 # over its own distance from that shape, is below this; chosen.
 MIRROR_RATIO = 0.7
-# The thickness of a shape is the Procrustes distance from its own mirror image, over its size. Two shapes have the
-# agreement 0 if the geometric mean of their thicknesses is below this; chosen.
+# The thickness of a shape is its Procrustes distance from its own mirror image, over its size. If the geometric mean
+# of the thicknesses of two shapes is below this, neither side agrees better, and the agreement is set to 0; chosen.
 MIN_THICKNESS = 0.01
 SAME_SHAPE = 1e-5  # two shapes are the same up to this Procrustes distance over their size; chosen
 # A shape is called far only if the distance of its centroid from the median of all centroids, over the median size of

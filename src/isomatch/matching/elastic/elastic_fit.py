@@ -128,8 +128,12 @@ class Samples:
 class Coefficients(NamedTuple):
     """Smooth maps in both directions, as coefficients of the first functions of each shape."""
 
-    source: Float[FloatArray, "k_s values_t"]  # A: coefficients, on the source, of values of the target
-    target: Float[FloatArray, "k_t values_s"]  # B: coefficients, on the target, of values of the source
+    source: Float[
+        FloatArray, "k_s values_t"
+    ]  # A: columns expand the target's values in the source's functions
+    target: Float[
+        FloatArray, "k_t values_s"
+    ]  # B: columns expand the source's values in the target's functions
 
 
 class Step(NamedTuple):

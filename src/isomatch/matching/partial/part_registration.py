@@ -38,8 +38,8 @@ MIN_COST = 1e-12
 class WholeCoordinates:
     """Coordinates of a whole in which images are searched; they do not depend on a map."""
 
-    # The cache holds coordinates for each number of functions in the settings, and features for each unit of
-    # a part; there are few units, because they are rounded (`PartPair.nearest_allowed_unit`).
+    # Results are kept for each number of functions in the settings, and for each unit of a part (its √area over the
+    # whole's). They are few, because units are rounded (`PartPair.nearest_allowed_unit`).
     def __init__(
         self,
         whole: PreparedShape,
