@@ -610,7 +610,7 @@ class SymmetricParameters:
     # Numbers of functions in the steps of the refinement that makes a half turn; chosen
     half_turn_sizes: tuple[int, ...] = (10, 15, 20)
     # Largest spectral residual of a half turn over the best map's after the steps of half_turn_sizes, up to
-    # which it is refined; ants have 0.84 to 1.06, people at least 1.13, animals at least 1.3
+    # which it is refined; ants have 0.84 to 1.06, people of FAUST at least 1.13, animals at least 1.3
     max_half_turn_residual_ratio: float = 1.1
     max_maps: int = 4  # largest number of distinct composed maps that are refined; chosen
     # Largest cost by `verify` of a composed map over the best map's, up to which both fit equally well; right
