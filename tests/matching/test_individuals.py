@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from isomatch import Outcome, Verification, match
 from isomatch._core.arrays import BodyVertices
-from isomatch.correspondence import Alignment, SurfaceIndex, VertexCells
+from isomatch.correspondence import SurfaceIndex, VertexCells
 from isomatch.matching import Isometry, prepare_pair
 from isomatch.matching.bending import BentShape, Surroundings
 from isomatch.matching.isometric.candidates import Screening, extend_map
@@ -132,7 +132,7 @@ def test_a_mirror_image_that_is_turned_over_is_a_half_turn():
     image = pair.target.body_vertex[match(source, target).map.vertices[pair.source.user_vertex]]
     rows = target_rows_near(pair, image[pair.source_vertices])
     screen = Screening(pair)
-    (winner,) = screen([Candidate(Alignment(rows, np.eye(1), 0.0), "found")])
+    (winner,) = screen([Candidate.of_rows(rows, "found")])
     (mirrored,) = screen(mirrored_variants(pair, winner.target_row))
     (turned,) = screen(Isometry(pair)._half_turns(winner))
     assert winner.orientation > 0.5

@@ -481,7 +481,7 @@ _loaded_shapes_lock = Lock()  # guards `_loaded_shapes`: a worker may have sever
 def load_shape(
     file: Path, config: Config, room: int = MAX_LOADED_BYTES, prepared: PreparedShape | None = None
 ) -> PreparedShape:
-    """Load a shape, unless it is given or in memory, which drops the least recently used ones."""
+    """Take a shape from memory, or as it is given, or from its file; memory drops those not used for longest."""
     with _loaded_shapes_lock:
         if not file.exists():
             remedy = "run isomatch collect again, which makes it"

@@ -27,8 +27,8 @@ INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices; a vertex of a higher ki
 # face is the face's area; chosen
 BOUNDARY_WEIGHT = 1.0
 MIN_TURN_COSINE = 0.2  # least cosine of the angle by which a collapse turns the normal of a face; chosen
-# No collapse lowers the quality of a face, 4 √3 area / (sum of squared edges), below this and also below half
-# of what the quality was; chosen.
+# No collapse lowers the quality of a face, 4 √3 area / (sum of squared edges), below this and below half its
+# value before; chosen.
 SLIVER_SHAPE = 0.2
 N_BUCKETS = 128  # number of buckets by which the queue sorts edges by cost; 1024 give no better result
 

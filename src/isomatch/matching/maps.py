@@ -44,6 +44,11 @@ class Candidate:
     landmark_error: float = 0.0
     prior_error: float = 0.0
 
+    @classmethod
+    def of_rows(cls, target_row: Int[SearchRows, "m_s"], origin: str) -> Self:
+        """Make a candidate of a map that was not aligned by closest points."""
+        return cls(Alignment(target_row, np.eye(1), 0.0), origin)
+
     @property
     def target_row(self) -> Int[SearchRows, "m_s"]:
         """Target row of each source row."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from operator import attrgetter, itemgetter
 from typing import Any, Literal, TypeAlias, cast
@@ -458,7 +458,7 @@ def try_strategies(tried: Attempts) -> Solution:
         if not (strategy.fits(problem) and strategy.applies(tried)):
             continue
         try:
-            with nullcontext() if strategy is ISOMETRIC else timer.within(strategy.name):
+            with _within(timer, strategy.name):
                 solution = _attempt(strategy, tried)
         except (MeshError, NotConvergedError) as error:
             solution, reason = None, f"the way {strategy.name!r} found no map"
@@ -480,9 +480,14 @@ def try_strategies(tried: Attempts) -> Solution:
     solution = tried.solutions[0] if len(tried.solutions) == 1 else _select_verified(tried)
     if solution.way in tried.incomplete:
         match = tried.matches[solution.way]
-        with nullcontext() if solution.way == ISOMETRIC.name else timer.within(solution.way):
+        with _within(timer, solution.way):
             solution = match.model.complete(match, match.measured, solution, timer)
     return replace(solution, notes=(*solution.notes, *tried.failures))
+
+
+def _within(timer: StageTimer, way: str) -> AbstractContextManager[None]:
+    """Name the stages of a strategy after it; those of an isometry have no prefix."""
+    return nullcontext() if way == ISOMETRIC.name else timer.within(way)
 
 
 def _attempt(strategy: Strategy, tried: Attempts) -> Solution | None:

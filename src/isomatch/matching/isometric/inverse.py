@@ -32,7 +32,7 @@ class Inverse(Isometry):
 
     def __init__(self, problem: Problem, hypotheses: Sequence[Candidate], found: IsometricMatch) -> None:
         super().__init__(problem, hypotheses)
-        self.found, self._hypotheses = found, hypotheses
+        self.found, self._alignment = found, hypotheses[0].alignment
 
     def propose(self, timer: StageTimer) -> Proposals[Fit]:
         """List the alternatives; nothing is left to refine."""
@@ -44,8 +44,7 @@ class Inverse(Isometry):
         """Take the nearest points, and measure them."""
         known, (of_source, of_target) = self.found.ranking, self._turned(self.found.coordinates)
         image = BodyVertices(self.target.index.vertices(of_target, of_source[self.vertices]))
-        alignment = self._hypotheses[0].alignment
-        candidate = next(c for c in proposals.eligible if c.alignment is alignment)
+        candidate = next(c for c in proposals.eligible if c.alignment is self._alignment)
         first = replace(known.best, candidate=candidate)
         return Ranking(self.measure_fit(first, image), (), known.runner_up, known.mirrored)
 
@@ -55,8 +54,6 @@ class Inverse(Isometry):
 
     def polish(self, match: IsometricMatch) -> tuple[SmoothPair, Embedding]:
         """Return the finer level, and the coordinates there."""
-        if not self.pair.has_finer:
-            return self.pair, match.coordinates
         return self.pair.polishable, self._turned(self.found.polished[1])
 
     def measure(self, match: IsometricMatch) -> Measured:

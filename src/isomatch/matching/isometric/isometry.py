@@ -14,7 +14,7 @@ from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArr
 from isomatch._core.errors import SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import Alignment, Correspondence, Embedding, PrecisePoints
+from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.matching.assessment.confidence import doubt_in, doubt_of, expected_errors, regions_of_doubt
 from isomatch.matching.assessment.evidence import Evidence, Measured, Solution
 from isomatch.matching.assessment.quality import descriptor_distance_of, measure_quality
@@ -425,7 +425,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         rows = target_rows_near(pair, image)
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
-        screen, hypothesis = Screening(pair), Candidate(Alignment(rows, np.eye(1), 0.0), map_.origin)
+        screen, hypothesis = Screening(pair), Candidate.of_rows(rows, map_.origin)
         winner, *others = screen([hypothesis, *variants])
         half_turns = screen(self._half_turns(winner))
         others += half_turns
@@ -471,7 +471,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         n = len(self.pair.source_vertices)
         images = [BodyVertices(fit.image[:n]) for fit in others if fit.spectral_residual <= limit]
         rows = [target_rows_near(self.pair, image) for image in images]
-        return [Candidate(Alignment(row, np.eye(1), 0.0), "symmetry") for row in rows]
+        return [Candidate.of_rows(row, "symmetry") for row in rows]
 
     def _keep_promising(self, winner: Candidate, rivals: list[Candidate]) -> list[Candidate]:
         """Keep distinct rivals that score about as well as the map after the first round of the refinement."""
@@ -485,10 +485,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return [rival for rival, score in zip(rivals, scores) if score <= limit]
 
     def polish(self, match: IsometricMatch) -> tuple[SmoothPair, Embedding]:
-        """Refine the selected map on a finer level, if a shape has one, and compute coordinates there."""
+        """Refine the selected map on the finer level that a shape has, and compute coordinates there."""
         pair, fit = self.pair, match.ranking.best
-        if not (pair.has_finer and self.refinement.polishes):
-            return pair, match.coordinates
         finer, between = pair.polishable, self.target.refining
         image = fit.image if between is None else BodyVertices(between.nearest_members[fit.image])
         image, _ = refine_images(finer, image, fit.side, pair.config.refining.polished_sizes, True)

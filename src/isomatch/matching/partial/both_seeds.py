@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -331,25 +331,29 @@ class CommonRegions:
         marks = SampleRows(np.arange(len(self.source.landmarks)))
         if len(marks):
             starts.insert(0, (marks, marks))
-        regions: list[CommonRegion] = []
-        for n, rounds, most in (*SEEDS.extensions, (len(self.source.vertices), 2, None)):
-            extend = partial(self._extend_from, n=n, rounds=rounds)
-            found = zip(parallel_map(extend, starts), starts)
-            extended = [(region, start) for region, start in found if region is not None]
-            extended.sort(key=lambda pair: -pair[0].net_evidence)
-            # the orientation takes longer than the evidence, and is asked of the best only
-            ranked = list(islice((pair for pair in extended if pair[0].keeps_orientation), most))
-            starts = [start for _, start in ranked]
-            regions = [region for region, _ in ranked]
-        large = [region for region in regions if region.accepted.sum() >= SEEDS.min_samples]
+        # the orientation takes longer than the evidence, and is asked of the best regions only
+        for n, rounds, most in SEEDS.extensions:
+            ranked = (pair for pair in self._extend(starts, n, rounds) if pair[0].keeps_orientation)
+            starts = [start for _, start in islice(ranked, most)]
+        last = self._extend(starts, len(self.source.vertices), 2)
+        is_large = (region for region, _ in last if region.accepted.sum() >= SEEDS.min_samples)
+        large = self._keep_different((region for region in is_large if region.keeps_orientation), count)
         if len(marks) and not large:  # no region was found: use the map by trilateration from landmarks
             placed, _ = self.place(marks, marks, len(self.source.vertices), SEEDS.max_sample_cost)
             images = BodyVertices(self.target.vertices[placed])
-            large = [self.region(images, np.ones(len(placed), dtype=bool))]
-        return self._keep_different(large)[:count]
+            large = [self.region(images, np.ones(len(placed), dtype=bool))][:count]
+        return large
 
-    def _keep_different(self, regions: list[CommonRegion]) -> list[CommonRegion]:
-        """Keep the first regions whose images differ."""
+    def _extend(
+        self, starts: list[tuple[SampleRows, SampleRows]], n: int, rounds: int
+    ) -> list[tuple[CommonRegion, tuple[SampleRows, SampleRows]]]:
+        """Extend regions from starts to the first n samples; return regions and their starts, most evidence first."""
+        found = zip(parallel_map(partial(self._extend_from, n=n, rounds=rounds), starts), starts)
+        extended = [(region, start) for region, start in found if region is not None]
+        return sorted(extended, key=lambda pair: -pair[0].net_evidence)
+
+    def _keep_different(self, regions: Iterable[CommonRegion], count: int) -> list[CommonRegion]:
+        """Keep the first regions whose images differ, at most ``count``."""
         target, kept = self.target, list[CommonRegion]()
 
         def is_same(region: CommonRegion, other: CommonRegion) -> bool:
@@ -358,9 +362,9 @@ class CommonRegions:
             overlaps = both.sum() > SEEDS.same_map_overlap * region.accepted.sum()
             return bool(overlaps and distance.mean() < MAP_DISTANCE.same_map)
 
-        for region in regions:
-            if not any(is_same(region, other) for other in kept):
-                kept.append(region)
+        different = (region for region in regions if not any(is_same(region, other) for other in kept))
+        for region in islice(different, count):
+            kept.append(region)
         return kept
 
     def region_around(

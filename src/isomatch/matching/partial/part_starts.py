@@ -22,7 +22,7 @@ from isomatch._core.arrays import (
 )
 from isomatch._core.cached import cached_method
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import Alignment, Intervals, assign_points, grow_regions, pin_first, trilaterate
+from isomatch.correspondence import Intervals, assign_points, grow_regions, pin_first, trilaterate
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.maps import Candidate
 from isomatch.matching.parameters import MAP_DISTANCE, PART_SEARCH
@@ -233,7 +233,7 @@ def find_self_maps(whole: PreparedShape, config: Config) -> list[Int[SearchRows,
     """Find distinct self-maps of the whole: symmetries, and flips of the identity."""
     pair = Problem(whole, whole, config)
     rows = np.arange(len(pair.source_vertices))
-    identity = Candidate(Alignment(rows, np.eye(1), 0.0), "identity")
+    identity = Candidate.of_rows(SearchRows(rows), "identity")
     image_rows = [SearchRows(symmetry.image_row) for symmetry in whole.symmetries]
     image_rows += [flip.target_row for flip in find_flips(pair, identity, [identity])]
     return keep_distinct(image_rows, lambda image_row: image_row, pair.distances_between_maps, SAME_SYMMETRY)

@@ -119,7 +119,7 @@ def near_symmetric_variants(pair: Problem, target_row: SearchRows, most: float) 
     of_source, of_target = parallel_map(lambda shape: shape.near_symmetries(most), both)
     composed = _compose(back, pair.inverted(target_row), of_source)
     rows = [back.inverted(candidate.target_row) for candidate in composed]
-    inverses = [Candidate(Alignment(row, np.eye(1), 0.0), "symmetry") for row in rows]
+    inverses = [Candidate.of_rows(row, "symmetry") for row in rows]
     variants = _compose(pair, target_row, of_target)
     return keep_distinct_maps(pair, [*variants, *inverses])
 
@@ -134,7 +134,7 @@ def mirrored_variants(pair: Problem, target_row: SearchRows) -> list[Candidate]:
         if symmetry.orientation < 0
     ]
     best = sorted(composed, key=itemgetter(0))[:1]
-    return [Candidate(Alignment(row, np.eye(1), 0.0), "symmetry") for _, row in best]
+    return [Candidate.of_rows(SearchRows(row), "symmetry") for _, row in best]
 
 
 def _compose(pair: Problem, target_row: SearchRows, symmetries: Sequence[Symmetry]) -> list[Candidate]:
